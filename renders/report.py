@@ -146,7 +146,10 @@ def again(directory: Path, config: Mapping[str, Any]) -> tuple[Markup, ...]:
     text = json.dumps(config, indent=2, ensure_ascii=False, default=str)
     command = f"mathnavi run {config['scenario']} --from {directory}"
     return (
-        page.paragraph("The same seed on the same machine gives the same log, bit for bit."),
+        page.paragraph(
+            "The same seed gives the same log: bit for bit on the same kind of processor with the same versions, to "
+            "rounding elsewhere."
+        ),
         page.card(page.preformatted(command)),
         page.card(page.details("config.json", page.preformatted(text))),
     )

@@ -24,6 +24,7 @@ from mathnavi.renders.statistics_figures import (
     scatter_figure,
 )
 from mathnavi.renders.terrain_view import Track, script, terrain_view
+from mathnavi.sim.records.computing_environment import environment, environment_digest
 from mathnavi.sim.records.figure_names import SHORTFALL, label
 from mathnavi.sim.records.files import write_text
 from mathnavi.sim.records.statistics import Band, Proportion, percent
@@ -292,12 +293,23 @@ def _times(sweep: Sweep) -> Markup:
     )
 
 
+def _origins(sweep: Sweep) -> str:
+    """Sentence on the environments that the trials were run in."""
+    others = sum(record.origin.digest != environment_digest() for record in sweep.records)
+    made = ", ".join(f"{name} {value}" for name, value in environment().items())
+    if not others:
+        return f"All were run with {made}."
+    return f"{others} of {len(sweep.records)} were run in another environment than the others, which had {made}."
+
+
 def _again(sweep: Sweep, command: str) -> tuple[Markup, ...]:
     same = json.dumps(shared(sweep.records), indent=2, ensure_ascii=False, default=str)
     return (
         page.paragraph(
-            "The same trials with the same code give the same results, whoever runs them and in whatever order."
+            "The same trials with the same code give the same results, in whatever order they are run: bit for bit on "
+            "the same kind of processor with the same versions, to rounding elsewhere."
         ),
+        page.paragraph(_origins(sweep)),
         page.card(page.preformatted(command)),
         page.card(page.details("fields that all trials share", page.preformatted(same))),
     )

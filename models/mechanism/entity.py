@@ -14,16 +14,18 @@ import warnings
 from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated, Any, get_args
 
 import dm_control
 import mujoco
 import numpy as np
 
+from mathnavi.models.mechanism.files import files_digest
 from mathnavi.models.mechanism.geometry import checked
 from mathnavi.models.mechanism.names import MechanismName
 from mathnavi.models.vehicle_names import check_vehicle_name
 from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.input_files import InputFile
 
 _HERE = Path(__file__).parent
 _SUITE = "dm_control:"
@@ -44,6 +46,21 @@ def file_of(mechanism: MechanismName | str | Path) -> Path:
             f"({', '.join(sorted(file.stem for file in suite.values()))}), or the path of an MJCF file"
         )
     return path
+
+
+def mechanism_digest(mechanism: str) -> str:
+    """Digest of the files that a mechanism is read from; FieldError as for ``file_of``."""
+    return files_digest(file_of(mechanism))
+
+
+def place_of(mechanism: str) -> str:
+    """Name or path that is the same mechanism from any folder: a name stays, a path becomes absolute."""
+    path = file_of(mechanism)
+    return str(path.resolve()) if path == Path(mechanism) else mechanism
+
+
+MechanismPlace = Annotated[str, InputFile(mechanism_digest)]
+"""Type of a field that names a mechanism, or an MJCF file: what the file includes is part of the key of its runs."""
 
 
 def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism") -> Any:

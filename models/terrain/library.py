@@ -10,6 +10,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from inspect import signature
 from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from mathnavi.models.terrain.dem import Raster, height_field, read_npz, read_png
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import TerrainError
+from mathnavi.sim.interfaces.input_files import InputFile, PluginName
 
 GROUP = "mathnavi.terrains"
 DATA = Path(__file__).parent / "data"
@@ -70,6 +72,21 @@ def place_of(name_or_path: str) -> str:
     """Name or path that loads the same terrain from any folder: a name stays, a path becomes absolute."""
     installed = name_or_path.partition(":")[0] in _installed()
     return name_or_path if installed else str(Path(name_or_path).resolve())
+
+
+def heights_digest(name_or_path: str) -> str:
+    """Digest of the heights of a terrain; errors as of ``load_terrain``."""
+    return load_terrain(name_or_path).digest
+
+
+def maker_of(name_or_path: str) -> Any:
+    """The function that makes the terrain with a name; None for the map in a file."""
+    point = _installed().get(name_or_path.partition(":")[0])
+    return None if point is None else point.load()
+
+
+TerrainPlace = Annotated[str, InputFile(heights_digest), PluginName(maker_of)]
+"""Type of a field that names a terrain, or an .npz file: its heights are part of the key of what is flown over it."""
 
 
 @cache

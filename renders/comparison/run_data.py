@@ -49,7 +49,12 @@ class ComparedRun:
             entry = self.config.get(part, {})
             named |= {part: entry.get("name"), **flattened(entry.get("fields", {}), prefix)}
         terrain = {"terrain's digest": self.config["terrain"]["digest"]} if "terrain" in self.config else {}
-        return named | terrain | flattened(self.config.get("versions", {}), "version of ")
+        return (
+            named
+            | terrain
+            | flattened(self.config.get("versions", {}), "version of ")
+            | flattened(self.config.get("machine", {}))
+        )
 
 
 def read_run(folder: Path) -> ComparedRun:

@@ -15,7 +15,7 @@ from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.constant_curvature import hyperbolic_space, sphere
 from mathnavi.models.manifold.manifold import CutLocusError, Manifold
-from mathnavi.models.mechanism.entity import build_model
+from mathnavi.models.mechanism.entity import build_model, mechanism_digest
 from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.models.mechanism.system import heavier
 from mathnavi.models.tolerances import TIME_TOLERANCE
@@ -171,10 +171,22 @@ def load_run(directory: str | Path) -> LagrangianRun:
     log = read_log(directory, may_diverge=True)
     try:
         return _described(log, log.config["mission"], log.arrays)
+    except RunFolderError:
+        raise
     except (KeyError, TypeError, ValueError) as error:
         raise RunFolderError(
             f"{str(log.directory)!r} does not hold the run of a Lagrangian system: {error!r}"
         ) from None
+
+
+def _check_file(log: RunLog, mechanism: str) -> None:
+    """Raise RunFolderError for a mechanism whose files have changed since it was run."""
+    recorded, now = log.config.get("inputs", {}).get("mechanism"), mechanism_digest(mechanism)
+    if recorded is not None and recorded != now:
+        raise RunFolderError(
+            f"mechanism {mechanism!r} is no longer the one that run {str(log.directory)!r} moved: its digest is {now}, "
+            f"the run's {recorded}; allowed: the file as it was"
+        )
 
 
 def _described(log: RunLog, mission: Mapping[str, Any], arrays: Mapping[str, Array]) -> LagrangianRun:
@@ -182,6 +194,7 @@ def _described(log: RunLog, mission: Mapping[str, Any], arrays: Mapping[str, Arr
     if mission.get("space") is None:
         record, space = read_mission(MechanismRecord, mission), None
         mechanism: str | None = record.mechanism
+        _check_file(log, record.mechanism)
         model = heavier(build_model(record.mechanism), float(log.config["fields"]["load"]))
         manifold: Manifold = MechanismManifold(model)
     else:

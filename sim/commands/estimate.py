@@ -20,6 +20,7 @@ from mathnavi.sim.commands.arguments import FlagGroup, flags, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import compilation_announced
+from mathnavi.sim.commands.provenance import note_environment
 from mathnavi.sim.commands.run import build, fly
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import CommonOptions, RunRequest, loaded, prepare, restored_plugin
@@ -65,7 +66,9 @@ def main(argv: Sequence[str]) -> int:
     _check_out(out, folder)
     errors = Console(stderr=True)
     with output_folder(out), compilation_announced(errors):
-        result = fly(_playback(request, run_config, log), errors)
+        playback = _playback(request, run_config, log)
+        note_environment(errors, run_config)
+        result = fly(playback, errors)
         with bad_input():
             result.write(out)
     console = Console()

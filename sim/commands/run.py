@@ -18,9 +18,12 @@ from mathnavi.sim.commands.arguments import value_of
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import compilation_announced
+from mathnavi.sim.commands.provenance import changed_inputs, note_environment
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.summary import summary_table, verdict, warnings
+from mathnavi.sim.interfaces.fields import flattened, plain
+from mathnavi.sim.interfaces.input_files import run_inputs
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 
@@ -54,6 +57,8 @@ def main(argv: Sequence[str]) -> int:
     errors = Console(stderr=True)
     with output_folder(folder), compilation_announced(errors):
         closed_loop = build(request, run_config)
+        if run_config is not None:
+            note_environment(errors, run_config)
         result = fly(closed_loop, errors)
         replaced = request.options.out is None and (folder / "summary.json").exists()
         stale = _drawn(folder)
@@ -81,19 +86,27 @@ def main(argv: Sequence[str]) -> int:
 
 
 def build(request: RunRequest, run_config: RunConfig | None) -> ClosedLoop:
-    """The closed loop of a request; BadInputError for fields that do not fit, or another terrain than recorded."""
+    """The closed loop of a request; BadInputError for fields that do not fit, or a file that has changed since."""
     with request.bad_input():
+        if run_config is not None:
+            _check_inputs(request, run_config)
         closed_loop: ClosedLoop = request.scenario.build(
             request.config, request.common.seed, request.controller, request.estimator
         )
-    terrain = closed_loop.config.get("terrain", {})
-    same_map = run_config is not None and terrain.get("path") == run_config.terrain_path
-    if run_config is not None and same_map and terrain.get("digest") != run_config.terrain_digest:
-        raise BadInputError(
-            f"terrain {terrain['path']!r} is not the one of {run_config.path}: its digest is {terrain['digest']}; "
-            f"allowed: {run_config.terrain_digest}"
-        )
     return closed_loop
+
+
+def _check_inputs(request: RunRequest, run_config: RunConfig) -> None:
+    """Raise BadInputError for a file that is another one than recorded, unless its flag is given anew."""
+    configs = request.config, request.controller.config, request.estimator.config
+    prefixes = ("", "planner.", "estimator.")
+    fields = {
+        name: value
+        for config, prefix in zip(configs, prefixes, strict=True)
+        for name, value in flattened(plain(config), prefix).items()
+    }
+    for sentence in changed_inputs(run_config, run_inputs(*configs), fields, request.given):
+        raise BadInputError(sentence)
 
 
 def fly(closed_loop: ClosedLoop, errors: Console) -> RunResult:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mathnavi.sim.commands.errors import BadInputError
-from mathnavi.sim.interfaces.fields import instance, of_type
+from mathnavi.sim.interfaces.fields import flattened, instance, of_type
 from mathnavi.sim.records.former_names import present_name
 
 
@@ -24,8 +24,8 @@ class RunConfig:
     controller_fields: dict[str, Any]
     estimator: str
     estimator_fields: dict[str, Any]
-    terrain_path: str | None  # as it was given
-    terrain_digest: str | None
+    inputs: dict[str, str]  # digests of the files that were read, by the names of the fields
+    environment: dict[str, str]  # versions and processor; empty where an earlier version did not record all of it
 
     @staticmethod
     def read(folder: Path) -> RunConfig:
@@ -44,8 +44,8 @@ class RunConfig:
                 scenario=of_type(str, data["scenario"], "scenario"),
                 seed=of_type(int, data["seed"], "seed"),
                 fields=of_type(dict, data["fields"], "fields"),
-                terrain_path=data.get("terrain", {}).get("path"),
-                terrain_digest=data.get("terrain", {}).get("digest"),
+                inputs=_inputs(data),
+                environment=_environment(data),
                 **parts,
             )
         except KeyError as error:
@@ -53,9 +53,34 @@ class RunConfig:
         except (ValueError, TypeError, AttributeError) as error:
             raise BadInputError(f"{path}: not the configuration of a run ({error})") from None
 
+    @property
+    def named_fields(self) -> dict[str, Any]:
+        """Every recorded field, by the name that the command line has for it."""
+        return {
+            **flattened(self.fields),
+            **flattened(self.controller_fields, "planner."),
+            **flattened(self.estimator_fields, "estimator."),
+        }
+
     def restored(self, config: type, fields: dict[str, Any], where: str) -> Any:
         """The frozen dataclass ``config`` with the recorded fields; BadInputError if they do not fit."""
         try:
             return instance(config, fields, where)
         except ValueError as error:
             raise BadInputError(f"{self.path}: {error}") from None
+
+
+def _inputs(data: dict[str, Any]) -> dict[str, str]:
+    """The recorded digests; an earlier version recorded that of the terrain alone, and elsewhere."""
+    if "inputs" in data:
+        return {name: of_type(str, digest, f"inputs.{name}") for name, digest in data["inputs"].items()}
+    digest = data.get("terrain", {}).get("digest")
+    return {} if digest is None else {"terrain": of_type(str, digest, "terrain.digest")}
+
+
+def _environment(data: dict[str, Any]) -> dict[str, str]:
+    if "machine" not in data:
+        return {}
+    recorded = {**data["versions"], **data["machine"]}
+    del recorded["mathnavi"]
+    return recorded

@@ -49,6 +49,7 @@ class RunRequest:
     controller: PluginSpec
     estimator: PluginSpec
     known: tuple[str, ...]  # flags
+    given: tuple[str, ...] = ()  # flags, on the command line
 
     @property
     def fields(self) -> tuple[FlagGroup, ...]:
@@ -117,7 +118,7 @@ def read_request(
     prog = f"mathnavi {command} {name}"
     common, own, config, planner_config, observer_config = parse(words, prog, purpose, *groups)
     parts = PluginSpec(planner.plugin, planner_config), PluginSpec(estimator.plugin, observer_config)
-    return RunRequest(prog, name, scenario, common, own, config, *parts, known)
+    return RunRequest(prog, name, scenario, common, own, config, *parts, known, tuple(given(words)))
 
 
 def _fields(config: Any, controller: PluginSpec, estimator: PluginSpec, common: CommonOptions) -> tuple[FlagGroup, ...]:

@@ -13,6 +13,7 @@ from rich.console import Console
 
 from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
+from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.search_fields import SearchFields, read_space
 from mathnavi.sim.commands.search_results import SearchResults, print_results, write_pages, write_worst
@@ -24,7 +25,7 @@ from mathnavi.sim.search.space import Choice
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import LostError, check
 from mathnavi.sim.sweep.execution import Pool, Progress, available_cores
-from mathnavi.sim.sweep.trial import keys
+from mathnavi.sim.sweep.trial import named_files
 
 PAGES = (".html", ".png")
 
@@ -64,6 +65,8 @@ class SearchOptions:
     """time after which a mission is cut off and recorded as timed out [s]; none if not given"""
     retry: bool = False
     """run those missions again that are stored as timed out or crashed"""
+    mix_environments: bool = False
+    """take missions that are stored from another computing environment, and workers that compute in one"""
     worst: int = 3
     """how many of the worst missions are flown again into --out"""
     out: Path | None = None
@@ -116,9 +119,9 @@ def main(argv: Sequence[str]) -> int:
             if options.cluster is not None:
                 check(options.cluster)
             with compilation_announced(errors):
-                _check_missions(fields)
+                named = _check_missions(fields)
             store = Store.open(options.store)
-            pool = Pool(options.workers or available_cores(), options.cluster)
+            pool = Pool(options.workers or available_cores(), options.cluster, options.mix_environments)
         with store, pool, sweep_progress(errors, request.name.rpartition(":")[2]) as draw:
             stored = store.keys()
 
@@ -128,8 +131,13 @@ def main(argv: Sequence[str]) -> int:
                 draw(_counts(now, options.missions, stored))
 
             draw(Progress(options.missions, 0, 0, 0, 0, False))
-            evaluator = Evaluator(fields.make, options.objective, store, pool, options.timeout, options.retry)
+            note_changed_files(errors, store, named)
+            evaluator = Evaluator(
+                fields.make, options.objective, store, pool, options.timeout, options.retry,
+                mix_environments=options.mix_environments,
+            )  # fmt: skip
             rare = _search(evaluator, fields, options, request.common.seed, progress)
+            note_origins(errors, store, evaluator.elsewhere)
     except NoSuchFigureError as error:
         flag = "--maximise" if options.objective.largest else "--minimise"
         raise BadInputError(f"{flag} = {error}") from error
@@ -196,15 +204,17 @@ def _check(fields: SearchFields, request: RunRequest) -> None:
             check_space(fields.space, options.sampler)
 
 
-def _check_missions(fields: SearchFields) -> None:
+def _check_missions(fields: SearchFields) -> dict[tuple[str, str], str]:
     """Raise, before any mission is flown, what is wrong with all: a file that is not there, ends that cannot be.
 
-    ValueError or OSError. Without a field to search over, the mission is built, and so has to be one that can be flown.
+    Returns the digests of the files that missions name, as ``named_files``. ValueError or OSError. Without a field to
+    search over, the mission is built, and so has to be one that can be flown.
     """
     listed = [{each.name: value} for each in fields.space if isinstance(each, Choice) for value in each.values]
-    keys([fields.make(values) for values in [{}, *listed]])
+    named = named_files([fields.make(values) for values in [{}, *listed]])
     if not fields.space:
         fields.make({}).build()
+    return named
 
 
 def _counts(evaluations: Sequence[Evaluation], missions: int, stored: set[str]) -> Progress:

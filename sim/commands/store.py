@@ -15,6 +15,7 @@ from rich.console import Console
 from mathnavi.sim.commands.arguments import FlagGroup, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.evidence import print_evidence, verdict
+from mathnavi.sim.records.computing_environment import difference, environment_digest
 from mathnavi.sim.records.store import Record, Store, canonical_json
 from mathnavi.sim.records.sweep_data import Sweep, grouped
 
@@ -63,12 +64,39 @@ def _show(argv: Sequence[str]) -> None:
     console = Console()
     if not records:
         console.print(f"{options.file}: no trials", soft_wrap=True, highlight=False)
-    kinds = Counter((record.scenario, record.code) for record in records)
-    for scenario, code in kinds:
-        members = [record for record in records if (record.scenario, record.code) == (scenario, code)]
+    if other := sum(record.origin.digest != environment_digest() for record in records):
+        console.print(
+            f"{other} of {len(records)} trials come from another environment", highlight=False, soft_wrap=True
+        )
+    changed = _changed_files(records)
+    for kind in Counter(_kind(record, changed) for record in records):
+        members = [record for record in records if _kind(record, changed) == kind]
+        scenario, code, _, *files = kind
         console.print(f"{scenario}, {verdict(members)}", style="bold", highlight=False, soft_wrap=True)
         console.print(f"code {code}", style="dim", highlight=False, soft_wrap=True)
+        for name, digest in zip(changed, files, strict=True):
+            console.print(f"{name} with digest {digest}", style="dim", highlight=False, soft_wrap=True)
+        words = difference(members[0].origin.environment) or "as here"
+        console.print(f"environment {words}", style="dim", highlight=False, soft_wrap=True)
         print_evidence(console, members, _varied(members))
+
+
+def _kind(record: Record, changed: Sequence[str]) -> tuple[str, ...]:
+    """Scenario, version of the code, environment, and digests of files that have changed, by the names of the fields.
+
+    Records that differ in any of these are told apart.
+    """
+    inputs = record.parameters.get("inputs", {})
+    return record.scenario, record.code, record.origin.digest, *(str(inputs.get(name, "none")) for name in changed)
+
+
+def _changed_files(records: Sequence[Record]) -> list[str]:
+    """Fields in which one name stands for files of several contents."""
+    digests: dict[tuple[str, str], set[str]] = {}
+    for record in records:
+        for name, digest in record.parameters.get("inputs", {}).items():
+            digests.setdefault((name, canonical_json(record.fields.get(name))), set()).add(digest)
+    return sorted({name for (name, _), found in digests.items() if len(found) > 1})
 
 
 def _export(argv: Sequence[str]) -> None:

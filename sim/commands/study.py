@@ -19,6 +19,7 @@ from mathnavi.sim.commands.arguments import FlagGroup, parse, without
 from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import sweep_progress
+from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import prepare
 from mathnavi.sim.plugin.registry import load, names
 from mathnavi.sim.records.claims import Claim, ledger
@@ -52,6 +53,8 @@ class StudyOptions:
     """processes that fly and compute"""
     cluster: str | None = None
     """address of a Dask scheduler whose workers do it instead, tcp://HOST:PORT"""
+    mix_environments: bool = False
+    """take results that are stored from another computing environment, and workers that compute in one"""
 
     def __post_init__(self) -> None:
         if self.workers < 1:
@@ -187,7 +190,9 @@ def _study(
     with output_folder(site.folder), bad_input():
         store = Store.open(site.folder / STORE)
     with store, sweep_progress(errors, name) as progress:
-        setup = Setup(site.terrain, store, options.workers, progress, options.cluster)
+        setup = Setup(site.terrain, store, options.workers, progress, options.cluster, options.mix_environments)
+        if site.terrain is not None:
+            note_changed_files(errors, store, {("terrain", site.terrain): setup.ground.digest})
         try:
             findings = plugin.run(config, setup)
         except ValueError as error:  # the terrain does not do for its missions, say
@@ -195,6 +200,7 @@ def _study(
         with bad_input():
             small = first_look(config)
             write_result(site.folder, name.replace(":", "."), plugin.title, findings, setup, command, small)
+        note_origins(errors, store, setup.elsewhere)
     claims: Sequence[Claim] = findings.claims
     return claims
 

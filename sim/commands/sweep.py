@@ -15,13 +15,15 @@ from rich.console import Console
 from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError
 from mathnavi.sim.commands.evidence import print_evidence, verdict
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
+from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import RunRequest, prepare, usage
 from mathnavi.sim.commands.variations import read_requests, read_variations, trials
+from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.store import TRANSIENT, Record, Store, StoreWriteError
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import LostError, check
 from mathnavi.sim.sweep.execution import Progress, available_cores, run_trials
-from mathnavi.sim.sweep.trial import LARGEST_SEED, Trial, keys
+from mathnavi.sim.sweep.trial import LARGEST_SEED, Trial, contents, named_files
 
 REPORT = ".html"
 
@@ -44,6 +46,8 @@ class SweepOptions:
     """time after which a trial is cut off and recorded as timed out [s]; none if not given"""
     retry: bool = False
     """run those trials again that are stored as timed out or crashed"""
+    mix_environments: bool = False
+    """take trials that are stored from another computing environment, and workers that compute in one"""
     report: bool = False
     """write a page beside the store, with .html in place of its ending"""
 
@@ -74,8 +78,8 @@ def main(argv: Sequence[str]) -> int:
     state: Progress | None = None  # before the store is looked into
     try:
         with request.bad_input():
-            trial_keys = keys(sweep.trials)  # a file that a field names, and that is not there, comes to light here
-            _check_combinations(sweep, trial_keys)
+            asked = contents(sweep.trials)  # a file that a field names, and that is not there, comes to light here
+            _check_combinations(sweep, asked)
             if options.cluster is not None:
                 check(options.cluster)
             with compilation_announced(errors):
@@ -88,12 +92,15 @@ def main(argv: Sequence[str]) -> int:
                 state = now
                 draw(now)
 
-            endings = store.endings()
-            transient = sum(key in endings and endings[key].status in TRANSIENT for key in trial_keys)
-            found = sum(key in endings for key in trial_keys) - (transient if options.retry else 0)
-            state = Progress(len(trial_keys), found, found, 0, 0, False)
-            message = f"{found} of {len(trial_keys)} trials are already in {options.store}"
+            endings, elsewhere = store.endings(), Elsewhere()
+            keys = store.keys_of(asked, options.mix_environments, elsewhere)
+            transient = sum(endings[keys[each]].status in TRANSIENT for each in asked if each in keys)
+            found = sum(each in keys for each in asked) - (transient if options.retry else 0)
+            state = Progress(len(asked), found, found, 0, 0, False)
+            message = f"{found} of {len(asked)} trials are already in {options.store}"
             errors.print(message, style="dim", highlight=False, soft_wrap=True)
+            note_origins(errors, store, elsewhere)
+            note_changed_files(errors, store, named_files(sweep.trials))
             records = run_trials(
                 sweep.trials,
                 store,
@@ -102,6 +109,7 @@ def main(argv: Sequence[str]) -> int:
                 timeout=options.timeout,
                 retry=options.retry,
                 progress=progress,
+                mix_environments=options.mix_environments,
             )
     except KeyboardInterrupt:
         print(f"mathnavi: interrupted, {_stored(state)}; to go on: {command}", file=sys.stderr)
@@ -164,13 +172,13 @@ def read_sweep(argv: Sequence[str]) -> SweepRequest:
     return SweepRequest(requests[0], every, listed, drawn, every[: len(every) // count])
 
 
-def _check_combinations(sweep: SweepRequest, trial_keys: Sequence[str]) -> None:
+def _check_combinations(sweep: SweepRequest, asked: Sequence[str]) -> None:
     """BadInputError if two combinations of listed values are the same trials under two names."""
     seen: dict[str, Trial] = {}
-    for key, first in zip(trial_keys, sweep.firsts, strict=False):
-        other = seen.setdefault(key, first)
+    for content, first in zip(asked, sweep.firsts, strict=False):
+        other = seen.setdefault(content, first)
         if other is not first:
-            one, two = (trial.record(key, "ok").fields for trial in (other, first))
+            one, two = (trial.record(content, "ok").fields for trial in (other, first))
             name = next(name for name in sweep.listed if one[name] != two[name])
             raise BadInputError(
                 f"--vary {name}: {one[name]} and {two[name]} have the same content; allowed: each content once"

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mathnavi.sim.records.encoding import Encoded, decoded
+from mathnavi.sim.records.origins import Origin
 
 CREATE = """
 CREATE TABLE IF NOT EXISTS jobs (
@@ -57,6 +58,7 @@ class JobRecord:
     arrays: bytes | None = None  # .npz
     timings: dict[str, float | None] = field(default_factory=dict)
     error: str | None = None
+    origin: Origin = field(default_factory=Origin)
 
     @property
     def success(self) -> None:

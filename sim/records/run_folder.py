@@ -2,7 +2,7 @@
 
 | file | what it holds |
 |---|---|
-| ``config.json`` | scenario, seed, every field, both plug-ins, the mission that was drawn, versions |
+| ``config.json`` | scenario, seed, every field, both plug-ins, digests of files and sources, mission, environment |
 | ``summary.json`` | figures of merit by name, with units; it is written last |
 | ``events.jsonl`` | one event a line, in the order in which they were recorded |
 | ``log.npz`` | the arrays of ``mathnavi.sim.engine.log`` |
@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,6 +27,7 @@ import numpy as np
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Event, Plan, Status
+from mathnavi.sim.records.computing_environment import machine, versions
 from mathnavi.sim.records.files import jsonable, write_json, write_text
 from mathnavi.sim.records.former_names import with_present_names
 
@@ -40,12 +40,6 @@ class NothingToDrawError(ValueError):
 
 
 # ---- writing
-
-
-def versions() -> dict[str, str]:
-    """Version by name of the packages that a run depends on, and of Python."""
-    packages = ("mathnavi", "mujoco", "numpy", "casadi")
-    return {name: version(name) for name in packages} | {"python": platform.python_version()}
 
 
 def write_run(folder: Path, config: Mapping[str, Any], summary: Mapping[str, Any], recording: Recording) -> None:
@@ -64,7 +58,8 @@ def write_run(folder: Path, config: Mapping[str, Any], summary: Mapping[str, Any
     write_json(folder / ARRAY_INDEX, {"arrays": shapes, "states": recording.state_names, "time": "t [s]"})
     events = [{"t": e.t, "agent": e.agent, "kind": e.kind, "message": e.message} for e in recording.events]
     write_text(folder / EVENTS, "".join(json.dumps(jsonable(event)) + "\n" for event in events))
-    write_json(folder / CONFIG, {**config, "versions": versions()})
+    made_by = {"versions": {"mathnavi": version("mathnavi"), **versions()}, "machine": machine()}
+    write_json(folder / CONFIG, {**config, **made_by})
     write_json(folder / SUMMARY, {**summary, "version": version("mathnavi")})
 
 

@@ -3,12 +3,14 @@
     trials(key, scenario, seed, code, status, success, parameters, summary, error)     one row a trial
     timings(key, figure, value)                                                        what depends on the clock
 
-and, where computations are stored that are no scenario, the tables of ``mathnavi.sim.records.jobs``.
+the tables of ``mathnavi.sim.records.origins``, and, where computations are stored that are no scenario, those of
+``mathnavi.sim.records.jobs``.
 
-``key`` is the content hash of scenario, resolved parameters, seed and code version. ``parameters`` and ``summary`` are
-JSON. No figure in ``trials`` depends on the time, on the load of the machine or on the number of workers, so two sweeps
-of the same trials leave the same table, with one exception: that a trial timed out, or crashed for want of memory, may
-be the machine's doing. Such trials may be run again, and their rows replaced.
+``key`` is the hash of scenario, resolved parameters, seed, code version and computing environment. ``parameters`` and
+``summary`` are JSON. No figure in ``trials`` depends on the time, on the load of the machine or on the number of
+workers, so two sweeps of the same trials in the same environment leave the same table, with one exception: that a trial
+timed out, or crashed for want of memory, may be the machine's doing. Such trials may be run again, and their rows
+replaced.
 
 SQLite's rollback journal is kept on purpose: between commits the one file is the whole store, which may be copied,
 moved to a network drive or read where nothing may be written. Every commit waits for the disk.
@@ -23,15 +25,17 @@ import re
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from mathnavi.sim.interfaces.errors import StoreError
 from mathnavi.sim.interfaces.fields import flattened, plain
+from mathnavi.sim.records.computing_environment import environment_digest
 from mathnavi.sim.records.files import write_text
 from mathnavi.sim.records.jobs import JobRecord, add_job, job_records, job_statuses
+from mathnavi.sim.records.origins import Elsewhere, Origin, add_origin, environments, keys_by_content, origins
 
 APPLICATION = 0x6D6E6176  # "mnav", in the header of the file: what kind of database it is
 SCHEMA = 1
@@ -90,6 +94,7 @@ class Record:
     summary: dict[str, Any]
     timings: dict[str, float | None] = field(default_factory=dict)
     error: str | None = None
+    origin: Origin = field(default_factory=Origin)
 
     @cached_property
     def fields(self) -> dict[str, Any]:
@@ -191,6 +196,7 @@ class Store:
         """
         with self._errors_named(), self._transaction():
             for record in records:
+                add_origin(self._connection, record.key, record.origin)
                 if isinstance(record, JobRecord):
                     add_job(self._connection, record, retried)
                     continue
@@ -224,7 +230,8 @@ class Store:
         if keys is None:
             keys = sorted(self.keys())
         with self._errors_named():
-            return [self._record(key) for key in keys]
+            known = origins(self._connection)
+            return [self._record(key, known.get(key, Origin())) for key in keys]
 
     def job_endings(self) -> dict[str, Ending]:
         """How every job ended, by its key."""
@@ -234,7 +241,40 @@ class Store:
     def jobs(self, keys: Iterable[str]) -> list[JobRecord]:
         """The jobs with these keys, in their order; KeyError for a key that the store does not have."""
         with self._errors_named():
-            return job_records(self._connection, keys)
+            known = origins(self._connection)
+            found = job_records(self._connection, keys)
+            return [replace(record, origin=known.get(record.key, Origin())) for record in found]
+
+    def keys_of(
+        self, contents: Iterable[str], mix_environments: bool = False, elsewhere: Elsewhere | None = None
+    ) -> dict[str, str]:
+        """Key of the record of each content hash, as far as the store has one that was made in this environment.
+
+        With ``mix_environments`` one from another environment does where there is none. ``elsewhere`` counts those.
+        """
+        with self._errors_named():
+            stored = keys_by_content(self._connection)
+        return (elsewhere or Elsewhere()).chosen(contents, stored, environment_digest(), mix_environments)
+
+    def input_digests(self, field: str, value: str) -> dict[str, int]:
+        """Numbers of the trials in which a field that names a file has a value, by the digest that the file had then.
+
+        ``field`` is named as on the command line.
+        """
+        prefix, _, rest = field.partition(".")
+        part = {"planner": "controller.fields", "estimator": "estimator.fields"}.get(prefix, "config")
+        name = rest if part != "config" else field
+        query = (
+            "SELECT json_extract(parameters, ?) AS digest, COUNT(*) FROM trials "
+            "WHERE json_extract(parameters, ?) = ? GROUP BY digest HAVING digest IS NOT NULL"
+        )
+        with self._errors_named():
+            return dict(self._connection.execute(query, (f'$.inputs."{field}"', f"$.{part}.{name}", value)).fetchall())
+
+    def environments(self) -> dict[str, dict[str, str]]:
+        """Description of the environments that the records were made in, by their digests."""
+        with self._errors_named():
+            return environments(self._connection)
 
     def export_csv(self, path: Path) -> None:
         """Write one line a trial: parameters and figures as columns, ordered by key. The file is whole or not there."""
@@ -253,7 +293,7 @@ class Store:
         objects = ({name: getattr(record, name) for name in names} for record in self.records())
         write_text(path, "".join(f"{canonical_json(each)}\n" for each in objects))
 
-    def _record(self, key: str) -> Record:
+    def _record(self, key: str, origin: Origin) -> Record:
         row = self._connection.execute(f"SELECT {', '.join(TABLES['trials'])} FROM trials WHERE key = ?", (key,))
         values = row.fetchone()
         if values is None:
@@ -262,7 +302,7 @@ class Store:
         success = None if named["success"] is None else bool(named["success"])
         figures = self._connection.execute("SELECT figure, value FROM timings WHERE key = ? ORDER BY figure", (key,))
         loaded = {name: json.loads(named[name]) for name in ("parameters", "summary")}
-        return Record(**{**named, **loaded, "success": success, "timings": dict(figures.fetchall())})
+        return Record(**{**named, **loaded, "success": success, "timings": dict(figures.fetchall())}, origin=origin)
 
     def _created(self) -> bool:
         """True if the file was empty; it is a store now."""
@@ -362,7 +402,7 @@ def _row(record: Record) -> dict[str, Any]:
     for kind, cells in columns:
         for name, value in cells.items():
             row[f"{kind}.{name}" if name in row else name] = _cell(value)
-    return row | {"code": record.code, "error": record.error}
+    return row | {"code": record.code, "environment": record.origin.digest, "error": record.error}
 
 
 def _cell(value: Any) -> Any:

@@ -5,7 +5,7 @@ The metric is the mass matrix of the model that is believed; the plant may carry
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
@@ -16,7 +16,7 @@ from annotated_types import Interval
 
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import PositionQuality
-from mathnavi.models.mechanism.entity import build_model
+from mathnavi.models.mechanism.entity import MechanismPlace, build_model, place_of
 from mathnavi.models.mechanism.system import MechanismSystem, heavier
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.interfaces.bounds import FINITE, FINITE_NUMBERS, configuration
@@ -49,7 +49,7 @@ class ArmVelocityConfig(LagrangianFields):
     """how the encoders err"""
     settled: float = 1.0
     """from when on errors count [s]"""
-    mechanism: str = "two-link"
+    mechanism: MechanismPlace = "two-link"
     """rigid-body, cart-pendulum, two-link, seven-joint, dm_control:NAME of its suite, or the path of an MJCF file"""
     load: Annotated[float, Interval(ge=0.01, le=100.0), FINITE] = 1.0
     """mass of the last link, times what the observer believes"""
@@ -80,10 +80,12 @@ class ArmVelocity:
         stack = parts.stack(mission)
         start = checked_speed(_start(config, mission), mission)
         plant = MujocoPlant(real, {VEHICLE: VehicleSetup(start, stack.sensors)}, parts.streams.root)
-        record = MechanismRecord(**recorded_as(truth, config), mechanism=config.mechanism)
+        placed = replace(config, mechanism=place_of(config.mechanism))
+        record = MechanismRecord(**recorded_as(truth, config), mechanism=placed.mechanism)
         bounds = np.where(real.actuator_ctrllimited[:, None], real.actuator_ctrlrange, (-np.inf, np.inf))
         inputs = Inputs(tuple(mission.system.inputs), *bounds.T)
-        return observed_loop(parts, LagrangianCase(VEHICLE, plant, stack, mission, truth, record, inputs=inputs))
+        case = LagrangianCase(VEHICLE, plant, stack, mission, truth, record, inputs=inputs, resolved=placed)
+        return observed_loop(parts, case)
 
     @staticmethod
     def errors(config: ArmVelocityConfig, x: Array, truth: Array) -> dict[str, Array]:

@@ -29,8 +29,10 @@ from mathnavi.sim.engine.faults import Disturbed
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.network import Network
 from mathnavi.sim.interfaces.fields import plain
+from mathnavi.sim.interfaces.input_files import named_plugins, run_inputs
 from mathnavi.sim.interfaces.protocols import Estimator, Planner, Plant, Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
+from mathnavi.sim.plugin.code_version import code_version
 from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator, checked_sensors, load
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.fault_fields import Fault, kinds
@@ -216,17 +218,21 @@ class Assembler:
         """What config.json holds beside the versions."""
         drawing = getattr(self.scenario, "drawing", None)
         place = f"{self.scenario.__module__}:{self.scenario.__qualname__}"
+        configs = self.config, self.controller.config, self.estimator.config
+        named = [plugin for config in configs for plugin in named_plugins(config)]
         return {
             "scenario": getattr(self.scenario, "name", place),
             **({} if drawing is None else {"drawing": drawing}),
             "seed": self.seed,
-            "fields": dataclasses.asdict(self.config if resolved is None else resolved),
+            "fields": plain(self.config if resolved is None else resolved),
             "controller": _plugin_record(self.controller),
             "estimator": _plugin_record(self.estimator),
+            "inputs": run_inputs(*configs),
+            "code": code_version(self.scenario, self.controller.plugin, self.estimator.plugin, *named),
             **({} if terrain is None else {"terrain": terrain}),
             "mission": plain(mission),
         }
 
 
 def _plugin_record(part: PluginSpec) -> dict[str, Any]:
-    return {"name": part.name, "fields": dataclasses.asdict(part.config)}
+    return {"name": part.name, "fields": plain(part.config)}

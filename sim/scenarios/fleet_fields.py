@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import field
+from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -14,6 +15,7 @@ from annotated_types import Ge, Interval, Le
 
 from mathnavi.models.aerial.dynamics import HULL_RADIUS
 from mathnavi.models.fleet.graph import Graph
+from mathnavi.models.terrain.library import TerrainPlace
 from mathnavi.sim.engine.network import (
     DelayedLinks,
     IdealNetwork,
@@ -34,6 +36,8 @@ from mathnavi.sim.interfaces.bounds import (
 from mathnavi.sim.interfaces.checks import check, check_names
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.fields import with_fields
+from mathnavi.sim.interfaces.input_files import PluginName
+from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import AerialFaults, PositiveMagnitude
 from mathnavi.sim.scenarios.flight_fields import (
@@ -128,7 +132,7 @@ class Clocks:
 class FleetEndFields:
     """Who flies from where to where over which ground."""
 
-    terrain: str = MissionFields.terrain
+    terrain: TerrainPlace = MissionFields.terrain
     """name of a terrain, or an .npz file"""
     vehicles: Annotated[int, Interval(ge=2, le=_MOST)] = 4
     """how many"""
@@ -164,7 +168,7 @@ class FleetFields(LimitFields, FleetEndFields):
     """who agrees with whom on the time of arrival, a ring of two being a line; plans are sent to all"""
     edge: tuple[tuple[str, str, float], ...] = ()
     """NAME NAME WEIGHT of a graph of your own, in the place of --graph; may be given several times"""
-    consensus: str = "maximum"
+    consensus: Annotated[str, PluginName(partial(load, "consensus"))] = "maximum"
     """plug-in by which that is agreed"""
     consensus_with: tuple[str, ...] = ()
     """FIELD=VALUE of that plug-in; may be given several times"""

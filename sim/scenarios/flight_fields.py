@@ -8,6 +8,7 @@ from typing import Annotated
 from annotated_types import Ge, Interval
 
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, HULL_RADIUS, TICK
+from mathnavi.models.terrain.library import TerrainPlace
 from mathnavi.sim.interfaces.bounds import FINITE, THREE_FINITE_NUMBERS, Condition, TickRate, Within, configuration
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, Magnitude, PositiveMagnitude
@@ -48,7 +49,7 @@ class FlightNoise:
 class EndFields:
     """From where to where over which ground."""
 
-    terrain: str = "tian_shan"
+    terrain: TerrainPlace = "tian_shan"
     """name of a terrain, or an .npz file"""
     start: FinitePoint | None = None
     """x, y, z [m] on the map; drawn from the seed if not given"""

@@ -15,7 +15,7 @@ from mathnavi.controllers.flight.command_filter import CommandFilter
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.models.terrain.library import load_terrain, place_of
+from mathnavi.models.terrain.library import place_of
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.sim.engine.input_bounds import input_bound
 from mathnavi.sim.engine.log import Recording
@@ -30,13 +30,6 @@ from mathnavi.sim.scenarios.requirements import Requirement, evaluate
 from mathnavi.sim.scenarios.task import Inputs, Sample, Task
 
 _BORDER = 0.02  # of the map's side, kept free of drawn starts and targets
-
-
-class OverTerrain(Protocol):
-    """Fields of a scenario over a terrain."""
-
-    @property
-    def terrain(self) -> str: ...
 
 
 class FlightFields(Protocol):
@@ -224,11 +217,6 @@ def verdict(
 
 
 # ---- task and record
-
-
-def terrain_inputs(config: OverTerrain) -> dict[str, str]:
-    """Digests of what the configuration names: what a result depends on beside the fields."""
-    return {"terrain": load_terrain(config.terrain).digest}
 
 
 def flight_task(

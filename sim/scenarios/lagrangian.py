@@ -83,6 +83,7 @@ class LagrangianCase:
     requirements: tuple[Requirement, ...] = ()  # on them, beside that on the velocity error
     inputs: Inputs | None = None  # with their bounds, where there are any
     cost: StageCost | None = None  # for whoever commands the inputs; that of the velocity error if not given
+    resolved: LagrangianFields | None = None  # fields as config.json holds them; those given if there are none
 
     @property
     def manifold(self) -> Manifold:
@@ -100,6 +101,7 @@ def observed_loop(parts: Assembler, case: LagrangianCase) -> ClosedLoop:
         partial(finished, case),
         partial(summarise, case, parts.config, parts.seed),
         mission=case.record,
+        resolved=case.resolved,
         task=Task({case.vehicle: inputs}, case.cost or _velocity_cost(case)),
     )
 

@@ -60,7 +60,6 @@ from mathnavi.sim.scenarios.flight_parts import (
     due,
     flight_record,
     longest_flight,
-    terrain_inputs,
     terrain_record,
     verdict,
 )
@@ -82,7 +81,6 @@ class QuadrotorCanyon:
     controller = "quadrotor"
     estimator = "quadrotor_state"
     streams = ("draws", "sensing", "solver_failures", "corrupted_plans", "late_plans", "gusts", "dropouts")
-    inputs = staticmethod(terrain_inputs)
 
     @staticmethod
     def build(

@@ -9,6 +9,7 @@ from typing import Annotated
 from annotated_types import Interval
 
 from mathnavi.models.quadrotor.dynamics import NOMINAL, Quadrotor
+from mathnavi.models.terrain.library import TerrainPlace
 from mathnavi.sim.interfaces.bounds import FINITE, PositiveFraction, configuration
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.scenarios.fault_fields import AerialFaults, Factor, Magnitude, PositiveMagnitude
@@ -57,7 +58,7 @@ class QuadrotorMismatch:
 class QuadrotorCanyonConfig(ChanceFields):
     """Fields of the scenario; without any given there is no wind, and the vehicle is as declared."""
 
-    terrain: str = "canyon"
+    terrain: TerrainPlace = "canyon"
     """name of a terrain, canyon:3 for another canyon, or an .npz file"""
     start: FinitePoint | None = None
     """x, y, z [m] of the vehicle's centre; drawn from the seed if not given"""

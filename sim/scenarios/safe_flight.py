@@ -46,7 +46,6 @@ from mathnavi.sim.scenarios.flight_parts import (
     flight_task,
     longest_flight,
     mission_but_ends,
-    terrain_inputs,
     terrain_record,
     verdict,
 )
@@ -68,7 +67,6 @@ class SafeFlight:
     streams = (
         "draws", "sensing", "solver_failures", "corrupted_plans", "late_plans", "gusts", "position_jumps", "dropouts",
     )  # fmt: skip
-    inputs = staticmethod(terrain_inputs)
 
     @staticmethod
     def build(

@@ -41,7 +41,6 @@ from mathnavi.sim.scenarios.flight_parts import (
     flight_task,
     longest_flight,
     mission_but_ends,
-    terrain_inputs,
     terrain_record,
 )
 from mathnavi.sim.scenarios.requirements import Requirement, evaluate
@@ -58,7 +57,6 @@ class SimultaneousArrival:
     controller = "flight"
     estimator = "full_state"
     streams = ("draws", "sensing", "planner_faults", "gusts", "network", "ranks", "dropouts")
-    inputs = staticmethod(terrain_inputs)
 
     @staticmethod
     def build(

@@ -154,6 +154,7 @@ def sweep(
     workers: int | None = None,
     cluster: str | None = None,
     timeout: float | None = None,
+    mix_environments: bool = False,
     progress: Callable[[Progress], None] | None = None,
     **fields: Any,
 ) -> SweepResult:
@@ -162,7 +163,8 @@ def sweep(
     ``vary`` names fields as on the command line ("planner.nodes", "faults.gust_rms", "controller"). A list holds values
     each of which flies every seed; a pair (low, high) is drawn from uniformly, afresh for each seed. With a ``store``
     (an SQLite file) every trial is kept as it ends, and what it holds already is not flown again. ``timeout`` [s] is
-    for each trial; ``cluster`` is the address of a Dask scheduler.
+    for each trial; ``cluster`` is the address of a Dask scheduler. Trials that are stored from another computing
+    environment, and workers in one, count with ``mix_environments`` only.
 
     Raises as ``run`` does, and StoreError for a store that is broken. A plug-in of one's own has to lie in a module, so
     that the processes find it.
@@ -189,6 +191,7 @@ def sweep(
             cluster=cluster,
             timeout=timeout,
             progress=progress,
+            mix_environments=mix_environments,
         )
     return SweepResult(tuple(records), tuple(vary or ()))
 

@@ -15,6 +15,7 @@ from typing import Literal
 
 from mathnavi.sim.interfaces.errors import FieldError, MissionError, PluginError, TerrainError
 from mathnavi.sim.records.figure_names import is_wall_clock
+from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.records.sweep_data import is_number
 from mathnavi.sim.search.space import Values
@@ -81,6 +82,7 @@ class Evaluator:
     timeout: float | None = None  # [s] of a mission
     retry: bool = False  # those that are stored as timed out or crashed
     progress: Callable[[Progress], None] | None = None  # of the missions of one call
+    mix_environments: bool = False  # those that are stored from another computing environment count too
 
     def __post_init__(self) -> None:
         if is_wall_clock(self.objective.key):
@@ -88,6 +90,7 @@ class Evaluator:
                 f"{self.objective.key} is a wall-clock time, another every time; allowed: a figure that a seed repeats"
             )
         self.evaluations: list[Evaluation] = []
+        self.elsewhere = Elsewhere()
 
     def evaluate(self, points: Sequence[Values]) -> list[Evaluation]:
         """Fly the missions at these values that the store lacks; the evaluations in the same order.
@@ -98,8 +101,9 @@ class Evaluator:
         made = [self._made(values) for values in points]
         trials = [each for each in made if isinstance(each, Trial)]
         flown = run_trials(
-            trials, self.store, timeout=self.timeout, retry=self.retry, progress=self.progress, pool=self.pool
-        )
+            trials, self.store, timeout=self.timeout, retry=self.retry, progress=self.progress, pool=self.pool,
+            mix_environments=self.mix_environments, elsewhere=self.elsewhere,
+        )  # fmt: skip
         records = iter(flown)
         first = len(self.evaluations)
         found = [

@@ -41,6 +41,18 @@ class RefusedError(RuntimeError):
     """A child process does not run what was asked, because its code or its files are others."""
 
 
+class OtherEnvironmentError(RefusedError):
+    """A worker computes in another environment, so that its results agree with those of this one to rounding only."""
+
+    @staticmethod
+    def of(words: str) -> OtherEnvironmentError:
+        """The error for a difference between two environments in words."""
+        return OtherEnvironmentError(
+            f"a worker computes in another environment, {words}: its results would agree with those of this one to "
+            "rounding, not bit for bit; allowed: the same environment, or --mix-environments"
+        )
+
+
 class StoppedError(RuntimeError):
     """Nobody waits for the task any more."""
 
@@ -66,7 +78,7 @@ class Worker:
     def run(
         self,
         task: SweepTask,
-        key: str,
+        content: str,
         timeout: float | None = None,
         stopped: Callable[[], bool] = lambda: False,
         compiling: Callable[[], None] = lambda: None,
@@ -80,7 +92,7 @@ class Worker:
         Raises RefusedError, and StoppedError when the worker is stopped meanwhile or ``stopped()``, which is asked now
         and then, says that nobody waits for the record.
         """
-        request = pickle.dumps((task, key))
+        request = pickle.dumps((task, content))
         while True:
             child = self._living()
             served = child.served
@@ -88,11 +100,11 @@ class Worker:
                 return child.ask(request, timeout, compiling, stopped)
             except OverdueError as error:
                 self._replace()
-                return self._failed(task, key, "timed-out", error)
+                return self._failed(task, content, "timed-out", error)
             except DiedError as error:
                 self._replace()
                 if not served:
-                    return self._failed(task, key, "crashed", error)
+                    return self._failed(task, content, "crashed", error)
             except RefusedError:
                 self._replace()
                 if not served:
@@ -117,8 +129,8 @@ class Worker:
             self._child = None
 
     @staticmethod
-    def _failed(task: SweepTask, key: str, status: str, error: Exception) -> Ended:
-        record: Ended = task.record(key, status, error=str(error))
+    def _failed(task: SweepTask, content: str, status: str, error: Exception) -> Ended:
+        record: Ended = task.record(content, status, error=str(error))
         return record
 
     def _living(self) -> _Child:

@@ -1,8 +1,9 @@
 """Trials and jobs on a Dask cluster: the same child processes, one for every thread of the cluster's workers.
 
-The workers need mathnavi as it is here, and the files that tasks name under the same names; a worker that has
-others refuses. A worker that dies costs nothing but time: Dask runs its tasks elsewhere, and only a task that has
-cost several workers is recorded as crashed. When a sweep ends, the child processes that run no task end too.
+The workers need mathnavi as it is here, and the files that tasks name under the same names; a worker that has others
+refuses, and so does one in another computing environment unless environments are mixed. A worker that dies costs
+nothing but time: Dask runs its tasks elsewhere, and only a task that has cost several workers is recorded as crashed.
+When a sweep ends, the child processes that run no task end too.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from mathnavi.sim.sweep.child import RefusedError, Worker, module_path
+from mathnavi.sim.records.computing_environment import difference, environment
+from mathnavi.sim.sweep.child import OtherEnvironmentError, RefusedError, Worker, module_path
 from mathnavi.sim.sweep.task import Ended, Message, SweepTask
 
 PATIENCE = 5.0  # [s] for the scheduler to answer
@@ -59,8 +61,9 @@ async def _kind(address: str, distributed: Any) -> str:
 class DaskCluster:
     """A client, and the futures of the tasks that have not ended."""
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, mix_environments: bool = False) -> None:
         self._address = address
+        self._environment = {} if mix_environments else dict(environment())
         check(address)
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # LostError says what it would say
         self._client = _dask().Client(address, timeout=PATIENCE, set_as_default=False)
@@ -68,10 +71,10 @@ class DaskCluster:
         self._stopped = False
 
     def start(self, tasks: Mapping[str, SweepTask], timeout: float | None, report: Callable[[Message], None]) -> None:
-        run = partial(execute, timeout=timeout, folder=os.getcwd(), path=own_path())
+        run = partial(execute, timeout=timeout, folder=os.getcwd(), path=own_path(), needed=self._environment)
         self._futures = self._client.map(run, list(tasks.values()), list(tasks), pure=False)
-        for (key, task), future in zip(tasks.items(), self._futures, strict=True):
-            future.add_done_callback(partial(self._ended, task, key, report))
+        for (content, task), future in zip(tasks.items(), self._futures, strict=True):
+            future.add_done_callback(partial(self._ended, task, content, report))
 
     def stop(self) -> None:
         if self._stopped:
@@ -87,14 +90,18 @@ class DaskCluster:
             self._client.cancel(self._futures)
             self._client.run(close_idle_workers, on_error="ignore")
 
-    def _ended(self, task: SweepTask, key: str, report: Callable[[Message], None], future: Any) -> None:
+    def _ended(self, task: SweepTask, content: str, report: Callable[[Message], None], future: Any) -> None:
         if self._stopped:
             return
         try:
             report(future.result())
             future.release()
         except _dask().KilledWorker:
-            report(task.record(key, "crashed", error="several workers of the cluster died while they ran this task"))
+            report(
+                task.record(content, "crashed", error="several workers of the cluster died while they ran this task")
+            )
+        except OtherEnvironmentError as error:
+            report(error)
         except RefusedError as error:
             report(RefusedError(f"{error}; after a change of the sources, restart the workers of the cluster"))
         except BaseException as error:
@@ -114,8 +121,21 @@ _idle: list[tuple[Place, Worker]] = []  # of this Dask worker: what runs no task
 _guard = threading.Lock()
 
 
-def execute(task: SweepTask, key: str, *, timeout: float | None, folder: str, path: list[str]) -> Ended:
-    """Run a task in a child process of this Dask worker, from the client's folder if it is there too."""
+def execute(
+    task: SweepTask,
+    content: str,
+    *,
+    timeout: float | None,
+    folder: str,
+    path: list[str],
+    needed: Mapping[str, str],
+) -> Ended:
+    """Run a task in a child process of this Dask worker, from the client's folder if it is there too.
+
+    OtherEnvironmentError where the computing environment is not the one that is ``needed``, if one is.
+    """
+    if needed and (other := difference(needed)):
+        raise OtherEnvironmentError.of(other.replace("(here", "(there"))
     known = module_path()
     place = (folder if os.path.isdir(folder) else None, (*known, *(entry for entry in path if entry not in known)))
     dask_worker = _dask().get_worker()
@@ -127,7 +147,7 @@ def execute(task: SweepTask, key: str, *, timeout: float | None, folder: str, pa
 
     worker = _taken(place)
     try:
-        return worker.run(task, key, timeout, cancelled)
+        return worker.run(task, content, timeout, cancelled)
     finally:
         with _guard:
             _idle.append((place, worker))

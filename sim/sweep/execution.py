@@ -2,7 +2,7 @@
 
 What the store lacks is run, what ends is committed at once, and the rest may stop any time.
 
-    tasks -> keys -> those that the store lacks -> workers (threads, each with a child process; or Dask) -> one writer
+    tasks -> hashes -> those that the store lacks -> workers (threads, each with a child process; or Dask) -> one writer
 
 Order and number of workers change nothing in a record.
 """
@@ -16,13 +16,15 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from queue import Empty, SimpleQueue
 
+from mathnavi.sim.records.computing_environment import difference, environment_digest
 from mathnavi.sim.records.jobs import JobRecord
+from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.store import TRANSIENT, Ending, Record, Store, StoreWriteError
-from mathnavi.sim.sweep.child import StoppedError, Worker, module_path
+from mathnavi.sim.sweep.child import OtherEnvironmentError, StoppedError, Worker, module_path
 from mathnavi.sim.sweep.cluster import DaskCluster
-from mathnavi.sim.sweep.job import Job, job_keys
+from mathnavi.sim.sweep.job import Job
 from mathnavi.sim.sweep.task import Backend, Ended, Message, SweepTask
-from mathnavi.sim.sweep.trial import Trial, keys
+from mathnavi.sim.sweep.trial import Trial, contents
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,8 @@ def run_trials(
     retry: bool = False,
     progress: Callable[[Progress], None] | None = None,
     pool: Pool | None = None,
+    mix_environments: bool = False,
+    elsewhere: Elsewhere | None = None,
 ) -> list[Record]:
     """Run the trials whose keys the store lacks, store each as it ends; the records in the order of ``trials``.
 
@@ -54,6 +58,9 @@ def run_trials(
     store records as crashed or timed out are run again, and their records replaced. ``workers`` processes run on this
     machine, or, with the address of a Dask scheduler for ``cluster``, one for every thread of the cluster's workers;
     with a ``pool``, those of the pool, which stay for the next call.
+    Records of another computing environment, with other versions or another kind of processor, agree with those of this
+    one to rounding only, so they are left aside, and workers of a cluster in another environment are refused. With
+    ``mix_environments`` both do; ``elsewhere`` counts the stored ones.
     Whatever ends the sweep before its time, Ctrl-C too, leaves everything that has ended in the store; the same call
     goes on from there. A trial that is asked for twice runs once. What is returned names files as ``trials`` do, though
     the store may have their content under other names.
@@ -62,10 +69,12 @@ def run_trials(
     be written, RefusedError if the sources or a file have changed since the keys were made, and LostError if the
     cluster is gone.
     """
-    asked = keys(trials)
-    by_key: dict[str, SweepTask] = dict(zip(asked, trials, strict=True))
-    _run_missing(by_key, store.endings(), store, workers, cluster, timeout, retry, progress, pool)
-    return [trial.renamed(record) for trial, record in zip(trials, store.records(asked), strict=True)]
+    asked = contents(trials)
+    tasks: dict[str, SweepTask] = dict(zip(asked, trials, strict=True))
+    run = _Run(workers, cluster, timeout, retry, progress, pool, mix_environments)
+    keys = run.missing(tasks, store.endings(), store, elsewhere)
+    records = store.records(keys[content] for content in asked)
+    return [trial.renamed(record) for trial, record in zip(trials, records, strict=True)]
 
 
 def run_jobs(
@@ -77,41 +86,62 @@ def run_jobs(
     timeout: float | None = None,
     retry: bool = False,
     progress: Callable[[Progress], None] | None = None,
+    mix_environments: bool = False,
+    elsewhere: Elsewhere | None = None,
 ) -> list[JobRecord]:
     """Run the jobs whose keys the store lacks, store each as it ends; the records in the order of ``jobs``.
 
     Arguments, interruption and exceptions as for ``run_trials``.
     """
-    asked = job_keys(jobs)
-    by_key: dict[str, SweepTask] = dict(zip(asked, jobs, strict=True))
-    _run_missing(by_key, store.job_endings(), store, workers, cluster, timeout, retry, progress)
-    return store.jobs(asked)
+    asked = [each.content for each in jobs]
+    tasks: dict[str, SweepTask] = dict(zip(asked, jobs, strict=True))
+    run = _Run(workers, cluster, timeout, retry, progress, None, mix_environments)
+    keys = run.missing(tasks, store.job_endings(), store, elsewhere)
+    return store.jobs(keys[content] for content in asked)
 
 
-def _run_missing(
-    tasks: Mapping[str, SweepTask],
-    stored: Mapping[str, Ending],
-    store: Store,
-    workers: int,
-    cluster: str | None,
-    timeout: float | None,
-    retry: bool,
-    progress: Callable[[Progress], None] | None,
-    pool: Pool | None = None,
-) -> None:
-    """Run the tasks that ``stored`` lacks; with ``retry`` also those that crashed or timed out."""
-    if workers < 1:
-        raise ValueError(f"workers = {workers!r}; allowed: a whole number >= 1")
-    if timeout is not None and not (math.isfinite(timeout) and timeout > 0.0):
-        raise ValueError(f"timeout = {timeout!r}; allowed: a finite number of seconds > 0")
-    found = {key: stored[key] for key in tasks if key in stored and not (retry and stored[key].status in TRANSIENT)}
-    if missing := {key: task for key, task in tasks.items() if key not in found}:
-        backend = pool or _backend(workers, cluster)
-        _Sweep(missing, found, store, retry, progress or (lambda _: None)).run(backend, timeout)
+@dataclass(frozen=True)
+class _Run:
+    """How the tasks that a store lacks are run."""
+
+    workers: int
+    cluster: str | None
+    timeout: float | None
+    retry: bool
+    progress: Callable[[Progress], None] | None
+    pool: Pool | None
+    mix_environments: bool
+
+    def __post_init__(self) -> None:
+        if self.workers < 1:
+            raise ValueError(f"workers = {self.workers!r}; allowed: a whole number >= 1")
+        if self.timeout is not None and not (math.isfinite(self.timeout) and self.timeout > 0.0):
+            raise ValueError(f"timeout = {self.timeout!r}; allowed: a finite number of seconds > 0")
+
+    def missing(
+        self,
+        tasks: Mapping[str, SweepTask],
+        endings: Mapping[str, Ending],
+        store: Store,
+        elsewhere: Elsewhere | None,
+    ) -> dict[str, str]:
+        """Run the tasks that the store lacks, with ``retry`` also those that crashed or timed out.
+
+        ``tasks`` are by their content hashes, ``endings`` by keys; the keys of the records of all tasks.
+        """
+        stored = store.keys_of(tasks, self.mix_environments, elsewhere)
+        ended = {content: endings[key] for content, key in stored.items()}
+        found = {content: end for content, end in ended.items() if not (self.retry and end.status in TRANSIENT)}
+        if missing := {content: task for content, task in tasks.items() if content not in found}:
+            backend = self.pool or _backend(self.workers, self.cluster, self.mix_environments)
+            sweep = _Sweep(missing, found, store, self.retry, self.progress or (lambda _: None), self.mix_environments)
+            sweep.run(backend, self.timeout)
+            stored = store.keys_of(tasks, self.mix_environments)
+        return stored
 
 
-def _backend(workers: int, cluster: str | None) -> Backend:
-    return LocalWorkers(workers) if cluster is None else DaskCluster(cluster)
+def _backend(workers: int, cluster: str | None, mix_environments: bool) -> Backend:
+    return LocalWorkers(workers) if cluster is None else DaskCluster(cluster, mix_environments)
 
 
 class Pool:
@@ -122,19 +152,22 @@ class Pool:
         run_trials(others, store, pool=pool)
     """
 
-    def __init__(self, workers: int = 1, cluster: str | None = None) -> None:
-        """ValueError for fewer workers than one, and for the address of a cluster that does not answer."""
+    def __init__(self, workers: int = 1, cluster: str | None = None, mix_environments: bool = False) -> None:
+        """ValueError for fewer workers than one, and for the address of a cluster that does not answer.
+
+        With ``mix_environments`` workers of the cluster may compute in another environment.
+        """
         if workers < 1:
             raise ValueError(f"workers = {workers!r}; allowed: a whole number >= 1")
-        self._backend = _backend(workers, cluster)
-        self._running: set[str] = set()  # keys
+        self._backend = _backend(workers, cluster, mix_environments)
+        self._running: set[str] = set()  # content hashes
 
     def start(self, tasks: Mapping[str, SweepTask], timeout: float | None, report: Callable[[Message], None]) -> None:
         self._running = set(tasks)
 
         def reported(message: Message) -> None:
             if isinstance(message, Ended):
-                self._running.discard(message.key)
+                self._running.discard(message.origin.content)
             report(message)
 
         self._backend.start(tasks, timeout, reported)
@@ -166,8 +199,10 @@ class _Sweep:
         store: Store,
         retry: bool,
         progress: Callable[[Progress], None],
+        mix_environments: bool,
     ) -> None:
         self._tasks, self._store, self._retry, self._progress = tasks, store, retry, progress
+        self._mix_environments = mix_environments
         self._pending = set(tasks)
         total = len(tasks) + len(found)
         self._now = _counted(Progress(total, len(found), len(found), 0, 0, False), found.values())
@@ -195,11 +230,17 @@ class _Sweep:
             backend.stop()
 
     def _take(self, messages: Sequence[Message]) -> None:
-        """Commit what has ended, and count it, once though it may be taken twice."""
+        """Commit what has ended, and count it, once though it may be taken twice.
+
+        OtherEnvironmentError for what was computed in another environment, unless environments are mixed.
+        """
         ended = [message for message in messages if isinstance(message, Ended)]
         self._store.add(*ended, retried=self._retry)
-        new = [record for record in ended if record.key in self._pending]
-        self._pending.difference_update(record.key for record in new)
+        other = next((record.origin for record in ended if record.origin.digest != environment_digest()), None)
+        if other is not None and not self._mix_environments:
+            raise OtherEnvironmentError.of(difference(other.environment))
+        new = [record for record in ended if record.origin.content in self._pending]
+        self._pending.difference_update(record.origin.content for record in new)
         now = _counted(self._now, [Ending(record.status, record.success) for record in new])
         self._now = replace(now, done=now.total - len(self._pending), compiling=now.compiling or None in messages)
         self._progress(self._now)
@@ -239,8 +280,8 @@ class LocalWorkers:
         def work(worker: Worker) -> None:
             try:
                 while True:
-                    key, task = waiting.get_nowait()
-                    report(worker.run(task, key, timeout, compiling=lambda: report(None)))
+                    content, task = waiting.get_nowait()
+                    report(worker.run(task, content, timeout, compiling=lambda: report(None)))
             except (Empty, StoppedError):
                 pass
             except BaseException as error:

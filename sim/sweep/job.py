@@ -1,22 +1,26 @@
 """A job: a call of a module-level function with plain arguments, for computations that are no scenario.
 
-The key of a job is the content hash of the function's place, the arguments, the seed and the installed sources, so a
-result in a store is that of this very call. A result is plain data, dataclasses of it, and arrays
-(``mathnavi.sim.records.encoding``). A duration is returned as a ``MeasuredTime``, which a store keeps apart.
+The key of a job is the hash of the function's place, the arguments and what is in files that they name, the seed, the
+installed sources and the environment, so a result in a store is that of this very call. A result is plain data,
+dataclasses of it, and arrays (``mathnavi.sim.records.encoding``). A duration is returned as a ``MeasuredTime``, which a
+store keeps apart.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from mathnavi.sim.interfaces.input_files import argument_digests
+from mathnavi.sim.plugin.code_version import code_version
+from mathnavi.sim.records.computing_environment import environment, in_environment
 from mathnavi.sim.records.encoding import Encoded, at_place, decoded, encoded, place_of
 from mathnavi.sim.records.jobs import JobRecord
+from mathnavi.sim.records.origins import Origin
 from mathnavi.sim.records.store import canonical_json
-from mathnavi.sim.sweep.code import code_version
 
 
 @dataclass(frozen=True)
@@ -35,10 +39,16 @@ class Job:
         return code_version(at_place(self.function))
 
     @property
-    def key(self) -> str:
-        """The content hash of function, arguments, seed and code."""
-        called = canonical_json([self.function, self.arguments, self.seed, self.code])
+    def content(self) -> str:
+        """The hash of function, arguments, what is in files that they name, seed and code."""
+        inputs = argument_digests(decoded(Encoded(json.loads(self.arguments))))
+        called = canonical_json([self.function, self.arguments, inputs, self.seed, self.code])
         return hashlib.sha256(called.encode()).hexdigest()
+
+    @property
+    def key(self) -> str:
+        """The hash of the content and of the environment of this process."""
+        return in_environment(self.content)
 
     def call(self) -> Any:
         """Call the function in this process, and return what it returns."""
@@ -52,7 +62,7 @@ class Job:
 
     def record(
         self,
-        key: str,
+        content: str,
         status: str,
         *,
         result: str | None = None,
@@ -60,9 +70,10 @@ class Job:
         timings: Mapping[str, float | None] | None = None,
         error: str | None = None,
     ) -> JobRecord:
-        """The record of how it ended."""
-        called = (key, self.function, self.arguments, self.seed, self.code)
-        return JobRecord(*called, status, result, arrays, dict(timings or {}), error)
+        """The record of how it ended in this process, under the key that it has here."""
+        called = (in_environment(content), self.function, self.arguments, self.seed, self.code)
+        origin = Origin(content, environment())
+        return JobRecord(*called, status, result, arrays, dict(timings or {}), error, origin)
 
 
 def job(function: Callable[..., Any], *arguments: Any, seed: int = 0, **named: Any) -> Job:
@@ -77,11 +88,6 @@ def job(function: Callable[..., Any], *arguments: Any, seed: int = 0, **named: A
     if coded.arrays is not None or coded.timings:
         raise TypeError(f"{place_of(function)}: an argument is a large array or a timing; allowed: plain data")
     return Job(place_of(function), _text(coded.tree), seed)
-
-
-def job_keys(jobs: Sequence[Job]) -> list[str]:
-    """The keys of many jobs."""
-    return [each.key for each in jobs]
 
 
 def _text(tree: Any) -> str:

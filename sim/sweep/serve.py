@@ -2,8 +2,8 @@
 
 It hears on a connection of its own, so nothing that a plug-in prints can be taken for an answer:
 
-    parent -> child     the pickled pair (task, key)
-    child -> parent     ("refused", why)                 its code or its files are not those that the key stands for
+    parent -> child     the pickled pair (task, content)
+    child -> parent     ("refused", why)                 its code or its files are not those that the hash stands for
                         ("began", None)                  from here on time counts
                         ("compiling", True or False)     numba has begun, or ended; this does not count
                         ("ended", record)
@@ -76,8 +76,8 @@ def _hear(connection: Connection[Any, Any], requests: SimpleQueue[bytes]) -> Non
 def _answer(request: bytes, send: Send) -> None:
     try:
         task: SweepTask
-        task, key = pickle.loads(request)
-        same = task.key == key
+        task, content = pickle.loads(request)
+        same = task.content == content
     except Exception as error:
         send("refused", f"a worker cannot read the task: {type(error).__name__}: {error}")
         return
@@ -90,14 +90,14 @@ def _answer(request: bytes, send: Send) -> None:
     loaded = "numba" in sys.modules
     with compilation_reported(lambda compiling: send("compiling", compiling)) if loaded else nullcontext():
         send("began", None)
-        record = _run(task, key)
+        record = _run(task, content)
     for stream in (sys.stdout, sys.stderr):  # so that what this task printed is not taken for the next one's
         with suppress(Exception):
             stream.flush()
     send("ended", record)
 
 
-def _run(task: SweepTask, key: str) -> Ended:
+def _run(task: SweepTask, content: str) -> Ended:
     began = time.perf_counter()
     timings: dict[str, float | None] = {}
     try:
@@ -106,5 +106,5 @@ def _run(task: SweepTask, key: str) -> Ended:
         ended: dict[str, Any] = {"status": "ok", **performed}
     except BaseException:  # of a plug-in, whatever it is: it ends the task and not this process
         ended = {"status": "raised", "error": comparable(traceback.format_exc())}
-    record: Ended = task.record(key, timings={**timings, task.WALL_TIME: time.perf_counter() - began}, **ended)
+    record: Ended = task.record(content, timings={**timings, task.WALL_TIME: time.perf_counter() - began}, **ended)
     return record

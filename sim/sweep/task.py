@@ -21,8 +21,8 @@ class SweepTask(Protocol):
     def seed(self) -> int: ...
 
     @property
-    def key(self) -> str:
-        """The content hash of what is computed, its arguments, its seed and the installed sources."""
+    def content(self) -> str:
+        """The hash of what is computed, its arguments, its seed and the installed sources."""
         ...
 
     @property
@@ -36,7 +36,7 @@ class SweepTask(Protocol):
 
     @property
     def record(self) -> Callable[..., Any]:
-        """Makes the record of how it ended, of a key, a status, and the fields of ``perform`` or an ``error``."""
+        """Makes the record of how it ended: of a content hash, a status, and the fields of ``perform`` or ``error``."""
         ...
 
 
@@ -44,7 +44,7 @@ class Backend(Protocol):
     """Runs tasks somewhere, and reports each as it ends, from threads of its own."""
 
     def start(self, tasks: Mapping[str, SweepTask], timeout: float | None, report: Callable[[Message], None]) -> None:
-        """Begin; ``tasks`` by their keys, each with at most ``timeout`` [s]."""
+        """Begin; ``tasks`` by their content hashes, each with at most ``timeout`` [s]."""
         ...
 
     def stop(self) -> None:

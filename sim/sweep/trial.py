@@ -1,7 +1,7 @@
 """One trial: a scenario with its plug-ins, every field resolved, and a seed. Its key is the hash of its content.
 
-A scenario may have a static ``inputs(config) -> dict[str, str]``: for each field, by its dotted name, that names a
-file, the digest of what is in the file. A digest depends on that field only. In the key it stands for the field.
+In the key, the digest of what is in a file stands for the field that names it
+(``mathnavi.sim.interfaces.input_files``), and the environment that it is computed in is part of it.
 
 A trial may name a measure, a function at "package.module:function" that makes figures of the ``RunResult``, which holds
 the whole log. They join the summary, and only they are kept of it.
@@ -17,11 +17,14 @@ from functools import cache
 from typing import Any, ClassVar
 
 from mathnavi.sim.interfaces.fields import leaf, plain, with_fields
+from mathnavi.sim.interfaces.input_files import Digests, declared_inputs, named_plugins, run_inputs
+from mathnavi.sim.plugin.code_version import code_version
 from mathnavi.sim.plugin.registry import PluginSpec, load
+from mathnavi.sim.records.computing_environment import environment, in_environment
 from mathnavi.sim.records.figure_names import is_wall_clock
+from mathnavi.sim.records.origins import Origin
 from mathnavi.sim.records.store import Record, canonical_json
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
-from mathnavi.sim.sweep.code import code_version
 
 LARGEST_SEED = 2**63 - 1  # that a store has room for
 
@@ -48,8 +51,7 @@ class Trial:
     @property
     def parameters(self) -> dict[str, Any]:
         """All resolved fields as plain data, and the digests of the files that fields name."""
-        plugin = _plugin("scenarios", self.scenario)
-        return self._parameters(plugin.inputs(self.config) if hasattr(plugin, "inputs") else {})
+        return self._parameters(run_inputs(*self._configs))
 
     @property
     def code(self) -> str:
@@ -59,12 +61,18 @@ class Trial:
             _plugin("controllers", self.controller),
             _plugin("estimators", self.estimator),
             *([_function(self.measure)] if self.measure else []),
+            *(plugin for config in self._configs for plugin in named_plugins(config)),
         )
 
     @property
+    def content(self) -> str:
+        """The hash of scenario, parameters, seed and code."""
+        return contents([self])[0]
+
+    @property
     def key(self) -> str:
-        """The content hash of scenario, parameters, seed and code."""
-        return keys([self])[0]
+        """The hash of the content and of the environment of this process."""
+        return in_environment(self.content)
 
     def build(self) -> ClosedLoop:
         """The closed loop, ready to run; ValueError as the scenario has it."""
@@ -98,7 +106,7 @@ class Trial:
 
     def record(
         self,
-        key: str,
+        content: str,
         status: str,
         *,
         success: bool | None = None,
@@ -106,13 +114,18 @@ class Trial:
         timings: Mapping[str, float | None] | None = None,
         error: str | None = None,
     ) -> Record:
-        """The record of how it ended."""
-        named = (key, self.scenario, self.parameters, self.seed, self.code)
-        return Record(*named, status, success, dict(summary or {}), dict(timings or {}), error)
+        """The record of how it ended in this process, under the key that it has here."""
+        named = (in_environment(content), self.scenario, self.parameters, self.seed, self.code)
+        origin = Origin(content, environment())
+        return Record(*named, status, success, dict(summary or {}), dict(timings or {}), error, origin)
 
     def renamed(self, record: Record) -> Record:
         """The record of a trial of the same key, with files named as they are here."""
         return replace(record, parameters=self._parameters(record.parameters["inputs"]))
+
+    @property
+    def _configs(self) -> tuple[Any, Any, Any]:
+        return self.config, self.controller_config, self.estimator_config
 
     def _parameters(self, inputs: Mapping[str, str]) -> dict[str, Any]:
         return {
@@ -123,11 +136,21 @@ class Trial:
             **({"measure": self.measure} if self.measure else {}),
         }
 
-    def _key(self, inputs: Mapping[str, str]) -> str:
+    def _content(self, inputs: Mapping[str, str]) -> str:
         parameters = self._parameters(inputs)
-        for name in inputs:  # what is in a file counts, not where it lies
-            *above, last = name.split(".")
-            holder = parameters["config"]
+        places = {
+            "planner": parameters["controller"]["fields"],
+            "estimator": parameters["estimator"]["fields"],
+        }
+        declared = {
+            *declared_inputs(self.config),
+            *declared_inputs(self.controller_config, "planner."),
+            *declared_inputs(self.estimator_config, "estimator."),
+        }
+        for name in declared & set(inputs):  # what is in a file counts, not where it lies
+            first, *rest = name.split(".")
+            holder = places[first] if first in places else parameters["config"]
+            *above, last = rest if first in places else (first, *rest)
             for part in above:
                 holder = holder[part]
             del holder[last]
@@ -179,24 +202,29 @@ def trial(
 
 
 def keys(trials: Sequence[Trial]) -> list[str]:
-    """The keys of many trials, without building any of them; each file that they name is read once."""
-    named: dict[str, tuple[str, ...]] = {}  # by scenario: the fields that name files
-    digests: dict[tuple[str, ...], dict[str, str]] = {}  # by scenario and what those fields say
+    """The keys of many trials in the environment of this process; errors as of ``contents``."""
+    return [in_environment(content) for content in contents(trials)]
 
-    def place(trial: Trial) -> tuple[str, ...]:
-        return (trial.scenario, *(repr(leaf(trial.config, name)) for name in named[trial.scenario]))
 
-    def inputs(trial: Trial) -> dict[str, str]:
-        plugin = _plugin("scenarios", trial.scenario)
-        if not hasattr(plugin, "inputs"):
-            return {}
-        if trial.scenario not in named or place(trial) not in digests:
-            found = plugin.inputs(trial.config)
-            named[trial.scenario] = tuple(found)
-            digests[place(trial)] = found
-        return digests[place(trial)]
+def contents(trials: Sequence[Trial]) -> list[str]:
+    """The content hashes of many trials, without building any of them; each file that they name is read once.
 
-    return [trial._key(inputs(trial)) for trial in trials]
+    Raises what the digest of a field does, FileNotFoundError for a file that is not there for one.
+    """
+    known: Digests = {}
+    return [each._content(run_inputs(*each._configs, known)) for each in trials]
+
+
+def named_files(trials: Sequence[Trial]) -> dict[tuple[str, str], str]:
+    """Digest of each file that trials name, by the name of the field and its value; errors as of ``contents``."""
+    known: Digests = {}
+    found: dict[tuple[str, str], str] = {}
+    for each in trials:
+        parts = {"planner": each.controller_config, "estimator": each.estimator_config}
+        for name, digest in run_inputs(*each._configs, known).items():
+            first, _, rest = name.partition(".")
+            found[name, str(leaf(*((parts[first], rest) if first in parts else (each.config, name))))] = digest
+    return found
 
 
 @cache

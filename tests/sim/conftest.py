@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,9 @@ import pytest
 
 from mathnavi.models.terrain.dem import write_npz
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.sweep import code, execution
+from mathnavi.sim.plugin import code_version as code
+from mathnavi.sim.records import computing_environment
+from mathnavi.sim.sweep import execution
 from tests.sim.here import Here
 
 
@@ -40,3 +43,16 @@ def sources_as_they_are() -> None:
     """Tests may run while somebody writes: a sweep that begins now is of the sources as they are now."""
     code._own.cache_clear()
     code._stranger.cache_clear()
+
+
+@pytest.fixture
+def elsewhere(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], None]]:
+    """A function after which this process computes with another version of NumPy, as it seems."""
+    here = computing_environment.versions()
+
+    def move(version: str) -> None:
+        monkeypatch.setattr(computing_environment, "versions", lambda: {**here, "numpy": version})
+        computing_environment.environment.cache_clear()
+
+    yield move
+    computing_environment.environment.cache_clear()

@@ -16,11 +16,11 @@ class Here:
     def __init__(self) -> None:
         self._stopped = False
 
-    def run(self, task: SweepTask, key: str, timeout: float | None, compiling: Callable[[], None]) -> Ended:
+    def run(self, task: SweepTask, content: str, timeout: float | None, compiling: Callable[[], None]) -> Ended:
         if self._stopped:
             raise StoppedError
         assert timeout is None
-        return serve._run(pickle.loads(pickle.dumps(task)), key)
+        return serve._run(pickle.loads(pickle.dumps(task)), content)
 
     def stop(self) -> None:
         self._stopped = True

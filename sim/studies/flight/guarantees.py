@@ -119,7 +119,7 @@ class Guarantees:
         }
         first = next(iter(CONDITIONS))
         timed = [trials[first, planner, seed] for planner in PLANNERS for seed in seeds[: config.timed]]
-        spent = setup.perform([job(planning_ms, mission, mission.key, seed=mission.seed) for mission in timed])
+        spent = setup.perform([job(planning_ms, mission, mission.content, seed=mission.seed) for mission in timed])
         cpu = dict(zip(PLANNERS, np.reshape(spent, (len(PLANNERS), -1)).mean(axis=1).tolist(), strict=True))
         rows = [_row(*cell, records, cpu[cell[1]]) for cell, records in cells.items()]
         tuning_rows = [
@@ -237,10 +237,10 @@ class TimedPlanner:
         return plan
 
 
-def planning_ms(mission: Trial, key: str) -> MeasuredTime:
-    """A job: mean CPU time [ms] of a planner's calls at the beginning of a mission, whose key is ``key``."""
-    if mission.key != key:
-        raise ValueError(f"trial {key} is now {mission.key}; allowed: sources and files as they were")
+def planning_ms(mission: Trial, content: str) -> MeasuredTime:
+    """A job: mean CPU time [ms] of a planner's calls at the beginning of a mission; ``content`` is its hash."""
+    if mission.content != content:
+        raise ValueError(f"trial {content} is now {mission.content}; allowed: sources and files as they were")
     loop = mission.build()
     agent = loop.agents[VEHICLE]
     planner = TimedPlanner(agent.planner)

@@ -28,8 +28,10 @@ from mathnavi.renders.study_report import StudyPage, Table, write_study_report
 from mathnavi.renders.terrain_view import Track
 from mathnavi.sim.interfaces.errors import TerrainError
 from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.records.computing_environment import environment
 from mathnavi.sim.records.figure_names import is_wall_clock
 from mathnavi.sim.records.files import write_bytes, write_json, write_text
+from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.statistics import Band, supported_band
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.records.sweep_data import figures
@@ -77,6 +79,8 @@ class Setup:
     workers: int = 1
     progress: Callable[[Progress], None] | None = None
     cluster: str | None = None  # address of a Dask scheduler whose workers take the place of this machine's
+    mix_environments: bool = False  # results that are stored from another computing environment count too
+    elsewhere: Elsewhere = field(default_factory=Elsewhere)  # counts of those
 
     @cached_property
     def ground(self) -> HeightField:
@@ -101,8 +105,9 @@ class Setup:
         StudyError if a trial did not run to its end: a table over what is left would not be the one it claims to be.
         """
         records = run_trials(
-            trials, self.store, workers=self.workers, cluster=self.cluster, progress=self.progress, retry=True
-        )
+            trials, self.store, workers=self.workers, cluster=self.cluster, progress=self.progress, retry=True,
+            mix_environments=self.mix_environments, elsewhere=self.elsewhere,
+        )  # fmt: skip
         for record in records:
             if record.status != "ok":
                 raise StudyError(
@@ -131,8 +136,9 @@ class Setup:
     def perform(self, jobs: Sequence[Job]) -> list[Any]:
         """The results of the jobs, in their order, as ``compute`` has them."""
         records = run_jobs(
-            jobs, self.store, workers=self.workers, cluster=self.cluster, progress=self.progress, retry=True
-        )
+            jobs, self.store, workers=self.workers, cluster=self.cluster, progress=self.progress, retry=True,
+            mix_environments=self.mix_environments, elsewhere=self.elsewhere,
+        )  # fmt: skip
         for record in records:
             if record.status != "ok":
                 last = _last_line(record.error)
@@ -141,7 +147,7 @@ class Setup:
 
     def flown(self, missions: Mapping[Key, Trial]) -> dict[Key, RunResult]:
         """The runs of some missions with their logs, for pictures, without processor and wall-clock times."""
-        made = [job(logged_run, mission, mission.key, seed=mission.seed) for mission in missions.values()]
+        made = [job(logged_run, mission, mission.content, seed=mission.seed) for mission in missions.values()]
         return dict(zip(missions, self.perform(made), strict=True))
 
 
@@ -151,13 +157,13 @@ def call(function: Callable[..., Any], argument: Any, **named: Any) -> Job:
     return job(function, argument, seed=seed if type(seed) is int else 0, **named)
 
 
-def logged_run(mission: Trial, key: str) -> RunResult:
-    """A job: the run of a mission, its log and all; ``key`` is the mission's, so that files it names count too.
+def logged_run(mission: Trial, content: str) -> RunResult:
+    """A job: the run of a mission, its log and all; ``content`` is the hash of all that the mission depends on.
 
     Left out are processor and wall-clock times, and the solver's, which no other run repeats.
     """
-    if mission.key != key:
-        raise ValueError(f"trial {key} is now {mission.key}; allowed: sources and files as they were")
+    if mission.content != content:
+        raise ValueError(f"trial {content} is now {mission.content}; allowed: sources and files as they were")
     outcome = mission.flown()
     agents = {
         name: replace(agent, solve_ms=[], plans=[(t, replace(plan, solve_ms=np.nan)) for t, plan in agent.plans])
@@ -256,6 +262,8 @@ def write_result(
         "claims": [asdict(claim) for claim in findings.claims],
         "command": command,
         "first_look": small,
+        "environment": dict(environment()),
+        "from_other_environments": setup.elsewhere.taken.total(),
     }
     write_json(folder / f"{name}.json", document)
 

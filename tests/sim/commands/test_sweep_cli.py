@@ -26,6 +26,7 @@ import pytest
 from mathnavi.models.terrain.dem import write_npz
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.commands.cli import main
+from mathnavi.sim.interfaces.input_files import content_digest
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.sweep import cluster
 from mathnavi.sim.sweep.trial import LARGEST_SEED
@@ -241,6 +242,55 @@ def test_a_map_under_another_name_is_the_same_map(
     assert str(copy) not in page
     copy.unlink()
     assert sweep(*mission, "--trials", "1", "--store", str(path), "--report") == 0
+
+
+@pytest.mark.usefixtures("trials_here")
+def test_trials_of_another_environment_are_told_apart_and_mixed_on_request(
+    path: Path, capsys: pytest.CaptureFixture[str], elsewhere: Callable[[str], None]
+) -> None:
+    words = (COIN, "--store", str(path), "--trials", "2")
+    assert sweep(*words) == 0
+    elsewhere("9.9")
+    capsys.readouterr()
+    assert sweep(*words, "--mix-environments", "--report") == 0
+    said = capsys.readouterr().err
+    assert "2 of 2 trials are already" in said
+    assert "(here 9.9): 2; they agree" in said
+    page = path.with_suffix(".html").read_text(encoding="utf-8")
+    assert "2 of 2 were run in another environment" in page
+    assert len(records(path)) == 2
+    assert sweep(*words) == 0
+    said = capsys.readouterr().err
+    assert "0 of 2 trials are already" in said
+    assert "--mix-environments takes them" in said
+    assert len(records(path)) == 4
+    assert main(["store", "show", str(path)]) == 0
+    shown = capsys.readouterr().out
+    assert "2 of 4 trials come from another environment" in shown
+    assert shown.count("2 trials: ") == 2
+    assert "environment as here" in shown
+
+
+@pytest.mark.usefixtures("trials_here")
+def test_a_file_that_has_changed_is_another_trial_and_is_named(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = tmp_path / "table"
+    words = (COIN, "--store", str(path), "--trials", "2", "--table", str(table))
+    digests = []
+    for content in ("one", "other"):
+        table.write_text(content)
+        digests.append(content_digest(table))
+        assert sweep(*words) == 0
+    said = capsys.readouterr().err
+    assert f"table = {table} has changed since 2 of the stored trials" in said
+    for digest in digests:
+        assert digest[:12] in said
+    assert len(records(path)) == 4
+    assert main(["store", "show", str(path)]) == 0
+    shown = capsys.readouterr().out
+    assert all(f"table with digest {digest}" in shown for digest in digests)
+    assert shown.count("2 trials: ") == 2
 
 
 @pytest.mark.usefixtures("trials_here")

@@ -18,6 +18,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mathnavi.sim.interfaces.fields import plain
 from mathnavi.sim.records.store import APPLICATION, SCHEMA, STATUSES, Record, Store, StoreWriteError, canonical_json
 
 
@@ -346,7 +347,7 @@ def test_the_table_has_a_line_a_trial_and_a_column_a_figure(path: Path, tmp_path
     assert first == {**first, **expected}
     assert second == {**second, "key": "b", "success": "", "path_m": "", "error": failed.error}
     lines = [json.loads(line) for line in (tmp_path / "table.jsonl").read_text(encoding="utf-8").splitlines()]
-    assert lines == [vars(record("a")), vars(failed)]
+    assert lines == [plain(record("a")), plain(failed)]
 
 
 def test_a_figure_with_the_name_of_a_field_has_a_column_of_its_own(path: Path, tmp_path: Path) -> None:

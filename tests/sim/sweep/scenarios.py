@@ -9,9 +9,19 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+
+from mathnavi.sim.interfaces.input_files import InputFile, content_digest
+
+DIGESTED: list[str] = []  # files whose digests were made
+
+
+def digest(place: str) -> str:
+    """Digest of a file, of which note is taken."""
+    DIGESTED.append(place)
+    return content_digest(place)
 
 
 @dataclass(frozen=True)
@@ -41,6 +51,7 @@ class CoinConfig:
     refuse_gain: float = 1e9  # of the controller, from which the coin cannot be built
     chatter: bool = False
     marks: str = ""  # a folder in which every trial that begins leaves a file
+    table: Annotated[str, InputFile(digest)] = ""
     part: Part = field(default_factory=Part)
 
 

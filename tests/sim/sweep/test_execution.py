@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.sim.plugin import code_version as code
+from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.store import Record, Store, StoreWriteError
-from mathnavi.sim.sweep import code
 from mathnavi.sim.sweep.child import RefusedError, Worker, module_path
-from mathnavi.sim.sweep.execution import Pool, Progress, run_trials
+from mathnavi.sim.sweep.execution import Pool, Progress, run_jobs, run_trials
+from mathnavi.sim.sweep.job import job
 from mathnavi.sim.sweep.trial import Trial, keys, trial
-from tests.sim.sweep.scenarios import SLOW, Coin
+from tests.sim.sweep.computations import returned
+from tests.sim.sweep.scenarios import SLOW
 
 COIN = "tests.sim.sweep.scenarios:Coin"
 MISHAPS: dict[str, Any] = {
@@ -135,15 +138,14 @@ def test_records_name_files_as_they_were_asked_for(
 ) -> None:
     files = [tmp_path / "one", tmp_path / "other"]
     for file in files:
-        file.mkdir()
-    monkeypatch.setattr(Coin, "inputs", staticmethod(lambda config: {"marks": "the same"}), raising=False)
+        file.write_text("the same")
     monkeypatch.setattr("mathnavi.sim.sweep.trial.code_version", lambda *_: "any")
-    one, other = (coins(1, marks=str(file))[0] for file in files)
+    one, other = (coins(1, table=str(file))[0] for file in files)
     assert one.key == other.key
-    store.add(one.record(one.key, "ok", success=True))
+    store.add(one.record(one.content, "ok", success=True))
     for asked in (one, other):
         (record,) = run_trials([asked], store)
-        assert record.fields["marks"] == asked.config.marks
+        assert record.fields["table"] == asked.config.table
 
 
 def test_progress_counts_what_failed_before_too(store: Store) -> None:
@@ -194,14 +196,14 @@ def test_a_child_from_before_a_change_of_the_sources_is_replaced(
     file.write_text("from tests.sim.sweep.scenarios import Coin\n\nclass Penny(Coin):\n    pass\n")
     monkeypatch.syspath_prepend(tmp_path)
     penny = trial(f"{name}:Penny")
-    before = penny.key
+    before = penny.content
     worker = Worker(module_path())
     try:
         assert worker.run(penny, before).status == "ok"
         file.write_text(f"{file.read_text()}# changed\n")
         code._stranger.cache_clear()
-        assert penny.key != before
-        assert worker.run(penny, penny.key).status == "ok"
+        assert penny.content != before
+        assert worker.run(penny, penny.content).status == "ok"
     finally:
         worker.close()
 
@@ -285,3 +287,32 @@ def test_children_end_with_their_parent(tmp_path: Path) -> None:
     while any(map(is_running, children)) and time.monotonic() < until:
         time.sleep(0.05)
     assert not any(map(is_running, children))
+
+
+@pytest.mark.usefixtures("trials_here")
+def test_results_of_another_environment_are_computed_anew_unless_they_are_mixed(
+    store: Store, elsewhere: Callable[[str], None]
+) -> None:
+    there = run_trials(coins(3), store)
+    jobs = [job(returned, k) for k in range(2)]
+    called = run_jobs(jobs, store)
+    elsewhere("9.9")
+    counts = Elsewhere()
+    mixed = run_trials(coins(3), store, mix_environments=True, elsewhere=counts)
+    assert comparable(mixed) == comparable(there)
+    assert counts.taken.total() == 3
+    assert run_jobs(jobs, store, mix_environments=True) == called
+    here = run_trials(coins(4), store, elsewhere=counts)
+    assert counts.left.total() == 3
+    assert not {record.key for record in here} & {record.key for record in there}
+    assert [record.summary for record in here[:3]] == [record.summary for record in there]
+    assert len(store.keys()) == 7
+    assert {record.key for record in run_jobs(jobs, store)}.isdisjoint(record.key for record in called)
+
+
+def test_a_worker_in_another_environment_is_refused(store: Store, elsewhere: Callable[[str], None]) -> None:
+    elsewhere("9.9")  # the child computes with the version that is installed
+    with pytest.raises(RefusedError, match=r"in another environment, numpy .* \(here 9\.9\).*--mix-environments"):
+        run_trials(coins(1), store)
+    (record,) = run_trials(coins(1), store, mix_environments=True)
+    assert record.origin.environment["numpy"] != "9.9"

@@ -17,10 +17,10 @@ import pytest
 from mathnavi.models.terrain.dem import write_npz
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
+from mathnavi.sim.plugin.code_version import code_version
 from mathnavi.sim.plugin.registry import load
-from mathnavi.sim.sweep.code import code_version
 from mathnavi.sim.sweep.trial import LARGEST_SEED, Trial, keys, trial
-from tests.sim.sweep.scenarios import Coin, CoinConfig
+from tests.sim.sweep.scenarios import DIGESTED, Coin, CoinConfig
 
 COIN = "tests.sim.sweep.scenarios:Coin"
 NOBODY = "tests.sim.sweep.scenarios:Nobody"
@@ -99,19 +99,16 @@ def test_a_file_counts_by_what_is_in_it_and_not_by_its_place(hills: Path, tmp_pa
     assert trial(terrain=str(tmp_path / "copy.npz")).key != first.key
 
 
-def test_keys_are_made_without_building_anything(monkeypatch: pytest.MonkeyPatch) -> None:
-    measured: list[float] = []
-
-    def inputs(config: CoinConfig) -> dict[str, str]:
-        measured.append(config.part.share)
-        return {"part.share": f"digest of {config.part.share}"}
-
+def test_keys_are_made_without_building_anything(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    files = [str(tmp_path / name) for name in ("one", "other")]
+    for file in files:
+        Path(file).write_text(file)
     monkeypatch.setattr(Coin, "build", None)
-    monkeypatch.setattr(Coin, "inputs", staticmethod(inputs), raising=False)
-    trials = [trial(COIN, seed, fields={"part.share": share}) for seed in range(50) for share in (0.25, 0.75)]
+    trials = [trial(COIN, seed, table=file) for seed in range(50) for file in files]
+    DIGESTED.clear()
     made = keys(trials)
     assert len(set(made)) == 100
-    assert sorted(measured) == [0.25, 0.75]
+    assert files == DIGESTED
     assert made == [one.key for one in trials]
 
 

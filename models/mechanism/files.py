@@ -1,0 +1,59 @@
+"""The files that a mechanism is read from: its MJCF, what that includes, and every mesh, texture and height field.
+
+MuJoCo names a file in an attribute ``file``, ``filename`` or ``fileup`` and the like, of an ``<include>``, an asset, a
+``<model>`` that is attached or a ``<flexcomp>``, relative to the folder of the first file, of the including one or of
+the assets (``meshdir``, ``texturedir``, ``assetdir``), with or without the folders in the name (``strippath``). Each
+place where it may lie is tried, and each file that is there counts: one too many makes results anew, one too few would
+take old results for new ones.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from html import unescape
+from os.path import normpath, relpath
+from pathlib import Path
+
+from mathnavi.sim.interfaces.input_files import digest_of
+
+_NAMED = re.compile(r"""\bfile\w*\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+_FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+
+
+def files_of(mjcf: Path) -> dict[str, bytes]:
+    """Contents of an MJCF file and of every file that it names, by their paths from its folder; its own is "".
+
+    Raises OSError for a file that cannot be read.
+    """
+    mjcf = Path(normpath(mjcf))
+    contents = {mjcf: mjcf.read_bytes()}
+    texts = {mjcf: contents[mjcf].decode(errors="replace")}
+    while found := [path for path in _named(mjcf, texts) if path not in contents]:
+        for path in dict.fromkeys(found):
+            contents[path] = path.read_bytes()
+            if contents[path].lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+                texts[path] = contents[path].decode(errors="replace")
+    return {"" if path == mjcf else Path(relpath(path, mjcf.parent)).as_posix(): contents[path] for path in contents}
+
+
+def files_digest(mjcf: Path) -> str:
+    """SHA-256 of ``files_of``: of what is in the files, and of how they lie to each other."""
+    return digest_of(files_of(mjcf))
+
+
+def _named(mjcf: Path, texts: dict[Path, str]) -> Iterator[Path]:
+    """Every file that some MJCF texts may name, in each place where MuJoCo may find it."""
+    folders = list(dict.fromkeys(path.parent for path in texts))
+    assets = [name for text in texts.values() for name in _values(_FOLDER, text)]
+    places = list(dict.fromkeys([*folders, *(folder / name for folder in folders for name in assets)]))
+    for text in texts.values():
+        for name in _values(_NAMED, text):
+            for place in places:
+                for path in (place / name, place / Path(name.replace("\\", "/")).name):
+                    if path.is_file():
+                        yield Path(normpath(path))
+
+
+def _values(pattern: re.Pattern[str], text: str) -> list[str]:
+    return [unescape(one or other) for one, other in pattern.findall(text) if one or other]

@@ -1,0 +1,200 @@
+"""Fields that name files, and the digests by which their contents enter keys and records.
+
+::
+
+    @configuration
+    class MapConfig:
+        terrain: TerrainPlace = "tian_shan"               # Annotated[str, InputFile(heights_digest)]
+        table: Annotated[Path | None, InputFile()] = None
+
+A result depends on what is in a file, not on where it lies. The mark ``InputFile`` declares that with the field, so
+that no scenario, plug-in or study has to do anything else: ``input_digests`` finds every marked field of a
+configuration. A ``Path`` or a text without a mark counts too where it is the path of a file that is there, and its name
+remains in the key.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
+
+
+def content_digest(place: str | Path) -> str:
+    """SHA-256 of the content of a file, in hexadecimal, or of every file in a folder with its place in there.
+
+    Raises FileNotFoundError where there is neither.
+    """
+    path = Path(place)
+    if path.is_dir():
+        files = [each for each in path.rglob("*") if each.is_file()]
+        return digest_of({each.relative_to(path).as_posix(): each.read_bytes() for each in files})
+    if not path.is_file():
+        raise FileNotFoundError(f"{place}: no such file; allowed: a file that can be read")
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def digest_of(contents: Mapping[str, bytes]) -> str:
+    """SHA-256 of several contents with their names, in hexadecimal, whatever their order."""
+    digest = hashlib.sha256()
+    for name in sorted(contents):
+        digest.update(f"{name}\0{hashlib.sha256(contents[name]).hexdigest()}\n".encode())
+    return digest.hexdigest()
+
+
+@dataclass(frozen=True)
+class InputFile:
+    """Mark of a field that names a file, or several; "" and None name none.
+
+    ``digest`` takes the value of the field and returns the digest of everything that is read because of it.
+    """
+
+    digest: Callable[[str], str] = content_digest
+
+
+_UNDECLARED = InputFile(content_digest)
+"""Mark of a path or a text that has none of its own"""
+
+
+@dataclass(frozen=True)
+class PluginName:
+    """Mark of a field that names a plug-in, whose sources are part of the version of the code.
+
+    ``load`` takes the value of the field and returns the class or the function, None for a value that names none.
+    """
+
+    load: Callable[[str], Any]
+
+
+Digests = dict[tuple[InputFile, str], str]
+"""Digests that are known already, by mark and value of a field."""
+
+
+def input_digests(config: Any, prefix: str = "", known: Digests | None = None) -> dict[str, str]:
+    """Digest of what each field of a configuration names, by the dotted name of the field with ``prefix`` before it.
+
+    A field with several files has their digests, separated by commas. Digests that are ``known`` are not made again,
+    and others are added. Raises FileNotFoundError for a file that is not there, and what else the digest of a field
+    raises.
+    """
+    known = {} if known is None else known
+    found: dict[str, str] = {}
+    for name, mark, places in _named(config, InputFile, prefix):
+        for place in places:
+            if (mark, place) not in known:
+                known[mark, place] = mark.digest(place)
+        found[name] = ",".join(known[mark, place] for place in places)
+    return found
+
+
+def run_inputs(config: Any, controller: Any, estimator: Any, known: Digests | None = None) -> dict[str, str]:
+    """Digests of all files of a run, by the fields of the scenario, the controller ("planner.") and the estimator.
+
+    ``known`` and errors as of ``input_digests``.
+    """
+    return {
+        **input_digests(config, "", known),
+        **input_digests(controller, "planner.", known),
+        **input_digests(estimator, "estimator.", known),
+    }
+
+
+def argument_digests(value: Any) -> list[str]:
+    """Digests of the files that the arguments of a call name, in their order: paths, and fields of dataclasses.
+
+    Errors as of ``input_digests``.
+    """
+    if isinstance(value, str | Path):
+        return [content_digest(value)] if _is_file(str(value), isinstance(value, Path)) else []
+    if isinstance(value, Mapping):
+        return [digest for item in value.values() for digest in argument_digests(item)]
+    if isinstance(value, tuple | list):
+        return [digest for item in value for digest in argument_digests(item)]
+    if dataclasses.is_dataclass(value):
+        kind: Any = type(value)
+        marked = {name: names_files(hint) for name, hint in _hints(kind)}
+        return [
+            digest
+            for name, mark in marked.items()
+            for digest in (
+                argument_digests(getattr(value, name))
+                if mark is None
+                else [mark.digest(place) for place in _places(getattr(value, name))]
+            )
+        ]
+    return []
+
+
+def named_plugins(config: Any) -> list[Any]:
+    """The plug-ins that fields of a configuration name; errors as of what loads them."""
+    loaded = [mark.load(place) for _, mark, places in _named(config, PluginName, "") for place in places]
+    return [each for each in loaded if each is not None]
+
+
+def declared_inputs(config: Any, prefix: str = "") -> set[str]:
+    """Names of the fields of a configuration that declare files, and name some, with ``prefix`` before them."""
+    return {name for name, mark, _ in _named(config, InputFile, prefix) if mark is not _UNDECLARED}
+
+
+def names_files(hint: Any) -> InputFile | None:
+    """The mark of a type that declares files; None for one that does not."""
+    mark: InputFile | None = _mark(hint, InputFile)
+    return mark
+
+
+def names_plugin(hint: Any) -> PluginName | None:
+    """The mark of a type that names a plug-in; None for one that names none."""
+    mark: PluginName | None = _mark(hint, PluginName)
+    return mark
+
+
+def _named(config: Any, kind: type[Any], prefix: str) -> Iterator[tuple[str, Any, list[str]]]:
+    """Name, mark and places of each marked field that is given, in the order of the fields."""
+    made: Any = type(config)
+    for name, hint in _hints(made):
+        value = getattr(config, name)
+        if dataclasses.is_dataclass(value):
+            yield from _named(value, kind, f"{prefix}{name}.")
+            continue
+        mark: Any = _mark(hint, kind)
+        places = [] if mark is None else list(_places(value))
+        if mark is None and kind is InputFile:
+            mark, places = _UNDECLARED, [place for place in _places(value) if _is_file(place, isinstance(value, Path))]
+        if places:
+            yield f"{prefix}{name}", mark, places
+
+
+def _places(value: Any) -> Iterator[str]:
+    if isinstance(value, str | Path):
+        if str(value):
+            yield str(value)
+    elif isinstance(value, tuple | list):
+        for item in value:
+            yield from _places(item)
+
+
+@cache
+def _hints(config: Any) -> tuple[tuple[str, Any], ...]:
+    hints = get_type_hints(config, include_extras=True)
+    return tuple((entry.name, hints[entry.name]) for entry in dataclasses.fields(config))
+
+
+def _mark(hint: Any, kind: type[Any]) -> Any:
+    """The mark of that kind anywhere in a type."""
+    if get_origin(hint) is Annotated:
+        inner, *marks = get_args(hint)
+        return next((mark for mark in marks if isinstance(mark, kind)), None) or _mark(inner, kind)
+    return next(filter(None, (_mark(each, kind) for each in get_args(hint))), None)
+
+
+def _is_file(place: str, is_path: bool) -> bool:
+    """True for a path, or a text with a folder or an ending as paths have them, at which there is a file."""
+    try:
+        return (is_path or "." in place or os.sep in place) and Path(place).is_file()
+    except (OSError, ValueError):  # too long, or with a null in it: some other text
+        return False

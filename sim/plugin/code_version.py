@@ -1,0 +1,121 @@
+"""Which code a result comes from: the version of the package and a digest of the sources as they are installed."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import re
+import sys
+import sysconfig
+from collections.abc import Iterable, Iterator
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+PACKAGE = "mathnavi"
+FOLDERS = ("controllers", "estimators", "models", "sim")  # what a result can depend on; renders draws afterwards
+_DIGITS = 16  # of a digest
+_IMPORT = re.compile(rb"^\s*(?:from\s+([A-Za-z_]\w*)[\w.]*\s+import\b|import\s+([^\n#;(]+))", re.MULTILINE)
+
+
+def code_version(*plugins: Any) -> str:
+    """The version of mathnavi and the digest of its sources, with those of plug-ins that lie elsewhere.
+
+    Of another's package every file counts, of a module that lies in no package the one file; so do the user's own
+    modules that these import, and what they import of installed packages: its version, or where the distribution has
+    another name its sources. It is the code as it was when this process first asked.
+    """
+    strangers = {plugin.__module__.partition(".")[0] for plugin in plugins} - {PACKAGE}
+    return "+".join((_own(), *(f"{name}-{_stranger(name)}" for name in sorted(strangers))))
+
+
+@cache
+def _own() -> str:
+    folders = [Path(folder) for name in FOLDERS for folder in importlib.import_module(f"{PACKAGE}.{name}").__path__]
+    digest = _digest((folder.name, folder, file) for folder in folders for file in _files(folder))
+    return f"{version('mathnavi')}+{digest}"
+
+
+@cache
+def _stranger(name: str) -> str:
+    """Digest of the sources of a plug-in's top-level module, and of everything that it imports."""
+    counted: list[tuple[str, Path, Path]] = []
+    versions: set[str] = set()
+    waiting, seen = [name], {name}
+    while waiting:
+        module = waiting.pop()
+        places = _places(module)
+        if module == name and not places:
+            raise ValueError(f"the plug-ins of module {name!r} come from no file; allowed: modules with sources")
+        if module != name and places and _is_installed(places[0][1]) and (number := _version(module)):
+            versions.add(f"{module} {number}")
+            continue
+        own = [(module, folder, file) for folder, start in places for file in _files(start)]
+        counted += own
+        if module != name and places and _is_installed(places[0][1]):
+            continue  # what an installed package imports in its turn is its own affair
+        found = {each for *_, file in own if file.suffix == ".py" for each in _imports(file)} - seen
+        seen |= found
+        waiting += sorted(found)
+    return _digest(sorted(counted), *sorted(versions))
+
+
+def _places(name: str) -> list[tuple[Path, Path]]:
+    """The folder above a top-level module's files, and the file or the folder itself; none for one without sources."""
+    module = sys.modules.get(name)
+    try:
+        spec = module.__spec__ if module is not None and module.__spec__ is not None else find_spec(name)
+    except (ImportError, ValueError):  # it is imported where it is there, perhaps
+        return []
+    if spec is None:
+        return []
+    if spec.submodule_search_locations is not None:
+        return [(Path(folder), Path(folder)) for folder in spec.submodule_search_locations]
+    return [(Path(spec.origin).parent, Path(spec.origin))] if spec.origin and spec.has_location else []
+
+
+def _imports(file: Path) -> Iterator[str]:
+    """Top-level modules that a source imports, without Python's own and mathnavi."""
+    for module, listed in _IMPORT.findall(file.read_bytes()):
+        for each in (module,) if module else listed.split(b","):
+            name = each.split(b" as ")[0].strip().partition(b".")[0].decode(errors="replace")
+            if name.isidentifier() and name not in sys.stdlib_module_names and name != PACKAGE:
+                yield name
+
+
+def _is_installed(file: Path) -> bool:
+    """True for what lies among the installed packages."""
+    return any(file.is_relative_to(sysconfig.get_path(each)) for each in ("purelib", "platlib"))
+
+
+def _version(name: str) -> str | None:
+    """Version of the distribution that is called as its module; None where there is none."""
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def _files(place: Path) -> Iterator[Path]:
+    """Everything in a package but caches and hidden files, in order; of a file the file itself."""
+    if place.is_file():
+        yield place
+        return
+    for path in sorted(place.iterdir()):
+        if path.name.startswith(".") or path.name == "__pycache__":
+            continue
+        if path.is_dir() or path.is_file():
+            yield from _files(path)
+
+
+def _digest(files: Iterable[tuple[str, Path, Path]], *more: str) -> str:
+    """Digest of (package, folder of the package, file): where each file lies in its package, and its content."""
+    digest = hashlib.sha256()
+    for package, folder, file in files:
+        content = hashlib.sha256(file.read_bytes()).hexdigest()
+        digest.update(f"{package}/{file.relative_to(folder).as_posix()} {content}\n".encode())
+    for each in more:
+        digest.update(f"{each}\n".encode())
+    return digest.hexdigest()[:_DIGITS]

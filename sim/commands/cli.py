@@ -12,7 +12,8 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 
-from mathnavi.sim.commands.errors import INTERRUPTED, PIPE_CLOSED, BadInputError
+from mathnavi.sim.commands.errors import PIPE_CLOSED, BadInputError
+from mathnavi.sim.commands.interruption import exit_code, interrupted_line, interruptible
 from mathnavi.sim.commands.known import COMMANDS
 from mathnavi.sim.interfaces.checks import allowed_for
 
@@ -34,18 +35,40 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"mathnavi {version('mathnavi')}")
         return 0
     try:
-        code = _command(arguments[0])(arguments[1:])
-        sys.stdout.flush()  # so that a reader that has gone is noticed here
+        with interruptible(arguments):
+            code = _command(arguments[0])(arguments[1:])
+            sys.stdout.flush()  # so that a reader that has gone is noticed here
         return code
     except BadInputError as error:
         print(f"mathnavi: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except BrokenPipeError:  # whoever read the output has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()
         return PIPE_CLOSED
-    except KeyboardInterrupt:
-        print("mathnavi: interrupted", file=sys.stderr)
-        return INTERRUPTED
+    except OSError as error:  # a full disk, say
+        if error.filename is None and not _output_is_lost():
+            raise
+        place = "standard output" if error.filename is None else os.fsdecode(error.filename)
+        print(f"mathnavi: {place}: {error.strerror}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt as error:
+        print(interrupted_line(arguments), file=sys.stderr)
+        return exit_code(error)
+
+
+def _output_is_lost() -> bool:
+    """True if what was printed cannot be written; it is discarded then."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        _discard_output()
+        return True
+    return False
+
+
+def _discard_output() -> None:
+    """Write nothing more to standard output, not even when the interpreter ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _command(name: str) -> Callable[[Sequence[str]], int]:

@@ -11,11 +11,13 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError
+from mathnavi.sim.commands.errors import BadInputError, worded
+from mathnavi.sim.commands.interruption import when_interrupted
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.search_fields import SearchFields, read_space
 from mathnavi.sim.commands.search_results import SearchResults, print_results, write_pages, write_worst
+from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.records.store import Store, StoreWriteError
 from mathnavi.sim.search.directed import Sampler, check_space, directed, importances
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator, NoSuchFigureError, Objective
@@ -111,6 +113,7 @@ def main(argv: Sequence[str]) -> int:
     again = shlex.join(["mathnavi", "search", *argv])
     _check(fields, request)
     evaluations: Sequence[Evaluation] = ()
+    when_interrupted(lambda: f"{_stored(evaluations, options)}; to go on")
     try:
         with request.bad_input():
             if options.cluster is not None:
@@ -133,9 +136,6 @@ def main(argv: Sequence[str]) -> int:
     except NoSuchFigureError as error:
         flag = "--maximise" if options.objective.largest else "--minimise"
         raise BadInputError(f"{flag} = {error}") from error
-    except KeyboardInterrupt:
-        print(f"mathnavi: interrupted, {_stored(evaluations, options)}; to go on: {again}", file=sys.stderr)
-        return INTERRUPTED
     except (StoreWriteError, RefusedError, LostError) as error:
         words = " ".join(str(error).split())
         print(f"mathnavi: {words}, {_stored(evaluations, options)}; to go on: {again}", file=sys.stderr)
@@ -153,8 +153,8 @@ def main(argv: Sequence[str]) -> int:
         if options.report:
             for page in write_pages(results, options.store):
                 console.print(f"report  {page}", soft_wrap=True, highlight=False)
-    except OSError as error:
-        print(f"mathnavi: {error.filename}: {error.strerror}", file=sys.stderr)
+    except (OSError, RunFolderError) as error:
+        print(f"mathnavi: {worded(error)}", file=sys.stderr)
         return 1
     return 0
 

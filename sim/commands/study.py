@@ -20,9 +20,9 @@ from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import sweep_progress
 from mathnavi.sim.commands.run_request import prepare
+from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.plugin.registry import load, names
 from mathnavi.sim.records.claims import Claim, ledger
-from mathnavi.sim.records.files import write_text
 from mathnavi.sim.records.store import Store, StoreWriteError
 from mathnavi.sim.studies.framework.study import Setup, StudyError, first_look, on_terrain, write_result
 from mathnavi.sim.sweep.child import RefusedError

@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 
 from mathnavi.sim.interfaces.errors import StoreError
 from mathnavi.sim.interfaces.fields import flattened, plain
-from mathnavi.sim.records.files import write_text
+from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.records.jobs import JobRecord, add_job, job_records, job_statuses
 
 APPLICATION = 0x6D6E6176  # "mnav", in the header of the file: what kind of database it is

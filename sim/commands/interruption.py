@@ -1,0 +1,110 @@
+"""Ctrl-C and SIGTERM: a command ends within two seconds, keeps what is stored, and says how to go on.
+
+The first signal raises ``Interrupted`` where the main thread is; what has ended is committed, and child processes are
+ended, while it unwinds. Further signals are ignored meanwhile. The main thread may be in a library that does not return,
+or that swallows the exception: a second thread, which hears of the signal at once (``signal.set_wakeup_fd``), ends the
+process where it is not done after ``GRACE``. A store or a file is whole whenever that happens.
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
+from typing import NoReturn
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+GRACE = 1.4  # [s] to unwind
+
+_words: Callable[[], str] = lambda: ""  # of the command that runs
+
+
+class Interrupted(KeyboardInterrupt):
+    """A signal asked the process to end."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
+
+
+def when_interrupted(words: Callable[[], str]) -> None:
+    """Have ``words`` say what is kept, and what the command printed after it is for, if a signal ends this command.
+
+    They may be called from another thread than this one. "3 of 8 trials are stored; to go on".
+    """
+    global _words
+    _words = words
+
+
+def interrupted_line(argv: Sequence[str]) -> str:
+    """The line on standard error that says that a command was interrupted, and how it goes on."""
+    return f"mathnavi: interrupted, {_words()}: {shlex.join(['mathnavi', *argv])}"
+
+
+def exit_code(error: KeyboardInterrupt) -> int:
+    """The exit code that a shell has for a process that ended by the signal: 130 or 143."""
+    return 128 + (error.number if isinstance(error, Interrupted) else signal.SIGINT)
+
+
+@contextmanager
+def interruptible(argv: Sequence[str]) -> Iterator[None]:
+    """Answer the signals for as long as the block lasts, in which the command ``argv`` runs.
+
+    Outside of the main thread, where Python lets nobody answer signals, this changes nothing.
+    """
+    when_interrupted(lambda: "nothing was written; to begin again")
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    heard, woken = socket.socketpair()
+    woken.setblocking(False)
+    done = threading.Event()
+    threading.Thread(target=_end_in_time, args=(heard, done, argv), daemon=True).start()
+    asked = False
+
+    def answer(number: int, frame: FrameType | None) -> None:
+        nonlocal asked
+        if not asked:
+            asked = True
+            raise Interrupted(number)
+
+    former = {number: signal.signal(number, answer) for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN}
+    waker = signal.set_wakeup_fd(woken.fileno(), warn_on_full_buffer=False)
+    try:
+        yield
+    finally:
+        done.set()
+        asked = True
+        signal.set_wakeup_fd(waker)
+        for number, handler in former.items():
+            signal.signal(number, handler)
+        woken.close()
+
+
+def _end_in_time(heard: socket.socket, done: threading.Event, argv: Sequence[str]) -> None:
+    """Wait for a signal, and end the process if it is not done soon after."""
+    with heard:
+        number = next((number for number in iter(lambda: _byte(heard), None) if number in SIGNALS), None)
+    if number is None or done.wait(GRACE):
+        return
+    _end(number, argv)
+
+
+def _byte(heard: socket.socket) -> int | None:
+    received = heard.recv(1)
+    return received[0] if received else None
+
+
+def _end(number: int, argv: Sequence[str]) -> NoReturn:
+    if "mathnavi.sim.sweep.child" in sys.modules:
+        from mathnavi.sim.sweep.child import kill_children
+
+        kill_children()
+    os.write(2, f"{interrupted_line(argv)}\n".encode())
+    os._exit(128 + number)

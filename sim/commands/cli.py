@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 from mathnavi.sim.commands.errors import PIPE_CLOSED, BadInputError
-from mathnavi.sim.commands.interruption import exit_code, interrupted_line, interruptible
+from mathnavi.sim.commands.interruption import end, exit_code, interrupted_line, interruptible
 from mathnavi.sim.commands.known import COMMANDS
 from mathnavi.sim.interfaces.checks import allowed_for
 
@@ -35,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"mathnavi {version('mathnavi')}")
         return 0
     try:
-        with interruptible(arguments):
+        with interruptible(arguments, whole_process=argv is None):
             code = _command(arguments[0])(arguments[1:])
             sys.stdout.flush()  # so that a reader that has gone is noticed here
         return code
@@ -52,6 +52,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"mathnavi: {place}: {error.strerror}", file=sys.stderr)
         return 1
     except KeyboardInterrupt as error:
+        if argv is None:  # this process is the command, and has nothing more to do
+            end(exit_code(error), arguments)
         print(interrupted_line(arguments), file=sys.stderr)
         return exit_code(error)
 

@@ -1,9 +1,9 @@
 """Ctrl-C and SIGTERM: a command ends within two seconds, keeps what is stored, and says how to go on.
 
 The first signal raises ``Interrupted`` where the main thread is; what has ended is committed, and child processes are
-ended, while it unwinds. Further signals are ignored meanwhile. The main thread may be in a library that does not return,
-or that swallows the exception: a second thread, which hears of the signal at once (``signal.set_wakeup_fd``), ends the
-process where it is not done after ``GRACE``. A store or a file is whole whenever that happens.
+ended, while it unwinds. Further signals are ignored meanwhile. The main thread may be in a library that does not
+return, or that swallows the exception: a second thread, which hears of the signal at once (``signal.set_wakeup_fd``),
+ends the process where it is not done after ``GRACE``. A store or a file is whole whenever that happens.
 """
 
 from __future__ import annotations
@@ -20,9 +20,15 @@ from types import FrameType
 from typing import NoReturn
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-GRACE = 1.4  # [s] to unwind
+GRACE = 1.0  # [s] to unwind
 
-_words: Callable[[], str] = lambda: ""  # of the command that runs
+
+def nothing_written() -> str:
+    """What is kept of a command that writes its result at its end."""
+    return "nothing was written; to begin again"
+
+
+_words: Callable[[], str] = nothing_written  # of the command that runs
 
 
 class Interrupted(KeyboardInterrupt):
@@ -53,12 +59,13 @@ def exit_code(error: KeyboardInterrupt) -> int:
 
 
 @contextmanager
-def interruptible(argv: Sequence[str]) -> Iterator[None]:
+def interruptible(argv: Sequence[str], whole_process: bool = False) -> Iterator[None]:
     """Answer the signals for as long as the block lasts, in which the command ``argv`` runs.
 
-    Outside of the main thread, where Python lets nobody answer signals, this changes nothing.
+    After a signal, ``whole_process`` stays deaf to further ones: it has nothing to do but to end. Outside of the main
+    thread, where Python lets nobody answer signals, this changes nothing.
     """
-    when_interrupted(lambda: "nothing was written; to begin again")
+    when_interrupted(nothing_written)
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -66,24 +73,28 @@ def interruptible(argv: Sequence[str]) -> Iterator[None]:
     woken.setblocking(False)
     done = threading.Event()
     threading.Thread(target=_end_in_time, args=(heard, done, argv), daemon=True).start()
-    asked = False
+    asked: int | None = None
 
     def answer(number: int, frame: FrameType | None) -> None:
         nonlocal asked
-        if not asked:
-            asked = True
+        if asked is None and not done.is_set():
+            asked = number
             raise Interrupted(number)
 
     former = {number: signal.signal(number, answer) for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN}
     waker = signal.set_wakeup_fd(woken.fileno(), warn_on_full_buffer=False)
     try:
         yield
+    except Exception as error:
+        if asked is None:
+            raise
+        raise Interrupted(asked) from error  # an import that is interrupted fails, say
     finally:
         done.set()
-        asked = True
         signal.set_wakeup_fd(waker)
-        for number, handler in former.items():
-            signal.signal(number, handler)
+        if asked is None or not whole_process:
+            for number, handler in former.items():
+                signal.signal(number, handler)
         woken.close()
 
 
@@ -93,7 +104,7 @@ def _end_in_time(heard: socket.socket, done: threading.Event, argv: Sequence[str
         number = next((number for number in iter(lambda: _byte(heard), None) if number in SIGNALS), None)
     if number is None or done.wait(GRACE):
         return
-    _end(number, argv)
+    end(128 + number, argv)
 
 
 def _byte(heard: socket.socket) -> int | None:
@@ -101,10 +112,11 @@ def _byte(heard: socket.socket) -> int | None:
     return received[0] if received else None
 
 
-def _end(number: int, argv: Sequence[str]) -> NoReturn:
+def end(code: int, argv: Sequence[str]) -> NoReturn:
+    """End the process at once, and its child processes; say how the command goes on."""
     if "mathnavi.sim.sweep.child" in sys.modules:
         from mathnavi.sim.sweep.child import kill_children
 
         kill_children()
     os.write(2, f"{interrupted_line(argv)}\n".encode())
-    os._exit(128 + number)
+    os._exit(code)

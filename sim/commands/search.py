@@ -113,7 +113,8 @@ def main(argv: Sequence[str]) -> int:
     again = shlex.join(["mathnavi", "search", *argv])
     _check(fields, request)
     evaluations: Sequence[Evaluation] = ()
-    when_interrupted(lambda: f"{_stored(evaluations, options)}; to go on")
+    ended = 0  # of the missions that are being evaluated
+    when_interrupted(lambda: f"{_stored(evaluations, options, ended)}; to go on")
     try:
         with request.bad_input():
             if options.cluster is not None:
@@ -126,19 +127,23 @@ def main(argv: Sequence[str]) -> int:
             stored = store.keys()
 
             def progress(now: Sequence[Evaluation]) -> None:
-                nonlocal evaluations
-                evaluations = tuple(now)
+                nonlocal evaluations, ended
+                evaluations, ended = tuple(now), 0
                 draw(_counts(now, options.missions, stored))
 
+            def of_batch(now: Progress) -> None:
+                nonlocal ended
+                ended = now.done
+
             draw(Progress(options.missions, 0, 0, 0, 0, False))
-            evaluator = Evaluator(fields.make, options.objective, store, pool, options.timeout, options.retry)
+            evaluator = Evaluator(fields.make, options.objective, store, pool, options.timeout, options.retry, of_batch)
             rare = _search(evaluator, fields, options, request.common.seed, progress)
     except NoSuchFigureError as error:
         flag = "--maximise" if options.objective.largest else "--minimise"
         raise BadInputError(f"{flag} = {error}") from error
     except (StoreWriteError, RefusedError, LostError) as error:
         words = " ".join(str(error).split())
-        print(f"mathnavi: {words}, {_stored(evaluations, options)}; to go on: {again}", file=sys.stderr)
+        print(f"mathnavi: {words}, {_stored(evaluations, options, ended)}; to go on: {again}", file=sys.stderr)
         return 1
     results = SearchResults(
         request.name, options.objective, fields.space, evaluator.evaluations, options.until, rare,
@@ -218,5 +223,7 @@ def _counts(evaluations: Sequence[Evaluation], missions: int, stored: set[str]) 
     )
 
 
-def _stored(evaluations: Sequence[Evaluation], options: SearchOptions) -> str:
-    return f"{len(evaluations)} of {options.missions} missions are evaluated"
+def _stored(evaluations: Sequence[Evaluation], options: SearchOptions, ended: int) -> str:
+    """What is kept of a search that ends too early; ``ended`` missions are stored and not yet evaluated."""
+    more = f", and {ended} more are stored" if ended else ""
+    return f"{len(evaluations)} of {options.missions} missions are evaluated{more}"

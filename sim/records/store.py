@@ -22,7 +22,7 @@ import json
 import re
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
@@ -329,9 +329,22 @@ class Store:
             raise StoreWriteError(f"{self.path}: {error}") from error
 
 
-def _connect(path: Path, mode: str) -> sqlite3.Connection:
+def stored_results(path: Path) -> int | None:
+    """Number of trials and jobs in a store that another thread may be writing; None if it cannot be read just now."""
+    if not path.is_file():
+        return 0
+    try:
+        with closing(_connect(path, "ro", timeout=0.2)) as connection:
+            tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+            counted = [f"SELECT count(*) FROM {name}" for name in ("trials", "jobs") if name in tables]
+            return sum(int(connection.execute(each).fetchone()[0]) for each in counted)
+    except sqlite3.Error:
+        return None
+
+
+def _connect(path: Path, mode: str, timeout: float = PATIENCE) -> sqlite3.Connection:
     address = f"{path.absolute().as_uri()}?mode={mode}"
-    return sqlite3.connect(address, uri=True, timeout=PATIENCE, isolation_level=None)
+    return sqlite3.connect(address, uri=True, timeout=timeout, isolation_level=None)
 
 
 @contextmanager

@@ -7,17 +7,20 @@ when it is called, so that help is quick.
 
 from __future__ import annotations
 
+import errno
 import importlib
 import os
 import sys
 from collections.abc import Callable, Sequence
 
-from mathnavi.sim.commands.errors import PIPE_CLOSED, BadInputError
+from mathnavi.sim.commands.errors import PIPE_CLOSED, BadInputError, worded
 from mathnavi.sim.commands.interruption import end, exit_code, interrupted_line, interruptible
 from mathnavi.sim.commands.known import COMMANDS
 from mathnavi.sim.interfaces.checks import allowed_for
 
 USAGE = "usage: mathnavi COMMAND ...\n       mathnavi --version\n\n{}\n\nmathnavi COMMAND --help explains a command."
+
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # errors of writing
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -46,26 +49,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         _discard_output()
         return PIPE_CLOSED
     except OSError as error:  # a full disk, say
-        if error.filename is None and not _output_is_lost():
-            raise
-        place = "standard output" if error.filename is None else os.fsdecode(error.filename)
-        print(f"mathnavi: {place}: {error.strerror}", file=sys.stderr)
+        if error.filename is None:
+            if error.errno not in NO_ROOM:
+                raise
+            _discard_output()  # every writer of files names its file
+        print(f"mathnavi: {worded(error) if error.filename else f'standard output: {error.strerror}'}", file=sys.stderr)
         return 1
     except KeyboardInterrupt as error:
         if argv is None:  # this process is the command, and has nothing more to do
             end(exit_code(error), arguments)
         print(interrupted_line(arguments), file=sys.stderr)
         return exit_code(error)
-
-
-def _output_is_lost() -> bool:
-    """True if what was printed cannot be written; it is discarded then."""
-    try:
-        sys.stdout.flush()
-    except OSError:
-        _discard_output()
-        return True
-    return False
 
 
 def _discard_output() -> None:

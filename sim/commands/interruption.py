@@ -11,7 +11,6 @@ from __future__ import annotations
 import os
 import shlex
 import signal
-import socket
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -69,8 +68,8 @@ def interruptible(argv: Sequence[str], whole_process: bool = False) -> Iterator[
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    heard, woken = socket.socketpair()
-    woken.setblocking(False)
+    heard, woken = os.pipe()
+    os.set_blocking(woken, False)
     done = threading.Event()
     threading.Thread(target=_end_in_time, args=(heard, done, argv), daemon=True).start()
     asked: int | None = None
@@ -82,7 +81,7 @@ def interruptible(argv: Sequence[str], whole_process: bool = False) -> Iterator[
             raise Interrupted(number)
 
     former = {number: signal.signal(number, answer) for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN}
-    waker = signal.set_wakeup_fd(woken.fileno(), warn_on_full_buffer=False)
+    waker = signal.set_wakeup_fd(woken, warn_on_full_buffer=False)
     try:
         yield
     except Exception as error:
@@ -95,21 +94,15 @@ def interruptible(argv: Sequence[str], whole_process: bool = False) -> Iterator[
         if asked is None or not whole_process:
             for number, handler in former.items():
                 signal.signal(number, handler)
-        woken.close()
+        os.close(woken)
 
 
-def _end_in_time(heard: socket.socket, done: threading.Event, argv: Sequence[str]) -> None:
+def _end_in_time(heard: int, done: threading.Event, argv: Sequence[str]) -> None:
     """Wait for a signal, and end the process if it is not done soon after."""
-    with heard:
-        number = next((number for number in iter(lambda: _byte(heard), None) if number in SIGNALS), None)
-    if number is None or done.wait(GRACE):
-        return
-    end(128 + number, argv)
-
-
-def _byte(heard: socket.socket) -> int | None:
-    received = heard.recv(1)
-    return received[0] if received else None
+    with open(heard, "rb", buffering=0) as numbers:
+        number = next((each[0] for each in iter(lambda: numbers.read(1), b"") if each[0] in SIGNALS), None)
+    if number is not None and not done.wait(GRACE):
+        end(128 + number, argv)
 
 
 def end(code: int, argv: Sequence[str]) -> NoReturn:

@@ -34,13 +34,16 @@ def output_folder(folder: Path) -> Iterator[None]:
 @contextmanager
 def run_folder(folder: Path) -> Iterator[ClaimedFolder]:
     """Claim the folder of a run before anything is flown; BadInputError where it cannot be had."""
+    from mathnavi.sim.records.run_folder import CONFIG, LEFT, RUN_FILES  # takes a while to import
+
     with ExitStack() as opened:
         try:
-            claim = opened.enter_context(claimed(folder))
-            if claim.place.is_dir() and any(claim.place.iterdir()) and not (claim.place / "config.json").exists():
+            found = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
+            if CONFIG not in found and found - {*RUN_FILES, LEFT}:
                 raise RunFolderError(
                     f"{folder} holds other files than a run's; allowed: a new folder, or that of a run"
                 )
+            claim = opened.enter_context(claimed(folder))
         except RunFolderError as error:
             raise BadInputError(f"--out = {error}") from error
         except OSError as error:

@@ -22,6 +22,7 @@ from mathnavi.sim.commands.progress import compilation_announced
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.summary import summary_table, verdict, warnings
+from mathnavi.sim.records.run_folder import LEFT, NothingToDrawError
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 
@@ -58,7 +59,7 @@ def main(argv: Sequence[str]) -> int:
         result.write_files(claim.new)
         stale = _drawn(folder) | _drawn(claim.new)
         removed = sorted(name for name in stale if (folder / name).exists())
-        claim.install(dropped=removed)
+        claim.install(dropped=(*removed, LEFT))
         when_interrupted(lambda: f"the run is in {folder}, its pictures may not be; to begin again")
         if replaced:  # by chance, perhaps: nobody named the folder
             gone = f", and removed its {', '.join(removed)}" if removed else ""
@@ -132,8 +133,6 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
 
     A run without them is still a run, and so is one of which there is nothing to be drawn.
     """
-    from mathnavi.sim.records.run_folder import NothingToDrawError
-
     written = True
     if options.video:
         from mathnavi.renders.video import write_video

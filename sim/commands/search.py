@@ -141,8 +141,8 @@ def main(argv: Sequence[str]) -> int:
     except NoSuchFigureError as error:
         flag = "--maximise" if options.objective.largest else "--minimise"
         raise BadInputError(f"{flag} = {error}") from error
-    except (StoreWriteError, RefusedError, LostError) as error:
-        words = " ".join(str(error).split())
+    except (StoreWriteError, RefusedError, LostError, OSError) as error:
+        words = " ".join(worded(error).split())
         print(f"mathnavi: {words}, {_stored(evaluations, options, ended)}; to go on: {again}", file=sys.stderr)
         return 1
     results = SearchResults(

@@ -17,7 +17,7 @@ from rich.text import Text
 
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.commands.arguments import FlagGroup, parse, without
-from mathnavi.sim.commands.errors import BadInputError, bad_input
+from mathnavi.sim.commands.errors import BadInputError, bad_input, worded
 from mathnavi.sim.commands.interruption import when_interrupted
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import sweep_progress
@@ -86,8 +86,8 @@ def main(argv: Sequence[str]) -> int:
         for name, (plugin, config) in site.studies.items():
             try:
                 claims[-1] += _study(name, plugin, config, site, options, argv, errors)
-            except (StudyError, StoreWriteError, RefusedError, LostError) as error:
-                print(f"mathnavi: {name} {site.where}: {' '.join(str(error).split())}", file=sys.stderr)
+            except (StudyError, StoreWriteError, RefusedError, LostError, OSError) as error:
+                print(f"mathnavi: {name} {site.where}: {' '.join(worded(error).split())}", file=sys.stderr)
                 return 1
         console.print(f"Claims {site.where}", style="bold", highlight=False)
         console.print(_table(claims[-1]))

@@ -105,8 +105,8 @@ def main(argv: Sequence[str]) -> int:
                 retry=options.retry,
                 progress=progress,
             )
-    except (StoreWriteError, RefusedError, LostError) as error:
-        print(f"mathnavi: {' '.join(str(error).split())}, {_stored(state)}; to go on: {command}", file=sys.stderr)
+    except (StoreWriteError, RefusedError, LostError, OSError) as error:
+        print(f"mathnavi: {' '.join(worded(error).split())}, {_stored(state)}; to go on: {command}", file=sys.stderr)
         return 1
     console = Console()
     console.print(f"{request.name}, {verdict(records)}", style="bold", highlight=False, soft_wrap=True)

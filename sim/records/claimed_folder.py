@@ -15,7 +15,7 @@ import errno
 import os
 import shutil
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -78,6 +78,17 @@ def claimed(folder: Path) -> Iterator[ClaimedFolder]:
             with suppress(OSError):
                 parent.rmdir()
         raise
+
+
+@contextmanager
+def kept_in_place(folder: Path) -> Iterator[None]:
+    """Keep a folder from being replaced while something is written into it; RunFolderError if it is being replaced.
+
+    Where nothing can be written beside it, it cannot be replaced anyway.
+    """
+    place = folder.resolve()
+    with locked(place, folder) if os.access(place.parent, os.W_OK) else nullcontext():
+        yield
 
 
 def _place(folder: Path) -> Path:

@@ -34,6 +34,8 @@ from mathnavi.sim.records.files import jsonable, write_json
 from mathnavi.sim.records.former_names import with_present_names
 
 CONFIG, SUMMARY, EVENTS, ARRAYS, ARRAY_INDEX = "config.json", "summary.json", "events.jsonl", "log.npz", "log.json"
+RUN_FILES = (CONFIG, EVENTS, ARRAYS, ARRAY_INDEX, SUMMARY)
+LEFT = f".{ARRAYS}.partial"  # left by a run of an earlier version that was killed
 TRUTH = ".truth.x"  # ending of the names of a fleet's arrays of true states
 
 

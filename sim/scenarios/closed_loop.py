@@ -24,13 +24,12 @@ from mathnavi.sim.interfaces.signals import Array, Event
 from mathnavi.sim.interfaces.writing import write_bytes, write_text
 from mathnavi.sim.records.claimed_folder import claimed
 from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
-from mathnavi.sim.records.run_folder import write_run, write_run_files
+from mathnavi.sim.records.run_folder import RUN_FILES, write_run, write_run_files
 from mathnavi.sim.scenarios.task import Task
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-RUN_FILES = ("config.json", "events.jsonl", "log.npz", "log.json", "summary.json")
 SHOWN = 12  # figures of a summary in a short table
 
 

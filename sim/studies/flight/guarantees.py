@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import matplotlib
@@ -32,16 +32,18 @@ from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.studies.flight.drawn_missions import MissionToDraw, mission_ends
 from mathnavi.sim.studies.framework.drawing import paths_on_map
-from mathnavi.sim.studies.framework.study import VEHICLE, Setup, StudyResult, TerrainReference, ends, track
+from mathnavi.sim.studies.framework.study import VEHICLE, Setup, StudyResult, ends, track
 from mathnavi.sim.sweep.job import job
-from mathnavi.sim.sweep.trial import Trial, trial
+from mathnavi.sim.sweep.trial import Trial
 
 OURS = "flight"
 PLANNERS = (OURS, "gatekeeper", "faster", "barrier", "as_printed")
 COLOURS = dict(zip(PLANNERS, ("#101824", *SERIES[:4]), strict=True))
 LOW = (20.0, 80.0)  # [m] above h_min at both ends of a mission
 GUSTS = {"faults.gust_rms": 1.5}
+IN_GUSTS = {"drawn_heights": LOW, **GUSTS}  # missions whose first plan is certified in gusts too
 CONDITIONS: dict[str, dict[str, Any]] = {
     "no failures": {},
     "30 % failures": {"faults.solver_failure_rate": 0.3},
@@ -73,7 +75,7 @@ class Guarantees:
     @staticmethod
     def run(config: GuaranteesConfig, setup: Setup) -> StudyResult:
         seeds = range(config.missions)
-        drawn = setup.compute(mission_ends, [MissionToDraw(setup.place, seed) for seed in seeds])
+        drawn = setup.compute(mission_ends, [MissionToDraw(setup.place, seed, IN_GUSTS) for seed in seeds])
         trials = {
             (condition, planner, seed): setup.trial(
                 seed, controller=planner, measure=MEASURE, fields={**drawn[seed], **CONDITIONS[condition]}
@@ -112,21 +114,6 @@ class Guarantees:
 
 
 # ---- jobs and measures
-
-
-@dataclass(frozen=True)
-class MissionToDraw:
-    """A mission whose ends are wanted."""
-
-    place: TerrainReference
-    seed: int
-
-
-def mission_ends(wanted: MissionToDraw) -> dict[str, tuple[float, float, float]]:
-    """A job: start and target [m] of a seed, between which a first plan can be certified in gusts too."""
-    fields = {"terrain": wanted.place.terrain, "drawn_heights": LOW, **GUSTS}
-    drawn = trial("safe-flight", wanted.seed, fields=fields).build().config["fields"]
-    return {name: tuple(drawn[name]) for name in ("start", "target")}
 
 
 def violations(outcome: RunResult) -> dict[str, Any]:

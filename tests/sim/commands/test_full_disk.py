@@ -18,6 +18,7 @@ from mathnavi.renders import video
 from mathnavi.sim.commands.cli import main
 from mathnavi.sim.records.claimed_folder import claimed
 from mathnavi.sim.records.lock import locked
+from mathnavi.sim.records.run_folder import RUN_FILES
 from mathnavi.sim.records.store import Store
 from mathnavi.sim.sweep.execution import run_trials
 from tests.little_room import little_room
@@ -92,7 +93,7 @@ def test_the_pages_of_a_study_stay_those_of_one_study(failed: Outcome) -> None:
     assert main([*STUDY, "--out", "study"]) == 0
     name = "study/tests.sim.studies.test_study_command.Anywhere"
     line = failed(1, *STUDY, "--quick", "--out", "study", size=20_000)
-    assert line.startswith(f"mathnavi: {name}.")
+    assert f": {name}." in line
     assert line.endswith(": File too large\n")
     assert json.loads(Path(f"{name}.json").read_text())["rows"] == [{"count": 3}]
 
@@ -144,8 +145,17 @@ def test_standard_output_that_cannot_be_written_is_named() -> None:
 def test_a_folder_that_is_in_use_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with claimed(tmp_path / "run"):
         assert main([*RUN, "--out", str(tmp_path / "run")]) == 2
+        assert main(["render", str(tmp_path / "run")]) == 2
     name = tmp_path / "tests.sim.studies.test_study_command.Anywhere.json"
     with locked(name, name):
         assert main([*STUDY, "--out", str(tmp_path)]) == 2
     lines = capsys.readouterr().err.splitlines()
-    assert [f"{tmp_path / 'run'} is in use" in lines[0], f"{name} is in use" in lines[1]] == [True, True]
+    named = (tmp_path / "run", tmp_path / "run", name)
+    assert [f"{path} is in use" in line for path, line in zip(named, lines, strict=True)] == [True] * 3
+
+
+def test_a_run_that_was_killed_is_no_bar(tmp_path: Path) -> None:
+    for left in (".log.npz.partial", "log.json"):
+        (tmp_path / left).write_text("half")
+    assert main([*RUN, "--out", str(tmp_path)]) in (0, 1)
+    assert {path.name for path in tmp_path.iterdir()} == set(RUN_FILES)

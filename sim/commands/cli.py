@@ -1,8 +1,8 @@
 """The command line ``mathnavi``.
 
-Exit codes: 0 the mission did what it should, 1 it ran and did not, 2 bad input: one line on standard error that names
-the field, its value and what is allowed, or the usage where there is no command at all. A command's module is imported
-when it is called, so that help is quick.
+Exit codes: 0 the mission did what it should, 1 it ran and did not, or its results could not be written, 2 bad input:
+one line on standard error that names the field, its value and what is allowed, or the usage where there is no command
+at all; 130 and 143 a signal asked it to end. A command's module is imported when it is called, so that help is quick.
 """
 
 from __future__ import annotations

@@ -19,8 +19,8 @@ from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.video import write_still
 from mathnavi.sim.interfaces.signals import Event
+from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
-from mathnavi.sim.records.files import write_text
 from mathnavi.sim.records.run_folder import described
 
 MOST_EVENTS = 200  # rows of the table; the rest is counted

@@ -19,8 +19,8 @@ from mathnavi.renders.figures import BOUND, STYLE, canvas
 from mathnavi.renders.page import Markup
 from mathnavi.renders.statistics_figures import SERIES, WIDTH
 from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.interfaces.writing import write_together
 from mathnavi.sim.records.figure_names import SHORTFALL, label
-from mathnavi.sim.records.files import write_bytes, write_text
 from mathnavi.sim.records.sweep_data import is_number
 
 HEIGHT = 3.4  # [inches]
@@ -58,13 +58,16 @@ class SearchPage:
 
 
 def write_search_report(store: Path, search: SearchPage) -> list[Path]:
-    """Write the page and the picture beside a store, with .html and .png in place of its ending; their paths."""
+    """Write the page and the picture beside a store, as .html and .png, both or none; return their paths."""
     figure = search_figure(search)
     picture = io.BytesIO()
     figure.savefig(picture, format="png", dpi=150, facecolor="white")
-    write_bytes(store.with_suffix(".png"), picture.getvalue())
-    write_text(store.with_suffix(".html"), report(search, figure))
-    return [store.with_suffix(".html"), store.with_suffix(".png")]
+    pages = {
+        store.with_suffix(".html"): report(search, figure).encode(),
+        store.with_suffix(".png"): picture.getvalue(),
+    }
+    write_together(pages)
+    return list(pages)
 
 
 def report(search: SearchPage, figure: Figure) -> Markup:

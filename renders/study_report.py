@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders import page
@@ -12,7 +11,6 @@ from mathnavi.renders.page import Drawn, Markup
 from mathnavi.renders.terrain_view import Track, script, terrain_view
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim, tally
-from mathnavi.sim.records.files import write_text
 from mathnavi.sim.records.table import Table as Table
 
 
@@ -32,12 +30,6 @@ class StudyPage:
     tracks: Sequence[Track] = ()
     places: Mapping[str, Array] = field(default_factory=dict)  # (3,) [m] map frame
     radars: Sequence[tuple[float, float, float, float]] = ()  # x, y, z, radius [m]
-
-
-def write_study_report(path: Path, study: StudyPage) -> Path:
-    """Write the page, whole or not at all, and return its path."""
-    write_text(path, report(study))
-    return path
 
 
 def report(study: StudyPage) -> Markup:

@@ -24,9 +24,9 @@ from mathnavi.renders.statistics_figures import (
     scatter_figure,
 )
 from mathnavi.renders.terrain_view import Track, script, terrain_view
+from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.records.computing_environment import environment, environment_digest
 from mathnavi.sim.records.figure_names import SHORTFALL, label
-from mathnavi.sim.records.files import write_text
 from mathnavi.sim.records.statistics import Band, Proportion, percent
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import (

@@ -5,6 +5,7 @@ The frames are dealt to the processes in turn and collected in turn, so the resu
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import subprocess
@@ -26,6 +27,7 @@ from mathnavi.renders import opengl
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import TOUR, Frame, checked_camera
 from mathnavi.renders.palette import Picture
+from mathnavi.sim.interfaces.writing import naming, whole_files, write_bytes
 
 WIDTH, HEIGHT, FPS = 1280, 720, 24
 VIDEO_SAMPLES, STILL_SAMPLES = 0, 4  # per pixel: a video blurs its edges by moving
@@ -53,17 +55,17 @@ def write_video(
     directory, drawing = Path(run_dir), drawing_of(run_dir)
     frames = drawing.frames(drawing.load_run(directory), camera, fps)
     target = Path(path) if path is not None else directory / "video.mp4"
-    partial = target.with_name(f".{target.name}.partial")
     bar = Progress(
         TextColumn("video"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
         console=Console(stderr=True), disable=not progress,
     )  # fmt: skip
-    try:
-        with bar, closing(draw(directory, frames, width, height, VIDEO_SAMPLES)) as pictures:
-            _encode(partial, bar.track(pictures, total=len(frames)), width, height, fps)
-        os.replace(partial, target)
-    finally:
-        partial.unlink(missing_ok=True)
+    with (
+        whole_files(target) as (scratch,),
+        bar,
+        closing(draw(directory, frames, width, height, VIDEO_SAMPLES)) as pictures,
+        naming(target),
+    ):
+        _encode(scratch, bar.track(pictures, total=len(frames)), width, height, fps)
     return target
 
 
@@ -87,14 +89,11 @@ def write_still(
     moment = sum(drawing.highlight(run)) / 2.0 if t is None else t
     shown = drawing.still_camera if camera is None else checked_camera(camera, drawing.cameras)
     target = Path(path) if path is not None else directory / f"{shown}.png"
-    partial = target.with_name(f".{target.name}.partial")
     with closing(draw(directory, [Frame(moment, shown, 0.0, 0.0)], width, height, STILL_SAMPLES)) as pictures:
         picture = next(pictures)
-    try:
-        Image.fromarray(picture).save(partial, format="PNG", optimize=True)
-        os.replace(partial, target)
-    finally:
-        partial.unlink(missing_ok=True)
+    file = io.BytesIO()
+    Image.fromarray(picture).save(file, format="PNG", optimize=True)
+    write_bytes(target, file.getvalue())
     return target
 
 

@@ -17,9 +17,9 @@ true distance east differs from that by less than 1 % at 45 degrees of latitude,
 from __future__ import annotations
 
 import importlib.util
+import io
 import json
 import math
-import os
 import re
 import warnings
 import zipfile
@@ -35,6 +35,7 @@ from scipy.ndimage import map_coordinates
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.errors import TerrainError
 from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.interfaces.writing import write_bytes
 
 HGT_NODES = (1201, 3601)
 HGT_VOID = -32768
@@ -170,13 +171,9 @@ def write_npz(terrain: HeightField, path: str | Path) -> None:
         "source": terrain.source,
         "licence": terrain.licence,
     }
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("wb") as file:
-            np.savez_compressed(file, z=terrain.z.astype(np.float32), meta=np.array(json.dumps(meta)))
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    block = io.BytesIO()
+    np.savez_compressed(block, z=terrain.z.astype(np.float32), meta=np.array(json.dumps(meta)))
+    write_bytes(path, block.getvalue())
 
 
 def read_png(path: str | Path, spacing: float, scale: float) -> Raster:

@@ -10,7 +10,7 @@ from mathnavi.renders.comparison.runs import compare_runs
 from mathnavi.renders.comparison.studies import compare_studies, documents
 from mathnavi.renders.comparison.sweeps import compare_sweeps
 from mathnavi.renders.page import Markup
-from mathnavi.sim.records.files import write_text
+from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.records.table import Table
 
 MARK = "Written by mathnavi compare."  # by which such a page is known again

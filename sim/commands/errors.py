@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-INTERRUPTED = 130  # exit code: what a shell calls a process that ended by SIGINT
-PIPE_CLOSED = 141  # likewise by SIGPIPE
+PIPE_CLOSED = 141  # exit code: what a shell calls a process that ended by SIGPIPE
 
 
 class BadInputError(ValueError):
@@ -23,4 +23,11 @@ def bad_input() -> Iterator[None]:
     except ValueError as error:
         raise BadInputError(str(error)) from error
     except OSError as error:
-        raise BadInputError(f"{error.filename}: {error.strerror}" if error.filename else str(error)) from error
+        raise BadInputError(worded(error)) from error
+
+
+def worded(error: Exception) -> str:
+    """The message of an error; that of the operating system with its file first."""
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{os.fsdecode(error.filename)}: {error.strerror}"
+    return str(error)

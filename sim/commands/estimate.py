@@ -18,7 +18,7 @@ from rich.text import Text
 
 from mathnavi.sim.commands.arguments import FlagGroup, flags, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
-from mathnavi.sim.commands.output import output_folder
+from mathnavi.sim.commands.output import run_folder
 from mathnavi.sim.commands.progress import compilation_announced
 from mathnavi.sim.commands.provenance import note_environment
 from mathnavi.sim.commands.run import build, fly
@@ -63,14 +63,15 @@ def main(argv: Sequence[str]) -> int:
     except SystemExit:  # the help is printed
         return 0
     out = request.options.out or folder.with_name(f"{folder.resolve().name}-{estimator.replace(':', '.')}")
-    _check_out(out, folder)
+    if out.resolve() == folder.resolve():
+        raise BadInputError(f"--out = {out} is the recorded run itself; allowed: another folder")
     errors = Console(stderr=True)
-    with output_folder(out), compilation_announced(errors):
+    with run_folder(out) as claim, compilation_announced(errors):
         playback = _playback(request, run_config, log)
         note_environment(errors, run_config)
         result = fly(playback, errors)
-        with bad_input():
-            result.write(out)
+        result.write_files(claim.new)
+        claim.install()
     console = Console()
     console.print(f"{estimator} over {folder}: {verdict(result, 'the estimator')}", style="bold", highlight=False)
     for warning in warnings(result.recording):
@@ -114,13 +115,6 @@ def _request(name: str, run_config: RunConfig, words: Sequence[str]) -> RunReque
         PluginSpec(estimator.plugin, fields),
         known,
     )
-
-
-def _check_out(out: Path, folder: Path) -> None:
-    if out.resolve() == folder.resolve():
-        raise BadInputError(f"--out = {out} is the recorded run itself; allowed: another folder")
-    if out.is_dir() and any(out.iterdir()) and not (out / "config.json").exists():
-        raise BadInputError(f"--out = {out} holds other files than a run's; allowed: a new folder, or that of a run")
 
 
 def _playback(request: RunRequest, run_config: RunConfig, log: RunLog) -> ClosedLoop:

@@ -1,13 +1,15 @@
-"""The folder that a command writes to."""
+"""The folders that commands write to."""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from mathnavi.sim.commands.errors import BadInputError
+from mathnavi.sim.interfaces.errors import RunFolderError
+from mathnavi.sim.records.claimed_folder import ClaimedFolder, claimed
 
 
 @contextmanager
@@ -20,12 +22,34 @@ def output_folder(folder: Path) -> Iterator[None]:
             with tempfile.TemporaryFile(dir=folder):
                 pass
         except OSError as error:
-            raise BadInputError(
-                f"--out = {folder}: {error.strerror}; allowed: a folder that can be made or written to"
-            ) from error
+            raise _refused(folder, error) from error
         yield
     except BaseException:
         for path in made:
             with suppress(OSError):
                 path.rmdir()
         raise
+
+
+@contextmanager
+def run_folder(folder: Path) -> Iterator[ClaimedFolder]:
+    """Claim the folder of a run before anything is flown; BadInputError where it cannot be had."""
+    from mathnavi.sim.records.run_folder import CONFIG, LEFT, RUN_FILES  # takes a while to import
+
+    with ExitStack() as opened:
+        try:
+            found = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
+            if CONFIG not in found and found - {*RUN_FILES, LEFT}:
+                raise RunFolderError(
+                    f"{folder} holds other files than a run's; allowed: a new folder, or that of a run"
+                )
+            claim = opened.enter_context(claimed(folder))
+        except RunFolderError as error:
+            raise BadInputError(f"--out = {error}") from error
+        except OSError as error:
+            raise _refused(folder, error) from error
+        yield claim
+
+
+def _refused(folder: Path, error: OSError) -> BadInputError:
+    return BadInputError(f"--out = {folder}: {error.strerror}; allowed: a folder that can be made or written to")

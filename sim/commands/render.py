@@ -62,10 +62,11 @@ def main(argv: Sequence[str]) -> int:
     from mathnavi.renders.film import TOUR
     from mathnavi.renders.opengl import NoOpenGLError
     from mathnavi.renders.video import write_still, write_video
+    from mathnavi.sim.records.claimed_folder import kept_in_place
 
     film = options.folder / f"{options.camera or 'video'}.mp4"
     try:
-        with bad_input():
+        with bad_input(), kept_in_place(options.folder):
             if options.still:
                 path = write_still(options.folder, options.camera, t=options.time)
             elif options.clip:

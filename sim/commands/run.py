@@ -15,8 +15,9 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from mathnavi.renders.opengl import NoOpenGLError
 from mathnavi.sim.commands.arguments import value_of
-from mathnavi.sim.commands.errors import BadInputError, bad_input
-from mathnavi.sim.commands.output import output_folder
+from mathnavi.sim.commands.errors import BadInputError, worded
+from mathnavi.sim.commands.interruption import when_interrupted
+from mathnavi.sim.commands.output import run_folder
 from mathnavi.sim.commands.progress import compilation_announced
 from mathnavi.sim.commands.provenance import changed_inputs, note_environment
 from mathnavi.sim.commands.run_config import RunConfig
@@ -24,6 +25,7 @@ from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request,
 from mathnavi.sim.commands.summary import summary_table, verdict, warnings
 from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.interfaces.input_files import run_inputs
+from mathnavi.sim.records.run_folder import LEFT, NothingToDrawError
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 
@@ -52,37 +54,33 @@ def main(argv: Sequence[str]) -> int:
     except SystemExit:  # the help is printed
         return 0
     folder = request.options.out or Path("renders/out") / f"{request.name.replace(':', '.')}-seed{request.common.seed}"
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / "config.json").exists():
-        raise BadInputError(f"--out = {folder} holds other files than a run's; allowed: a new folder, or that of a run")
     errors = Console(stderr=True)
-    with output_folder(folder), compilation_announced(errors):
-        closed_loop = build(request, run_config)
-        if run_config is not None:
-            note_environment(errors, run_config)
-        result = fly(closed_loop, errors)
+    with run_folder(folder) as claim:
+        with compilation_announced(errors):
+            closed_loop = build(request, run_config)
+            if run_config is not None:
+                note_environment(errors, run_config)
+            result = fly(closed_loop, errors)
         replaced = request.options.out is None and (folder / "summary.json").exists()
-        stale = _drawn(folder)
-        with bad_input():
-            result.write(folder)
-        stale |= _drawn(folder)
-    shown = sorted(picture for picture in stale if picture.exists())
-    for picture in shown:
-        picture.unlink()
-    if replaced:  # by chance, perhaps: nobody named the folder
-        gone = f", and removed its {', '.join(picture.name for picture in shown)}" if shown else ""
-        errors.print(f"replaced the run in {folder}{gone}", style="dim", soft_wrap=True, highlight=False)
-
-    console = Console()
-    console.print(f"{request.name}, seed {request.common.seed}: {verdict(result)}", style="bold", highlight=False)
-    for warning in warnings(result.recording):
-        console.print(f"warning: {warning}", style="bold", highlight=False)
-    console.print(summary_table(result.summary, result.recording.events))
-    _draw(request.options, folder, errors)
+        result.write_files(claim.new)
+        stale = _drawn(folder) | _drawn(claim.new)
+        removed = sorted(name for name in stale if (folder / name).exists())
+        claim.install(dropped=(*removed, LEFT))
+        when_interrupted(lambda: f"the run is in {folder}, its pictures may not be; to begin again")
+        if replaced:  # by chance, perhaps: nobody named the folder
+            gone = f", and removed its {', '.join(removed)}" if removed else ""
+            errors.print(f"replaced the run in {folder}{gone}", style="dim", soft_wrap=True, highlight=False)
+        console = Console()
+        console.print(f"{request.name}, seed {request.common.seed}: {verdict(result)}", style="bold", highlight=False)
+        for warning in warnings(result.recording):
+            console.print(f"warning: {warning}", style="bold", highlight=False)
+        console.print(summary_table(result.summary, result.recording.events))
+        whole = _draw(request.options, folder, errors)
     console.print(f"run     {folder}", soft_wrap=True, highlight=False)
     for made in ("video.mp4", "report.html"):
         if (folder / made).is_file():
             console.print(f"{made.partition('.')[0]:8}{folder / made}", soft_wrap=True, highlight=False)
-    return 0 if result.success else 1
+    return 0 if result.success and whole else 1
 
 
 def build(request: RunRequest, run_config: RunConfig | None) -> ClosedLoop:
@@ -133,33 +131,37 @@ def fly(closed_loop: ClosedLoop, errors: Console) -> RunResult:
             raise BadInputError(str(error)) from error
 
 
-def _drawn(folder: Path) -> set[Path]:
-    """Pictures and reports of a run like the one in a folder, if any: those of an earlier run must not stay."""
+def _drawn(folder: Path) -> set[str]:
+    """Names of the pictures and reports of a run like the one in a folder, if any: an earlier run's must not stay."""
     from mathnavi.renders.drawing import drawing_of
 
     try:
         cameras = drawing_of(folder).cameras
     except (OSError, ValueError):
         cameras = ()
-    pictures = (f"{camera}.{kind}" for camera in cameras for kind in ("mp4", "png", "webp"))
-    return {folder / name for name in ("video.mp4", "report.html", *pictures)}
+    return {"video.mp4", "report.html", *(f"{camera}.{kind}" for camera in cameras for kind in ("mp4", "png", "webp"))}
 
 
-def _draw(options: RunOptions, folder: Path, errors: Console) -> None:
-    """Draw the video and the report if they are requested; a run without them is still a run."""
-    from mathnavi.sim.records.run_folder import NothingToDrawError
+def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
+    """Draw the video and the report if they are requested; False if one could not be written, for a full disk say.
 
+    A run without them is still a run, and so is one of which there is nothing to be drawn.
+    """
+    written = True
     if options.video:
         from mathnavi.renders.video import write_video
 
         try:
             write_video(folder, progress=errors.is_terminal)
-        except (NoOpenGLError, NothingToDrawError, RuntimeError) as error:
-            print(f"mathnavi: no video: {error}", file=sys.stderr)
+        except (NoOpenGLError, NothingToDrawError, RuntimeError, OSError) as error:
+            print(f"mathnavi: no video: {worded(error)}", file=sys.stderr)
+            written = not isinstance(error, OSError)
     if options.report:
         from mathnavi.renders.report import write_report
 
         try:
             write_report(folder)
-        except NothingToDrawError as error:
-            print(f"mathnavi: no report: {error}", file=sys.stderr)
+        except (NothingToDrawError, OSError) as error:
+            print(f"mathnavi: no report: {worded(error)}", file=sys.stderr)
+            written = written and not isinstance(error, OSError)
+    return written

@@ -11,12 +11,14 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError
+from mathnavi.sim.commands.errors import BadInputError, worded
+from mathnavi.sim.commands.interruption import when_interrupted
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
 from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.search_fields import SearchFields, read_space
 from mathnavi.sim.commands.search_results import SearchResults, print_results, write_pages, write_worst
+from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.records.store import Store, StoreWriteError
 from mathnavi.sim.search.directed import Sampler, check_space, directed, importances
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator, NoSuchFigureError, Objective
@@ -114,6 +116,8 @@ def main(argv: Sequence[str]) -> int:
     again = shlex.join(["mathnavi", "search", *argv])
     _check(fields, request)
     evaluations: Sequence[Evaluation] = ()
+    ended = 0  # of the missions that are being evaluated
+    when_interrupted(lambda: f"{_stored(evaluations, options, ended)}; to go on")
     try:
         with request.bad_input():
             if options.cluster is not None:
@@ -126,14 +130,18 @@ def main(argv: Sequence[str]) -> int:
             stored = store.keys()
 
             def progress(now: Sequence[Evaluation]) -> None:
-                nonlocal evaluations
-                evaluations = tuple(now)
+                nonlocal evaluations, ended
+                evaluations, ended = tuple(now), 0
                 draw(_counts(now, options.missions, stored))
+
+            def of_batch(now: Progress) -> None:
+                nonlocal ended
+                ended = now.done
 
             draw(Progress(options.missions, 0, 0, 0, 0, False))
             note_changed_files(errors, store, named)
             evaluator = Evaluator(
-                fields.make, options.objective, store, pool, options.timeout, options.retry,
+                fields.make, options.objective, store, pool, options.timeout, options.retry, of_batch,
                 mix_environments=options.mix_environments,
             )  # fmt: skip
             rare = _search(evaluator, fields, options, request.common.seed, progress)
@@ -141,12 +149,9 @@ def main(argv: Sequence[str]) -> int:
     except NoSuchFigureError as error:
         flag = "--maximise" if options.objective.largest else "--minimise"
         raise BadInputError(f"{flag} = {error}") from error
-    except KeyboardInterrupt:
-        print(f"mathnavi: interrupted, {_stored(evaluations, options)}; to go on: {again}", file=sys.stderr)
-        return INTERRUPTED
-    except (StoreWriteError, RefusedError, LostError) as error:
-        words = " ".join(str(error).split())
-        print(f"mathnavi: {words}, {_stored(evaluations, options)}; to go on: {again}", file=sys.stderr)
+    except (StoreWriteError, RefusedError, LostError, OSError) as error:
+        words = " ".join(worded(error).split())
+        print(f"mathnavi: {words}, {_stored(evaluations, options, ended)}; to go on: {again}", file=sys.stderr)
         return 1
     results = SearchResults(
         request.name, options.objective, fields.space, evaluator.evaluations, options.until, rare,
@@ -161,8 +166,8 @@ def main(argv: Sequence[str]) -> int:
         if options.report:
             for page in write_pages(results, options.store):
                 console.print(f"report  {page}", soft_wrap=True, highlight=False)
-    except OSError as error:
-        print(f"mathnavi: {error.filename}: {error.strerror}", file=sys.stderr)
+    except (OSError, RunFolderError) as error:
+        print(f"mathnavi: {worded(error)}", file=sys.stderr)
         return 1
     return 0
 
@@ -228,5 +233,7 @@ def _counts(evaluations: Sequence[Evaluation], missions: int, stored: set[str]) 
     )
 
 
-def _stored(evaluations: Sequence[Evaluation], options: SearchOptions) -> str:
-    return f"{len(evaluations)} of {options.missions} missions are evaluated"
+def _stored(evaluations: Sequence[Evaluation], options: SearchOptions, ended: int) -> str:
+    """What is kept of a search that ends too early; ``ended`` missions are stored and not yet evaluated."""
+    more = f", and {ended} more are stored" if ended else ""
+    return f"{len(evaluations)} of {options.missions} missions are evaluated{more}"

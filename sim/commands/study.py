@@ -6,6 +6,7 @@ import dataclasses
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,15 +17,17 @@ from rich.text import Text
 
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.commands.arguments import FlagGroup, parse, without
-from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError, bad_input
+from mathnavi.sim.commands.errors import BadInputError, bad_input, worded
+from mathnavi.sim.commands.interruption import when_interrupted
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import sweep_progress
 from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import prepare
+from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.plugin.registry import load, names
 from mathnavi.sim.records.claims import Claim, ledger
-from mathnavi.sim.records.files import write_text
-from mathnavi.sim.records.store import Store, StoreWriteError
+from mathnavi.sim.records.lock import locked
+from mathnavi.sim.records.store import Store, StoreWriteError, stored_results
 from mathnavi.sim.studies.framework.study import Setup, StudyError, first_look, on_terrain, write_result
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import LostError, check
@@ -86,13 +89,9 @@ def main(argv: Sequence[str]) -> int:
         for name, (plugin, config) in site.studies.items():
             try:
                 claims[-1] += _study(name, plugin, config, site, options, argv, errors)
-            except (StudyError, StoreWriteError, RefusedError, LostError) as error:
-                print(f"mathnavi: {name} {site.where}: {' '.join(str(error).split())}", file=sys.stderr)
+            except (StudyError, StoreWriteError, RefusedError, LostError, OSError) as error:
+                print(f"mathnavi: {name} {site.where}: {' '.join(worded(error).split())}", file=sys.stderr)
                 return 1
-            except KeyboardInterrupt:
-                command = shlex.join(["mathnavi", "study", *argv])
-                print(f"mathnavi: interrupted, what has ended is stored; to go on: {command}", file=sys.stderr)
-                return INTERRUPTED
         console.print(f"Claims {site.where}", style="bold", highlight=False)
         console.print(_table(claims[-1]))
         for name, (_, config) in site.studies.items():
@@ -187,9 +186,13 @@ def _study(
     """Run one study, write its files, and return its claims."""
     words = argv[1:] if site.terrain is not None else without("--terrain", argv[1:])
     command = shlex.join(["mathnavi", "study", name, *words])
-    with output_folder(site.folder), bad_input():
-        store = Store.open(site.folder / STORE)
-    with store, sweep_progress(errors, name) as progress:
+    path, file = site.folder / STORE, site.folder / f"{name.replace(':', '.')}.json"
+    with ExitStack() as opened:
+        with output_folder(site.folder), bad_input():
+            store = opened.enter_context(Store.open(path))
+            opened.enter_context(locked(file, file))
+        when_interrupted(lambda: _stored(path))
+        progress = opened.enter_context(sweep_progress(errors, name))
         setup = Setup(site.terrain, store, options.workers, progress, options.cluster, options.mix_environments)
         if site.terrain is not None:
             note_changed_files(errors, store, {("terrain", site.terrain): setup.ground.digest})
@@ -197,12 +200,21 @@ def _study(
             findings = plugin.run(config, setup)
         except ValueError as error:  # the terrain does not do for its missions, say
             raise StudyError(str(error)) from error
-        with bad_input():
-            small = first_look(config)
-            write_result(site.folder, name.replace(":", "."), plugin.title, findings, setup, command, small)
+        small = first_look(config)
+        write_result(site.folder, name.replace(":", "."), plugin.title, findings, setup, command, small)
         note_origins(errors, store, setup.elsewhere)
     claims: Sequence[Claim] = findings.claims
     return claims
+
+
+def _stored(path: Path) -> str:
+    """What is kept of a study that is interrupted."""
+    number = stored_results(path)
+    if number is None:
+        return f"what had ended is stored in {path}; to go on"
+    if number == 0:
+        return "nothing had ended yet; to begin again"
+    return f"{number} result{'s' if number > 1 else ''} stored in {path}; to go on"
 
 
 def _samples(studies: Studies) -> str:

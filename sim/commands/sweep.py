@@ -12,8 +12,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError
+from mathnavi.sim.commands.errors import BadInputError, worded
 from mathnavi.sim.commands.evidence import print_evidence, verdict
+from mathnavi.sim.commands.interruption import when_interrupted
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
 from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import RunRequest, prepare, usage
@@ -76,6 +77,7 @@ def main(argv: Sequence[str]) -> int:
     errors = Console(stderr=True)
     command = shlex.join(["mathnavi", "sweep", *argv])
     state: Progress | None = None  # before the store is looked into
+    when_interrupted(lambda: f"{_stored(state)}; to go on")
     try:
         with request.bad_input():
             asked = contents(sweep.trials)  # a file that a field names, and that is not there, comes to light here
@@ -111,11 +113,8 @@ def main(argv: Sequence[str]) -> int:
                 progress=progress,
                 mix_environments=options.mix_environments,
             )
-    except KeyboardInterrupt:
-        print(f"mathnavi: interrupted, {_stored(state)}; to go on: {command}", file=sys.stderr)
-        return INTERRUPTED
-    except (StoreWriteError, RefusedError, LostError) as error:
-        print(f"mathnavi: {' '.join(str(error).split())}, {_stored(state)}; to go on: {command}", file=sys.stderr)
+    except (StoreWriteError, RefusedError, LostError, OSError) as error:
+        print(f"mathnavi: {' '.join(worded(error).split())}, {_stored(state)}; to go on: {command}", file=sys.stderr)
         return 1
     console = Console()
     console.print(f"{request.name}, {verdict(records)}", style="bold", highlight=False, soft_wrap=True)
@@ -131,7 +130,7 @@ def main(argv: Sequence[str]) -> int:
         try:
             page = _report(sweep, records, command)
         except OSError as error:
-            print(f"mathnavi: no report: {error}", file=sys.stderr)
+            print(f"mathnavi: no report: {worded(error)}", file=sys.stderr)
             return 1
         console.print(f"report  {page}", soft_wrap=True, highlight=False)
     return 0

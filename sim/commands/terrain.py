@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import io
 import math
-import os
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,6 +18,7 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain, terrain_names
 from mathnavi.sim.commands.arguments import FlagGroup, flags, parse, with_flag
 from mathnavi.sim.commands.errors import BadInputError, bad_input
+from mathnavi.sim.interfaces.writing import write_bytes
 
 USAGE = """usage: mathnavi terrain import FILE --out FILE.npz [--spacing M] [--scale M] [--crop ROW COL SIZE]
        mathnavi terrain show NAME|FILE.npz [--out PNG]          NAME: {}"""
@@ -93,13 +94,9 @@ def _show(argv: Sequence[str]) -> None:
 def _draw(terrain: HeightField, path: Path) -> None:
     from mathnavi.renders.figures import terrain_figure  # matplotlib takes a while to import
 
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        with partial.open("wb") as file:
-            terrain_figure(terrain).savefig(file, format="png", dpi=120)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    picture = io.BytesIO()
+    terrain_figure(terrain).savefig(picture, format="png", dpi=120)
+    write_bytes(path, picture.getvalue())
 
 
 def statistics(terrain: HeightField) -> str:

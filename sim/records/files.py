@@ -1,34 +1,16 @@
-"""Files that are written whole or not at all: a reader never meets half of one."""
+"""Values as JSON, and files of it."""
 
 from __future__ import annotations
 
 import json
 import math
-import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    write_bytes(path, text.encode("utf-8"))
-
-
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all."""
-    descriptor, scratch = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(content)
-        os.chmod(scratch, 0o644)
-        os.replace(scratch, path)
-    except BaseException:
-        Path(scratch).unlink(missing_ok=True)
-        raise
+from mathnavi.sim.interfaces.writing import write_text
 
 
 def jsonable(value: Any) -> Any:
@@ -46,6 +28,11 @@ def jsonable(value: Any) -> Any:
     return value
 
 
+def as_json(value: Any) -> str:
+    """``value`` as JSON on indented lines."""
+    return json.dumps(jsonable(value), indent=2) + "\n"
+
+
 def write_json(path: Path, value: Any) -> None:
     """Write ``value`` as JSON, whole or not at all."""
-    write_text(path, json.dumps(jsonable(value), indent=2) + "\n")
+    write_text(path, as_json(value))

@@ -3,7 +3,7 @@
 | file | what it holds |
 |---|---|
 | ``config.json`` | scenario, seed, every field, both plug-ins, digests of files and sources, mission, environment |
-| ``summary.json`` | figures of merit by name, with units; it is written last |
+| ``summary.json`` | figures of merit by name, with units |
 | ``events.jsonl`` | one event a line, in the order in which they were recorded |
 | ``log.npz`` | the arrays of ``mathnavi.sim.engine.log`` |
 | ``log.json`` | shape and type of each array; names and units of each vehicle's states |
@@ -13,8 +13,8 @@ Everything that needs a recorded run reads it here: ``read_log`` for a single ve
 
 from __future__ import annotations
 
+import io
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -27,11 +27,15 @@ import numpy as np
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Event, Plan, Status
+from mathnavi.sim.interfaces.writing import write_bytes, write_text
+from mathnavi.sim.records.claimed_folder import claimed
 from mathnavi.sim.records.computing_environment import machine, versions
-from mathnavi.sim.records.files import jsonable, write_json, write_text
+from mathnavi.sim.records.files import jsonable, write_json
 from mathnavi.sim.records.former_names import with_present_names
 
 CONFIG, SUMMARY, EVENTS, ARRAYS, ARRAY_INDEX = "config.json", "summary.json", "events.jsonl", "log.npz", "log.json"
+RUN_FILES = (CONFIG, EVENTS, ARRAYS, ARRAY_INDEX, SUMMARY)
+LEFT = f".{ARRAYS}.partial"  # left by a run of an earlier version that was killed
 TRUTH = ".truth.x"  # ending of the names of a fleet's arrays of true states
 
 
@@ -43,17 +47,21 @@ class NothingToDrawError(ValueError):
 
 
 def write_run(folder: Path, config: Mapping[str, Any], summary: Mapping[str, Any], recording: Recording) -> None:
-    """Write a run's folder, summary.json last, so that a summary means a whole run."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / SUMMARY).unlink(missing_ok=True)
+    """Write a run's folder, whole or not at all; other files in it are kept.
+
+    Raises RunFolderError and OSError as ``claimed_folder.claimed`` does; OSError names the file.
+    """
+    with claimed(folder) as claim:
+        write_run_files(claim.new, config, summary, recording)
+        claim.install()
+
+
+def write_run_files(folder: Path, config: Mapping[str, Any], summary: Mapping[str, Any], recording: Recording) -> None:
+    """Write the files of a run into a folder that is there; OSError names the one that could not be written."""
     arrays = recording.arrays()
-    partial = folder / f".{ARRAYS}.partial"
-    try:
-        with partial.open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **arrays)
-        os.replace(partial, folder / ARRAYS)
-    finally:
-        partial.unlink(missing_ok=True)
+    archive = io.BytesIO()
+    np.savez_compressed(archive, allow_pickle=False, **arrays)
+    write_bytes(folder / ARRAYS, archive.getvalue())
     shapes = {name: {"shape": list(value.shape), "dtype": str(value.dtype)} for name, value in arrays.items()}
     write_json(folder / ARRAY_INDEX, {"arrays": shapes, "states": recording.state_names, "time": "t [s]"})
     events = [{"t": e.t, "agent": e.agent, "kind": e.kind, "message": e.message} for e in recording.events]

@@ -24,7 +24,7 @@ import json
 import re
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -32,8 +32,8 @@ from typing import Any, NamedTuple
 
 from mathnavi.sim.interfaces.errors import StoreError
 from mathnavi.sim.interfaces.fields import flattened, plain
+from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.records.computing_environment import environment_digest
-from mathnavi.sim.records.files import write_text
 from mathnavi.sim.records.jobs import JobRecord, add_job, job_records, job_statuses
 from mathnavi.sim.records.origins import Elsewhere, Origin, add_origin, environments, keys_by_content, origins
 
@@ -369,9 +369,22 @@ class Store:
             raise StoreWriteError(f"{self.path}: {error}") from error
 
 
-def _connect(path: Path, mode: str) -> sqlite3.Connection:
+def stored_results(path: Path) -> int | None:
+    """Number of trials and jobs in a store that another thread may be writing; None if it cannot be read just now."""
+    if not path.is_file():
+        return 0
+    try:
+        with closing(_connect(path, "ro", timeout=0.2)) as connection:
+            tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+            counted = [f"SELECT count(*) FROM {name}" for name in ("trials", "jobs") if name in tables]
+            return sum(int(connection.execute(each).fetchone()[0]) for each in counted)
+    except sqlite3.Error:
+        return None
+
+
+def _connect(path: Path, mode: str, timeout: float = PATIENCE) -> sqlite3.Connection:
     address = f"{path.absolute().as_uri()}?mode={mode}"
-    return sqlite3.connect(address, uri=True, timeout=PATIENCE, isolation_level=None)
+    return sqlite3.connect(address, uri=True, timeout=timeout, isolation_level=None)
 
 
 @contextmanager

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -22,15 +21,15 @@ from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, value_text
 from mathnavi.sim.interfaces.signals import Array, Event
+from mathnavi.sim.interfaces.writing import write_bytes, write_text
+from mathnavi.sim.records.claimed_folder import claimed
 from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
-from mathnavi.sim.records.files import write_text
-from mathnavi.sim.records.run_folder import write_run
+from mathnavi.sim.records.run_folder import RUN_FILES, write_run, write_run_files
 from mathnavi.sim.scenarios.task import Task
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-RUN_FILES = ("config.json", "events.jsonl", "log.npz", "log.json", "summary.json")
 SHOWN = 12  # figures of a summary in a short table
 
 
@@ -69,22 +68,28 @@ class RunResult:
         return self.recording.events
 
     def write(self, folder: Path) -> None:
-        """Write the run's folder."""
+        """Write the run's folder, whole or not at all."""
         write_run(folder, self.config, self.summary, self.recording)
+
+    def write_files(self, folder: Path) -> None:
+        """Write the files of the run into a folder that is there."""
+        write_run_files(folder, self.config, self.summary, self.recording)
 
     def save(self, folder: str | Path) -> Path:
         """Write config.json, summary.json, events.jsonl, log.npz and log.json into a folder, and return it.
 
-        A run that was read from a folder is copied as it is. Raises OSError where the folder cannot be written.
+        A run that was read from a folder is copied as it is. The folder is replaced whole; other files in it are kept.
+        Raises OSError where it cannot be written, RunFolderError where another process is writing it.
         """
         target = Path(folder)
         if self.folder is None:
             self.write(target)
         elif target.resolve() != self.folder.resolve():
-            target.mkdir(parents=True, exist_ok=True)
-            for name in RUN_FILES:
-                if (self.folder / name).is_file():
-                    shutil.copyfile(self.folder / name, target / name)
+            with claimed(target) as claim:
+                for name in RUN_FILES:
+                    if (self.folder / name).is_file():
+                        write_bytes(claim.new / name, (self.folder / name).read_bytes())
+                claim.install(dropped=RUN_FILES)
         object.__setattr__(self, "folder", target)
         return target
 
@@ -124,7 +129,7 @@ class RunResult:
             yield self.folder
             return
         with TemporaryDirectory() as scratch:
-            self.write(Path(scratch))
+            self.write_files(Path(scratch))
             yield Path(scratch)
 
     def _table(self) -> tuple[str, list[Row]]:

@@ -20,6 +20,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from multiprocessing import Pipe
 from threading import Lock
+from weakref import WeakSet
 
 from mathnavi.sim.sweep.serve import comparable
 from mathnavi.sim.sweep.task import Ended, SweepTask
@@ -35,6 +36,9 @@ _INTERVAL = 1.0  # [s] between two checks of whether somebody still waits
 _OUTPUT_LINES = 20  # of what a child printed before it died
 _OUTPUT_BYTES = 4000
 _EXIT_GRACE = 10.0  # [s] between the end of a connection and that of its process
+
+
+_children: WeakSet[_Child] = WeakSet()  # of this process
 
 
 class RefusedError(RuntimeError):
@@ -189,6 +193,7 @@ class _Child:
                     start_new_session=True,
                 )
             self._opened = opened.pop_all()
+        _children.add(self)
 
     def ask(
         self, request: bytes, timeout: float | None, compiling: Callable[[], None], stopped: Callable[[], bool]
@@ -246,6 +251,12 @@ class _Child:
         self._output.seek(max(0, size - _OUTPUT_BYTES))
         lines = comparable(self._output.read().decode(errors="replace")).splitlines()[-_OUTPUT_LINES:]
         return "\n".join([cause, *lines])
+
+
+def kill_children() -> None:
+    """Kill every child process of this process, and what these have started: nobody waits for them any more."""
+    for child in list(_children):
+        child.kill()
 
 
 def module_path() -> list[str]:

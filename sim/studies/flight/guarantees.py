@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any
 
 import matplotlib
@@ -39,16 +39,18 @@ from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.studies.flight.drawn_missions import MissionToDraw, mission_ends
 from mathnavi.sim.studies.framework.drawing import paths_on_map
-from mathnavi.sim.studies.framework.study import VEHICLE, Setup, StudyResult, TerrainReference, ends, track
+from mathnavi.sim.studies.framework.study import VEHICLE, Setup, StudyResult, ends, track
 from mathnavi.sim.sweep.job import job
-from mathnavi.sim.sweep.trial import Trial, trial
+from mathnavi.sim.sweep.trial import Trial
 
 OURS = "flight"
 PLANNERS = (OURS, "gatekeeper", "faster", "barrier", "as_printed")
 COLOURS = dict(zip(PLANNERS, ("#101824", *SERIES[:4]), strict=True))
 LOW = (20.0, 80.0)  # [m] above h_min at both ends of a mission
 GUSTS = {"faults.gust_rms": 1.5}
+IN_GUSTS = {"drawn_heights": LOW, **GUSTS}  # missions whose first plan is certified in gusts too
 CONDITIONS: dict[str, dict[str, Any]] = {
     "no failures": {},
     "30 % failures": {"faults.solver_failure_rate": 0.3},
@@ -152,7 +154,9 @@ class Guarantees:
 
 def _flights(setup: Setup, seeds: Sequence[int]) -> Callable[[int, str, str, Mapping[str, Any]], Trial]:
     """The trial of a seed, a condition, a planner and a setting of it, between the ends drawn for the seed."""
-    drawn = dict(zip(seeds, setup.compute(mission_ends, [MissionToDraw(setup.place, k) for k in seeds]), strict=True))
+    drawn = dict(
+        zip(seeds, setup.compute(mission_ends, [MissionToDraw(setup.place, k, IN_GUSTS) for k in seeds]), strict=True)
+    )
 
     def flight(seed: int, condition: str, planner: str, setting: Mapping[str, Any]) -> Trial:
         fields = {**drawn[seed], **CONDITIONS[condition], **setting}
@@ -190,21 +194,6 @@ def _spoilt(records: Sequence[Record]) -> int:
 
 
 # ---- jobs and measures
-
-
-@dataclass(frozen=True)
-class MissionToDraw:
-    """A mission whose ends are wanted."""
-
-    place: TerrainReference
-    seed: int
-
-
-def mission_ends(wanted: MissionToDraw) -> dict[str, tuple[float, float, float]]:
-    """A job: start and target [m] of a seed, between which a first plan can be certified in gusts too."""
-    fields = {"terrain": wanted.place.terrain, "drawn_heights": LOW, **GUSTS}
-    drawn = trial("safe-flight", wanted.seed, fields=fields).build().config["fields"]
-    return {name: tuple(drawn[name]) for name in ("start", "target")}
 
 
 def violations(outcome: RunResult) -> dict[str, Any]:

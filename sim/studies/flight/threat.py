@@ -8,7 +8,7 @@ measured where it says it: within one and a half radii of the radar.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import matplotlib
@@ -24,6 +24,7 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.studies.flight.drawn_missions import MissionToDraw, mission_ends
 from mathnavi.sim.studies.framework.drawing import paths_on_map
 from mathnavi.sim.studies.framework.study import VEHICLE, Setup, StudyResult, ends, heights, median, track
 from mathnavi.sim.sweep.trial import Trial
@@ -54,8 +55,11 @@ class Threat:
 
     @staticmethod
     def run(config: ThreatConfig, setup: Setup) -> StudyResult:
+        drawn = setup.compute(mission_ends, [MissionToDraw(setup.place, seed) for seed in range(config.seeds)])
         trials = {
-            (name, seed): mission for seed in range(config.seeds) for name, mission in _missions(setup, seed).items()
+            (name, seed): mission
+            for seed, own in enumerate(drawn)
+            for name, mission in _missions(setup, seed, own).items()
         }
         records = setup.fly_each(trials)
         by_condition = {name: [records[name, seed] for seed in range(config.seeds)] for name in COLOURS}
@@ -97,16 +101,14 @@ class Threat:
         )  # fmt: skip
 
 
-def _missions(setup: Setup, seed: int) -> dict[str, Trial]:
-    """The mission drawn from the seed, with a radar in its middle."""
-    mission = setup.trial(seed).build().config["mission"]
-    start, target = mission["start"], mission["target"]
+def _missions(setup: Setup, seed: int, drawn: Mapping[str, Sequence[float]]) -> dict[str, Trial]:
+    """The mission between the drawn ends of a seed, with a radar in its middle."""
+    start, target = drawn["start"], drawn["target"]
     middle = (0.5 * (start[0] + target[0]), 0.5 * (start[1] + target[1]))
-    place = {"start": start, "target": target}
 
     def one(weight: float, known: bool) -> Trial:
         radar = ((*middle, RADIUS, weight),)
-        return setup.trial(seed, measure=NEAR_MEASURE, fields={**place, "radar": radar, "radar_known": known})
+        return setup.trial(seed, measure=NEAR_MEASURE, fields={**drawn, "radar": radar, "radar_known": known})
 
     return {"unaware": one(WEIGHTS[-1], False)} | {f"weight {weight:g}": one(weight, True) for weight in WEIGHTS}
 

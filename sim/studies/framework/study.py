@@ -24,13 +24,14 @@ from matplotlib.figure import Figure
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.renders.page import number
-from mathnavi.renders.study_report import StudyPage, Table, write_study_report
+from mathnavi.renders.study_report import StudyPage, Table, report
 from mathnavi.renders.terrain_view import Track
 from mathnavi.sim.interfaces.errors import TerrainError
+from mathnavi.sim.interfaces.writing import write_together
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.computing_environment import environment
 from mathnavi.sim.records.figure_names import is_wall_clock
-from mathnavi.sim.records.files import write_bytes, write_json, write_text
+from mathnavi.sim.records.files import as_json
 from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.statistics import Band, supported_band
 from mathnavi.sim.records.store import Record, Store
@@ -226,18 +227,15 @@ def first_look(config: Any) -> str:
 def write_result(
     folder: Path, name: str, title: str, findings: StudyResult, setup: Setup, command: str, small: str = ""
 ) -> None:
-    """NAME.csv, NAME.png, NAME.html, and NAME.json last, so that a JSON means a whole study.
+    """Write NAME.csv, NAME.png, NAME.html and NAME.json, all or none.
 
-    ``small`` is what makes it a ``first_look`` only, if anything.
+    ``small`` is what makes it a ``first_look`` only, if anything. OSError names the file that could not be written.
     """
     ground = None if setup.terrain is None else setup.ground
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"{name}.json").unlink(missing_ok=True)
-    write_text(folder / f"{name}.csv", as_csv(findings.rows))
     picture = io.BytesIO()
     findings.figure.savefig(picture, format="png", dpi=150, facecolor="white")
     findings.figure.set_layout_engine("none")  # everything has its place now, and the page shows it there
-    write_bytes(folder / f"{name}.png", picture.getvalue())
     page = StudyPage(
         name=name,
         title=title if ground is None else f"{title}, {ground.name}",
@@ -252,7 +250,6 @@ def write_result(
         command=command,
         first_look=small,
     )
-    write_study_report(folder / f"{name}.html", page)
     document = {
         "study": name,
         "title": title,
@@ -265,7 +262,14 @@ def write_result(
         "environment": dict(environment()),
         "from_other_environments": setup.elsewhere.taken.total(),
     }
-    write_json(folder / f"{name}.json", document)
+    write_together(
+        {
+            folder / f"{name}.csv": as_csv(findings.rows).encode(),
+            folder / f"{name}.png": picture.getvalue(),
+            folder / f"{name}.html": report(page).encode(),
+            folder / f"{name}.json": as_json(document).encode(),
+        }
+    )
 
 
 def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shlex
 import subprocess
 import sys
 from collections.abc import Callable
@@ -160,9 +161,11 @@ def test_a_flight_that_is_cut_short_leaves_no_folder(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(mathnavi.sim.commands.run, "fly", interrupted)
-    assert main(["run", *mission, "--out", str(tmp_path / "deep/run")]) == 130
+    words = ["run", *mission, "--out", str(tmp_path / "deep/a run")]
+    assert main(words) == 130
     assert not list(tmp_path.iterdir())
-    assert capsys.readouterr().err == "mathnavi: interrupted\n"
+    again = shlex.join(["mathnavi", *words])
+    assert capsys.readouterr().err == f"mathnavi: interrupted, nothing was written; to begin again: {again}\n"
 
 
 def test_a_mission_that_fails_exits_with_1_and_is_written(mission: Words, tmp_path: Path) -> None:

@@ -8,14 +8,19 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from mathnavi.sim.commands.cli import main
-from mathnavi.sim.records.store import Store
+from mathnavi.sim.records.store import Record, Store
+from mathnavi.sim.search import evaluation
+from mathnavi.sim.sweep.execution import run_trials
+from mathnavi.sim.sweep.trial import Trial
 
 BOWL = "tests.sim.search.scenarios:Bowl"
 ROOT = Path(__file__).parents[3]
@@ -90,6 +95,31 @@ def test_a_search_that_was_killed_goes_on_to_the_same_end(path: Path, tmp_path: 
     with Store.existing(path) as one, Store.existing(other) as two:
         assert one.keys() == two.keys()
         assert len(one.keys()) == 40
+
+
+@pytest.mark.usefixtures("trials_here")
+def test_a_search_that_is_interrupted_says_what_is_kept_and_goes_on(
+    path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    batches = []
+
+    def interrupted(trials: Sequence[Trial], store: Store, **options: Any) -> list[Record]:
+        batches.append(trials)
+        if len(batches) < 2:
+            return run_trials(trials, store, **options)
+        run_trials(trials[:3], store, **options)
+        raise KeyboardInterrupt
+
+    words = ("--minimise", "height_m", *OVER, "--missions", "8", "--batch", "4")
+    with monkeypatch.context() as patched:
+        patched.setattr(evaluation, "run_trials", interrupted)
+        assert search(path, *words) == 130
+    command = shlex.join(["mathnavi", "search", BOWL, "--store", str(path), "--workers", "1", *words])
+    kept = "4 of 8 missions are evaluated, and 3 more are stored"
+    assert capsys.readouterr().err == f"mathnavi: interrupted, {kept}; to go on: {command}\n"
+    assert _stored(path) == 7
+    assert search(path, *words) == 0
+    assert _stored(path) == 8
 
 
 def _stored(path: Path) -> int:

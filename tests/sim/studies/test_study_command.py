@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -189,9 +190,10 @@ def test_a_study_that_is_interrupted_keeps_what_has_ended(tmp_path: Path, monkey
     study.send_signal(signal.SIGINT)
     _, error = study.communicate(timeout=30.0)
     assert study.returncode == 130, error
-    assert "interrupted, what has ended is stored; to go on: mathnavi study" in error
     ended, begun = stored(out / "trials.db"), len(list(marks.iterdir()))
     assert 2 <= ended < 6
+    command = shlex.join(["mathnavi", *words])
+    assert f"mathnavi: interrupted, {ended} results stored in {out / 'trials.db'}; to go on: {command}\n" in error
     assert not list(out.glob("*.json"))
     assert main(words) == 0
     assert len(list(marks.iterdir())) - begun == 6 - ended

@@ -50,11 +50,11 @@ def main(argv: Sequence[str]) -> int:
     )
 
     out = options.out
-    if out.exists() and not is_comparison(out):
-        raise BadInputError(
-            f"--out = {out} is there and is no comparison; allowed: a new file, or an earlier comparison"
-        )
     with bad_input():
+        if out.exists() and not is_comparison(out):
+            raise BadInputError(
+                f"--out = {out} is there and is no comparison; allowed: a new file, or an earlier comparison"
+            )
         comparison = compare(options.left, options.right)
     console = Console()
     console.print(f"{comparison.title}. {comparison.verdict}", style="bold", highlight=False)

@@ -15,9 +15,10 @@ from mathnavi.sim.records.claimed_folder import ClaimedFolder, claimed
 @contextmanager
 def output_folder(folder: Path) -> Iterator[None]:
     """Make the folder and try to write into it; if what follows fails, what was made goes again."""
-    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    made: list[Path] = []
     try:
         try:
+            made += [path for path in (folder, *folder.parents) if not path.exists()]
             folder.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=folder):
                 pass

@@ -93,7 +93,7 @@ def kept_in_place(folder: Path) -> Iterator[None]:
 
 def _place(folder: Path) -> Path:
     """The folder without symbolic links, if it can be replaced whole."""
-    if folder.is_symlink() and not folder.exists():
+    if any(path.is_symlink() and not path.exists() for path in (folder, *folder.parents)):
         raise FileNotFoundError(errno.ENOENT, "a link that leads nowhere")
     place = folder.resolve()
     if not place.exists():
@@ -151,10 +151,11 @@ def _exchange(new: Path, place: Path) -> None:
         if (number := ctypes.get_errno()) not in NO_EXCHANGE:
             raise OSError(number, os.strerror(number), str(place))
     former = beside(place, "old")
-    os.rename(place, former)
     try:
+        os.rename(place, former)
         os.rename(new, place)
     except BaseException:
-        os.rename(former, place)
+        if not place.exists():
+            os.rename(former, place)
         raise
     os.rename(former, new)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import resource
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -140,6 +141,31 @@ def test_standard_output_that_cannot_be_written_is_named() -> None:
         words = [sys.executable, "-m", "mathnavi", "list"]
         done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True)
     assert (done.returncode, done.stderr) == (1, "mathnavi: standard output: No space left on device\n")
+
+
+@pytest.mark.parametrize("place", ["file/inner", "lost/inner", "n" * 300])
+@pytest.mark.parametrize(
+    ("words", "ending"),
+    [
+        ((*RUN, "--out"), ""),
+        (("estimate", "textbook_ekf", "{0}/run", "--out"), ""),
+        ((*STUDY, "--out"), ""),
+        (("compare", "{0}/run", "{0}/run", "--out"), ".html"),
+        (("store", "export", "{0}/store.db", "--out"), ".csv"),
+        (("terrain", "show", "canyon:1", "--out"), ".png"),
+        (("terrain", "import", "{1}", "--out"), ".npz"),
+        (("sweep", "textbook-observer", "--trials", "1", "--store"), ".db"),
+        (("search", "textbook-observer", "--minimise", "duration_s", "--over", "seed=0..3", "--store"), ".db"),
+    ],
+    ids=lambda value: "-".join(value[:2]) if isinstance(value, tuple) else None,
+)
+def test_a_place_where_nothing_can_be_written_is_refused(
+    words: tuple[str, ...], ending: str, place: str, failed: Outcome, results: Path, hills: Path
+) -> None:
+    Path("file").write_text("a file")
+    Path("lost").symlink_to("nowhere")
+    argv = [word.format(results, hills) for word in words]
+    assert place.partition("/")[0] in failed(2, *argv, f"{place}{ending}", size=resource.RLIM_INFINITY)
 
 
 def test_a_folder_that_is_in_use_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -46,6 +46,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("mathnavi: interrupted", file=sys.stderr)
         return INTERRUPTED
+    except SystemExit as error:  # of a plug-in: no command of ours ends so
+        from mathnavi.sim.interfaces.failures import explained
+
+        print(f"mathnavi: a plug-in ended the command by {' '.join(explained(error).split())}", file=sys.stderr)
+        return 2
 
 
 def _command(name: str) -> Callable[[Sequence[str]], int]:

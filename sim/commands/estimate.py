@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from mathnavi.sim.commands.arguments import FlagGroup, flags, parse
+from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, flags, given, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import compilation_announced
@@ -29,6 +29,7 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec, called, names
+from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.run_folder import ARRAYS, RunLog, read_log
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
@@ -46,6 +47,8 @@ class EstimateOptions:
 
     out: Path | None = None
     """folder of the new run; DIR-ESTIMATOR beside DIR if not given"""
+    trust: bool = False
+    """import code that DIR names and that is not installed; it runs as you"""
 
 
 def main(argv: Sequence[str]) -> int:
@@ -56,10 +59,11 @@ def main(argv: Sequence[str]) -> int:
     prepare()
     with bad_input():
         log = read_log(folder)
-    run_config = RunConfig.read(folder)
+    with trusting("--trust" in given(words)):
+        run_config = RunConfig.read(folder)
     try:
         request = _request(estimator, run_config, words)
-    except SystemExit:  # the help is printed
+    except HelpPrinted:
         return 0
     out = request.options.out or folder.with_name(f"{folder.resolve().name}-{estimator.replace(':', '.')}")
     _check_out(out, folder)

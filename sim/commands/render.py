@@ -11,8 +11,9 @@ from typing import Annotated
 import tyro
 
 from mathnavi.sim.commands import opengl
-from mathnavi.sim.commands.arguments import FlagGroup, parse, with_flag
+from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse, with_flag
 from mathnavi.sim.commands.errors import BadInputError, bad_input
+from mathnavi.sim.plugin.trust import trusting
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ class RenderOptions:
     """where the clip begins [s]; by default where there is most to see"""
     end: float | None = None
     """and where it ends [s]"""
+    trust: bool = False
+    """import code that DIR names and that is not installed; it runs as you"""
 
     def __post_init__(self) -> None:
         if self.still and self.clip:
@@ -55,7 +58,7 @@ def main(argv: Sequence[str]) -> int:
             "Draw a run: video.mp4, CAMERA.mp4, CAMERA.png or CAMERA.webp.",
             FlagGroup(RenderOptions),
         )
-    except SystemExit:  # the help is printed
+    except HelpPrinted:
         return 0
     opengl.choose()
     from mathnavi.renders.clip import write_clip  # what draws takes a while to import
@@ -65,7 +68,7 @@ def main(argv: Sequence[str]) -> int:
 
     film = options.folder / f"{options.camera or 'video'}.mp4"
     try:
-        with bad_input():
+        with bad_input(), trusting(options.trust):
             if options.still:
                 path = write_still(options.folder, options.camera, t=options.time)
             elif options.clip:

@@ -14,13 +14,14 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from mathnavi.renders.opengl import NoOpenGLError
-from mathnavi.sim.commands.arguments import value_of
+from mathnavi.sim.commands.arguments import HelpPrinted, given, value_of
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import compilation_announced
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.summary import summary_table, verdict, warnings
+from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 
@@ -36,6 +37,8 @@ class RunOptions:
     """write report.html"""
     from_: Annotated[Path | None, tyro.conf.arg(name="from")] = None
     """run folder whose config.json is run again; flags beside it take precedence"""
+    trust: bool = False
+    """import code that the folder of --from names and that is not installed; it runs as you"""
 
 
 def main(argv: Sequence[str]) -> int:
@@ -44,9 +47,10 @@ def main(argv: Sequence[str]) -> int:
     prepare()
     try:
         source = value_of("--from", argv)
-        run_config = RunConfig.read(Path(source)) if source is not None else None
+        with trusting("--trust" in given(argv)):
+            run_config = RunConfig.read(Path(source)) if source is not None else None
         request = read_request("run", argv, RunOptions, run_config)
-    except SystemExit:  # the help is printed
+    except HelpPrinted:
         return 0
     folder = request.options.out or Path("renders/out") / f"{request.name.replace(':', '.')}-seed{request.common.seed}"
     if folder.is_dir() and any(folder.iterdir()) and not (folder / "config.json").exists():
@@ -59,7 +63,8 @@ def main(argv: Sequence[str]) -> int:
         stale = _drawn(folder)
         with bad_input():
             result.write(folder)
-        stale |= _drawn(folder)
+        with trusting():  # its drawing is the one of the scenario that has been flown
+            stale |= _drawn(folder)
     shown = sorted(picture for picture in stale if picture.exists())
     for picture in shown:
         picture.unlink()
@@ -72,7 +77,8 @@ def main(argv: Sequence[str]) -> int:
     for warning in warnings(result.recording):
         console.print(f"warning: {warning}", style="bold", highlight=False)
     console.print(summary_table(result.summary, result.recording.events))
-    _draw(request.options, folder, errors)
+    with trusting():
+        _draw(request.options, folder, errors)
     console.print(f"run     {folder}", soft_wrap=True, highlight=False)
     for made in ("video.mp4", "report.html"):
         if (folder / made).is_file():

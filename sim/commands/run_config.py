@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from mathnavi.sim.commands.errors import BadInputError
+from mathnavi.sim.interfaces.errors import UntrustedError
 from mathnavi.sim.interfaces.fields import instance, of_type
-from mathnavi.sim.records.former_names import present_name
+from mathnavi.sim.plugin.trust import check_places
+from mathnavi.sim.records.former_names import present_name, with_present_names
 
 
 @dataclass(frozen=True)
@@ -29,12 +31,15 @@ class RunConfig:
 
     @staticmethod
     def read(folder: Path) -> RunConfig:
-        """The configuration of the run in ``folder``; BadInputError if there is none, or it is broken."""
+        """The configuration of the run in ``folder``; BadInputError if there is none, it is broken, or it names code
+        that is not installed, unless it is read within ``trusting()``.
+        """
         path = folder / "config.json"
         if not path.is_file():
             raise BadInputError(f"--from = {folder}: there is no {path}; allowed: the folder of a run")
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
+            check_places(with_present_names(data), str(path))
             parts: dict[str, Any] = {}
             for kind in ("controller", "estimator"):
                 parts[kind] = present_name(of_type(str, data[kind]["name"], f"{kind}.name"))
@@ -48,6 +53,8 @@ class RunConfig:
                 terrain_digest=data.get("terrain", {}).get("digest"),
                 **parts,
             )
+        except UntrustedError as error:
+            raise BadInputError(str(error)) from None
         except KeyError as error:
             raise BadInputError(f"{path}: {error.args[0]} is missing; allowed: what `mathnavi run` writes") from None
         except (ValueError, TypeError, AttributeError) as error:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from mathnavi.sim.commands.arguments import HelpPrinted
 from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
@@ -103,7 +104,7 @@ def main(argv: Sequence[str]) -> int:
     prepare()
     try:
         request = read_request("search", argv, SearchOptions)
-    except SystemExit:  # the help is printed
+    except HelpPrinted:
         return 0
     fields = read_space(argv, request)
     options: SearchOptions = request.options

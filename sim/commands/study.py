@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.sim.commands.arguments import FlagGroup, parse, without
+from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse, without
 from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import sweep_progress
@@ -70,7 +70,7 @@ def main(argv: Sequence[str]) -> int:
     prepare()
     try:
         options, studies = read_studies(argv)
-    except SystemExit:  # the help is printed
+    except HelpPrinted:
         return 0
     if options.cluster is not None:
         with bad_input():

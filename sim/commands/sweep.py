@@ -12,6 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from mathnavi.sim.commands.arguments import HelpPrinted
 from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError
 from mathnavi.sim.commands.evidence import print_evidence, verdict
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
@@ -66,7 +67,7 @@ def main(argv: Sequence[str]) -> int:
     prepare()
     try:
         sweep = read_sweep(argv)
-    except SystemExit:  # the help is printed
+    except HelpPrinted:
         return 0
     request, options = sweep.request, sweep.request.options
     errors = Console(stderr=True)

@@ -53,7 +53,8 @@ def _files(plugin: Any, schema: type | None, leaves: list[Leaf]) -> Iterator[str
     """The sources that the description comes from: of the plug-in, its configuration, and the types named in it."""
     bases = getattr(plugin, "__mro__", (plugin,))
     owners = [*bases, *(schema.__mro__ if schema else ()), *(base for leaf in leaves for base in leaf.owner.__mro__)]
-    modules = {name: sys.modules.get(name) for name in (getattr(owner, "__module__", "") for owner in owners)}
+    named = (owner.__name__ if isinstance(owner, ModuleType) else getattr(owner, "__module__", "") for owner in owners)
+    modules = {name: sys.modules.get(name) for name in named}
     found = {file for module in modules.values() if module for file in _file(module)}
     for leaf in leaves:
         module = modules.get(leaf.owner.__module__)

@@ -7,7 +7,7 @@ import io
 import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,6 +22,7 @@ from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, value_text
 from mathnavi.sim.interfaces.signals import Array, Event
+from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
 from mathnavi.sim.records.files import write_text
 from mathnavi.sim.records.run_folder import write_run
@@ -46,6 +47,7 @@ class RunResult:
     config: dict[str, Any]  # what config.json holds: scenario, seed, every field, the plug-ins
     success: bool
     folder: Path | None = None  # which it was read from or saved in
+    trusted: bool = True  # its drawing may be any code: of who flew the run; False for one read from a folder
 
     @cached_property
     def arrays(self) -> dict[str, Array]:
@@ -119,13 +121,14 @@ class RunResult:
 
     @contextmanager
     def _in_folder(self) -> Iterator[Path]:
-        """The run's folder; one for the time being, if it was not saved yet."""
-        if self.folder is not None:
-            yield self.folder
-            return
-        with TemporaryDirectory() as scratch:
-            self.write(Path(scratch))
-            yield Path(scratch)
+        """The run's folder, to be drawn; one for the time being, if it was not saved yet."""
+        with trusting(self.trusted), ExitStack() as stack:
+            if self.folder is not None:
+                yield self.folder
+                return
+            scratch = Path(stack.enter_context(TemporaryDirectory()))
+            self.write(scratch)
+            yield scratch
 
     def _table(self) -> tuple[str, list[Row]]:
         shortfall = self.summary.get(SHORTFALL)

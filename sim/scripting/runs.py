@@ -79,14 +79,15 @@ def make(scenario: str, *, seed: int = 0, estimator: Plugin = None, **fields: An
 
 
 def available(kind: str) -> tuple[str, ...]:
-    """Names of what is installed: "scenarios", "controllers", "estimators", "consensus", "studies" or "terrains".
+    """Names of what is installed: "scenarios", "controllers", "estimators", "consensus", "studies", "terrains",
+    "drawings".
 
     FieldError for another kind.
     """
     try:
         return names(kind)
     except KeyError:
-        kinds = "scenarios, controllers, estimators, consensus, studies, terrains"
+        kinds = "scenarios, controllers, estimators, consensus, studies, terrains, drawings"
         raise FieldError(f"kind = {kind!r}; allowed: {kinds}") from None
 
 

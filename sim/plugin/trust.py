@@ -1,0 +1,71 @@
+"""Which code a folder may name: a run's config.json is data, and data of a stranger runs nothing that he chose.
+
+What is installed as an entry point is loaded, whether it is named by its name or by its place, "package.module:Class".
+Everything else that a folder names is loaded only within ``trusting()``, which ``--trust`` asks for.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Any
+
+from mathnavi.sim.interfaces.errors import UntrustedError
+from mathnavi.sim.plugin.groups import GROUPS, installed
+
+_PLACE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_][\w.]*")
+_NAMED = ("controller", "estimator")
+_trusted: ContextVar[bool] = ContextVar("trusted", default=False)
+
+
+@contextmanager
+def trusting(trust: bool = True) -> Iterator[None]:
+    """Folders that are read in here may name any code, if ``trust``; else only what is installed."""
+    token = _trusted.set(trust)
+    try:
+        yield
+    finally:
+        _trusted.reset(token)
+
+
+def is_trusted() -> bool:
+    """True within ``trusting()``."""
+    return _trusted.get()
+
+
+def check_places(config: Mapping[str, Any], where: str) -> None:
+    """UntrustedError if the configuration of a recorded run names code that is not installed.
+
+    A place is any text "package.module:Class": of the scenario, its plug-ins, and in any of their fields, so that no
+    scenario has to say which of its fields name code.
+    """
+    named = [config.get("scenario"), config.get("fields")]
+    for part in _NAMED:
+        plugin = config.get(part)
+        named += [plugin.get("name"), plugin.get("fields")] if isinstance(plugin, Mapping) else []
+    for text in _texts(named):
+        if _PLACE.fullmatch(text):
+            check_place(text, where)
+
+
+def check_place(place: str, where: str) -> None:
+    """UntrustedError unless a place that a folder names is that of an installed plug-in, or the folder is trusted."""
+    if not is_trusted() and not any(point.value == place for kind in GROUPS for point in installed(kind)):
+        raise UntrustedError(
+            f"{where} names code that is not installed: {place!r}; allowed: installed plug-ins, or --trust, with which "
+            "the code that the folder names is imported and runs as you"
+        )
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Every text within plain data."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        for item in value.values():
+            yield from _texts(item)
+    elif isinstance(value, (list, tuple)):
+        for item in value:
+            yield from _texts(item)

@@ -105,17 +105,14 @@ def _naming_failures(drawing: Drawing[Any], subject: str) -> Drawing[Any]:
 
     def named(name: str, call: Callable[..., Any]) -> Callable[..., Any]:
         @wraps(call)
-        def checked(*arguments: Any) -> Any:
+        def call_named(*arguments: Any) -> Any:
             with failures_named(f"{subject}: {name}() failed:", RunFolderError, (ValueError, OSError)):
                 return call(*arguments)
 
-        return checked
+        return call_named
 
-    return replace(
-        drawing,
-        **{name: named(name, getattr(drawing, name)) for name in CALLS},
-        report=named("report", lambda run: _report_at(drawing.report)(run)),
-    )
+    checked: dict[str, Any] = {name: named(name, getattr(drawing, name)) for name in CALLS}
+    return replace(drawing, **checked, report=named("report", lambda run: _report_at(drawing.report)(run)))
 
 
 def _report_at(place: str | Callable[[R], Markup]) -> Callable[[R], Markup]:

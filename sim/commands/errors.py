@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+OUT_OF_TIME = 124  # exit code: what `timeout` calls a process whose time was up
 INTERRUPTED = 130  # exit code: what a shell calls a process that ended by SIGINT
 PIPE_CLOSED = 141  # likewise by SIGPIPE
 

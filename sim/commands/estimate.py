@@ -17,6 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, flags, given, parse
+from mathnavi.sim.commands.deadline import check_deadline, watched
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import compilation_announced
@@ -47,11 +48,18 @@ class EstimateOptions:
 
     out: Path | None = None
     """folder of the new run; DIR-ESTIMATOR beside DIR if not given"""
+    wall_deadline: float | None = None
+    """time by the clock on the wall after which the command is ended [s], whatever it is at; none if not given"""
     trust: bool = False
     """import code that DIR names and that is not installed; it runs as you"""
 
+    def __post_init__(self) -> None:
+        check_deadline(self.wall_deadline)
+
 
 def main(argv: Sequence[str]) -> int:
+    if (code := watched("estimate", argv)) is not None:
+        return code
     if {"-h", "--help"} & set(argv[:2]):
         print(USAGE.format(", ".join(names("estimators"))))
         return 0
@@ -69,7 +77,9 @@ def main(argv: Sequence[str]) -> int:
     _check_out(out, folder)
     errors = Console(stderr=True)
     with output_folder(out), compilation_announced(errors):
-        result = fly(_playback(request, run_config, log), errors)
+        playback = _playback(request, run_config, log)
+        with request.failures("a run"):
+            result = fly(playback, errors)
         with bad_input():
             result.write(out)
     console = Console()

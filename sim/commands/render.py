@@ -12,6 +12,7 @@ import tyro
 
 from mathnavi.sim.commands import opengl
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse, with_flag
+from mathnavi.sim.commands.deadline import check_deadline, watched
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.plugin.trust import trusting
 
@@ -35,10 +36,13 @@ class RenderOptions:
     """where the clip begins [s]; by default where there is most to see"""
     end: float | None = None
     """and where it ends [s]"""
+    wall_deadline: float | None = None
+    """time by the clock on the wall after which the command is ended [s], whatever it is at; none if not given"""
     trust: bool = False
     """import code that DIR names and that is not installed; it runs as you"""
 
     def __post_init__(self) -> None:
+        check_deadline(self.wall_deadline)
         if self.still and self.clip:
             raise ValueError("--clip = True; allowed: not together with --still")
         for name, value, needed in (
@@ -51,6 +55,8 @@ class RenderOptions:
 
 
 def main(argv: Sequence[str]) -> int:
+    if (code := watched("render", argv)) is not None:
+        return code
     try:
         (options,) = parse(
             argv,

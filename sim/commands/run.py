@@ -15,13 +15,14 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from mathnavi.renders.opengl import NoOpenGLError
 from mathnavi.sim.commands.arguments import HelpPrinted, given, value_of
+from mathnavi.sim.commands.deadline import check_deadline, watched
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import compilation_announced
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.summary import summary_table, verdict, warnings
-from mathnavi.sim.plugin.trust import trusting
+from mathnavi.sim.plugin.trust import trusting, within_record
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 
@@ -37,11 +38,18 @@ class RunOptions:
     """write report.html"""
     from_: Annotated[Path | None, tyro.conf.arg(name="from")] = None
     """run folder whose config.json is run again; flags beside it take precedence"""
+    wall_deadline: float | None = None
+    """time by the clock on the wall after which the command is ended [s], whatever it is at; none if not given"""
     trust: bool = False
     """import code that the folder of --from names and that is not installed; it runs as you"""
 
+    def __post_init__(self) -> None:
+        check_deadline(self.wall_deadline)
+
 
 def main(argv: Sequence[str]) -> int:
+    if (code := watched("run", argv)) is not None:
+        return code
     if usage("run", argv):
         return 0
     prepare()
@@ -58,7 +66,8 @@ def main(argv: Sequence[str]) -> int:
     errors = Console(stderr=True)
     with output_folder(folder), compilation_announced(errors):
         closed_loop = build(request, run_config)
-        result = fly(closed_loop, errors)
+        with request.failures("a run"):
+            result = fly(closed_loop, errors)
         replaced = request.options.out is None and (folder / "summary.json").exists()
         stale = _drawn(folder)
         with bad_input():
@@ -88,10 +97,8 @@ def main(argv: Sequence[str]) -> int:
 
 def build(request: RunRequest, run_config: RunConfig | None) -> ClosedLoop:
     """The closed loop of a request; BadInputError for fields that do not fit, or another terrain than recorded."""
-    with request.bad_input():
-        closed_loop: ClosedLoop = request.scenario.build(
-            request.config, request.common.seed, request.controller, request.estimator
-        )
+    with request.bad_input(), within_record(run_config.places if run_config else {}):
+        closed_loop = request.build()
     terrain = closed_loop.config.get("terrain", {})
     same_map = run_config is not None and terrain.get("path") == run_config.terrain_path
     if run_config is not None and same_map and terrain.get("digest") != run_config.terrain_digest:

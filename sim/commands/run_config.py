@@ -10,8 +10,8 @@ from typing import Any
 from mathnavi.sim.commands.errors import BadInputError
 from mathnavi.sim.interfaces.errors import UntrustedError
 from mathnavi.sim.interfaces.fields import instance, of_type
-from mathnavi.sim.plugin.trust import check_places
-from mathnavi.sim.records.former_names import present_name, with_present_names
+from mathnavi.sim.plugin.trust import check_place, recorded_places, within_record
+from mathnavi.sim.records.former_names import present_name
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,7 @@ class RunConfig:
     estimator_fields: dict[str, Any]
     terrain_path: str | None  # as it was given
     terrain_digest: str | None
+    places: dict[str, str]  # "package.module:Class" in any field, with this file, unless the folder is trusted
 
     @staticmethod
     def read(folder: Path) -> RunConfig:
@@ -39,14 +40,16 @@ class RunConfig:
             raise BadInputError(f"--from = {folder}: there is no {path}; allowed: the folder of a run")
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
-            check_places(with_present_names(data), str(path))
-            parts: dict[str, Any] = {}
+            parts: dict[str, Any] = {"scenario": of_type(str, data["scenario"], "scenario")}
             for kind in ("controller", "estimator"):
                 parts[kind] = present_name(of_type(str, data[kind]["name"], f"{kind}.name"))
                 parts[f"{kind}_fields"] = of_type(dict, data[kind]["fields"], f"{kind}.fields")
+            for named in ("scenario", "controller", "estimator"):
+                if ":" in parts[named]:
+                    check_place(parts[named], str(path))
             return RunConfig(
                 path=path,
-                scenario=of_type(str, data["scenario"], "scenario"),
+                places=recorded_places([data["fields"], data["controller"], data["estimator"]], str(path)),
                 seed=of_type(int, data["seed"], "seed"),
                 fields=of_type(dict, data["fields"], "fields"),
                 terrain_path=data.get("terrain", {}).get("path"),
@@ -63,6 +66,7 @@ class RunConfig:
     def restored(self, config: type, fields: dict[str, Any], where: str) -> Any:
         """The frozen dataclass ``config`` with the recorded fields; BadInputError if they do not fit."""
         try:
-            return instance(config, fields, where)
+            with within_record(self.places):
+                return instance(config, fields, where)
         except ValueError as error:
             raise BadInputError(f"{self.path}: {error}") from None

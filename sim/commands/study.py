@@ -20,11 +20,12 @@ from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import sweep_progress
 from mathnavi.sim.commands.run_request import prepare
+from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.plugin.registry import load, names
 from mathnavi.sim.records.claims import Claim, ledger
 from mathnavi.sim.records.files import write_text
 from mathnavi.sim.records.store import Store, StoreWriteError
-from mathnavi.sim.studies.framework.study import Setup, StudyError, first_look, on_terrain, write_result
+from mathnavi.sim.studies.framework.study import Setup, StudyError, checked_result, first_look, on_terrain, write_result
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import LostError, check
 from mathnavi.sim.sweep.execution import available_cores
@@ -189,7 +190,9 @@ def _study(
     with store, sweep_progress(errors, name) as progress:
         setup = Setup(site.terrain, store, options.workers, progress, options.cluster)
         try:
-            findings = plugin.run(config, setup)
+            findings = checked_result(name, plugin, config, setup)
+        except PluginError as error:
+            raise BadInputError(str(error)) from error
         except ValueError as error:  # the terrain does not do for its missions, say
             raise StudyError(str(error)) from error
         with bad_input():

@@ -23,10 +23,9 @@ def failures_named(
     """
     try:
         yield
-    except (KeyboardInterrupt, *passing):
-        raise
     except BaseException as error:
-        if isinstance(error, ValueError) and "allowed" in str(error):
+        refuses = isinstance(error, ValueError) and "allowed" in str(error)
+        if refuses or isinstance(error, (KeyboardInterrupt, *passing)):
             raise
         raise kind(f"{subject} {explained(error)}") from error
 

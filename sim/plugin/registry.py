@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from numbers import Real
@@ -16,13 +17,15 @@ from typing import Any, TypeVar, get_type_hints
 
 from mathnavi.sim.interfaces.checks import allowed_for, plain_name
 from mathnavi.sim.interfaces.errors import PluginError
-from mathnavi.sim.interfaces.failures import failures_named
+from mathnavi.sim.interfaces.failures import explained, failures_named
 from mathnavi.sim.interfaces.protocols import Consensus, Estimator, Planner, Sensor
 from mathnavi.sim.plugin.groups import installed
+from mathnavi.sim.plugin.trust import check_loaded
 
 Quality = TypeVar("Quality")
 
 _PLACE = "or package.module:Class"
+_OWN = "mathnavi"  # the package of the built-in plug-ins
 
 NEEDED = {  # of the class itself, beside Config
     "controllers": ("build",),
@@ -70,10 +73,33 @@ def load(kind: str, name: str) -> Any:
         _check_name(kind, points[name])
     if name not in points and ":" not in name:
         raise PluginError(f"{kind}: {name!r} is not known; {allowed_for(name, sorted(points), _PLACE)}")
+    check_loaded(name)
     with failures_named(f"{kind}: {name!r} cannot be imported:", PluginError):
         plugin = points[name].load() if name in points else _at(name)
     _check_class(kind, plugin, name)
     return plugin
+
+
+@contextmanager
+def of_stranger(plugin: Any, subject: str) -> Iterator[None]:
+    """PluginError that begins with ``subject`` for what the code of a plug-in raises in here.
+
+    Refusals pass: exceptions of mathnavi, an OSError, and a ValueError that says what is allowed. Any exception of
+    mathnavi's own plug-ins is a defect, and passes too; that one of them ends the process does not.
+    """
+    try:
+        yield
+    except (KeyboardInterrupt, OSError):
+        raise
+    except BaseException as error:
+        refuses = _is_own(type(error)) or (isinstance(error, ValueError) and "allowed" in str(error))
+        if refuses or (_is_own(plugin) and isinstance(error, Exception)):
+            raise
+        raise PluginError(f"{subject} {explained(error)}") from error
+
+
+def _is_own(kind: Any) -> bool:
+    return str(getattr(kind, "__module__", "")).partition(".")[0] == _OWN
 
 
 def checked_controller(spec: PluginSpec, mission: Any, bound: type | None = None) -> tuple[Planner, Any]:

@@ -16,8 +16,8 @@ from mathnavi.sim.interfaces.errors import UntrustedError
 from mathnavi.sim.plugin.groups import GROUPS, installed
 
 _PLACE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_][\w.]*")
-_NAMED = ("controller", "estimator")
 _trusted: ContextVar[bool] = ContextVar("trusted", default=False)
+_recorded: ContextVar[Mapping[str, str]] = ContextVar("recorded", default={})  # noqa: B039 - never changed
 
 
 @contextmanager
@@ -35,19 +35,29 @@ def is_trusted() -> bool:
     return _trusted.get()
 
 
-def check_places(config: Mapping[str, Any], where: str) -> None:
-    """UntrustedError if the configuration of a recorded run names code that is not installed.
+def recorded_places(fields: Any, where: str) -> dict[str, str]:
+    """Every text "package.module:Class" in the recorded fields of a scenario or a plug-in, with where it was read.
 
-    A place is any text "package.module:Class": of the scenario, its plug-ins, and in any of their fields, so that no
-    scenario has to say which of its fields name code.
+    Some of them name code, which only whoever loads them knows: ``within_record`` refuses these. There are none in a
+    folder that is trusted.
     """
-    named = [config.get("scenario"), config.get("fields")]
-    for part in _NAMED:
-        plugin = config.get(part)
-        named += [plugin.get("name"), plugin.get("fields")] if isinstance(plugin, Mapping) else []
-    for text in _texts(named):
-        if _PLACE.fullmatch(text):
-            check_place(text, where)
+    return {} if is_trusted() else {text: where for text in _texts(fields) if _PLACE.fullmatch(text)}
+
+
+@contextmanager
+def within_record(places: Mapping[str, str]) -> Iterator[None]:
+    """In here, ``check_loaded`` refuses the places that a folder names."""
+    token = _recorded.set(places)
+    try:
+        yield
+    finally:
+        _recorded.reset(token)
+
+
+def check_loaded(place: str) -> None:
+    """UntrustedError for a place that a folder names, and that is about to be loaded, unless it is installed."""
+    if place in _recorded.get():
+        check_place(place, _recorded.get()[place])
 
 
 def check_place(place: str, where: str) -> None:

@@ -19,9 +19,11 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import simulate
 from mathnavi.sim.engine.network import Network
 from mathnavi.sim.interfaces.checks import allowed_for
+from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, value_text
 from mathnavi.sim.interfaces.signals import Array, Event
+from mathnavi.sim.plugin.registry import PluginSpec, of_stranger
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
 from mathnavi.sim.records.files import write_text
@@ -177,3 +179,18 @@ class ClosedLoop:
         recording = simulate(self.plant, self.agents, self.duration, self.finished, progress, self.network)
         summary, success = self.summarise(recording, time.perf_counter() - began)
         return RunResult(recording, summary, self.config, success)
+
+
+def built(
+    name: str, scenario: Any, config: Any, seed: int, controller: PluginSpec, estimator: PluginSpec
+) -> ClosedLoop:
+    """The closed loop that a scenario builds for one seed; errors as the scenario has them.
+
+    PluginError where a stranger's scenario fails to build it, or builds something else.
+    """
+    with of_stranger(scenario, f"scenarios: {name!r}: build() failed:"):
+        closed_loop = scenario.build(config, seed, controller, estimator)
+    if not isinstance(closed_loop, ClosedLoop):
+        made = type(closed_loop).__name__
+        raise PluginError(f"scenarios: {name!r}: build() returned a {made}; allowed: a ClosedLoop")
+    return closed_loop

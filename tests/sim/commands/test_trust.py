@@ -70,8 +70,6 @@ NAMED: dict[str, dict[str, Any]] = {
     "scenario": {"scenario": "EVIL:Scenario"},
     "controller": {"controller": {"name": "EVIL:Controller"}},
     "estimator": {"estimator": {"name": "EVIL:Estimator"}},
-    "a field": {"fields": {"consensus": "EVIL:Controller"}},
-    "a field of a plug-in": {"estimator": {"fields": {"inner": ["EVIL:Estimator"]}}},
 }
 COMMANDS = {
     "run": ["run", "--from", "old", "--out", "new"],
@@ -92,6 +90,31 @@ def test_no_command_imports_what_a_folder_names(
     assert "--trust" in line
     assert not mark.exists()
     assert not Path("new").exists()
+
+
+def test_no_field_of_a_folder_imports_what_it_names(
+    mark: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = {
+        "scenario": "simultaneous-arrival",
+        "seed": 0,
+        "fields": {"consensus": f"evil_{tmp_path.name}:Controller"},
+        "controller": {"name": "mathnavi.controllers.flight.plugin:FlightController", "fields": {}},
+        "estimator": {"name": "mathnavi.estimators.kalman:Kalman", "fields": {}},
+    }
+    Path("old").mkdir()
+    Path("old/config.json").write_text(json.dumps(config))
+    assert main(COMMANDS["run"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "config.json names code that is not installed" in line
+    assert not mark.exists()
+    assert main([*COMMANDS["run"], "--trust"]) == 2  # it is no consensus
+    assert mark.exists()
+
+
+def test_a_recorded_text_that_is_no_code_is_no_matter_of_trust(tmp_path: Path) -> None:
+    mn.run("arm-velocity", mechanism="dm_control:pendulum", duration=1.2).save(tmp_path / "old")
+    assert main(["run", "--from", str(tmp_path / "old"), "--out", str(tmp_path / "new")]) in (0, 1)
 
 
 def test_with_trust_it_is_run_again(forged: Forge, mark: Path) -> None:

@@ -7,7 +7,6 @@ stays a little before it begins again.
 from __future__ import annotations
 
 import io
-import os
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from PIL import Image
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import Shot, checked_camera, frames_of
 from mathnavi.renders.video import STILL_SAMPLES, draw
+from mathnavi.sim.records.files import partial_file
 
 WIDTH, HEIGHT, FPS = 640, 360, 12
 LENGTH, LAST_MOMENT = 5.0, 1.0  # [s] of the clip: while time passes, and for which its last picture stays
@@ -57,12 +57,8 @@ def write_clip(
     with closing(draw(directory, frames, width, height, STILL_SAMPLES)) as drawn:
         pictures = [Image.fromarray(picture) for picture in drawn]
     target = Path(path) if path is not None else directory / f"{shown}.webp"
-    partial = target.with_name(f".{target.name}.partial")
-    try:
+    with partial_file(target) as partial:
         partial.write_bytes(_encoded(pictures, fps))
-        os.replace(partial, target)
-    finally:
-        partial.unlink(missing_ok=True)
     return target
 
 

@@ -27,6 +27,7 @@ from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import TOUR, Frame, checked_camera
 from mathnavi.renders.palette import Picture
 from mathnavi.sim.plugin.trust import is_trusted
+from mathnavi.sim.records.files import partial_file
 
 WIDTH, HEIGHT, FPS = 1280, 720, 24
 VIDEO_SAMPLES, STILL_SAMPLES = 0, 4  # per pixel: a video blurs its edges by moving
@@ -56,17 +57,16 @@ def write_video(
     directory, drawing = Path(run_dir), drawing_of(run_dir)
     frames = drawing.frames(drawing.load_run(directory), camera, fps)
     target = Path(path) if path is not None else directory / "video.mp4"
-    partial = target.with_name(f".{target.name}.partial")
     bar = Progress(
         TextColumn("video"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
         console=Console(stderr=True), disable=not progress,
     )  # fmt: skip
-    try:
-        with bar, closing(draw(directory, frames, width, height, VIDEO_SAMPLES)) as pictures:
-            _encode(partial, bar.track(pictures, total=len(frames)), width, height, fps)
-        os.replace(partial, target)
-    finally:
-        partial.unlink(missing_ok=True)
+    with (
+        partial_file(target) as partial,
+        bar,
+        closing(draw(directory, frames, width, height, VIDEO_SAMPLES)) as pictures,
+    ):
+        _encode(partial, bar.track(pictures, total=len(frames)), width, height, fps)
     return target
 
 
@@ -90,14 +90,10 @@ def write_still(
     moment = sum(drawing.highlight(run)) / 2.0 if t is None else t
     shown = drawing.still_camera if camera is None else checked_camera(camera, drawing.cameras)
     target = Path(path) if path is not None else directory / f"{shown}.png"
-    partial = target.with_name(f".{target.name}.partial")
     with closing(draw(directory, [Frame(moment, shown, 0.0, 0.0)], width, height, STILL_SAMPLES)) as pictures:
         picture = next(pictures)
-    try:
+    with partial_file(target) as partial:
         Image.fromarray(picture).save(partial, format="PNG", optimize=True)
-        os.replace(partial, target)
-    finally:
-        partial.unlink(missing_ok=True)
     return target
 
 

@@ -169,7 +169,7 @@ def write_npz(terrain: HeightField, path: str | Path) -> None:
     }
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        with temporary.open("wb") as file:
+        with temporary.open("xb") as file:  # which follows no link
             np.savez_compressed(file, z=terrain.z.astype(np.float32), meta=np.array(json.dumps(meta)))
         os.replace(temporary, path)
     finally:

@@ -25,12 +25,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
-import mathnavi
 from mathnavi.sim.commands.arguments import value_of, without
 from mathnavi.sim.commands.errors import OUT_OF_TIME
 
 FLAG = "--wall-deadline"
-PACKAGE = Path(mathnavi.__file__).parent
+PACKAGE = Path(__file__).parents[2]  # mathnavi
 START = (
     "import json, sys; request = json.loads(sys.argv[1]); sys.path[:] = request['path']; "
     "from mathnavi.sim.commands.deadline import run; run(**request)"

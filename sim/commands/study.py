@@ -23,7 +23,7 @@ from mathnavi.sim.commands.run_request import prepare
 from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.plugin.registry import load, names
 from mathnavi.sim.records.claims import Claim, ledger
-from mathnavi.sim.records.files import write_text
+from mathnavi.sim.records.files import inside, write_text
 from mathnavi.sim.records.store import Store, StoreWriteError
 from mathnavi.sim.studies.framework.study import Setup, StudyError, checked_result, first_look, on_terrain, write_result
 from mathnavi.sim.sweep.child import RefusedError
@@ -185,8 +185,10 @@ def _study(
     """Run one study, write its files, and return its claims."""
     words = argv[1:] if site.terrain is not None else without("--terrain", argv[1:])
     command = shlex.join(["mathnavi", "study", name, *words])
+    with bad_input():
+        inside(options.out or OUT, site.folder)
     with output_folder(site.folder), bad_input():
-        store = Store.open(site.folder / STORE)
+        store = Store.open(inside(site.folder, site.folder / STORE))
     with store, sweep_progress(errors, name) as progress:
         setup = Setup(site.terrain, store, options.workers, progress, options.cluster)
         try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain, terrain_names
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, flags, parse, with_flag
 from mathnavi.sim.commands.errors import BadInputError, bad_input
+from mathnavi.sim.records.files import partial_file
 
 USAGE = """usage: mathnavi terrain import FILE --out FILE.npz [--spacing M] [--scale M] [--crop ROW COL SIZE]
        mathnavi terrain show NAME|FILE.npz [--out PNG]          NAME: {}"""
@@ -93,13 +93,8 @@ def _show(argv: Sequence[str]) -> None:
 def _draw(terrain: HeightField, path: Path) -> None:
     from mathnavi.renders.figures import terrain_figure  # matplotlib takes a while to import
 
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        with partial.open("wb") as file:
-            terrain_figure(terrain).savefig(file, format="png", dpi=120)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with partial_file(path) as partial, partial.open("xb") as file:
+        terrain_figure(terrain).savefig(file, format="png", dpi=120)
 
 
 def statistics(terrain: HeightField) -> str:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +31,29 @@ def write_bytes(path: Path, content: bytes) -> None:
     except BaseException:
         Path(scratch).unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def partial_file(path: Path) -> Iterator[Path]:
+    """A file beside ``path``, to be written in the block, that takes its place at the end, or goes if the block fails.
+
+    A link of its name is replaced and not followed: nothing is written to where it leads.
+    """
+    partial = path.with_name(f".{path.name}.partial")
+    partial.unlink(missing_ok=True)
+    try:
+        yield partial
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def inside(folder: Path, path: Path) -> Path:
+    """``path``, which lies in ``folder``; PermissionError if a link there leads out of the folder."""
+    if not path.resolve().is_relative_to(folder.resolve()):
+        reason = f"a link that leads out of {folder}, to {path.resolve()}; allowed: what lies within"
+        raise PermissionError(errno.EPERM, reason, str(path))
+    return path
 
 
 def jsonable(value: Any) -> Any:

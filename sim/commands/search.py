@@ -60,7 +60,7 @@ class SearchOptions:
     workers: int | None = None
     """processes; one for each core if not given"""
     cluster: str | None = None
-    """address of a Dask scheduler whose workers run the missions, tcp://HOST:PORT"""
+    """address of a Dask scheduler whose workers run the missions, tcp://HOST:PORT or tls://HOST:PORT"""
     timeout: float | None = None
     """time after which a mission is cut off and recorded as timed out [s]; none if not given"""
     retry: bool = False

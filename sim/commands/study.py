@@ -52,7 +52,7 @@ class StudyOptions:
     workers: int = field(default_factory=available_cores)
     """processes that fly and compute"""
     cluster: str | None = None
-    """address of a Dask scheduler whose workers do it instead, tcp://HOST:PORT"""
+    """address of a Dask scheduler whose workers do it instead, tcp://HOST:PORT or tls://HOST:PORT"""
 
     def __post_init__(self) -> None:
         if self.workers < 1:

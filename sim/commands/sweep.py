@@ -40,7 +40,7 @@ class SweepOptions:
     workers: int | None = None
     """processes; one for each core if not given"""
     cluster: str | None = None
-    """address of a Dask scheduler whose workers run the trials, tcp://HOST:PORT"""
+    """address of a Dask scheduler whose workers run the trials, tcp://HOST:PORT or tls://HOST:PORT"""
     timeout: float | None = None
     """time after which a trial is cut off and recorded as timed out [s]; none if not given"""
     retry: bool = False

@@ -22,6 +22,7 @@ from mathnavi.sim.commands.progress import compilation_announced
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.summary import summary_table, verdict, warnings
+from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.plugin.trust import trusting, within_record
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
@@ -154,12 +155,12 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> None:
 
         try:
             write_video(folder, progress=errors.is_terminal)
-        except (NoOpenGLError, NothingToDrawError, RuntimeError) as error:
+        except (NoOpenGLError, NothingToDrawError, RunFolderError, RuntimeError) as error:
             print(f"mathnavi: no video: {error}", file=sys.stderr)
     if options.report:
         from mathnavi.renders.report import write_report
 
         try:
             write_report(folder)
-        except NothingToDrawError as error:
+        except (NothingToDrawError, RunFolderError) as error:
             print(f"mathnavi: no report: {error}", file=sys.stderr)

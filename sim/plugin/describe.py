@@ -19,7 +19,7 @@ STATED = ("controller", "estimator")  # what a scenario is flown with unless som
 def described(value: str) -> Plain:
     """Plain data on the class or function at "package.module:Name", as ``index.Description`` has them.
 
-    Any exception of the import, SystemExit included, is in ``error``.
+    Any exception of the import but Ctrl-C, SystemExit included, is in ``error``.
     """
     try:
         plugin = EntryPoint(value, value, "").load()
@@ -33,7 +33,9 @@ def described(value: str) -> Plain:
             "files": {file: stamp(file) for file in _files(plugin, schema, leaves)},
             "error": "",
         }
-    except (Exception, SystemExit) as error:  # whatever a stranger's module does when it is imported
+    except BaseException as error:  # whatever a stranger's module does when it is imported
+        if isinstance(error, KeyboardInterrupt):
+            raise
         return {"first_line": "", "stated": {}, "fields": [], "files": {}, "error": str(error) or type(error).__name__}
 
 

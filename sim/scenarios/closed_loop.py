@@ -26,7 +26,7 @@ from mathnavi.sim.interfaces.signals import Array, Event
 from mathnavi.sim.plugin.registry import PluginSpec, of_stranger
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
-from mathnavi.sim.records.files import write_text
+from mathnavi.sim.records.files import partial_file, write_text
 from mathnavi.sim.records.run_folder import write_run
 from mathnavi.sim.scenarios.task import Task
 
@@ -88,7 +88,8 @@ class RunResult:
             target.mkdir(parents=True, exist_ok=True)
             for name in RUN_FILES:
                 if (self.folder / name).is_file():
-                    shutil.copyfile(self.folder / name, target / name)
+                    with partial_file(target / name) as partial:
+                        shutil.copyfile(self.folder / name, partial)
         object.__setattr__(self, "folder", target)
         return target
 

@@ -235,3 +235,47 @@ def test_the_module_mathnavi_takes_no_library_from_the_current_folder(mark: Path
     )
     assert done.returncode == 2, done.stderr
     assert not mark.exists()
+
+
+def test_the_processes_of_a_sweep_take_no_library_from_the_current_folder(mark: Path) -> None:
+    for module in ("numpy", "sitecustomize", "json"):
+        Path(f"{module}.py").write_text(NUMPY.format(mark=str(mark)))
+    assert main(["sweep", "range-localisation", "--duration", "0.5", "--trials", "1", "--store", "sweep.db"]) == 0
+    assert not mark.exists()
+
+
+DRAWN = """
+from dataclasses import replace
+from mathnavi.sim.scenarios.range_localisation import RangeLocalisation
+
+class Mine(RangeLocalisation):
+    @staticmethod
+    def build(*arguments):
+        built = RangeLocalisation.build(*arguments)
+        return replace(built, config={{**built.config, "scenario": "{0}:Mine", "drawing": "{0}_pictures"}})
+"""
+
+
+@pytest.mark.parametrize("source", ["from mathnavi.renders.ranging.drawing import drawing", "raise KeyError('none')"])
+def test_a_run_of_ones_own_scenario_is_drawn_by_its_own_drawing(
+    source: str, mark: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name = f"own_{tmp_path.name}"
+    Path(f"{name}.py").write_text(DRAWN.format(name))
+    Path(f"{name}_pictures.py").write_text(f"{source}\n")
+    assert main(["run", f"{name}:Mine", "--duration", "0.5", "--out", "new", "--report"]) in (0, 1)
+    drawn = "import drawing" in source
+    assert Path("new/report.html").is_file() is drawn
+    if not drawn:
+        assert "no report: " in capsys.readouterr().err
+    assert main(["run", "--from", "new", "--out", "again"]) == 2
+
+
+def test_a_saved_copy_follows_no_link(recorded: Path, tmp_path: Path) -> None:
+    precious, copy = tmp_path / "precious", tmp_path / "copy"
+    precious.write_text("mine")
+    copy.mkdir()
+    (copy / "config.json").symlink_to(precious)
+    mn.load(recorded).save(copy)
+    assert precious.read_text() == "mine"
+    assert (copy / "config.json").read_text() == (recorded / "config.json").read_text()

@@ -68,7 +68,7 @@ def main(argv: Sequence[str]) -> int:
     with bad_input():
         log = read_log(folder)
     with trusting("--trust" in given(words)):
-        run_config = RunConfig.read(folder)
+        run_config = RunConfig.read(folder, argv)
     try:
         request = _request(estimator, run_config, words)
     except HelpPrinted:

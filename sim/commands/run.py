@@ -57,7 +57,7 @@ def main(argv: Sequence[str]) -> int:
     try:
         source = value_of("--from", argv)
         with trusting("--trust" in given(argv)):
-            run_config = RunConfig.read(Path(source)) if source is not None else None
+            run_config = RunConfig.read(Path(source), argv) if source is not None else None
         request = read_request("run", argv, RunOptions, run_config)
     except HelpPrinted:
         return 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,9 +32,9 @@ class RunConfig:
     places: dict[str, str]  # "package.module:Class" in any field, with this file, unless the folder is trusted
 
     @staticmethod
-    def read(folder: Path) -> RunConfig:
+    def read(folder: Path, argv: Sequence[str] = ()) -> RunConfig:
         """The configuration of the run in ``folder``; BadInputError if there is none, it is broken, or it names code
-        that is not installed, unless it is read within ``trusting()``.
+        that is neither installed nor named in ``argv`` too, unless it is read within ``trusting()``.
         """
         path = folder / "config.json"
         if not path.is_file():
@@ -44,12 +45,14 @@ class RunConfig:
             for kind in ("controller", "estimator"):
                 parts[kind] = present_name(of_type(str, data[kind]["name"], f"{kind}.name"))
                 parts[f"{kind}_fields"] = of_type(dict, data[kind]["fields"], f"{kind}.fields")
-            for named in ("scenario", "controller", "estimator"):
-                if ":" in parts[named]:
-                    check_place(parts[named], str(path))
+            named = {word.partition("=")[2] or word for word in argv}  # by the user himself
+            for part in ("scenario", "controller", "estimator"):
+                if ":" in parts[part] and parts[part] not in named:
+                    check_place(parts[part], str(path))
+            places = recorded_places([data["fields"], data["controller"], data["estimator"]], str(path))
             return RunConfig(
                 path=path,
-                places=recorded_places([data["fields"], data["controller"], data["estimator"]], str(path)),
+                places={place: where for place, where in places.items() if place not in named},
                 seed=of_type(int, data["seed"], "seed"),
                 fields=of_type(dict, data["fields"], "fields"),
                 terrain_path=data.get("terrain", {}).get("path"),

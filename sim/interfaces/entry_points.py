@@ -17,18 +17,20 @@ def entry_points_of(group: str) -> list[EntryPoint]:
     The current folder installs nothing, though a user's own modules are imported from it: what lies there may be
     somebody else's.
     """
-    return sorted(point for point in _found(_installed_path()) if point.group == group)
-
-
-def _installed_path() -> tuple[str, ...]:
-    """``sys.path`` without the current folder, unless Python itself is installed there."""
     try:
-        here = Path.cwd()
+        here = os.getcwd()
     except FileNotFoundError:  # it is gone
-        return tuple(sys.path)
-    if here.is_relative_to(sys.prefix) or here.is_relative_to(sys.base_prefix):
-        return tuple(sys.path)
-    return tuple(entry for entry in sys.path if entry and os.path.realpath(entry) != str(here))
+        here = ""
+    return sorted(point for point in _found(_installed_path(tuple(sys.path), here)) if point.group == group)
+
+
+@cache
+def _installed_path(path: tuple[str, ...], here: str) -> tuple[str, ...]:
+    """A ``sys.path`` without the current folder, unless Python itself is installed there."""
+    folder = Path(here)
+    if folder.is_relative_to(sys.prefix) or folder.is_relative_to(sys.base_prefix):
+        return path
+    return tuple(entry for entry in path if entry and os.path.realpath(entry) != here)
 
 
 @cache

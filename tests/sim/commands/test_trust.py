@@ -123,6 +123,12 @@ def test_with_trust_it_is_run_again(forged: Forge, mark: Path) -> None:
     assert mark.exists()
 
 
+def test_what_the_command_line_names_too_needs_no_trust(forged: Forge, mark: Path, tmp_path: Path) -> None:
+    forged(**NAMED["estimator"])
+    assert main([*COMMANDS["run"], "--estimator", f"evil_{tmp_path.name}:Estimator"]) in (0, 1)
+    assert mark.exists()
+
+
 def test_an_estimator_of_a_trusted_folder_is_run(forged: Forge, mark: Path) -> None:
     forged(**NAMED["estimator"])
     assert main([*COMMANDS["estimate"], "--trust"]) in (0, 1)

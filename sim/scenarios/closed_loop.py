@@ -190,8 +190,8 @@ def built(
     PluginError where a stranger's scenario fails to build it, or builds something else.
     """
     with of_stranger(scenario, f"scenarios: {name!r}: build() failed:"):
-        closed_loop = scenario.build(config, seed, controller, estimator)
-    if not isinstance(closed_loop, ClosedLoop):
+        closed_loop: ClosedLoop = scenario.build(config, seed, controller, estimator)
+    if not callable(getattr(closed_loop, "run", None)):
         made = type(closed_loop).__name__
         raise PluginError(f"scenarios: {name!r}: build() returned a {made}; allowed: a ClosedLoop")
     return closed_loop

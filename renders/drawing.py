@@ -1,6 +1,8 @@
 """How the runs of a scenario are drawn: a module that config.json names, with a ``Drawing`` called ``drawing``.
 
-A run that names none is a flight. A stranger's scenario names a module of its own, "drawing": "my_package.pictures".
+A run that names none is a flight. A scenario names an entry point of the group ``mathnavi.drawings``, by its name or
+its module, "drawing": "my_package.pictures". A module that is not installed so is imported from a folder only where the
+folder is trusted (``mathnavi.sim.plugin.trust``), or where the run was flown by this process.
 """
 
 from __future__ import annotations
@@ -9,13 +11,18 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from mathnavi.renders.film import TOUR, Annotation, Frame, Shot, checked_camera, frames_of
 from mathnavi.renders.palette import Picture
+from mathnavi.sim.interfaces.checks import plain_name
 from mathnavi.sim.interfaces.errors import RunFolderError
+from mathnavi.sim.interfaces.failures import failures_named
+from mathnavi.sim.plugin.groups import installed
+from mathnavi.sim.plugin.trust import check_place
 from mathnavi.sim.records.former_names import present_name
 from mathnavi.sim.records.run_folder import CONFIG, existing_folder, read_json
 
@@ -23,6 +30,7 @@ if TYPE_CHECKING:  # what makes pages takes a while to import, and the processes
     from mathnavi.renders.page import Markup
 
 FLIGHT = "mathnavi.renders.flight.drawing"
+CALLS = ("load_run", "shot_list", "highlight", "annotations")  # the functions of a drawing that this process calls
 
 R = TypeVar("R")
 
@@ -49,8 +57,12 @@ class Drawing(Generic[R]):
     highlight: Callable[[R], tuple[float, float]]  # between which times [s] there is most to see
     annotations: Callable[[R], Sequence[Annotation]]  # in order of time
     painter: Callable[[R, int, int, int], AbstractContextManager[Painter]]  # run, width, height [pixels], samples
-    report: str  # "package.module:function" that makes a page of a run; its libraries take a while to import
+    report: str | Callable[[R], Markup]  # makes a page; "package.module:function" where its libraries import slowly
     turn: float = 0.0  # [degrees/s of video] at which the cameras that turn do
+
+    def __post_init__(self) -> None:
+        for camera in (*self.cameras, self.still_camera):  # each is the name of a file
+            plain_name(camera, "camera")
 
     def frames(self, run: R, direction: str = TOUR, fps: int = 24) -> list[Frame]:
         """The frames of a video by one of the cameras or of the tour; ValueError for another direction."""
@@ -60,22 +72,49 @@ class Drawing(Generic[R]):
 
     def page(self, run: R) -> Markup:
         """The run on one page."""
-        report: Callable[[R], Markup] = pkgutil.resolve_name(self.report)
-        return report(run)
+        return _report_at(self.report)(run)
 
 
 def drawing_of(directory: str | Path) -> Drawing[Any]:
-    """The drawing of the run in a folder; errors as of ``Drawing.load_run``."""
+    """The drawing of the run in a folder; errors as of ``Drawing.load_run``, UntrustedError for code of a stranger."""
     path = existing_folder(directory) / CONFIG
     name = read_json(path).get("drawing", FLIGHT)
-    try:
-        module = importlib.import_module(present_name(name))
-    except (ImportError, AttributeError, ValueError) as error:
-        raise RunFolderError(f"{str(path)!r}: drawing = {name!r} cannot be imported: {error}") from None
-    drawing = getattr(module, "drawing", None)
+    if not isinstance(name, str):
+        raise RunFolderError(
+            f"{str(path)!r}: drawing = {name!r}; allowed: {', '.join(point.name for point in installed('drawings'))}"
+        )
+    return _drawing_at(present_name(name), str(path))
+
+
+def _drawing_at(name: str, where: str) -> Drawing[Any]:
+    """The drawing with a name, or in a module; RunFolderError where there is none."""
+    subject = f"{where!r}: drawing = {name!r}"
+    place = next((point.value for point in installed("drawings") if point.name == name), name)
+    check_place(place, f"{where!r}: drawing")
+    with failures_named(f"{subject} cannot be imported:", RunFolderError):
+        drawing = getattr(importlib.import_module(place), "drawing", None)
     if not isinstance(drawing, Drawing):
         raise RunFolderError(
-            f"{str(path)!r}: drawing = {name!r} lacks `drawing`; allowed: a module in which that is a "
-            f"{Drawing.__module__}.{Drawing.__name__}"
+            f"{subject} lacks `drawing`; allowed: a module in which that is a {Drawing.__module__}.{Drawing.__name__}"
         )
-    return drawing
+    return drawing if place.startswith("mathnavi.") else _naming_failures(drawing, subject)
+
+
+def _naming_failures(drawing: Drawing[Any], subject: str) -> Drawing[Any]:
+    """A stranger's drawing; what it raises, but for ValueError and OSError, is a RunFolderError that names it."""
+
+    def named(name: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(call)
+        def call_named(*arguments: Any) -> Any:
+            with failures_named(f"{subject}: {name}() failed:", RunFolderError, (ValueError, OSError)):
+                return call(*arguments)
+
+        return call_named
+
+    checked: dict[str, Any] = {name: named(name, getattr(drawing, name)) for name in CALLS}
+    return replace(drawing, **checked, report=named("report", lambda run: _report_at(drawing.report)(run)))
+
+
+def _report_at(place: str | Callable[[R], Markup]) -> Callable[[R], Markup]:
+    report: Callable[[R], Markup] = pkgutil.resolve_name(place) if isinstance(place, str) else place
+    return report

@@ -8,6 +8,7 @@ not.
 from __future__ import annotations
 
 import json
+import shlex
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -144,7 +145,8 @@ def events_card(events: Sequence[Event], *, by_vehicle: bool = False) -> Markup:
 def again(directory: Path, config: Mapping[str, Any]) -> tuple[Markup, ...]:
     """The command that repeats a run, and its configuration."""
     text = json.dumps(config, indent=2, ensure_ascii=False, default=str)
-    command = f"mathnavi run {config['scenario']} --from {directory}"
+    folder = f"./{directory}" if str(directory).startswith("-") else str(directory)
+    command = shlex.join(["mathnavi", "run", str(config["scenario"]), "--from", folder])
     return (
         page.paragraph(
             "The same seed gives the same log: bit for bit on the same kind of processor with the same versions, to "

@@ -28,10 +28,13 @@ from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import TOUR, Frame, checked_camera
 from mathnavi.renders.palette import Picture
 from mathnavi.sim.interfaces.writing import naming, whole_files, write_bytes
+from mathnavi.sim.plugin.trust import is_trusted
 
 WIDTH, HEIGHT, FPS = 1280, 720, 24
 VIDEO_SAMPLES, STILL_SAMPLES = 0, 4  # per pixel: a video blurs its edges by moving
 MOST_WORKERS = 4
+# -P and a path that is set by the process itself: no numpy.py of the current folder is taken for the library.
+START = "import sys; sys.path[:] = sys.argv[1:]; from mathnavi.renders.worker import main; main()"
 
 
 def write_video(
@@ -103,8 +106,10 @@ def draw(directory: Path, frames: Sequence[Frame], width: int, height: int, samp
     count = max(1, min(len(os.sched_getaffinity(0)), MOST_WORKERS, len(frames)))
     if count > 1:
         environment |= {"LP_NUM_THREADS": "1"}  # Mesa's software renderer would use every core in each process
-    environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
-    job = {"directory": str(directory.resolve()), "width": width, "height": height, "samples": samples}
+    job = {
+        "directory": str(directory.resolve()), "trusted": is_trusted(), "width": width, "height": height,
+        "samples": samples,
+    }  # fmt: skip
     with ExitStack() as stack:
         crew = [
             stack.enter_context(_Artist(job | {"frames": [astuple(frame) for frame in frames[k::count]]}, environment))
@@ -120,7 +125,7 @@ class _Artist:
     def __init__(self, job: dict[str, object], environment: dict[str, str]) -> None:
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "mathnavi.renders.worker"],
+            [sys.executable, "-P", "-c", START, *filter(None, sys.path)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,

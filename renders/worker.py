@@ -14,12 +14,14 @@ from typing import BinaryIO
 
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import Frame
+from mathnavi.sim.plugin.trust import trusting
 
 
 def draw(job: dict[str, object], output: BinaryIO) -> None:
     """Write the pictures of a job's frames to ``output``, in order."""
     directory = Path(str(job["directory"]))
-    drawing = drawing_of(directory)
+    with trusting(bool(job["trusted"])):
+        drawing = drawing_of(directory)
     width, height, samples = (int(str(job[name])) for name in ("width", "height", "samples"))
     frames = job["frames"]
     assert isinstance(frames, list)
@@ -29,7 +31,8 @@ def draw(job: dict[str, object], output: BinaryIO) -> None:
             output.flush()
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Draw the job on standard input."""
     # Libraries print what they like: keep standard output for pictures alone.
     pictures = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())

@@ -13,6 +13,8 @@ import pytest
 import yaml
 from packaging.requirements import Requirement
 
+from mathnavi.renders.drawing import Drawing
+
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 FOLDERS = ("models", "sim", "controllers", "estimators", "renders")
@@ -41,7 +43,8 @@ def test_folders_add_nothing_of_their_own() -> None:
 def test_every_entry_point_is_installed_and_loads(entry_point: EntryPoint) -> None:
     installed = entry_points(group=entry_point.group, name=entry_point.name)
     assert [e.value for e in installed] == [entry_point.value], "re-install: make .venv"
-    assert callable(entry_point.load())
+    loaded = entry_point.load()
+    assert callable(loaded) or isinstance(loaded.drawing, Drawing)
 
 
 def test_nothing_else_is_installed_as_an_entry_point() -> None:

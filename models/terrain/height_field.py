@@ -17,9 +17,12 @@ from numpy.typing import ArrayLike
 
 from mathnavi.models.terrain import kernels
 from mathnavi.models.terrain.kernels import Booleans, arc_clearance
-from mathnavi.sim.interfaces.errors import TerrainError
+from mathnavi.sim.interfaces.checks import plain_name
+from mathnavi.sim.interfaces.errors import FieldError, TerrainError
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table
 from mathnavi.sim.interfaces.signals import Array
+
+_LONGEST_TEXT = 1000  # [characters] of a source or a licence
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,6 +44,7 @@ class HeightField:
     licence: str = ""
 
     def __post_init__(self) -> None:
+        self._check_texts()
         try:
             z = np.array(self.z, dtype=np.float64, order="C")
         except (TypeError, ValueError) as error:
@@ -59,6 +63,20 @@ class HeightField:
         z.setflags(write=False)
         object.__setattr__(self, "z", z)
         object.__setattr__(self, "spacing", spacing)
+
+    def _check_texts(self) -> None:
+        """The name becomes part of paths, and source and licence a line each: TerrainError for those that cannot."""
+        try:
+            plain_name(self.name, "name")
+        except FieldError as error:
+            raise TerrainError(f"terrain: {error}") from None
+        for label in ("source", "licence"):
+            text = getattr(self, label)
+            if not (isinstance(text, str) and len(text) <= _LONGEST_TEXT and (text.isprintable() or not text)):
+                raise TerrainError(
+                    f"terrain {self.name!r}: {label} = {text!r:.120}; allowed: one line of at most {_LONGEST_TEXT} "
+                    "printable characters"
+                )
 
     def __reduce__(self) -> tuple[type[HeightField], tuple[Array, float, str, str, str]]:
         # Pickle forgets that an array is read-only; the constructor restores it in the worker.
@@ -175,8 +193,7 @@ class HeightField:
             padded = np.pad(around_node, beyond)
             around_node = np.lib.stride_tricks.sliding_window_view(padded, 2 * n + 2, axis=axis).max(axis=-1)
         raised = self.z + vertical + horizontal * around_node
-        name = f"{self.name} inflated by {horizontal:g} m and {vertical:g} m"
-        return HeightField(raised, self.spacing, name, self.source, self.licence)
+        return HeightField(raised, self.spacing, self.name, self.source, self.licence)
 
     def _surface(self, x: ArrayLike, y: ArrayLike) -> Array:
         """(..., 3) height and gradient."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,7 +17,9 @@ import numpy as np
 from mathnavi.models.terrain.dem import Raster, height_field, read_npz, read_png, square_grid
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.checks import allowed_for
+from mathnavi.sim.interfaces.entry_points import entry_points_of
 from mathnavi.sim.interfaces.errors import TerrainError
+from mathnavi.sim.interfaces.failures import failures_named
 from mathnavi.sim.interfaces.input_files import InputFile, PluginName
 
 GROUP = "mathnavi.terrains"
@@ -89,14 +91,17 @@ TerrainPlace = Annotated[str, InputFile(heights_digest), PluginName(maker_of)]
 """Type of a field that names a terrain, or an .npz file: its heights are part of the key of what is flown over it."""
 
 
-@cache
 def _installed() -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points(group=GROUP)}
+    return {point.name: point for point in entry_points_of(GROUP)}
 
 
 @cache
 def _load(point: EntryPoint, number: str) -> HeightField:
-    made = point.load()
+    subject = f"terrain {point.name!r}: {point.value}"
+    with failures_named(f"{subject} cannot be imported:", TerrainError):
+        made = point.load()
+    if not callable(made):
+        raise TerrainError(f"{subject} is a {type(made).__name__}; allowed: a function that returns a HeightField")
     if number and not (
         number.isdecimal() and number.isascii() and len(number) <= _DIGITS and signature(made).parameters
     ):
@@ -104,11 +109,13 @@ def _load(point: EntryPoint, number: str) -> HeightField:
             f"terrain '{point.name}:{number}': allowed: a whole number of at most {_DIGITS} digits after a terrain "
             "that is made from one, as canyon:3"
         )
-    terrain = made(int(number)) if number else made()
+    try:
+        with failures_named("failed:", TerrainError):
+            terrain = made(int(number)) if number else made()
+    except ValueError as error:  # a refusal too, which need not name the terrain
+        raise TerrainError(f"{subject} {error}") from error
     if not isinstance(terrain, HeightField):
-        raise TerrainError(
-            f"terrain {point.name!r}: {point.value} returned {type(terrain).__name__}, not a HeightField"
-        )
+        raise TerrainError(f"{subject} returned {type(terrain).__name__}, not a HeightField")
     return terrain
 
 

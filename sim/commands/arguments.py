@@ -19,12 +19,18 @@ import tyro
 
 from mathnavi.sim.commands.errors import BadInputError
 from mathnavi.sim.interfaces.checks import close_names
+from mathnavi.sim.interfaces.errors import PluginError
+from mathnavi.sim.interfaces.failures import failures_named
 from mathnavi.sim.plugin.flag_names import joined, negation
 from mathnavi.sim.plugin.leaves import Leaf, leaves_of
 
 _CONFIG = (tyro.conf.UseAppendAction, tyro.conf.DisallowNone)
 _HELP = frozenset(("-h", "--help"))
 _FLAGS_ALLOWED = "allowed: flags, each followed by its values"
+
+
+class HelpPrinted(Exception):  # noqa: N818
+    """The help was asked for, and is printed."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +46,7 @@ class FlagGroup:
 def parse(argv: Sequence[str], prog: str, description: str, *groups: FlagGroup) -> tuple[Any, ...]:
     """The dataclasses of the groups with the fields that ``argv`` gives; BadInputError if it cannot be.
 
-    ``--help`` prints the help and raises SystemExit.
+    ``--help`` prints the help and raises HelpPrinted.
     """
     if _HELP & set(argv):
         _print_help(prog, description, groups)
@@ -63,7 +69,10 @@ def _print_help(prog: str, description: str, groups: Sequence[FlagGroup]) -> Non
     schema = dataclasses.make_dataclass(
         "Arguments", [_help_field(*pair) for pair in zip(names, groups, strict=True)], kw_only=True
     )
-    tyro.cli(schema, prog=prog, description=description, args=["--help"], config=_CONFIG)
+    try:
+        tyro.cli(schema, prog=prog, description=description, args=["--help"], config=_CONFIG)
+    except SystemExit:
+        raise HelpPrinted from None
 
 
 def _help_field(name: str, group: FlagGroup) -> tuple[str, Any, Any]:
@@ -189,7 +198,8 @@ def _built(
                 value = built(type(value) if isinstance(value, hint) else hint, path, value)
             values[entry.name] = value
         try:
-            return schema(**values)
+            with failures_named(f"{schema.__module__}.{schema.__qualname__} failed:", PluginError, (ValueError,)):
+                return schema(**values)
         except ValueError as error:
             raise BadInputError(with_flag(str(error), known, prefix)) from None
 

@@ -48,6 +48,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # whoever read the output has seen enough
         _discard_output()
         return PIPE_CLOSED
+    except SystemExit as error:  # of a plug-in: no command of ours ends so
+        from mathnavi.sim.interfaces.failures import explained
+
+        print(f"mathnavi: a plug-in ended the command by {' '.join(explained(error).split())}", file=sys.stderr)
+        return 2
     except OSError as error:  # a full disk, say
         if error.filename is None:
             if error.errno not in NO_ROOM:

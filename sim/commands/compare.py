@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table as Printed
 from rich.text import Text
 
-from mathnavi.sim.commands.arguments import FlagGroup, parse
+from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 
@@ -41,7 +41,7 @@ class CompareOptions:
 def main(argv: Sequence[str]) -> int:
     try:
         (options,) = parse(argv, "mathnavi compare", DESCRIPTION, FlagGroup(CompareOptions))
-    except SystemExit:  # the help is printed
+    except HelpPrinted:
         return 0
     from mathnavi.renders.comparison.report import (  # what draws takes long to import
         compare,

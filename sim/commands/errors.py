@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+OUT_OF_TIME = 124  # exit code: what `timeout` calls a process whose time was up
 PIPE_CLOSED = 141  # exit code: what a shell calls a process that ended by SIGPIPE
 
 

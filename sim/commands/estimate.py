@@ -16,7 +16,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from mathnavi.sim.commands.arguments import FlagGroup, flags, parse
+from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, flags, given, parse
+from mathnavi.sim.commands.deadline import check_deadline, watched
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import run_folder
 from mathnavi.sim.commands.progress import compilation_announced
@@ -30,6 +31,7 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec, called, names
+from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.run_folder import ARRAYS, RunLog, read_log
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
@@ -47,9 +49,18 @@ class EstimateOptions:
 
     out: Path | None = None
     """folder of the new run; DIR-ESTIMATOR beside DIR if not given"""
+    wall_deadline: float | None = None
+    """time by the clock on the wall after which the command is ended [s], whatever it is at; none if not given"""
+    trust: bool = False
+    """import code that DIR names and that is not installed; it runs as you"""
+
+    def __post_init__(self) -> None:
+        check_deadline(self.wall_deadline)
 
 
 def main(argv: Sequence[str]) -> int:
+    if (code := watched("estimate", argv)) is not None:
+        return code
     if {"-h", "--help"} & set(argv[:2]):
         print(USAGE.format(", ".join(names("estimators"))))
         return 0
@@ -57,10 +68,11 @@ def main(argv: Sequence[str]) -> int:
     prepare()
     with bad_input():
         log = read_log(folder)
-    run_config = RunConfig.read(folder)
+    with trusting("--trust" in given(words)):
+        run_config = RunConfig.read(folder, argv)
     try:
         request = _request(estimator, run_config, words)
-    except SystemExit:  # the help is printed
+    except HelpPrinted:
         return 0
     out = request.options.out or folder.with_name(f"{folder.resolve().name}-{estimator.replace(':', '.')}")
     if out.resolve() == folder.resolve():
@@ -69,7 +81,8 @@ def main(argv: Sequence[str]) -> int:
     with run_folder(out) as claim, compilation_announced(errors):
         playback = _playback(request, run_config, log)
         note_environment(errors, run_config)
-        result = fly(playback, errors)
+        with request.failures("a run"):
+            result = fly(playback, errors)
         result.write_files(claim.new)
         claim.install()
     console = Console()

@@ -5,7 +5,7 @@ from __future__ import annotations
 COMMANDS = {
     "list": (
         "mathnavi.sim.commands.listing",
-        "what is installed: controllers, estimators, consensus, scenarios, studies, terrains",
+        "what is installed: controllers, estimators, consensus, scenarios, studies, terrains, drawings",
     ),
     "run": ("mathnavi.sim.commands.run", "fly a scenario and write its log, summary, video and report"),
     "sweep": (

@@ -11,8 +11,10 @@ from typing import Annotated
 import tyro
 
 from mathnavi.sim.commands import opengl
-from mathnavi.sim.commands.arguments import FlagGroup, parse, with_flag
+from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse, with_flag
+from mathnavi.sim.commands.deadline import check_deadline, watched
 from mathnavi.sim.commands.errors import BadInputError, bad_input
+from mathnavi.sim.plugin.trust import trusting
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,13 @@ class RenderOptions:
     """where the clip begins [s]; by default where there is most to see"""
     end: float | None = None
     """and where it ends [s]"""
+    wall_deadline: float | None = None
+    """time by the clock on the wall after which the command is ended [s], whatever it is at; none if not given"""
+    trust: bool = False
+    """import code that DIR names and that is not installed; it runs as you"""
 
     def __post_init__(self) -> None:
+        check_deadline(self.wall_deadline)
         if self.still and self.clip:
             raise ValueError("--clip = True; allowed: not together with --still")
         for name, value, needed in (
@@ -48,6 +55,8 @@ class RenderOptions:
 
 
 def main(argv: Sequence[str]) -> int:
+    if (code := watched("render", argv)) is not None:
+        return code
     try:
         (options,) = parse(
             argv,
@@ -55,7 +64,7 @@ def main(argv: Sequence[str]) -> int:
             "Draw a run: video.mp4, CAMERA.mp4, CAMERA.png or CAMERA.webp.",
             FlagGroup(RenderOptions),
         )
-    except SystemExit:  # the help is printed
+    except HelpPrinted:
         return 0
     opengl.choose()
     from mathnavi.renders.clip import write_clip  # what draws takes a while to import
@@ -66,7 +75,7 @@ def main(argv: Sequence[str]) -> int:
 
     film = options.folder / f"{options.camera or 'video'}.mp4"
     try:
-        with bad_input(), kept_in_place(options.folder):
+        with bad_input(), trusting(options.trust), kept_in_place(options.folder):
             if options.still:
                 path = write_still(options.folder, options.camera, t=options.time)
             elif options.clip:

@@ -14,7 +14,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from mathnavi.renders.opengl import NoOpenGLError
-from mathnavi.sim.commands.arguments import value_of
+from mathnavi.sim.commands.arguments import HelpPrinted, given, value_of
+from mathnavi.sim.commands.deadline import check_deadline, watched
 from mathnavi.sim.commands.errors import BadInputError, worded
 from mathnavi.sim.commands.interruption import when_interrupted
 from mathnavi.sim.commands.output import run_folder
@@ -23,8 +24,10 @@ from mathnavi.sim.commands.provenance import changed_inputs, note_environment
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.summary import summary_table, verdict, warnings
+from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.interfaces.input_files import run_inputs
+from mathnavi.sim.plugin.trust import trusting, within_record
 from mathnavi.sim.records.run_folder import LEFT, NothingToDrawError
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
@@ -41,17 +44,27 @@ class RunOptions:
     """write report.html"""
     from_: Annotated[Path | None, tyro.conf.arg(name="from")] = None
     """run folder whose config.json is run again; flags beside it take precedence"""
+    wall_deadline: float | None = None
+    """time by the clock on the wall after which the command is ended [s], whatever it is at; none if not given"""
+    trust: bool = False
+    """import code that the folder of --from names and that is not installed; it runs as you"""
+
+    def __post_init__(self) -> None:
+        check_deadline(self.wall_deadline)
 
 
 def main(argv: Sequence[str]) -> int:
+    if (code := watched("run", argv)) is not None:
+        return code
     if usage("run", argv):
         return 0
     prepare()
     try:
         source = value_of("--from", argv)
-        run_config = RunConfig.read(Path(source)) if source is not None else None
+        with trusting("--trust" in given(argv)):
+            run_config = RunConfig.read(Path(source), argv) if source is not None else None
         request = read_request("run", argv, RunOptions, run_config)
-    except SystemExit:  # the help is printed
+    except HelpPrinted:
         return 0
     folder = request.options.out or Path("renders/out") / f"{request.name.replace(':', '.')}-seed{request.common.seed}"
     errors = Console(stderr=True)
@@ -60,10 +73,13 @@ def main(argv: Sequence[str]) -> int:
             closed_loop = build(request, run_config)
             if run_config is not None:
                 note_environment(errors, run_config)
-            result = fly(closed_loop, errors)
+            with request.failures("a run"):
+                result = fly(closed_loop, errors)
         replaced = request.options.out is None and (folder / "summary.json").exists()
         result.write_files(claim.new)
-        stale = _drawn(folder) | _drawn(claim.new)
+        stale = _drawn(folder)
+        with trusting():  # its drawing is the one of the scenario that has been flown
+            stale |= _drawn(claim.new)
         removed = sorted(name for name in stale if (folder / name).exists())
         claim.install(dropped=(*removed, LEFT))
         when_interrupted(lambda: f"the run is in {folder}, its pictures may not be; to begin again")
@@ -75,7 +91,8 @@ def main(argv: Sequence[str]) -> int:
         for warning in warnings(result.recording):
             console.print(f"warning: {warning}", style="bold", highlight=False)
         console.print(summary_table(result.summary, result.recording.events))
-        whole = _draw(request.options, folder, errors)
+        with trusting():
+            whole = _draw(request.options, folder, errors)
     console.print(f"run     {folder}", soft_wrap=True, highlight=False)
     for made in ("video.mp4", "report.html"):
         if (folder / made).is_file():
@@ -88,10 +105,8 @@ def build(request: RunRequest, run_config: RunConfig | None) -> ClosedLoop:
     with request.bad_input():
         if run_config is not None:
             _check_inputs(request, run_config)
-        closed_loop: ClosedLoop = request.scenario.build(
-            request.config, request.common.seed, request.controller, request.estimator
-        )
-    return closed_loop
+        with within_record(run_config.places if run_config else {}):
+            return request.build()
 
 
 def _check_inputs(request: RunRequest, run_config: RunConfig) -> None:
@@ -153,7 +168,7 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
 
         try:
             write_video(folder, progress=errors.is_terminal)
-        except (NoOpenGLError, NothingToDrawError, RuntimeError, OSError) as error:
+        except (NoOpenGLError, NothingToDrawError, RunFolderError, RuntimeError, OSError) as error:
             print(f"mathnavi: no video: {worded(error)}", file=sys.stderr)
             written = not isinstance(error, OSError)
     if options.report:
@@ -161,7 +176,7 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
 
         try:
             write_report(folder)
-        except (NothingToDrawError, OSError) as error:
+        except (NothingToDrawError, RunFolderError, OSError) as error:
             print(f"mathnavi: no report: {worded(error)}", file=sys.stderr)
             written = written and not isinstance(error, OSError)
     return written

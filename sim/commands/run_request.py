@@ -14,7 +14,9 @@ from mathnavi.sim.commands import opengl
 from mathnavi.sim.commands.arguments import FlagGroup, flags, given, parse, value_of, with_flag
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.run_config import RunConfig
-from mathnavi.sim.plugin.registry import PluginSpec, load, names
+from mathnavi.sim.interfaces.errors import PluginError
+from mathnavi.sim.plugin.registry import PluginSpec, load, names, of_stranger
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, built
 
 PLACES = {"scenarios": "SCENARIO", "controllers": "--controller", "estimators": "--estimator"}
 USAGE = "usage: mathnavi {0} SCENARIO [OPTIONS]      SCENARIO: {1}\nmathnavi {0} SCENARIO --help lists the options."
@@ -55,6 +57,19 @@ class RunRequest:
     def fields(self) -> tuple[FlagGroup, ...]:
         """The fields of the scenario and its plug-ins, at their present values."""
         return _fields(self.config, self.controller, self.estimator, self.common)
+
+    def build(self) -> ClosedLoop:
+        """The closed loop; errors as of ``scenarios.closed_loop.built``."""
+        return built(self.name, self.scenario, self.config, self.common.seed, self.controller, self.estimator)
+
+    @contextmanager
+    def failures(self, what: str) -> Iterator[None]:
+        """Raise BadInputError for what a stranger's scenario raises while it is run."""
+        try:
+            with of_stranger(self.scenario, f"scenarios: {self.name!r}: {what} failed:"):
+                yield
+        except PluginError as error:
+            raise BadInputError(str(error)) from error
 
     @contextmanager
     def bad_input(self) -> Iterator[None]:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from mathnavi.sim.commands.arguments import HelpPrinted
 from mathnavi.sim.commands.errors import BadInputError, worded
 from mathnavi.sim.commands.interruption import when_interrupted
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
@@ -62,7 +63,7 @@ class SearchOptions:
     workers: int | None = None
     """processes; one for each core if not given"""
     cluster: str | None = None
-    """address of a Dask scheduler whose workers run the missions, tcp://HOST:PORT"""
+    """address of a Dask scheduler whose workers run the missions, tcp://HOST:PORT or tls://HOST:PORT"""
     timeout: float | None = None
     """time after which a mission is cut off and recorded as timed out [s]; none if not given"""
     retry: bool = False
@@ -108,7 +109,7 @@ def main(argv: Sequence[str]) -> int:
     prepare()
     try:
         request = read_request("search", argv, SearchOptions)
-    except SystemExit:  # the help is printed
+    except HelpPrinted:
         return 0
     fields = read_space(argv, request)
     options: SearchOptions = request.options

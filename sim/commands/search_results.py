@@ -13,6 +13,7 @@ from rich.text import Text
 
 from mathnavi.sim.commands.trial_command import command_of
 from mathnavi.sim.records.figure_names import SHORTFALL, label
+from mathnavi.sim.records.files import inside
 from mathnavi.sim.records.sweep_data import format_value
 from mathnavi.sim.search.evaluation import Evaluation, Objective
 from mathnavi.sim.search.rare import REDRAW, RareEvent
@@ -113,7 +114,7 @@ def print_results(console: Console, results: SearchResults) -> None:
 def write_worst(results: SearchResults, folder: Path, count: int) -> list[Path]:
     """Fly the worst missions again, each into a folder of its own: worst-1, worst-2, ..."""
     return [
-        each.trial.flown().save(folder / f"worst-{k}")
+        each.trial.flown().save(inside(folder, folder / f"worst-{k}"))
         for k, each in enumerate(results.worst(count), 1)
         if each.trial is not None
     ]

@@ -12,7 +12,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from mathnavi.sim.commands.arguments import FlagGroup, parse
+from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.evidence import print_evidence, verdict
 from mathnavi.sim.records.computing_environment import difference, environment_digest
@@ -52,7 +52,7 @@ def main(argv: Sequence[str]) -> int:
         return 0
     if not argv or argv[0] not in actions:
         raise BadInputError(f"store {' '.join(argv[:1])}: not a command; allowed: {', '.join(actions)}")
-    with suppress(SystemExit):  # the help is printed
+    with suppress(HelpPrinted):
         actions[argv[0]](argv[1:])
     return 0
 

@@ -16,19 +16,21 @@ from rich.table import Table
 from rich.text import Text
 
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.sim.commands.arguments import FlagGroup, parse, without
+from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse, without
 from mathnavi.sim.commands.errors import BadInputError, bad_input, worded
 from mathnavi.sim.commands.interruption import when_interrupted
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import sweep_progress
 from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import prepare
+from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.plugin.registry import load, names
 from mathnavi.sim.records.claims import Claim, ledger
+from mathnavi.sim.records.files import inside
 from mathnavi.sim.records.lock import locked
 from mathnavi.sim.records.store import Store, StoreWriteError, stored_results
-from mathnavi.sim.studies.framework.study import Setup, StudyError, first_look, on_terrain, write_result
+from mathnavi.sim.studies.framework.study import Setup, StudyError, checked_result, first_look, on_terrain, write_result
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import LostError, check
 from mathnavi.sim.sweep.execution import available_cores
@@ -55,7 +57,7 @@ class StudyOptions:
     workers: int = field(default_factory=available_cores)
     """processes that fly and compute"""
     cluster: str | None = None
-    """address of a Dask scheduler whose workers do it instead, tcp://HOST:PORT"""
+    """address of a Dask scheduler whose workers do it instead, tcp://HOST:PORT or tls://HOST:PORT"""
     mix_environments: bool = False
     """take results that are stored from another computing environment, and workers that compute in one"""
 
@@ -76,7 +78,7 @@ def main(argv: Sequence[str]) -> int:
     prepare()
     try:
         options, studies = read_studies(argv)
-    except SystemExit:  # the help is printed
+    except HelpPrinted:
         return 0
     if options.cluster is not None:
         with bad_input():
@@ -187,9 +189,11 @@ def _study(
     words = argv[1:] if site.terrain is not None else without("--terrain", argv[1:])
     command = shlex.join(["mathnavi", "study", name, *words])
     path, file = site.folder / STORE, site.folder / f"{name.replace(':', '.')}.json"
+    with bad_input():
+        inside(options.out or OUT, site.folder)
     with ExitStack() as opened:
         with output_folder(site.folder), bad_input():
-            store = opened.enter_context(Store.open(path))
+            store = opened.enter_context(Store.open(inside(site.folder, path)))
             opened.enter_context(locked(file, file))
         when_interrupted(lambda: _stored(path))
         progress = opened.enter_context(sweep_progress(errors, name))
@@ -197,7 +201,9 @@ def _study(
         if site.terrain is not None:
             note_changed_files(errors, store, {("terrain", site.terrain): setup.ground.digest})
         try:
-            findings = plugin.run(config, setup)
+            findings = checked_result(name, plugin, config, setup)
+        except PluginError as error:
+            raise BadInputError(str(error)) from error
         except ValueError as error:  # the terrain does not do for its missions, say
             raise StudyError(str(error)) from error
         small = first_look(config)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from mathnavi.sim.commands.arguments import HelpPrinted
 from mathnavi.sim.commands.errors import BadInputError, worded
 from mathnavi.sim.commands.evidence import print_evidence, verdict
 from mathnavi.sim.commands.interruption import when_interrupted
@@ -42,7 +43,7 @@ class SweepOptions:
     workers: int | None = None
     """processes; one for each core if not given"""
     cluster: str | None = None
-    """address of a Dask scheduler whose workers run the trials, tcp://HOST:PORT"""
+    """address of a Dask scheduler whose workers run the trials, tcp://HOST:PORT or tls://HOST:PORT"""
     timeout: float | None = None
     """time after which a trial is cut off and recorded as timed out [s]; none if not given"""
     retry: bool = False
@@ -71,7 +72,7 @@ def main(argv: Sequence[str]) -> int:
     prepare()
     try:
         sweep = read_sweep(argv)
-    except SystemExit:  # the help is printed
+    except HelpPrinted:
         return 0
     request, options = sweep.request, sweep.request.options
     errors = Console(stderr=True)

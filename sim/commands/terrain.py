@@ -16,7 +16,7 @@ import tyro
 from mathnavi.models.terrain.dem import import_dem
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain, terrain_names
-from mathnavi.sim.commands.arguments import FlagGroup, flags, parse, with_flag
+from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, flags, parse, with_flag
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.interfaces.writing import write_bytes
 
@@ -57,7 +57,7 @@ def main(argv: Sequence[str]) -> int:
         return 0
     if not argv or argv[0] not in actions:
         raise BadInputError(f"terrain {' '.join(argv[:1])}: not a command; allowed: {', '.join(actions)}")
-    with suppress(SystemExit):  # the help is printed
+    with suppress(HelpPrinted):
         actions[argv[0]](argv[1:])
     return 0
 

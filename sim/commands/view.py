@@ -15,13 +15,14 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from mathnavi.sim.commands.arguments import FlagGroup, parse
+from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.run import build
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import prepare, read_request
 from mathnavi.sim.engine.replay import RecordedMotion
 from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_json, read_log
 
 DESCRIPTION = "Replay a run in MuJoCo's viewer, with the path in orange, until its window is closed."
@@ -41,6 +42,8 @@ class ViewOptions:
     """folder of a run"""
     speed: float = 1.0
     """times as fast as it was"""
+    trust: bool = False
+    """import code that DIR names and that is not installed; it runs as you"""
 
     def __post_init__(self) -> None:
         check(self.speed, "speed", 0.0, open_low=True)
@@ -54,10 +57,11 @@ class _Unchanged:
 def main(argv: Sequence[str]) -> int:
     try:
         (options,) = parse(argv, "mathnavi view", DESCRIPTION, FlagGroup(ViewOptions))
-    except SystemExit:  # the help is printed
+    except HelpPrinted:
         return 0
     prepare()
-    replay = read_replay(options.folder)
+    with trusting(options.trust):
+        replay = read_replay(options.folder)
     check_display()
     import mujoco.viewer  # needs GLFW
 

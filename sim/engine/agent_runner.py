@@ -135,7 +135,7 @@ class AgentRunner:
             return otherwise
         try:
             return call(self.agent.coordinator)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             self.record.event(t, "coordinator-raised", f"{type(error).__name__}: {error}{where_raised(error)}")
             return otherwise
 

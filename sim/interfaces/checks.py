@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from mathnavi.sim.interfaces.errors import FieldError
 
+_LONGEST_NAME = 100  # [bytes], which leaves room for endings within the 255 of a file's name
 _CLOSE = 0.6  # similarity from which a name that is not known counts as misspelt
 
 
@@ -24,6 +25,30 @@ def check_names(names: Sequence[str]) -> tuple[str, ...]:
     if twice := sorted({name for name in names if list(names).count(name) > 1}):
         raise FieldError(f"names = {list(names)!r}; allowed: each once, and not {', '.join(twice)} again")
     return tuple(names)
+
+
+def plain_name(name: object, what: str) -> str:
+    """A name that may be part of a path: one line without a slash that leads nowhere else.
+
+    FieldError unless it is a text of 1 to 100 bytes (UTF-8) that is printable, has neither "/" nor "\\", and begins
+    with neither "." nor "-".
+    """
+    if not isinstance(name, str) or not _is_plain(name):
+        raise FieldError(
+            f"{what} = {name!r:.120}; allowed: a name of 1 to {_LONGEST_NAME} bytes, printable, without slashes, that "
+            "begins with neither . nor -"
+        )
+    return name
+
+
+def _is_plain(name: str) -> bool:
+    return (
+        name.isprintable()
+        and 1 <= len(name.encode()) <= _LONGEST_NAME
+        and not set(name) & {"/", "\\"}
+        and name[0] not in ".-"
+        and name.strip() == name
+    )
 
 
 def allowed_for(name: str, known: Sequence[str], besides: str = "") -> str:

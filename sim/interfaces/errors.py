@@ -26,6 +26,10 @@ class RunFolderError(ValueError):
     """The folder of a run, or one of its files, that is broken or not what it should be."""
 
 
+class UntrustedError(RunFolderError):
+    """The folder of a run that names code which is not installed, and which nobody has trusted."""
+
+
 class StoreError(ValueError):
     """The store of a sweep that is broken, or not one."""
 

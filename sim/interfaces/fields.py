@@ -6,6 +6,7 @@ import dataclasses
 import types
 import typing
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from enum import Enum
 from functools import cache
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.failures import failures_named
 
 _PLAIN = (bool, int, float, str)
 _hints: Callable[[Any], dict[str, Any]] = cache(get_type_hints)
@@ -44,7 +46,9 @@ def instance(config: type, fields: Mapping[str, Any], where: str) -> Any:
     """
     _check_names(config, fields, where)
     hints = _hints(config)
-    return config(**{name: value_as(hints[name], value, f"{where}.{name}") for name, value in fields.items()})
+    values = {name: value_as(hints[name], value, f"{where}.{name}") for name, value in fields.items()}
+    with _refusing(config, where):
+        return config(**values)
 
 
 def with_fields(config: Any, fields: Mapping[str, Any], where: str = "") -> Any:
@@ -63,7 +67,8 @@ def with_fields(config: Any, fields: Mapping[str, Any], where: str = "") -> Any:
         if not dataclasses.is_dataclass(part):
             raise FieldError(f"{_joined(where, first)} has no fields of its own; allowed: {_joined(where, first)}")
         own[first] = with_fields(part, inner, _joined(where, first))
-    return dataclasses.replace(config, **own)
+    with _refusing(type(config), where):
+        return dataclasses.replace(config, **own)
 
 
 def leaf(config: Any, name: str) -> Any:
@@ -132,6 +137,13 @@ def value_as(hint: Any, value: Any, where: str) -> Any:
     if isinstance(hint, type) and issubclass(hint, Enum):
         return hint(value)
     return value if hint is Any else of_type(origin or hint, value, where)
+
+
+def _refusing(config: type, where: str) -> AbstractContextManager[None]:
+    """A configuration refuses values by a ValueError; whatever else a plug-in's own raises in here is a FieldError."""
+    return failures_named(
+        f"{where or 'fields'}: {config.__module__}.{config.__qualname__} failed:", FieldError, (ValueError,)
+    )
 
 
 def _given(hint: Any) -> Any:

@@ -19,7 +19,7 @@ STATED = ("controller", "estimator")  # what a scenario is flown with unless som
 def described(value: str) -> Plain:
     """Plain data on the class or function at "package.module:Name", as ``index.Description`` has them.
 
-    Any exception of the import, SystemExit included, is in ``error``.
+    Any exception of the import but Ctrl-C, SystemExit included, is in ``error``.
     """
     try:
         plugin = EntryPoint(value, value, "").load()
@@ -33,7 +33,9 @@ def described(value: str) -> Plain:
             "files": {file: stamp(file) for file in _files(plugin, schema, leaves)},
             "error": "",
         }
-    except (Exception, SystemExit) as error:  # whatever a stranger's module does when it is imported
+    except BaseException as error:  # whatever a stranger's module does when it is imported
+        if isinstance(error, KeyboardInterrupt):
+            raise
         return {"first_line": "", "stated": {}, "fields": [], "files": {}, "error": str(error) or type(error).__name__}
 
 
@@ -53,7 +55,8 @@ def _files(plugin: Any, schema: type | None, leaves: list[Leaf]) -> Iterator[str
     """The sources that the description comes from: of the plug-in, its configuration, and the types named in it."""
     bases = getattr(plugin, "__mro__", (plugin,))
     owners = [*bases, *(schema.__mro__ if schema else ()), *(base for leaf in leaves for base in leaf.owner.__mro__)]
-    modules = {name: sys.modules.get(name) for name in (getattr(owner, "__module__", "") for owner in owners)}
+    named = (owner.__name__ if isinstance(owner, ModuleType) else getattr(owner, "__module__", "") for owner in owners)
+    modules = {name: sys.modules.get(name) for name in named}
     found = {file for module in modules.values() if module for file in _file(module)}
     for leaf in leaves:
         module = modules.get(leaf.owner.__module__)

@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import sys
-from functools import cache
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
-from typing import Any
+from importlib.metadata import EntryPoint
+
+from mathnavi.sim.interfaces.entry_points import PREFIX, entry_points_of
 
 GROUPS = {  # by kind of plug-in
-    kind: f"mathnavi.{kind}" for kind in ("controllers", "estimators", "consensus", "scenarios", "studies", "terrains")
+    kind: f"{PREFIX}{kind}"
+    for kind in ("controllers", "estimators", "consensus", "scenarios", "studies", "terrains", "drawings")
 }
 
 
 def installed(kind: str) -> list[EntryPoint]:
     """The entry points of a kind, in the order of their names."""
-    return sorted(_found(tuple(sys.path)).select(group=GROUPS[kind]))
-
-
-@cache
-def _found(path: tuple[str, ...]) -> EntryPoints:
-    """All entry points of this process; to find them takes some 20 ms."""
-    found: Any = entry_points()  # typeshed has what Python 3.9 gave
-    points: EntryPoints = found
-    return points
+    return entry_points_of(GROUPS[kind])

@@ -8,21 +8,24 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
-import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib import metadata
+from importlib.metadata import EntryPoint
 from numbers import Real
 from typing import Any, TypeVar, get_type_hints
 
-from mathnavi.sim.interfaces.checks import allowed_for
+from mathnavi.sim.interfaces.checks import allowed_for, plain_name
 from mathnavi.sim.interfaces.errors import PluginError
+from mathnavi.sim.interfaces.failures import explained, failures_named
 from mathnavi.sim.interfaces.protocols import Consensus, Estimator, Planner, Sensor
 from mathnavi.sim.plugin.groups import installed
+from mathnavi.sim.plugin.trust import check_loaded
 
 Quality = TypeVar("Quality")
 
 _PLACE = "or package.module:Class"
+_OWN = "mathnavi"  # the package of the built-in plug-ins
 
 NEEDED = {  # of the class itself, beside Config
     "controllers": ("build",),
@@ -66,14 +69,37 @@ def load(kind: str, name: str) -> Any:
     Raises PluginError if there is none, naming those that exist, or if it declares no frozen configuration.
     """
     points = {point.name: point for point in installed(kind)}
+    if name in points:
+        _check_name(kind, points[name])
     if name not in points and ":" not in name:
         raise PluginError(f"{kind}: {name!r} is not known; {allowed_for(name, sorted(points), _PLACE)}")
-    try:
+    check_loaded(name)
+    with failures_named(f"{kind}: {name!r} cannot be imported:", PluginError):
         plugin = points[name].load() if name in points else _at(name)
-    except Exception as error:  # whatever a stranger's module does when it is imported
-        raise PluginError(f"{kind}: {name!r} cannot be imported: {_explained(error)}") from error
     _check_class(kind, plugin, name)
     return plugin
+
+
+@contextmanager
+def of_stranger(plugin: Any, subject: str) -> Iterator[None]:
+    """PluginError that begins with ``subject`` for what the code of a plug-in raises in here.
+
+    Refusals pass: exceptions of mathnavi, an OSError, and a ValueError that says what is allowed. Any exception of
+    mathnavi's own plug-ins is a defect, and passes too; that one of them ends the process does not.
+    """
+    try:
+        yield
+    except (KeyboardInterrupt, OSError):
+        raise
+    except BaseException as error:
+        refuses = _is_own(type(error)) or (isinstance(error, ValueError) and "allowed" in str(error))
+        if refuses or (_is_own(plugin) and isinstance(error, Exception)):
+            raise
+        raise PluginError(f"{subject} {explained(error)}") from error
+
+
+def _is_own(kind: Any) -> bool:
+    return str(getattr(kind, "__module__", "")).partition(".")[0] == _OWN
 
 
 def checked_controller(spec: PluginSpec, mission: Any, bound: type | None = None) -> tuple[Planner, Any]:
@@ -149,10 +175,20 @@ def _check_class(kind: str, plugin: Any, name: str) -> None:
     for field in dataclasses.fields(config):
         if field.init and field.default is field.default_factory is dataclasses.MISSING:
             raise PluginError(f"{kind}: {name!r}: Config.{field.name} has no default; allowed: fields with defaults")
+    with failures_named(f"{kind}: {name!r}: Config() failed:", PluginError):
+        config()
     needed = NEEDED.get(kind, ("build",))
     if missing := [attribute for attribute in needed if not hasattr(plugin, attribute)]:
         allowed = f"allowed: {', '.join(needed)} and Config"
         raise PluginError(f"{kind}: {name!r} has no {' and no '.join(missing)}; {allowed}")
+
+
+def _check_name(kind: str, point: EntryPoint) -> None:
+    """PluginError for the name of an entry point that could not be part of a path, as it is in those of results."""
+    try:
+        plain_name(point.name, f"{kind}: the name of {point.value}")
+    except ValueError as error:
+        raise PluginError(str(error)) from None
 
 
 def _frozen(config: type) -> bool:
@@ -175,12 +211,8 @@ def _invoke(kind: str, spec: PluginSpec, method: str, mission: Any) -> Any:
             f"{kind}: {called(kind, spec.name)!r} is for a {wanted} and this scenario has a {type(mission).__name__}; "
             f"allowed: {', '.join(_fitting(kind, mission))}, or package.module:Class"
         )
-    try:
+    with failures_named(f"{kind}: {called(kind, spec.name)!r}: {method}() failed:", PluginError):
         return getattr(spec.plugin, method)(spec.config, mission)
-    except Exception as error:
-        if isinstance(error, ValueError) and "allowed" in str(error):
-            raise  # it refuses its configuration or the mission, and says why
-        raise PluginError(f"{kind}: {called(kind, spec.name)!r}: {method}() failed: {_explained(error)}") from error
 
 
 def _unfit(plugin: Any, mission: Any) -> str:
@@ -196,14 +228,6 @@ def _unfit(plugin: Any, mission: Any) -> str:
 def _fitting(kind: str, mission: Any) -> list[str]:
     """Names of the installed plug-ins that a mission fits."""
     return [name for name in names(kind) if not _unfit(load(kind, name), mission)]
-
-
-def _explained(error: Exception) -> str:
-    """The exception, and where it was raised."""
-    machinery = ("<frozen", __file__, importlib.__file__, metadata.__file__)
-    frames = traceback.extract_tb(error.__traceback__)
-    where = [f" ({frame.filename}:{frame.lineno})" for frame in frames if not frame.filename.startswith(machinery)]
-    return f"{type(error).__name__}: {error}{''.join(where[-1:])}"
 
 
 def _check_made(subject: str, built: Any, method: str) -> None:

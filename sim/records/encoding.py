@@ -18,6 +18,7 @@ import dataclasses
 import importlib
 import io
 import math
+import sys
 from collections.abc import Mapping
 from enum import Enum
 from functools import cache
@@ -28,6 +29,8 @@ from typing import Any
 import numpy as np
 
 from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.plugin.groups import GROUPS, installed
+from mathnavi.sim.plugin.trust import is_trusted
 
 SMALL = 32  # elements of an array that stands among the text
 _AS_TEXT = "biuf"  # kinds of arrays that may
@@ -189,7 +192,14 @@ class _Reader:
 
 
 def _class_at(place: str, base: type) -> Any:
-    """A class that holds data, by its place; ValueError for anything else that a file may name."""
+    """A class that holds data, by its place; ValueError for anything else that a file may name.
+
+    Outside of ``trusting()`` no package is imported for it but mathnavi's and those of installed plug-ins. Of a user's
+    own job whose result this is, the package has been imported.
+    """
+    package = place.partition(":")[0].partition(".")[0]
+    if not (is_trusted() or package in sys.modules or package in _installed_packages()):
+        raise ValueError(f"{place!r} is not installed; allowed: classes of mathnavi and of installed plug-ins")
     kind = at_place(place)
     holds_data = isinstance(kind, type) and (
         issubclass(kind, Enum)
@@ -199,3 +209,7 @@ def _class_at(place: str, base: type) -> Any:
     if not (holds_data and issubclass(kind, base)):
         raise ValueError(f"{place!r} is no class of data; allowed: a dataclass, a NamedTuple or an Enum")
     return kind
+
+
+def _installed_packages() -> set[str]:
+    return {"mathnavi", *(point.module.partition(".")[0] for kind in GROUPS for point in installed(kind))}

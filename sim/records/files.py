@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 from collections.abc import Mapping
@@ -11,6 +12,14 @@ from typing import Any
 import numpy as np
 
 from mathnavi.sim.interfaces.writing import write_text
+
+
+def inside(folder: Path, path: Path) -> Path:
+    """``path``, which lies in ``folder``; PermissionError if a link there leads out of the folder."""
+    if not path.resolve().is_relative_to(folder.resolve()):
+        reason = f"a link that leads out of {folder}, to {path.resolve()}; allowed: what lies within"
+        raise PermissionError(errno.EPERM, reason, str(path))
+    return path
 
 
 def jsonable(value: Any) -> Any:

@@ -6,7 +6,7 @@ import base64
 import io
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,10 +18,13 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import simulate
 from mathnavi.sim.engine.network import Network
 from mathnavi.sim.interfaces.checks import allowed_for
+from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, value_text
 from mathnavi.sim.interfaces.signals import Array, Event
 from mathnavi.sim.interfaces.writing import write_bytes, write_text
+from mathnavi.sim.plugin.registry import PluginSpec, of_stranger
+from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.claimed_folder import claimed
 from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
 from mathnavi.sim.records.run_folder import RUN_FILES, write_run, write_run_files
@@ -45,6 +48,7 @@ class RunResult:
     config: dict[str, Any]  # what config.json holds: scenario, seed, every field, the plug-ins
     success: bool
     folder: Path | None = None  # which it was read from or saved in
+    trusted: bool = True  # its drawing may be any code: of who flew the run; False for one read from a folder
 
     @cached_property
     def arrays(self) -> dict[str, Array]:
@@ -124,13 +128,14 @@ class RunResult:
 
     @contextmanager
     def _in_folder(self) -> Iterator[Path]:
-        """The run's folder; one for the time being, if it was not saved yet."""
-        if self.folder is not None:
-            yield self.folder
-            return
-        with TemporaryDirectory() as scratch:
-            self.write_files(Path(scratch))
-            yield Path(scratch)
+        """The run's folder, to be drawn; one for the time being, if it was not saved yet."""
+        with trusting(self.trusted), ExitStack() as stack:
+            if self.folder is not None:
+                yield self.folder
+                return
+            scratch = Path(stack.enter_context(TemporaryDirectory()))
+            self.write_files(scratch)
+            yield scratch
 
     def _table(self) -> tuple[str, list[Row]]:
         shortfall = self.summary.get(SHORTFALL)
@@ -179,3 +184,18 @@ class ClosedLoop:
         recording = simulate(self.plant, self.agents, self.duration, self.finished, progress, self.network)
         summary, success = self.summarise(recording, time.perf_counter() - began)
         return RunResult(recording, summary, self.config, success)
+
+
+def built(
+    name: str, scenario: Any, config: Any, seed: int, controller: PluginSpec, estimator: PluginSpec
+) -> ClosedLoop:
+    """The closed loop that a scenario builds for one seed; errors as the scenario has them.
+
+    PluginError where a stranger's scenario fails to build it, or builds something else.
+    """
+    with of_stranger(scenario, f"scenarios: {name!r}: build() failed:"):
+        closed_loop: ClosedLoop = scenario.build(config, seed, controller, estimator)
+    if not callable(getattr(closed_loop, "run", None)):
+        made = type(closed_loop).__name__
+        raise PluginError(f"scenarios: {name!r}: build() returned a {made}; allowed: a ClosedLoop")
+    return closed_loop

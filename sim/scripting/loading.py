@@ -19,11 +19,12 @@ _TRUTH = "truth.x"
 _OF_ESTIMATES, _OF_READINGS = "estimate.", "measurement."
 
 
-def load(folder: str | Path) -> RunResult:
+def load(folder: str | Path, *, trust: bool = False) -> RunResult:
     """The run in a folder that ``mathnavi run`` or ``RunResult.save`` has written, of this version or an earlier one.
 
-    Its arrays are bit for bit those of the log. Raises RunFolderError where the folder, or one of its files, is
-    missing or broken.
+    Its arrays are bit for bit those of the log. With ``trust``, video, report and plot import the drawing that the
+    folder names even if it is not installed; it runs as you. Raises RunFolderError where the folder, or one of its
+    files, is missing or broken.
     """
     try:
         config, summary, events = read_record(folder)
@@ -32,7 +33,7 @@ def load(folder: str | Path) -> RunResult:
         recording = _recording(arrays, list(events), states, summary)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RunFolderError(f"{str(folder)!r} is not the folder of a run: {error}") from error
-    return RunResult(recording, summary, config, SHORTFALL not in summary, Path(folder))
+    return RunResult(recording, summary, config, SHORTFALL not in summary, Path(folder), trust)
 
 
 def _recording(

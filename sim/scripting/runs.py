@@ -23,7 +23,7 @@ from mathnavi.sim.plugin.registry import load as load_plugin
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.records.store import Record, Store
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunResult, built
 from mathnavi.sim.scripting.requests import ScriptRequest, configured, flat, raising, request
 from mathnavi.sim.sweep.execution import Progress, available_cores, run_trials
 from mathnavi.sim.sweep.trial import Trial
@@ -59,7 +59,7 @@ def run(
     """
     asked = request(scenario, controller, estimator, fields)
     with raising(MissionError):
-        closed_loop = asked.scenario.build(asked.config, _seed(seed), asked.controller, asked.estimator)
+        closed_loop = built(scenario, asked.scenario, asked.config, _seed(seed), asked.controller, asked.estimator)
     result: RunResult = closed_loop.run(progress)
     return result
 
@@ -79,14 +79,15 @@ def make(scenario: str, *, seed: int = 0, estimator: Plugin = None, **fields: An
 
 
 def available(kind: str) -> tuple[str, ...]:
-    """Names of what is installed: "scenarios", "controllers", "estimators", "consensus", "studies" or "terrains".
+    """Names of what is installed: "scenarios", "controllers", "estimators", "consensus", "studies", "terrains",
+    "drawings".
 
     FieldError for another kind.
     """
     try:
         return names(kind)
     except KeyError:
-        kinds = "scenarios, controllers, estimators, consensus, studies, terrains"
+        kinds = "scenarios, controllers, estimators, consensus, studies, terrains, drawings"
         raise FieldError(f"kind = {kind!r}; allowed: {kinds}") from None
 
 
@@ -300,7 +301,7 @@ def study(
 
     Raises PluginError for a study that is not known, FieldError for a field or a value that is not allowed.
     """
-    from mathnavi.sim.studies.framework.study import Setup, first_look, on_terrain, write_result
+    from mathnavi.sim.studies.framework.study import Setup, checked_result, first_look, on_terrain, write_result
 
     found = load_plugin("studies", name)
     config = configured(found.quick if quick else found.Config(), fields)
@@ -311,7 +312,7 @@ def study(
         folder = Path(out) if out is not None else Path(opened.enter_context(TemporaryDirectory()))
         trials = opened.enter_context(Store.open(folder / "trials.db"))
         setup = Setup(site, trials, available_cores() if workers is None else workers, progress)
-        result = found.run(config, setup)
+        result = checked_result(name, found, config, setup)
         if out is not None:
             small = first_look(config)
             write_result(folder, name.replace(":", "."), found.title, result, setup, f"study {name}", small)

@@ -27,7 +27,10 @@ from mathnavi.sim.sweep.task import Ended, Message, SweepTask
 
 PATIENCE = 5.0  # [s] for the scheduler to answer
 HOW_TO_INSTALL = "a cluster needs the extra `cluster`: pip install -e '.[cluster]'"
-_ALLOWED = "allowed: the address of a Dask scheduler that answers, tcp://HOST:8786"
+_ALLOWED = (
+    "allowed: the address of a Dask scheduler that answers, tcp://HOST:8786, or tls://HOST:8786 with the certificates "
+    "that Dask is configured with"
+)
 
 
 class LostError(RuntimeError):

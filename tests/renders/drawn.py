@@ -25,6 +25,7 @@ from mathnavi.renders.film import Frame
 from mathnavi.renders.palette import Picture
 from mathnavi.renders.video import write_video
 from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.plugin.trust import is_trusted
 
 SCRIPT = Path(__file__).with_name("draw_and_leave_out.py")
 needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
@@ -34,7 +35,10 @@ draw_apart = video.draw  # by processes of their own, as for a user
 def draw_here(directory: Path, frames: Sequence[Frame], width: int, height: int, samples: int) -> Generator[Picture]:
     """The pictures (height, width, 3) that ``mathnavi.renders.video.draw`` yields, drawn in this process."""
     opengl.environment()  # raises where there is nothing to draw with
-    job = {"directory": str(directory.resolve()), "width": width, "height": height, "samples": samples}
+    job = {
+        "directory": str(directory.resolve()), "trusted": is_trusted(), "width": width, "height": height,
+        "samples": samples,
+    }  # fmt: skip
     output = io.BytesIO()
     worker.draw(json.loads(json.dumps(job | {"frames": [astuple(frame) for frame in frames]})), output)
     yield from np.frombuffer(output.getbuffer(), np.uint8).reshape(-1, height, width, 3)

@@ -26,8 +26,9 @@ from mathnavi.models.terrain.library import load_terrain
 from mathnavi.renders.page import number
 from mathnavi.renders.study_report import StudyPage, Table, report
 from mathnavi.renders.terrain_view import Track
-from mathnavi.sim.interfaces.errors import TerrainError
+from mathnavi.sim.interfaces.errors import PluginError, TerrainError
 from mathnavi.sim.interfaces.writing import write_together
+from mathnavi.sim.plugin.registry import of_stranger
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.computing_environment import environment
 from mathnavi.sim.records.figure_names import is_wall_clock
@@ -205,6 +206,16 @@ class StudyPlugin(Protocol):
     def run(config: Any, setup: Setup) -> StudyResult:
         """Fly, measure, judge."""
         ...
+
+
+def checked_result(name: str, plugin: Any, config: Any, setup: Setup) -> StudyResult:
+    """The result of a study; PluginError where a stranger's fails, or returns something else."""
+    with of_stranger(plugin, f"studies: {name!r}: run() failed:"):
+        result = plugin.run(config, setup)
+    if not isinstance(result, StudyResult):
+        returned = type(result).__name__
+        raise PluginError(f"studies: {name!r}: run() returned a {returned}; allowed: a StudyResult")
+    return result
 
 
 def on_terrain(plugin: Any) -> bool:

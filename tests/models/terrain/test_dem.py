@@ -101,7 +101,7 @@ def test_an_npz_without_a_name_bears_that_of_its_file(tmp_path: Path) -> None:
         (np.zeros((2, 3)), {"spacing_m": True}, "spacing_m is True"),
         (np.zeros((2, 3)), {"spacing_m": 0}, r"spacing is 0\.0 m"),
         (np.zeros((2, 3)), {"spacing_m": -2.5}, r"spacing is -2\.5 m"),
-        (np.zeros((2, 3)), {"spacing_m": 5, "name": 3}, "name is 3"),
+        (np.zeros((2, 3)), {"spacing_m": 5, "name": 3}, "name = 3"),
         (np.zeros(6), {"spacing_m": 5}, r"z has shape \(6,\)"),
         (
             np.array([[1.0, np.nan]] * 2),

@@ -12,6 +12,7 @@ import pytest
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.missile.drawing import drawing
 from mathnavi.renders.missile.run_data import MissileRun, load_run
+from mathnavi.sim.plugin.trust import trusting
 
 
 def test_the_world_has_z_up_and_the_path_ends_on_the_target(missile_run: MissileRun) -> None:
@@ -55,7 +56,7 @@ def test_a_run_says_by_whom_it_is_drawn(missile_dir: Path, run_dir: Path, tmp_pa
         ("", "cannot be"),
     ):
         (tmp_path / "config.json").write_text(json.dumps({"drawing": name}))
-        with pytest.raises(ValueError, match=message):
+        with trusting(), pytest.raises(ValueError, match=message):
             drawing_of(tmp_path)
 
 

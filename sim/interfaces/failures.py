@@ -1,0 +1,38 @@
+"""What a plug-in's code raises, as one error that names the plug-in."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import metadata
+
+_MACHINERY = ("<frozen", __file__, importlib.__file__, metadata.__file__, contextlib.__file__)
+
+
+@contextmanager
+def failures_named(
+    subject: str, kind: type[ValueError], passing: tuple[type[BaseException], ...] = ()
+) -> Iterator[None]:
+    """Raise a ``kind`` that begins with ``subject`` for whatever a plug-in raises in here, ``sys.exit()`` included.
+
+    Ctrl-C passes, and so do the exceptions ``passing`` and a ValueError that says what is allowed: it refuses its
+    input.
+    """
+    try:
+        yield
+    except BaseException as error:
+        refuses = isinstance(error, ValueError) and "allowed" in str(error)
+        if refuses or isinstance(error, (KeyboardInterrupt, *passing)):
+            raise
+        raise kind(f"{subject} {explained(error)}") from error
+
+
+def explained(error: BaseException) -> str:
+    """The exception, and where it was raised."""
+    frames = traceback.extract_tb(error.__traceback__)
+    where = [f" ({frame.filename}:{frame.lineno})" for frame in frames if not frame.filename.startswith(_MACHINERY)]
+    said = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    return f"{said}{''.join(where[-1:])}"

@@ -1,0 +1,173 @@
+"""A plug-in that raises, ends the process, or returns rubbish, ends in one line that names it, and exit code 2."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from mathnavi.models.terrain import library
+from mathnavi.sim.commands.cli import main
+
+RAISED = {
+    "exit": "raise SystemExit(0)",
+    "exit without a code": "import sys; sys.exit()",
+    "exit with a text": "raise SystemExit('enough')",
+    "error": "raise KeyError('gone')",
+    "value": "raise ValueError('no such thing')",
+    "generator": "raise GeneratorExit",
+    "own": "raise type('Own', (BaseException,), {})('mine')",
+    "recursion": "f = lambda: f(); f()",
+    "memory": "raise MemoryError",
+}
+CLASS = """
+import dataclasses
+{at_import}
+
+@dataclasses.dataclass(frozen=True)
+class Config:
+    rate: float = 1.0
+
+    def __post_init__(self):
+        {at_configuration}
+
+class Mine:
+    Config = Config
+    controller, estimator = "flight", "full_state"
+    title, quick = "mine", None
+    within_starts = True
+    period = 1.0
+
+    @staticmethod
+    def build(config, mission, *more):
+        {at_build}
+
+    @staticmethod
+    def sensors(config, mission):
+        {at_build}
+
+    quality = sensors
+
+    @staticmethod
+    def run(config, setup):
+        {at_build}
+
+    on_terrain = False
+"""
+Write = Callable[..., str]
+
+
+@pytest.fixture
+def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Write:
+    """Writes a plug-in with some code in one of its phases, into the current folder; the name of its module."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
+
+    def write(**code: str) -> str:
+        phases = {"at_import": "pass", "at_configuration": "pass", "at_build": "pass", **code}
+        name = f"plugin_{tmp_path.name}"
+        Path(f"{name}.py").write_text(CLASS.format(**phases))
+        return name
+
+    return write
+
+
+@pytest.fixture
+def refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Callable[..., str]:
+    """Runs a command that has to end in one line, with exit code 2, and leave no result behind."""
+
+    def run(*words: str) -> str:
+        assert main(words) == 2
+        said = capsys.readouterr()
+        assert "Traceback" not in said.out + said.err
+        line = said.err.splitlines()[-1]  # numba may have compiled before
+        assert not [path.name for path in tmp_path.rglob("*.json")]
+        return line
+
+    return run
+
+
+def commands(module: str) -> dict[str, list[str]]:
+    place = f"{module}:Mine"
+    return {
+        "controllers": ["run", "safe-flight", "--out", "out", "--controller", place],
+        "estimators": ["run", "safe-flight", "--out", "out", "--estimator", place],
+        "scenarios": ["run", place, "--out", "out"],
+        "studies": ["study", place, "--out", "out"],
+        "consensus": ["run", "simultaneous-arrival", "--out", "out", "--consensus", place],
+        "scenarios of a sweep": ["sweep", place, "--trials", "1", "--store", "out.db"],
+    }
+
+
+@pytest.mark.parametrize("raised", RAISED)
+@pytest.mark.parametrize("phase", ["at_import", "at_configuration"])
+def test_a_plug_in_that_fails_before_it_is_built_is_named(
+    phase: str, raised: str, written: Write, refused: Callable[..., str]
+) -> None:
+    module = written(**{phase: RAISED[raised]})
+    for kind, words in commands(module).items():
+        if kind == "consensus":  # its mission takes a while to be drawn
+            continue
+        assert f"{module}:Mine" in refused(*words)
+
+
+@pytest.mark.parametrize("raised", ["exit", "error", "own", "recursion"])
+@pytest.mark.parametrize("kind", commands(""))
+def test_a_plug_in_that_fails_while_it_is_built_is_named(
+    kind: str, raised: str, written: Write, refused: Callable[..., str]
+) -> None:
+    module = written(at_build=RAISED[raised])
+    line = refused(*commands(module)[kind])
+    assert f"{module}:Mine" in line
+    assert f"{module}.py:" in line
+
+
+@pytest.mark.parametrize("kind", commands(""))
+@pytest.mark.parametrize("rubbish", ["return None", "return 3", "return 'text', []"])
+def test_a_plug_in_that_builds_rubbish_is_named(
+    kind: str, rubbish: str, written: Write, refused: Callable[..., str]
+) -> None:
+    module = written(at_build=rubbish)
+    line = refused(*commands(module)[kind])
+    assert f"{module}:Mine" in line
+    assert "allowed" in line
+
+
+HEIGHTS = "from mathnavi.models.terrain.height_field import HeightField\nimport numpy as np\ndef made():\n    {}\n"
+GROUND = {
+    **RAISED,
+    "nothing": "return None",
+    "an array": "return np.zeros((3, 3))",
+    "NaN": "return HeightField(np.full((3, 3), np.nan), 1.0)",
+    "another shape": "return HeightField(np.zeros(3), 1.0)",
+    "no spacing": "return HeightField(np.zeros((3, 3)), float('nan'))",
+    "a path": "return HeightField(np.zeros((3, 3)), 1.0, '../../precious')",
+    "no name": "return HeightField(np.zeros((3, 3)), 1.0, None)",
+}
+
+
+@pytest.mark.parametrize("body", GROUND)
+def test_a_terrain_that_fails_is_named(
+    body: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]
+) -> None:
+    module = f"ground_{tmp_path.name}"
+    (tmp_path / f"{module}.py").write_text(HEIGHTS.format(GROUND[body]))
+    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
+    monkeypatch.chdir(tmp_path)
+    points = {"strange": EntryPoint("strange", f"{module}:made", library.GROUP)}
+    monkeypatch.setattr(library, "_installed", lambda: points)
+    for words in (["terrain", "show", "strange"], ["run", "safe-flight", "--terrain", "strange", "--out", "out"]):
+        assert "strange" in refused(*words)
+
+
+@pytest.mark.parametrize("value", ["gone:made", "numpy:no_such_name", "numpy:pi", "numpy", "", "a b:c", "..:x"])
+def test_a_terrain_that_is_not_there_is_named(
+    value: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, refused: Callable[..., str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    points = {"strange": EntryPoint("strange", value, library.GROUP)}
+    monkeypatch.setattr(library, "_installed", lambda: points)
+    assert "strange" in refused("terrain", "show", "strange")

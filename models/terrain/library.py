@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from inspect import signature
 from pathlib import Path
 
@@ -16,6 +16,7 @@ import numpy as np
 from mathnavi.models.terrain.dem import Raster, height_field, read_npz, read_png, square_grid
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.checks import allowed_for
+from mathnavi.sim.interfaces.entry_points import named
 from mathnavi.sim.interfaces.errors import TerrainError
 
 GROUP = "mathnavi.terrains"
@@ -48,33 +49,33 @@ def jacksboro() -> HeightField:
 
 def terrain_names() -> tuple[str, ...]:
     """Names of the installed terrains, sorted."""
-    return tuple(sorted(_installed()))
+    return tuple(sorted({point.name for point in _installed()}))
 
 
 def load_terrain(name_or_path: str | Path) -> HeightField:
     """Load a terrain by its name, or name and number, or the map in an ``.npz`` file; each is loaded once.
 
-    Raises TerrainError for a name or a number that is not known, FileNotFoundError for a file that is not there.
+    Raises TerrainError for a name or a number that is not known, PluginError for a name that several plug-ins have,
+    FileNotFoundError for a file that is not there.
     """
-    installed = _installed()
     name, _, number = str(name_or_path).partition(":")
-    if isinstance(name_or_path, str) and name in installed:
-        return _load(installed[name], number)
+    if isinstance(name_or_path, str) and (point := named(_installed(), "terrain", name)):
+        return _load(point, number)
     path = Path(name_or_path)
     if path.suffix == ".npz":
         return _read(path.resolve(), path.stat().st_mtime_ns) if path.is_file() else read_npz(path)
-    raise TerrainError(f"terrain = {name!r}: not known; {allowed_for(name, sorted(installed), 'or an .npz')}")
+    raise TerrainError(f"terrain = {name!r}: not known; {allowed_for(name, terrain_names(), 'or an .npz')}")
 
 
 def place_of(name_or_path: str) -> str:
     """Name or path that loads the same terrain from any folder: a name stays, a path becomes absolute."""
-    installed = name_or_path.partition(":")[0] in _installed()
+    installed = name_or_path.partition(":")[0] in terrain_names()
     return name_or_path if installed else str(Path(name_or_path).resolve())
 
 
 @cache
-def _installed() -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points(group=GROUP)}
+def _installed() -> EntryPoints:
+    return entry_points(group=GROUP)
 
 
 @cache

@@ -9,20 +9,23 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import traceback
+from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import metadata
 from numbers import Real
 from typing import Any, TypeVar, get_type_hints
 
 from mathnavi.sim.interfaces.checks import allowed_for
+from mathnavi.sim.interfaces.entry_points import named
 from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.protocols import Consensus, Estimator, Planner, Sensor
 from mathnavi.sim.plugin.groups import installed
 
 Quality = TypeVar("Quality")
 
-_PLACE = "or package.module:Class"
+_PLACE = "package.module:Class"
 
 NEEDED = {  # of the class itself, beside Config
     "controllers": ("build",),
@@ -51,29 +54,44 @@ class PluginSpec:
 
 
 def names(kind: str) -> tuple[str, ...]:
-    """Names of the installed plug-ins of a kind, in order."""
-    return tuple(point.name for point in installed(kind))
+    """Names of the installed plug-ins of a kind, in order, each once."""
+    return tuple(dict.fromkeys(point.name for point in installed(kind)))
 
 
 def called(kind: str, place: str) -> str:
-    """The name of the class at "package.module:Class" on the command line: its entry point, or that place itself."""
-    return next((point.name for point in installed(kind) if point.value == place), place)
+    """The name of the class at "package.module:Class" on the command line.
+
+    That of its entry point, unless another plug-in has it too; else that place itself.
+    """
+    points = installed(kind)
+    taken = Counter(point.name for point in points)
+    return next((point.name for point in points if point.value == place and taken[point.name] == 1), place)
 
 
 def load(kind: str, name: str) -> Any:
     """The plug-in called ``name``, or the class at "package.module:Class".
 
-    Raises PluginError if there is none, naming those that exist, or if it declares no frozen configuration.
+    Raises PluginError if there is none, naming those that exist, if several have the name, naming where each is from,
+    or if it declares no frozen configuration.
     """
-    points = {point.name: point for point in installed(kind)}
-    if name not in points and ":" not in name:
-        raise PluginError(f"{kind}: {name!r} is not known; {allowed_for(name, sorted(points), _PLACE)}")
+    point = named(installed(kind), kind, name, _PLACE)
+    if point is None and ":" not in name:
+        raise PluginError(f"{kind}: {name!r} is not known; {allowed_for(name, names(kind), f'or {_PLACE}')}")
     try:
-        plugin = points[name].load() if name in points else _at(name)
+        plugin = point.load() if point else _at(name)
     except Exception as error:  # whatever a stranger's module does when it is imported
         raise PluginError(f"{kind}: {name!r} cannot be imported: {_explained(error)}") from error
     _check_class(kind, plugin, name)
     return plugin
+
+
+def loadable(kind: str) -> dict[str, Any]:
+    """The installed plug-ins of a kind by name, without those that cannot be loaded."""
+    found = {}
+    for name in names(kind):
+        with suppress(PluginError):
+            found[name] = load(kind, name)
+    return found
 
 
 def checked_controller(spec: PluginSpec, mission: Any, bound: type | None = None) -> tuple[Planner, Any]:
@@ -195,7 +213,7 @@ def _unfit(plugin: Any, mission: Any) -> str:
 
 def _fitting(kind: str, mission: Any) -> list[str]:
     """Names of the installed plug-ins that a mission fits."""
-    return [name for name in names(kind) if not _unfit(load(kind, name), mission)]
+    return [name for name, plugin in loadable(kind).items() if not _unfit(plugin, mission)]
 
 
 def _explained(error: Exception) -> str:

@@ -27,6 +27,7 @@ from mathnavi.sim.commands.summary import verdict, warnings
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
+from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec, called, names
 from mathnavi.sim.records.run_folder import ARRAYS, RunLog, read_log
@@ -114,8 +115,8 @@ def _request(name: str, run_config: RunConfig, words: Sequence[str]) -> RunReque
 
 
 def _check_out(out: Path, folder: Path) -> None:
-    if out.resolve() == folder.resolve():
-        raise BadInputError(f"--out = {out} is the recorded run itself; allowed: another folder")
+    with bad_input():
+        check_spares(out, [folder], "--out")
     if out.is_dir() and any(out.iterdir()) and not (out / "config.json").exists():
         raise BadInputError(f"--out = {out} holds other files than a run's; allowed: a new folder, or that of a run")
 

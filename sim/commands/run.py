@@ -21,6 +21,7 @@ from mathnavi.sim.commands.progress import compilation_announced
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.summary import summary_table, verdict, warnings
+from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 
@@ -51,6 +52,7 @@ def main(argv: Sequence[str]) -> int:
     folder = request.options.out or Path("renders/out") / f"{request.name.replace(':', '.')}-seed{request.common.seed}"
     if folder.is_dir() and any(folder.iterdir()) and not (folder / "config.json").exists():
         raise BadInputError(f"--out = {folder} holds other files than a run's; allowed: a new folder, or that of a run")
+    _check_spared(folder, Path(source) if source is not None else None, request.files)
     errors = Console(stderr=True)
     with output_folder(folder), compilation_announced(errors):
         closed_loop = build(request, run_config)
@@ -78,6 +80,15 @@ def main(argv: Sequence[str]) -> int:
         if (folder / made).is_file():
             console.print(f"{made.partition('.')[0]:8}{folder / made}", soft_wrap=True, highlight=False)
     return 0 if result.success else 1
+
+
+def _check_spared(folder: Path, source: Path | None, files: Sequence[Path]) -> None:
+    """BadInputError if the run would be written over the one that it comes from, or over a file that it reads."""
+    with bad_input():
+        check_spares(folder, [] if source is None else [source], "--out")
+    for file in files:
+        if file.resolve().is_relative_to(folder.resolve()):
+            raise BadInputError(f"--out = {folder} holds {file}, which the run reads; allowed: another folder")
 
 
 def build(request: RunRequest, run_config: RunConfig | None) -> ClosedLoop:

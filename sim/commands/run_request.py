@@ -8,12 +8,14 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from mathnavi.sim.commands import opengl
 from mathnavi.sim.commands.arguments import FlagGroup, flags, given, parse, value_of, with_flag
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.run_config import RunConfig
+from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.plugin.registry import PluginSpec, load, names
 
 PLACES = {"scenarios": "SCENARIO", "controllers": "--controller", "estimators": "--estimator"}
@@ -54,6 +56,16 @@ class RunRequest:
     def fields(self) -> tuple[FlagGroup, ...]:
         """The fields of the scenario and its plug-ins, at their present values."""
         return _fields(self.config, self.controller, self.estimator, self.common)
+
+    @property
+    def files(self) -> list[Path]:
+        """The files that the fields name."""
+        values = (
+            value
+            for config in (self.config, self.controller.config, self.estimator.config)
+            for value in flattened(plain(config)).values()
+        )
+        return [Path(value) for value in values if isinstance(value, str) and os.path.isfile(value)]
 
     @contextmanager
     def bad_input(self) -> Iterator[None]:

@@ -11,11 +11,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError
+from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError, bad_input
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.search_fields import SearchFields, read_space
 from mathnavi.sim.commands.search_results import SearchResults, print_results, write_pages, write_worst
+from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.records.store import Store, StoreWriteError
 from mathnavi.sim.search.directed import Sampler, check_space, directed, importances
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator, NoSuchFigureError, Objective
@@ -107,6 +108,10 @@ def main(argv: Sequence[str]) -> int:
         return 0
     fields = read_space(argv, request)
     options: SearchOptions = request.options
+    if options.report:
+        with bad_input():
+            for ending in PAGES:
+                check_spares(options.store.with_suffix(ending), [options.store, *request.files], "--report")
     errors, console = Console(stderr=True), Console()
     again = shlex.join(["mathnavi", "search", *argv])
     _check(fields, request)

@@ -15,6 +15,7 @@ from rich.console import Console
 from mathnavi.sim.commands.arguments import FlagGroup, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.evidence import print_evidence, verdict
+from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.records.store import Record, Store, canonical_json
 from mathnavi.sim.records.sweep_data import Sweep, grouped
 
@@ -76,6 +77,7 @@ def _export(argv: Sequence[str]) -> None:
         argv, "mathnavi store export", "Write a store as a table (.csv, .jsonl).", FlagGroup(StoreExportOptions)
     )
     with bad_input(), Store.existing(options.file) as store:
+        check_spares(options.out, [options.file], "--out")
         writers = {".csv": store.export_csv, ".jsonl": store.export_jsonl}
         if options.out.suffix not in writers:
             raise BadInputError(f"--out = {options.out}; allowed: a name that ends in {' or '.join(writers)}")

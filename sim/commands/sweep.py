@@ -12,11 +12,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError
+from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError, bad_input
 from mathnavi.sim.commands.evidence import print_evidence, verdict
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
 from mathnavi.sim.commands.run_request import RunRequest, prepare, usage
 from mathnavi.sim.commands.variations import read_requests, read_variations, trials
+from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.records.store import TRANSIENT, Record, Store, StoreWriteError
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import LostError, check
@@ -69,6 +70,9 @@ def main(argv: Sequence[str]) -> int:
     except SystemExit:  # the help is printed
         return 0
     request, options = sweep.request, sweep.request.options
+    if options.report:
+        with bad_input():
+            check_spares(options.store.with_suffix(REPORT), [options.store, *request.files], "--report")
     errors = Console(stderr=True)
     command = shlex.join(["mathnavi", "sweep", *argv])
     state: Progress | None = None  # before the store is looked into

@@ -28,6 +28,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.errors import StoreError
 from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.records.files import write_text
@@ -237,7 +238,11 @@ class Store:
             return job_records(self._connection, keys)
 
     def export_csv(self, path: Path) -> None:
-        """Write one line a trial: parameters and figures as columns, ordered by key. The file is whole or not there."""
+        """Write one line a trial: parameters and figures as columns, ordered by key. The file is whole or not there.
+
+        FieldError for a ``path`` that is the store.
+        """
+        check_spares(path, [self.path])
         records = self.records()
         rows = [_row(record) for record in records]
         columns = list(dict.fromkeys(name for row in rows for name in row)) or list(TABLES["trials"])
@@ -248,7 +253,8 @@ class Store:
         write_text(path, text.getvalue())
 
     def export_jsonl(self, path: Path) -> None:
-        """Write one JSON object a trial, ordered by key. The file is whole or not there."""
+        """Write one JSON object a trial, ordered by key; FieldError and the file as with ``export_csv``."""
+        check_spares(path, [self.path])
         names = [entry.name for entry in fields(Record)]
         objects = ({name: getattr(record, name) for name in names} for record in self.records())
         write_text(path, "".join(f"{canonical_json(each)}\n" for each in objects))

@@ -23,14 +23,13 @@ from mathnavi.sim.commands.run_request import prepare
 from mathnavi.sim.plugin.registry import load, names
 from mathnavi.sim.records.claims import Claim, ledger
 from mathnavi.sim.records.files import write_text
-from mathnavi.sim.records.store import Store, StoreWriteError
+from mathnavi.sim.records.store import STUDY_STORE, Store, StoreWriteError
 from mathnavi.sim.studies.framework.study import Setup, StudyError, first_look, on_terrain, write_result
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import LostError, check
 from mathnavi.sim.sweep.execution import available_cores
 
 ALL = "all"
-STORE = "trials.db"
 LEDGER = "CLAIMS.md"
 OUT = Path("renders/out/study")
 TERRAIN = "tian_shan"  # unless another is requested
@@ -185,7 +184,7 @@ def _study(
     words = argv[1:] if site.terrain is not None else without("--terrain", argv[1:])
     command = shlex.join(["mathnavi", "study", name, *words])
     with output_folder(site.folder), bad_input():
-        store = Store.open(site.folder / STORE)
+        store = Store.open(site.folder / STUDY_STORE)
     with store, sweep_progress(errors, name) as progress:
         setup = Setup(site.terrain, store, options.workers, progress, options.cluster)
         try:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 from rich.console import Console
@@ -33,10 +33,16 @@ class RunOptions:
     """folder of the run; renders/out/SCENARIO-seedN if not given"""
     video: bool = False
     """draw video.mp4"""
+    codec: Literal["h264", "av1", "vp9"] | None = None
+    """of the video, h264 if not given; av1 and vp9 are encoded without a library under the GPL"""
     report: bool = False
     """write report.html"""
     from_: Annotated[Path | None, tyro.conf.arg(name="from")] = None
     """run folder whose config.json is run again; flags beside it take precedence"""
+
+    def __post_init__(self) -> None:
+        if self.codec is not None and not self.video:
+            raise ValueError(f"codec = {self.codec}; allowed: only together with --video")
 
 
 def main(argv: Sequence[str]) -> int:
@@ -151,7 +157,7 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> None:
         from mathnavi.renders.video import write_video
 
         try:
-            write_video(folder, progress=errors.is_terminal)
+            write_video(folder, progress=errors.is_terminal, codec=options.codec or "h264")
         except (NoOpenGLError, NothingToDrawError, RuntimeError) as error:
             print(f"mathnavi: no video: {error}", file=sys.stderr)
     if options.report:

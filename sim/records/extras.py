@@ -14,7 +14,7 @@ def extra(module: str, name: str) -> Any:
     """Import a module of one of the packages; FieldError with the field ``name`` where the package is missing."""
     package = module.partition(".")[0]
     try:
-        return importlib.import_module(module)
+        importlib.import_module(package)
     except ModuleNotFoundError as error:
         if error.name != package:
             raise
@@ -22,3 +22,4 @@ def extra(module: str, name: str) -> Any:
         raise FieldError(
             f"{name} needs the package {package}, which is not installed; allowed after {advice}"
         ) from None
+    return importlib.import_module(module)

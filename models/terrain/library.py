@@ -34,15 +34,15 @@ def tian_shan() -> HeightField:
 
 @cache
 def jacksboro() -> HeightField:
-    """The Jacksboro fault in Tennessee: 30 km by 32 km of low ridges at 90 m, from matplotlib's sample data."""
+    """The Jacksboro fault in Tennessee: 30 km by 32 km of low ridges at 90 m (data/SOURCES.md)."""
     from matplotlib import cbook  # slow to import, and no other terrain needs it
 
     with np.load(cbook.get_sample_data("jacksboro_fault_dem.npz", asfileobj=False)) as sample:
         z = sample["elevation"][::-1].astype(np.float64)  # the file's row 0 is north, and it calls that side ymin
         latitude = 0.5 * (float(sample["ymin"]) + float(sample["ymax"]))
         degrees_north, degrees_east = float(sample["dy"]), float(sample["dx"])
-    source = "matplotlib's sample data, jacksboro_fault_dem.npz"
-    licence = "distributed with matplotlib"
+    source = "Shuttle Radar Topography Mission (NASA, NGA), 3 arc-seconds, from matplotlib's jacksboro_fault_dem.npz"
+    licence = "public domain"
     raster = Raster("jacksboro", z, degrees_north, degrees_east, latitude, source, licence)
     return height_field(square_grid(raster, spacing=90.0))
 

@@ -7,22 +7,26 @@
 #   make wheel   sdist and wheel, into dist/
 #   make bench   one table: mathnavi compared with other solvers   make bench ARGS=--quick
 #   make clean   remove caches and outputs
-# PYTHON=python3.12 chooses the interpreter that .venv is made with; MUJOCO_GL=egl the rendering backend.
+#   make lock    the tested versions chosen anew, .ci/requirements.txt
+# PYTHON=python3.12 chooses the interpreter that .venv is made with; MUJOCO_GL=egl the rendering backend. What the
+# sources are checked with (test, lint, docs, wheel) comes from the lock, hash by hash; LOCK= takes the newest versions
+# that pyproject.toml allows instead, as fly, gallery and bench do, and as pip does for whoever installs mathnavi.
 
 FLY_OUT ?= renders/out/fly
 FLY_WAY ?= --start 12000 14000 2924 --target 63000 62000 5258
 FLY_RADAR ?= --radar 36000 39000 10000 10 --radar-time 40
 FLY ?= safe-flight --seed 1 $(FLY_WAY) $(FLY_RADAR)
-PYTHONS := $(or $(PYTHON),python3 python3.13 python3.12 python3.11)
+PYTHONS := $(or $(PYTHON),python3 python3.12 python3.11)
 WORKERS ?= 2
 ARGS ?=
+LOCK ?= .ci/requirements.txt
 
 PACKAGES := models sim controllers estimators renders
 BENCHMARKS := $(wildcard benchmarks)
 DOCS := docs/_build/html
 INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: fly test lint bench gallery docs wheel clean opengl .venv
+.PHONY: fly test lint bench gallery docs wheel lock clean opengl .venv
 .NOTPARALLEL:
 
 fly: .venv/.installed opengl
@@ -50,7 +54,7 @@ gallery: .venv/.installed opengl
 	.venv/bin/python -m mathnavi.renders.gallery $(ARGS)
 
 # Everything is built anew: pages of a build that was cut short would pass for whole ones.
-docs: .venv/.documented
+docs: .venv/.developed
 	.venv/bin/sphinx-build --quiet --fresh-env --write-all --fail-on-warning --keep-going docs $(DOCS)
 	.venv/bin/python docs/check_links.py $(DOCS)
 	@echo "$(CURDIR)/$(DOCS)/index.html"
@@ -60,6 +64,9 @@ wheel: .venv/.developed
 	rm -rf dist
 	.venv/bin/hatchling build --directory $(CURDIR)/dist
 	@ls -1 $(CURDIR)/dist/*
+
+lock: | .venv/bin/pip
+	@bash .ci/lock
 
 clean:
 	rm -rf renders/out docs/_build docs/reference/api dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
@@ -76,9 +83,15 @@ opengl: | .venv/bin/pip
 	$(INSTALL) --editable .
 	@touch $@
 
-.venv/.developed: pyproject.toml | .venv/bin/pip
+# Only wheels: what a source is built with would not be locked. The lock has what builds mathnavi itself.
+.venv/.developed: pyproject.toml $(LOCK) | .venv/bin/pip
 	@echo "Installing mathnavi and its development tools into .venv (a few minutes the first time)"
-	$(INSTALL) --editable '.[dev]'
+ifeq ($(LOCK),)
+	$(INSTALL) --editable '.[dev,docs]'
+else
+	$(INSTALL) --only-binary :all: --require-hashes --requirement $(LOCK)
+	$(INSTALL) --no-deps --no-build-isolation --editable .
+endif
 	@touch .venv/.installed $@
 
 .venv/.benchmarked: pyproject.toml | .venv/bin/pip
@@ -86,19 +99,15 @@ opengl: | .venv/bin/pip
 	$(INSTALL) --editable '.[bench]'
 	@touch .venv/.installed $@
 
-.venv/.documented: pyproject.toml | .venv/bin/pip
-	@echo "Installing mathnavi and what its documentation is built with into .venv (a few minutes the first time)"
-	$(INSTALL) --editable '.[docs]'
-	@touch .venv/.installed $@
-
-# pip comes last into a new environment: where it is, the environment is whole.
+# pip comes last into a new environment: where it is, the environment is whole. For Python 3.13 labmaze, which
+# dm-control needs, has no wheel, and is built by a program that few have (bazel).
 .venv/bin/pip:
 	@for python in $(PYTHONS); do \
-	    if $$python -c 'import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
+	    if $$python -c 'import ensurepip, sys, venv; sys.exit(not (3, 11) <= sys.version_info < (3, 13))' 2>/dev/null; then \
 	        echo "Making .venv with $$python: $$($$python --version)"; \
 	        exec $$python -m venv .venv; \
 	    fi; \
 	done; \
-	echo "No Python >= 3.11 with its venv module among: $(PYTHONS)." \
+	echo "No Python 3.11 or 3.12 with its venv module among: $(PYTHONS)." \
 	    "Install one (Debian, Ubuntu: apt-get install python3 python3-venv) or name it: make PYTHON=/path/to/python" >&2; \
 	exit 1

@@ -15,7 +15,7 @@ from collections.abc import Generator, Iterable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import astuple
 from pathlib import Path
-from typing import IO
+from typing import IO, Literal
 
 import av
 import numpy as np
@@ -36,6 +36,13 @@ MOST_WORKERS = 4
 # -P and a path that is set by the process itself: no numpy.py of the current folder is taken for the library.
 START = "import sys; sys.path[:] = sys.argv[1:]; from mathnavi.renders.worker import main; main()"
 
+Codec = Literal["h264", "av1", "vp9"]
+ENCODERS: dict[Codec, tuple[str, dict[str, str]]] = {
+    "h264": ("libx264", {"crf": "20", "preset": "veryfast"}),  # x264 is under the GPL
+    "av1": ("libsvtav1", {"crf": "30", "preset": "10"}),  # SVT-AV1 and
+    "vp9": ("libvpx-vp9", {"crf": "31", "b:v": "0", "deadline": "good", "cpu-used": "5"}),  # libvpx under BSD licences
+}  # of FFmpeg, with their options, all of about the same quality
+
 
 def write_video(
     run_dir: str | Path,
@@ -46,13 +53,16 @@ def write_video(
     height: int = HEIGHT,
     fps: int = FPS,
     progress: bool = True,
+    codec: Codec = "h264",
 ) -> Path:
     """Write the video of a run, ``video.mp4`` in its folder unless ``path`` says else, whole or not at all.
 
-    H.264, 12 to 25 s for a whole run; "tour" cuts between the cameras, the others stay. Raises FileNotFoundError or
-    ValueError for a run that is not there or broken and for a camera that it is not drawn by, ``opengl.NoOpenGLError``
-    where there is nothing to draw with.
+    MP4, 12 to 25 s for a whole run; "tour" cuts between the cameras, the others stay. ``codec``: H.264 plays
+    everywhere, AV1 and VP9 are encoded without a library under the GPL. Raises FileNotFoundError or ValueError for a
+    run that is not there or broken, for a camera that it is not drawn by and for a codec that FFmpeg here does not
+    encode, ``opengl.NoOpenGLError`` where there is nothing to draw with.
     """
+    _check_codec(codec)
     if width % 2 or height % 2 or min(width, height) < 16:
         raise ValueError(f"size = {width} x {height}; allowed: even numbers of at least 16")
     directory, drawing = Path(run_dir), drawing_of(run_dir)
@@ -68,7 +78,7 @@ def write_video(
         closing(draw(directory, frames, width, height, VIDEO_SAMPLES)) as pictures,
         naming(target),
     ):
-        _encode(scratch, bar.track(pictures, total=len(frames)), width, height, fps)
+        _encode(scratch, bar.track(pictures, total=len(frames)), width, height, fps, codec)
     return target
 
 
@@ -156,9 +166,26 @@ class _Artist:
         raise RuntimeError(f"the process that draws ended with status {self._process.returncode}: {lines[-1]}")
 
 
-def _encode(path: Path, pictures: Iterable[Picture], width: int, height: int, fps: int) -> None:
+def _check_codec(codec: str) -> None:
+    """ValueError for a codec that is not known, or whose encoder this FFmpeg is built without."""
+    known = [name for name, (encoder, _) in ENCODERS.items() if _encodes(encoder)]
+    if codec not in known:
+        raise ValueError(f"codec = {codec!r}; allowed with the FFmpeg that PyAV has here: {', '.join(known) or 'none'}")
+
+
+def _encodes(encoder: str) -> bool:
+    try:
+        av.Codec(encoder, "w")
+    except ValueError:
+        return False
+    return True
+
+
+def _encode(path: Path, pictures: Iterable[Picture], width: int, height: int, fps: int, codec: Codec) -> None:
+    encoder, options = ENCODERS[codec]
     with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
-        stream = container.add_stream("libx264", rate=fps, options={"crf": "20", "preset": "veryfast"})
+        stream = container.add_stream(encoder, rate=fps, options=options)
+        assert isinstance(stream, av.VideoStream)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         for picture in pictures:
             container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))

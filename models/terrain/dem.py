@@ -33,6 +33,7 @@ from PIL import Image, UnidentifiedImageError
 from scipy.ndimage import map_coordinates
 
 from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.errors import TerrainError
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.interfaces.writing import write_bytes
@@ -224,6 +225,7 @@ def import_dem(
     west on; voids outside do no harm.
     """
     path = _existing(path)
+    check_spares(out, [path])
     suffix = path.suffix.lower()
     if suffix == ".png":
         if spacing is None or scale is None:

@@ -17,7 +17,7 @@ import numpy as np
 from mathnavi.models.terrain.dem import Raster, height_field, read_npz, read_png, square_grid
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.checks import allowed_for
-from mathnavi.sim.interfaces.entry_points import entry_points_of
+from mathnavi.sim.interfaces.entry_points import entry_points_of, named
 from mathnavi.sim.interfaces.errors import TerrainError
 from mathnavi.sim.interfaces.failures import failures_named
 from mathnavi.sim.interfaces.input_files import InputFile, PluginName
@@ -37,42 +37,42 @@ def tian_shan() -> HeightField:
 
 @cache
 def jacksboro() -> HeightField:
-    """The Jacksboro fault in Tennessee: 30 km by 32 km of low ridges at 90 m, from matplotlib's sample data."""
+    """The Jacksboro fault in Tennessee: 30 km by 32 km of low ridges at 90 m (data/SOURCES.md)."""
     from matplotlib import cbook  # slow to import, and no other terrain needs it
 
     with np.load(cbook.get_sample_data("jacksboro_fault_dem.npz", asfileobj=False)) as sample:
         z = sample["elevation"][::-1].astype(np.float64)  # the file's row 0 is north, and it calls that side ymin
         latitude = 0.5 * (float(sample["ymin"]) + float(sample["ymax"]))
         degrees_north, degrees_east = float(sample["dy"]), float(sample["dx"])
-    source = "matplotlib's sample data, jacksboro_fault_dem.npz"
-    licence = "distributed with matplotlib"
+    source = "Shuttle Radar Topography Mission (NASA, NGA), 3 arc-seconds, from matplotlib's jacksboro_fault_dem.npz"
+    licence = "public domain"
     raster = Raster("jacksboro", z, degrees_north, degrees_east, latitude, source, licence)
     return height_field(square_grid(raster, spacing=90.0))
 
 
 def terrain_names() -> tuple[str, ...]:
     """Names of the installed terrains, sorted."""
-    return tuple(sorted(_installed()))
+    return tuple(sorted({point.name for point in _installed()}))
 
 
 def load_terrain(name_or_path: str | Path) -> HeightField:
     """Load a terrain by its name, or name and number, or the map in an ``.npz`` file; each is loaded once.
 
-    Raises TerrainError for a name or a number that is not known, FileNotFoundError for a file that is not there.
+    Raises TerrainError for a name or a number that is not known, PluginError for a name that several plug-ins have,
+    FileNotFoundError for a file that is not there.
     """
-    installed = _installed()
     name, _, number = str(name_or_path).partition(":")
-    if isinstance(name_or_path, str) and name in installed:
-        return _load(installed[name], number)
+    if isinstance(name_or_path, str) and (point := named(_installed(), "terrain", name)):
+        return _load(point, number)
     path = Path(name_or_path)
     if path.suffix == ".npz":
         return _read(path.resolve(), path.stat().st_mtime_ns) if path.is_file() else read_npz(path)
-    raise TerrainError(f"terrain = {name!r}: not known; {allowed_for(name, sorted(installed), 'or an .npz')}")
+    raise TerrainError(f"terrain = {name!r}: not known; {allowed_for(name, terrain_names(), 'or an .npz')}")
 
 
 def place_of(name_or_path: str) -> str:
     """Name or path that loads the same terrain from any folder: a name stays, a path becomes absolute."""
-    installed = name_or_path.partition(":")[0] in _installed()
+    installed = name_or_path.partition(":")[0] in terrain_names()
     return name_or_path if installed else str(Path(name_or_path).resolve())
 
 
@@ -83,7 +83,7 @@ def heights_digest(name_or_path: str) -> str:
 
 def maker_of(name_or_path: str) -> Any:
     """The function that makes the terrain with a name; None for the map in a file."""
-    point = _installed().get(name_or_path.partition(":")[0])
+    point = named(_installed(), "terrain", name_or_path.partition(":")[0])
     return None if point is None else point.load()
 
 
@@ -91,8 +91,8 @@ TerrainPlace = Annotated[str, InputFile(heights_digest), PluginName(maker_of)]
 """Type of a field that names a terrain, or an .npz file: its heights are part of the key of what is flown over it."""
 
 
-def _installed() -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points_of(GROUP)}
+def _installed() -> list[EntryPoint]:
+    return entry_points_of(GROUP)
 
 
 @cache

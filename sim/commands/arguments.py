@@ -287,9 +287,8 @@ def suggestion(name: str, known: Sequence[str], prog: str) -> str:
     """A hint for a flag that is not known: those that it may be a misspelling of, or those that are allowed."""
     if not name.startswith("--no-"):
         known = [flag for flag in known if flag not in {negation(other) for other in known}]
-    close = close_names(name, known)
-    # A field may be named without its group: --nodes means --planner.nodes.
-    close += [flag for flag in known if flag.rpartition(".")[2] == name.lstrip("-") and flag not in close]
+    # A field may be named without its group, which is no misspelling: --nodes means --planner.nodes.
+    close = [flag for flag in known if flag.rpartition(".")[2] == name.lstrip("-")] or close_names(name, known)
     if close:
         return f"did you mean {' or '.join(close)}? (`{prog} --help` lists all)"
     group = f"{name.partition('.')[0]}."

@@ -15,6 +15,7 @@ from rich.text import Text
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
+from mathnavi.sim.interfaces.checks import check_spares
 
 OUT = Path("renders/out/comparison.html")
 DESCRIPTION = "Two runs, two sweeps or two studies beside each other: what was asked of them, and what came out."
@@ -50,6 +51,8 @@ def main(argv: Sequence[str]) -> int:
     )
 
     out = options.out
+    with bad_input():
+        check_spares(out, [options.left, options.right], "--out")
     with bad_input():
         if out.exists() and not is_comparison(out):
             raise BadInputError(

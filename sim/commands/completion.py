@@ -13,6 +13,8 @@ from importlib.metadata import EntryPoint
 
 from mathnavi.sim.commands.errors import BadInputError
 from mathnavi.sim.commands.known import COMMANDS
+from mathnavi.sim.interfaces.entry_points import named
+from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.plugin.flag_names import flag_of, joined, negation
 from mathnavi.sim.plugin.groups import GROUPS, installed
 from mathnavi.sim.plugin.index import COMMAND, Description, describe
@@ -91,7 +93,7 @@ def candidates(words: Sequence[str]) -> list[str]:
         current = ""
     try:
         found = _candidates([word for word in before if word != "="], current)
-    except LookupError:
+    except (LookupError, PluginError):
         return []
     return [word for word in found if word.startswith(current)]
 
@@ -159,8 +161,11 @@ def flags_of(described: Description, prefix: str = "") -> Flags:
 
 
 def plugin(kind: str, name: str) -> Description:
-    """The plug-in with a name, or at "package.module:Class"; LookupError if there is none or it cannot be imported."""
-    point = next((point for point in installed(kind) if point.name == name), EntryPoint(name, name, GROUPS[kind]))
+    """The plug-in with a name, or at "package.module:Class"; LookupError if there is none or it cannot be imported.
+
+    PluginError for a name that several plug-ins have.
+    """
+    point = named(installed(kind), kind, name) or EntryPoint(name, name, GROUPS[kind])
     if ":" not in point.value:
         raise LookupError(f"{kind}: {name!r} is not known")
     (described,) = describe([(kind, point)])
@@ -180,4 +185,4 @@ def _given(flag: str, words: Sequence[str]) -> str | None:
 
 
 def _names(kind: str) -> list[str]:
-    return [point.name for point in installed(kind)]
+    return list(dict.fromkeys(point.name for point in installed(kind)))

@@ -29,6 +29,7 @@ from mathnavi.sim.commands.summary import verdict, warnings
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
+from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec, called, names
 from mathnavi.sim.plugin.trust import trusting
@@ -75,8 +76,8 @@ def main(argv: Sequence[str]) -> int:
     except HelpPrinted:
         return 0
     out = request.options.out or folder.with_name(f"{folder.resolve().name}-{estimator.replace(':', '.')}")
-    if out.resolve() == folder.resolve():
-        raise BadInputError(f"--out = {out} is the recorded run itself; allowed: another folder")
+    with bad_input():
+        check_spares(out, [folder], "--out")
     errors = Console(stderr=True)
     with run_folder(out) as claim, compilation_announced(errors):
         playback = _playback(request, run_config, log)

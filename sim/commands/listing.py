@@ -6,6 +6,7 @@ once. With ``--full`` all are imported, and estimators say what they claim to be
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from importlib.metadata import EntryPoint
 
@@ -76,11 +77,14 @@ def listing(kind: str, points: Sequence[EntryPoint], full: bool) -> Table:
     table.add_column(style="bold", no_wrap=True)
     table.add_column()
     found = [imported(kind, point) for point in points] if full else describe([(kind, point) for point in points])
+    taken = Counter(plugin.name for plugin in found)
     for plugin in found:
         text = Text(f"cannot be imported: {plugin.error}", style="red") if plugin.error else Text(plugin.first_line)
         fields = dict.fromkeys(flag_of(field.name.partition(".")[0])[2:] for field in plugin.fields)
         if fields and kind in WITH_FIELDS:
             text.append(f"\n{WITH_FIELDS[kind]}: {', '.join(fields)}", style="dim")
+        if taken[plugin.name] > 1:
+            text.append(f"\nrefused: {taken[plugin.name]} plug-ins have this name", style="red")
         source = f"{plugin.distribution}, " if plugin.distribution else ""
         text.append(f"\n{source}{plugin.value}", style="dim")
         table.add_row(plugin.name, text)

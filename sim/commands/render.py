@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
@@ -30,6 +30,8 @@ class RenderOptions:
     """a picture instead of a video"""
     time: float | None = None
     """the moment of the still [s]; by default the one with most to see"""
+    codec: Literal["h264", "av1", "vp9"] | None = None
+    """of the video, h264 if not given; av1 and vp9 are encoded without a library under the GPL"""
     clip: bool = False
     """five small seconds that play by themselves, an animated WebP, instead of a video"""
     begin: float | None = None
@@ -45,6 +47,8 @@ class RenderOptions:
         check_deadline(self.wall_deadline)
         if self.still and self.clip:
             raise ValueError("--clip = True; allowed: not together with --still")
+        if self.codec is not None and (self.still or self.clip):
+            raise ValueError(f"--codec = {self.codec}; allowed: only for a video, not with --still or --clip")
         for name, value, needed in (
             ("time", self.time, "still"),
             ("begin", self.begin, "clip"),
@@ -81,9 +85,15 @@ def main(argv: Sequence[str]) -> int:
             elif options.clip:
                 path = write_clip(options.folder, options.camera, begin=options.begin, end=options.end)
             else:
-                path = write_video(options.folder, options.camera or TOUR, path=film, progress=sys.stderr.isatty())
+                path = write_video(
+                    options.folder,
+                    options.camera or TOUR,
+                    path=film,
+                    progress=sys.stderr.isatty(),
+                    codec=options.codec or "h264",
+                )
     except BadInputError as error:
-        raise BadInputError(with_flag(str(error), ("--camera", "--time", "--begin", "--end"))) from error
+        raise BadInputError(with_flag(str(error), ("--camera", "--codec", "--time", "--begin", "--end"))) from error
     except (NoOpenGLError, RuntimeError) as error:
         print(f"mathnavi: nothing drawn: {error}", file=sys.stderr)
         return 1

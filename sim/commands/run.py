@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 from rich.console import Console
@@ -16,7 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from mathnavi.renders.opengl import NoOpenGLError
 from mathnavi.sim.commands.arguments import HelpPrinted, given, value_of
 from mathnavi.sim.commands.deadline import check_deadline, watched
-from mathnavi.sim.commands.errors import BadInputError, worded
+from mathnavi.sim.commands.errors import BadInputError, bad_input, worded
 from mathnavi.sim.commands.interruption import when_interrupted
 from mathnavi.sim.commands.output import run_folder
 from mathnavi.sim.commands.progress import compilation_announced
@@ -24,6 +24,7 @@ from mathnavi.sim.commands.provenance import changed_inputs, note_environment
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.summary import summary_table, verdict, warnings
+from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.interfaces.input_files import run_inputs
@@ -40,6 +41,8 @@ class RunOptions:
     """folder of the run; renders/out/SCENARIO-seedN if not given"""
     video: bool = False
     """draw video.mp4"""
+    codec: Literal["h264", "av1", "vp9"] | None = None
+    """of the video, h264 if not given; av1 and vp9 are encoded without a library under the GPL"""
     report: bool = False
     """write report.html"""
     from_: Annotated[Path | None, tyro.conf.arg(name="from")] = None
@@ -51,6 +54,8 @@ class RunOptions:
 
     def __post_init__(self) -> None:
         check_deadline(self.wall_deadline)
+        if self.codec is not None and not self.video:
+            raise ValueError(f"codec = {self.codec}; allowed: only together with --video")
 
 
 def main(argv: Sequence[str]) -> int:
@@ -67,6 +72,7 @@ def main(argv: Sequence[str]) -> int:
     except HelpPrinted:
         return 0
     folder = request.options.out or Path("renders/out") / f"{request.name.replace(':', '.')}-seed{request.common.seed}"
+    _check_spared(folder, Path(source) if source is not None else None, request.files)
     errors = Console(stderr=True)
     with run_folder(folder) as claim:
         with compilation_announced(errors):
@@ -98,6 +104,15 @@ def main(argv: Sequence[str]) -> int:
         if (folder / made).is_file():
             console.print(f"{made.partition('.')[0]:8}{folder / made}", soft_wrap=True, highlight=False)
     return 0 if result.success and whole else 1
+
+
+def _check_spared(folder: Path, source: Path | None, files: Sequence[Path]) -> None:
+    """BadInputError if the run would be written over the one that it comes from, or over a file that it reads."""
+    with bad_input():
+        check_spares(folder, [] if source is None else [source], "--out")
+    for file in files:
+        if file.resolve().is_relative_to(folder.resolve()):
+            raise BadInputError(f"--out = {folder} holds {file}, which the run reads; allowed: another folder")
 
 
 def build(request: RunRequest, run_config: RunConfig | None) -> ClosedLoop:
@@ -167,7 +182,7 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
         from mathnavi.renders.video import write_video
 
         try:
-            write_video(folder, progress=errors.is_terminal)
+            write_video(folder, progress=errors.is_terminal, codec=options.codec or "h264")
         except (NoOpenGLError, NothingToDrawError, RunFolderError, RuntimeError, OSError) as error:
             print(f"mathnavi: no video: {worded(error)}", file=sys.stderr)
             written = not isinstance(error, OSError)

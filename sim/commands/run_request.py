@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from mathnavi.sim.commands import opengl
@@ -15,6 +16,7 @@ from mathnavi.sim.commands.arguments import FlagGroup, flags, given, parse, valu
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.interfaces.errors import PluginError
+from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.plugin.registry import PluginSpec, load, names, of_stranger
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, built
 
@@ -70,6 +72,16 @@ class RunRequest:
                 yield
         except PluginError as error:
             raise BadInputError(str(error)) from error
+
+    @property
+    def files(self) -> list[Path]:
+        """The files that the fields name."""
+        values = (
+            value
+            for config in (self.config, self.controller.config, self.estimator.config)
+            for value in flattened(plain(config)).values()
+        )
+        return [Path(value) for value in values if isinstance(value, str) and os.path.isfile(value)]
 
     @contextmanager
     def bad_input(self) -> Iterator[None]:

@@ -12,13 +12,14 @@ from pathlib import Path
 from rich.console import Console
 
 from mathnavi.sim.commands.arguments import HelpPrinted
-from mathnavi.sim.commands.errors import BadInputError, worded
+from mathnavi.sim.commands.errors import BadInputError, bad_input, worded
 from mathnavi.sim.commands.interruption import when_interrupted
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
 from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.search_fields import SearchFields, read_space
 from mathnavi.sim.commands.search_results import SearchResults, print_results, write_pages, write_worst
+from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.records.store import Store, StoreWriteError
 from mathnavi.sim.search.directed import Sampler, check_space, directed, importances
@@ -113,6 +114,10 @@ def main(argv: Sequence[str]) -> int:
         return 0
     fields = read_space(argv, request)
     options: SearchOptions = request.options
+    if options.report:
+        with bad_input():
+            for ending in PAGES:
+                check_spares(options.store.with_suffix(ending), [options.store, *request.files], "--report")
     errors, console = Console(stderr=True), Console()
     again = shlex.join(["mathnavi", "search", *argv])
     _check(fields, request)

@@ -29,14 +29,13 @@ from mathnavi.sim.plugin.registry import load, names
 from mathnavi.sim.records.claims import Claim, ledger
 from mathnavi.sim.records.files import inside
 from mathnavi.sim.records.lock import locked
-from mathnavi.sim.records.store import Store, StoreWriteError, stored_results
+from mathnavi.sim.records.store import STUDY_STORE, Store, StoreWriteError, stored_results
 from mathnavi.sim.studies.framework.study import Setup, StudyError, checked_result, first_look, on_terrain, write_result
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import LostError, check
 from mathnavi.sim.sweep.execution import available_cores
 
 ALL = "all"
-STORE = "trials.db"
 LEDGER = "CLAIMS.md"
 OUT = Path("renders/out/study")
 TERRAIN = "tian_shan"  # unless another is requested
@@ -188,7 +187,7 @@ def _study(
     """Run one study, write its files, and return its claims."""
     words = argv[1:] if site.terrain is not None else without("--terrain", argv[1:])
     command = shlex.join(["mathnavi", "study", name, *words])
-    path, file = site.folder / STORE, site.folder / f"{name.replace(':', '.')}.json"
+    path, file = site.folder / STUDY_STORE, site.folder / f"{name.replace(':', '.')}.json"
     with bad_input():
         inside(options.out or OUT, site.folder)
     with ExitStack() as opened:

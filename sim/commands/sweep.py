@@ -13,13 +13,14 @@ from pathlib import Path
 from rich.console import Console
 
 from mathnavi.sim.commands.arguments import HelpPrinted
-from mathnavi.sim.commands.errors import BadInputError, worded
+from mathnavi.sim.commands.errors import BadInputError, bad_input, worded
 from mathnavi.sim.commands.evidence import print_evidence, verdict
 from mathnavi.sim.commands.interruption import when_interrupted
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
 from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import RunRequest, prepare, usage
 from mathnavi.sim.commands.variations import read_requests, read_variations, trials
+from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.store import TRANSIENT, Record, Store, StoreWriteError
 from mathnavi.sim.sweep.child import RefusedError
@@ -75,6 +76,9 @@ def main(argv: Sequence[str]) -> int:
     except HelpPrinted:
         return 0
     request, options = sweep.request, sweep.request.options
+    if options.report:
+        with bad_input():
+            check_spares(options.store.with_suffix(REPORT), [options.store, *request.files], "--report")
     errors = Console(stderr=True)
     command = shlex.join(["mathnavi", "sweep", *argv])
     state: Progress | None = None  # before the store is looked into

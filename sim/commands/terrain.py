@@ -18,6 +18,7 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain, terrain_names
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, flags, parse, with_flag
 from mathnavi.sim.commands.errors import BadInputError, bad_input
+from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.writing import write_bytes
 
 USAGE = """usage: mathnavi terrain import FILE --out FILE.npz [--spacing M] [--scale M] [--crop ROW COL SIZE]
@@ -84,6 +85,7 @@ def _show(argv: Sequence[str]) -> None:
         picture = options.out or Path("renders/out") / f"{terrain.name}.png"
         if picture.suffix != ".png":
             raise BadInputError(f"--out = {picture}; allowed: a name that ends in .png")
+        check_spares(picture, [options.terrain], "--out")
         if options.out is None:
             picture.parent.mkdir(parents=True, exist_ok=True)
         _draw(terrain, picture)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Sequence
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 from mathnavi.sim.interfaces.errors import FieldError
 
@@ -49,6 +51,14 @@ def _is_plain(name: str) -> bool:
         and name[0] not in ".-"
         and name.strip() == name
     )
+
+
+def check_spares(out: str | Path, sources: Iterable[str | Path], name: str = "out") -> None:
+    """Writing ``out`` replaces none of the files and folders that are read, by whatever path or link they are named."""
+    for source in map(Path, sources):
+        if os.path.exists(out) and source.exists() and source.samefile(out):
+            also = "" if str(source) == str(out) else f", {source}"
+            raise FieldError(f"{name} = {out} is what is read{also}; allowed: another name, so that it stays")
 
 
 def allowed_for(name: str, known: Sequence[str], besides: str = "") -> str:

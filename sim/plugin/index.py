@@ -15,10 +15,10 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
-from importlib.metadata import Distribution, EntryPoint
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
+from mathnavi.sim.interfaces.entry_points import home
 from mathnavi.sim.plugin.groups import GROUPS, installed
 from mathnavi.sim.plugin.source_stamps import Plain, stamp
 
@@ -94,17 +94,12 @@ def imported(kind: str, point: EntryPoint) -> Description:
 
 
 def _key(kind: str, point: EntryPoint) -> str:
-    return f"{kind} {point.name} {point.value} {_distribution(point.dist)}"
-
-
-@cache
-def _distribution(source: Distribution | None) -> str:
-    return f"{source.name} {source.version}" if source else ""
+    return f"{kind} {point.name} {point.value} {home(point)}"
 
 
 def _description(kind: str, point: EntryPoint, entry: Plain) -> Description:
     fields = tuple(FieldDescription(**{**field, "choices": tuple(field["choices"])}) for field in entry["fields"])
-    own = (kind, point.name, point.value, _distribution(point.dist))
+    own = (kind, point.name, point.value, home(point))
     return Description(*own, entry["first_line"], entry["stated"], fields, entry["error"])
 
 

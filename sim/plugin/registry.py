@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from numbers import Real
 from typing import Any, TypeVar, get_type_hints
 
 from mathnavi.sim.interfaces.checks import allowed_for, plain_name
+from mathnavi.sim.interfaces.entry_points import named
 from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.failures import explained, failures_named
 from mathnavi.sim.interfaces.protocols import Consensus, Estimator, Planner, Sensor
@@ -24,7 +26,7 @@ from mathnavi.sim.plugin.trust import check_loaded
 
 Quality = TypeVar("Quality")
 
-_PLACE = "or package.module:Class"
+_PLACE = "package.module:Class"
 _OWN = "mathnavi"  # the package of the built-in plug-ins
 
 NEEDED = {  # of the class itself, beside Config
@@ -54,28 +56,34 @@ class PluginSpec:
 
 
 def names(kind: str) -> tuple[str, ...]:
-    """Names of the installed plug-ins of a kind, in order."""
-    return tuple(point.name for point in installed(kind))
+    """Names of the installed plug-ins of a kind, in order, each once."""
+    return tuple(dict.fromkeys(point.name for point in installed(kind)))
 
 
 def called(kind: str, place: str) -> str:
-    """The name of the class at "package.module:Class" on the command line: its entry point, or that place itself."""
-    return next((point.name for point in installed(kind) if point.value == place), place)
+    """The name of the class at "package.module:Class" on the command line.
+
+    That of its entry point, unless another plug-in has it too; else that place itself.
+    """
+    points = installed(kind)
+    taken = Counter(point.name for point in points)
+    return next((point.name for point in points if point.value == place and taken[point.name] == 1), place)
 
 
 def load(kind: str, name: str) -> Any:
     """The plug-in called ``name``, or the class at "package.module:Class".
 
-    Raises PluginError if there is none, naming those that exist, or if it declares no frozen configuration.
+    Raises PluginError if there is none, naming those that exist, if several have the name, naming where each is from,
+    or if it declares no frozen configuration.
     """
-    points = {point.name: point for point in installed(kind)}
-    if name in points:
-        _check_name(kind, points[name])
-    if name not in points and ":" not in name:
-        raise PluginError(f"{kind}: {name!r} is not known; {allowed_for(name, sorted(points), _PLACE)}")
+    point = named(installed(kind), kind, name, _PLACE)
+    if point is not None:
+        _check_name(kind, point)
+    elif ":" not in name:
+        raise PluginError(f"{kind}: {name!r} is not known; {allowed_for(name, names(kind), f'or {_PLACE}')}")
     check_loaded(name)
     with failures_named(f"{kind}: {name!r} cannot be imported:", PluginError):
-        plugin = points[name].load() if name in points else _at(name)
+        plugin = point.load() if point else _at(name)
     _check_class(kind, plugin, name)
     return plugin
 
@@ -100,6 +108,15 @@ def of_stranger(plugin: Any, subject: str) -> Iterator[None]:
 
 def _is_own(kind: Any) -> bool:
     return str(getattr(kind, "__module__", "")).partition(".")[0] == _OWN
+
+
+def loadable(kind: str) -> dict[str, Any]:
+    """The installed plug-ins of a kind by name, without those that cannot be loaded."""
+    found = {}
+    for name in names(kind):
+        with suppress(PluginError):
+            found[name] = load(kind, name)
+    return found
 
 
 def checked_controller(spec: PluginSpec, mission: Any, bound: type | None = None) -> tuple[Planner, Any]:
@@ -227,7 +244,7 @@ def _unfit(plugin: Any, mission: Any) -> str:
 
 def _fitting(kind: str, mission: Any) -> list[str]:
     """Names of the installed plug-ins that a mission fits."""
-    return [name for name in names(kind) if not _unfit(load(kind, name), mission)]
+    return [name for name, plugin in loadable(kind).items() if not _unfit(plugin, mission)]
 
 
 def _check_made(subject: str, built: Any, method: str) -> None:

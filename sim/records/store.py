@@ -23,13 +23,14 @@ import io
 import json
 import re
 import sqlite3
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.errors import StoreError
 from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.interfaces.writing import write_text
@@ -39,6 +40,7 @@ from mathnavi.sim.records.origins import Elsewhere, Origin, add_origin, environm
 
 APPLICATION = 0x6D6E6176  # "mnav", in the header of the file: what kind of database it is
 SCHEMA = 1
+STUDY_STORE = "trials.db"  # beside the files of the studies whose trials and jobs it holds
 STATUSES = ("ok", "raised", "crashed", "timed-out")
 TRANSIENT = ("crashed", "timed-out")  # statuses that may be another one the next time
 TABLES = {
@@ -276,19 +278,21 @@ class Store:
         with self._errors_named():
             return environments(self._connection)
 
+    def rows(self) -> list[dict[str, Any]]:
+        """The trials as a table: parameters and figures by column, ordered by key."""
+        return [_row(record) for record in self.records()]
+
     def export_csv(self, path: Path) -> None:
-        """Write one line a trial: parameters and figures as columns, ordered by key. The file is whole or not there."""
-        records = self.records()
-        rows = [_row(record) for record in records]
-        columns = list(dict.fromkeys(name for row in rows for name in row)) or list(TABLES["trials"])
-        text = io.StringIO()
-        writer = csv.DictWriter(text, columns, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-        write_text(path, text.getvalue())
+        """Write one line a trial: parameters and figures as columns, ordered by key. The file is whole or not there.
+
+        FieldError for a ``path`` that is the store.
+        """
+        check_spares(path, [self.path])
+        write_text(path, as_csv(self.rows()))
 
     def export_jsonl(self, path: Path) -> None:
-        """Write one JSON object a trial, ordered by key. The file is whole or not there."""
+        """Write one JSON object a trial, ordered by key; FieldError and the file as with ``export_csv``."""
+        check_spares(path, [self.path])
         names = [entry.name for entry in fields(Record)]
         objects = ({name: getattr(record, name) for name in names} for record in self.records())
         write_text(path, "".join(f"{canonical_json(each)}\n" for each in objects))
@@ -399,13 +403,13 @@ def _opening(path: Path) -> Iterator[None]:
 
 
 def _row(record: Record) -> dict[str, Any]:
-    """The cells of a trial by column."""
+    """The values of a trial by column."""
     row: dict[str, Any] = {
         "key": record.key,
         "scenario": record.scenario,
         "seed": record.seed,
         "status": record.status,
-        "success": _cell(record.success),
+        "success": record.success,
     }
     columns: tuple[tuple[str, Mapping[str, Any]], ...] = (
         ("parameters", record.fields),
@@ -414,10 +418,24 @@ def _row(record: Record) -> dict[str, Any]:
     )
     for kind, cells in columns:
         for name, value in cells.items():
-            row[f"{kind}.{name}" if name in row else name] = _cell(value)
+            row[f"{kind}.{name}" if name in row else name] = value
     return row | {"code": record.code, "environment": record.origin.digest, "error": record.error}
 
 
-def _cell(value: Any) -> Any:
+def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Rows as CSV, with the columns of a store's table of trials where there is no row."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns_of(rows), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: cell(value) for name, value in row.items()} for row in rows)
+    return text.getvalue()
+
+
+def columns_of(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The columns of all rows in order, those of a store's table of trials where there is no row."""
+    return list(dict.fromkeys(name for row in rows for name in row)) or list(TABLES["trials"])
+
+
+def cell(value: Any) -> Any:
     """Numbers and texts as they are, nothing as nothing, the rest as JSON."""
     return value if value is None or type(value) in (int, float, str) else canonical_json(value)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
@@ -104,7 +104,15 @@ class RunResult:
         with self._in_folder() as folder:
             return run_figure(folder)
 
-    def video(self, path: str | Path, camera: str = "tour", *, progress: bool = False, **options: int) -> Path:
+    def video(
+        self,
+        path: str | Path,
+        camera: str = "tour",
+        *,
+        progress: bool = False,
+        codec: Literal["h264", "av1", "vp9"] = "h264",
+        **options: int,
+    ) -> Path:
         """Write an MP4 and return its path; ``options`` are ``width``, ``height`` [pixels] and ``fps`` [1/s].
 
         Raises ValueError for a camera that the run is not drawn by, RuntimeError where there is no OpenGL.
@@ -112,7 +120,7 @@ class RunResult:
         from mathnavi.renders.video import write_video
 
         with self._in_folder() as folder:
-            return write_video(folder, camera, path=Path(path), progress=progress, **options)
+            return write_video(folder, camera, path=Path(path), progress=progress, codec=codec, **options)
 
     def report(self, path: str | Path) -> Path:
         """Write the run as one HTML page that needs no network, and return its path."""

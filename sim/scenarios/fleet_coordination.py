@@ -20,7 +20,7 @@ from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.interfaces.errors import FieldError, PluginError
 from mathnavi.sim.interfaces.protocols import Coordinator
 from mathnavi.sim.interfaces.signals import Plan
-from mathnavi.sim.plugin.registry import PluginSpec, checked_consensus, load, names
+from mathnavi.sim.plugin.registry import PluginSpec, checked_consensus, load, loadable
 from mathnavi.sim.scenarios.assembler import RandomStreams
 from mathnavi.sim.scenarios.fleet_fields import EXCHANGE_PERIOD, SimultaneousArrivalConfig
 from mathnavi.sim.scenarios.fleet_start import StartedVehicle
@@ -69,7 +69,7 @@ def consensus_of(config: SimultaneousArrivalConfig) -> PluginSpec:
     """
     plugin = load("consensus", config.consensus)
     if not plugin.within_starts:
-        fitting = [name for name in names("consensus") if load("consensus", name).within_starts]
+        fitting = [name for name, other in loadable("consensus").items() if other.within_starts]
         raise PluginError(
             f"consensus = {config.consensus!r}: what it agrees on need not lie between the vehicles' own times; "
             f"allowed: {', '.join(fitting)}, or another that says within_starts"

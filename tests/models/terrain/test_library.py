@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib import cbook
 
 from mathnavi.models.terrain import library
 from mathnavi.models.terrain.dem import write_npz
@@ -40,6 +42,27 @@ def test_jacksboro_is_a_square_grid_of_low_ridges() -> None:
     assert 31_000.0 < terrain.depth < 32_500.0
     assert 236.0 <= terrain.z.min() < 300.0
     assert 950.0 < terrain.z.max() <= 1076.0
+
+
+def test_each_map_states_a_source_and_a_licence_that_sources_md_explains() -> None:
+    text = (library.DATA / "SOURCES.md").read_text(encoding="utf-8")
+    sections = {section.partition("\n")[0].strip(): section for section in text.split("\n## ")[1:]}
+    for name, words in (("tian_shan", "GEBCO"), ("jacksboro", "Shuttle Radar Topography Mission")):
+        terrain = load_terrain(name)
+        assert words in terrain.source
+        assert words in sections[name]
+        assert terrain.licence in sections[name]
+        for part in ("**Source**", "**Licence**", "**File**"):
+            assert part in sections[name]
+
+
+def test_the_file_of_jacksboro_is_the_one_whose_source_is_recorded() -> None:
+    sample = Path(cbook.get_sample_data("jacksboro_fault_dem.npz", asfileobj=False))
+    assert hashlib.sha256(sample.read_bytes()).hexdigest() in (library.DATA / "SOURCES.md").read_text(encoding="utf-8")
+    with np.load(sample) as dem:
+        edges = np.array([dem["xmin"], dem["xmax"], dem["ymin"], dem["ymax"]], dtype=float)
+    centres = edges * 1200.0 - 0.5  # in units of 3 arc-seconds, from an edge to the next node
+    np.testing.assert_allclose(centres, np.rint(centres), atol=1e-6)
 
 
 def test_a_terrain_is_loaded_once() -> None:
@@ -76,7 +99,7 @@ def not_a_terrain() -> int:
 
 def test_an_entry_point_must_return_a_height_field(monkeypatch: pytest.MonkeyPatch) -> None:
     point = EntryPoint("three", f"{__name__}:not_a_terrain", GROUP)
-    monkeypatch.setattr(library, "_installed", lambda: {point.name: point})
+    monkeypatch.setattr(library, "_installed", lambda: [point])
     assert terrain_names() == ("three",)
     with pytest.raises(ValueError, match=r"terrain 'three': .* returned int, not a HeightField"):
         load_terrain("three")

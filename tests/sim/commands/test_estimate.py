@@ -116,7 +116,7 @@ def test_a_run_without_the_sensors_is_refused(folder: Path, capsys: pytest.Captu
         (("textbook_ekf", "--out", "x"), "DIR is missing"),
         (("nothing", str(run)), "--estimator: 'nothing' is not known; allowed: "),
         (("textbook_ekf", str(folder / "none")), "does not exist"),
-        (("textbook_ekf", str(run), "--out", str(run)), "is the recorded run itself; allowed: another folder"),
+        (("textbook_ekf", str(run), "--out", str(run)), "is what is read; allowed: another name"),
         (("textbook_ekf", str(run), "--out", str(folder)), "holds other files than a run's"),
         (("textbook_ekf", str(run), "--seed", "3"), "--seed is not a field"),
         (("textbook_ekf", str(run), "--estimator.timeout", "0"), "--estimator.timeout = 0.0; allowed"),

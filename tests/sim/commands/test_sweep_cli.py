@@ -574,7 +574,7 @@ def test_a_table_for_which_there_is_no_room_is_refused(
     def fail(*_: object, **__: object) -> None:
         raise OSError(code, os.strerror(code), "/somewhere/.table.csv.x1y2")
 
-    monkeypatch.setattr("mathnavi.sim.records.files.os.replace", fail)
+    monkeypatch.setattr("mathnavi.sim.interfaces.writing.os.replace", fail)
     line = refused("store", "export", str(path), "--out", "table.csv")
     assert line.startswith(f"mathnavi: --out = table.csv: {os.strerror(code)}; allowed: ")
     assert "x1y2" not in line

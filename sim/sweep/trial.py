@@ -20,7 +20,7 @@ from mathnavi.sim.interfaces.fields import leaf, plain, with_fields
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.records.figure_names import is_wall_clock
 from mathnavi.sim.records.store import Record, canonical_json
-from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult, built
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 from mathnavi.sim.sweep.code import code_version
 
 LARGEST_SEED = 2**63 - 1  # that a store has room for
@@ -72,7 +72,8 @@ class Trial:
             PluginSpec(_plugin("controllers", self.controller), self.controller_config),
             PluginSpec(_plugin("estimators", self.estimator), self.estimator_config),
         )
-        return built(self.scenario, _plugin("scenarios", self.scenario), self.config, self.seed, *parts)
+        closed_loop: ClosedLoop = _plugin("scenarios", self.scenario).build(self.config, self.seed, *parts)
+        return closed_loop
 
     def flown(self) -> RunResult:
         """Run it; the result with the whole log."""

@@ -54,6 +54,7 @@ def write_run(folder: Path, config: Mapping[str, Any], summary: Mapping[str, Any
     (folder / SUMMARY).unlink(missing_ok=True)
     arrays = recording.arrays()
     partial = folder / f".{ARRAYS}.partial"
+    partial.unlink(missing_ok=True)  # a link there is not followed
     try:
         with partial.open("wb") as file:
             np.savez_compressed(file, allow_pickle=False, **arrays)

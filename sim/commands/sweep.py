@@ -196,7 +196,7 @@ def _build_combinations(sweep: SweepRequest) -> None:
             trial.build()
         except (ValueError, OSError):
             raise
-        except Exception:  # a defect, which is recorded when the trial runs
+        except (Exception, SystemExit):  # a defect, which is recorded when the trial runs
             continue
 
 

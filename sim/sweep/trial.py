@@ -24,7 +24,7 @@ from mathnavi.sim.records.computing_environment import environment, in_environme
 from mathnavi.sim.records.figure_names import is_wall_clock
 from mathnavi.sim.records.origins import Origin
 from mathnavi.sim.records.store import Record, canonical_json
-from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult, built
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 LARGEST_SEED = 2**63 - 1  # that a store has room for
 
@@ -80,7 +80,8 @@ class Trial:
             PluginSpec(_plugin("controllers", self.controller), self.controller_config),
             PluginSpec(_plugin("estimators", self.estimator), self.estimator_config),
         )
-        return built(self.scenario, _plugin("scenarios", self.scenario), self.config, self.seed, *parts)
+        closed_loop: ClosedLoop = _plugin("scenarios", self.scenario).build(self.config, self.seed, *parts)
+        return closed_loop
 
     def flown(self) -> RunResult:
         """Run it; the result with the whole log."""

@@ -17,6 +17,7 @@ from mathnavi.sim.commands.cli import main
 from mathnavi.sim.interfaces.checks import plain_name
 from mathnavi.sim.interfaces.errors import FieldError, TerrainError
 from mathnavi.sim.records.files import inside
+from mathnavi.sim.scenarios.closed_loop import RUN_FILES
 
 HOSTILE = [
     "../../../../precious", "..", ".", "/", "/etc/passwd", "a/b", "a\\b", "", " ", " a", "a ", "-x", "--out", ".hidden",
@@ -92,6 +93,17 @@ def test_a_link_beside_a_picture_is_replaced_and_not_followed(tmp_path: Path, mo
     assert precious.read_text() == "mine"
     assert not (out / "hills.png").is_symlink()
     assert [path.name for path in out.iterdir()] == ["hills.png"]
+
+
+def test_a_run_writes_through_no_link(tmp_path: Path) -> None:
+    precious, out = tmp_path / "precious", tmp_path / "out"
+    precious.write_text("mine")
+    out.mkdir()
+    for name in (*RUN_FILES, ".log.npz.partial", "report.html"):
+        (out / name).symlink_to(precious)
+    assert main(["run", "range-localisation", "--duration", "0.5", "--out", str(out)]) in (0, 1)
+    assert precious.read_text() == "mine"
+    assert not any(path.is_symlink() for path in out.iterdir())
 
 
 def test_a_study_writes_through_no_link(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -98,7 +98,6 @@ def commands(module: str) -> dict[str, list[str]]:
         "scenarios": ["run", place, "--out", "out"],
         "studies": ["study", place, "--out", "out"],
         "consensus": ["run", "simultaneous-arrival", "--out", "out", "--consensus", place],
-        "scenarios of a sweep": ["sweep", place, "--trials", "1", "--store", "out.db"],
     }
 
 

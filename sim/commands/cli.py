@@ -1,18 +1,21 @@
 """The command line ``mathnavi``.
 
 Exit codes: 0 the mission did what it should, 1 it ran and did not, 2 bad input: one line on standard error that names
-the field, its value and what is allowed, or the usage where there is no command at all. A command's module is imported
-when it is called, so that help is quick.
+the field, its value and what is allowed, or the usage where there is no command at all; 70 what nothing foresaw: one line
+that names a file with the traceback (docs/reference/exit-codes.md). A command's module is imported when it is called, so
+that help is quick.
 """
 
 from __future__ import annotations
 
 import importlib
+import io
 import os
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
-from mathnavi.sim.commands.errors import INTERRUPTED, PIPE_CLOSED, BadInputError
+from mathnavi.sim.commands.errors import INTERRUPTED, PIPE_CLOSED, UNFORESEEN, BadInputError, one_line
 from mathnavi.sim.commands.known import COMMANDS
 from mathnavi.sim.interfaces.checks import allowed_for
 
@@ -24,6 +27,35 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Small matrices only: on a busy machine the threads of a linear-algebra library wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        code = _called(arguments)
+        if sys.stdout is not None:  # it may have been closed from the start
+            sys.stdout.flush()  # so that a reader that has gone, or a full disk, is noticed here
+        return code
+    except BadInputError as error:
+        print(f"mathnavi: {one_line(str(error))}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("mathnavi: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except Exception as error:
+        from mathnavi.sim.commands import unforeseen  # not needed as a rule
+
+        if isinstance(error, BrokenPipeError) and unforeseen.reader_has_gone():  # it has seen enough
+            _discard_output()
+            return PIPE_CLOSED
+        if (reason := unforeseen.no_room(error)) is not None:
+            _discard_output()
+            print(f"mathnavi: {reason}", file=sys.stderr)
+            return 2
+        if unforeseen.traceback_is_shown():
+            raise
+        print(f"mathnavi: {unforeseen.report(error, arguments)}", file=sys.stderr)
+        return UNFORESEEN
+
+
+def _called(arguments: Sequence[str]) -> int:
+    """Exit code of a command, of the help or of the version."""
     if not arguments or arguments[0] in ("-h", "--help"):
         usage = USAGE.format("\n".join(f"  {name:12}{purpose}" for name, (_, purpose) in COMMANDS.items()))
         print(usage, file=sys.stdout if arguments else sys.stderr)
@@ -33,19 +65,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         print(f"mathnavi {version('mathnavi')}")
         return 0
-    try:
-        code = _command(arguments[0])(arguments[1:])
-        sys.stdout.flush()  # so that a reader that has gone is noticed here
-        return code
-    except BadInputError as error:
-        print(f"mathnavi: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
-    except BrokenPipeError:  # whoever read the output has seen enough
+    return _command(arguments[0])(arguments[1:])
+
+
+def _discard_output() -> None:
+    """Let nothing that is still to be printed fail again when the process ends."""
+    with suppress(AttributeError, io.UnsupportedOperation):  # it is closed, or no file
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return PIPE_CLOSED
-    except KeyboardInterrupt:
-        print("mathnavi: interrupted", file=sys.stderr)
-        return INTERRUPTED
 
 
 def _command(name: str) -> Callable[[Sequence[str]], int]:

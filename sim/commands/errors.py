@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-INTERRUPTED = 130  # exit code: what a shell calls a process that ended by SIGINT
+UNFORESEEN = 70  # exit code: an internal error, as sysexits.h has it
+INTERRUPTED = 130  # what a shell calls a process that ended by SIGINT
 PIPE_CLOSED = 141  # likewise by SIGPIPE
+
+_LONGEST = 2000  # [characters] of a line on standard error
 
 
 class BadInputError(ValueError):
@@ -24,3 +27,13 @@ def bad_input() -> Iterator[None]:
         raise BadInputError(str(error)) from error
     except OSError as error:
         raise BadInputError(f"{error.filename}: {error.strerror}" if error.filename else str(error)) from error
+
+
+def one_line(message: str) -> str:
+    """A message as one line that a terminal shows as it is: no line breaks, no control characters, and what is very
+    long without its middle.
+    """
+    line = " ".join(message.split())
+    if len(line) > _LONGEST:
+        line = f"{line[: _LONGEST // 2]} ... {line[-_LONGEST // 2 :]}"
+    return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in line)

@@ -17,7 +17,7 @@ from mathnavi.renders.film import TOUR, Annotation, Frame, Shot, checked_camera,
 from mathnavi.renders.palette import Picture
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.records.former_names import present_name
-from mathnavi.sim.records.run_folder import CONFIG, existing_folder, read_json
+from mathnavi.sim.records.run_folder import CONFIG, existing_folder, read_run_document
 
 if TYPE_CHECKING:  # what makes pages takes a while to import, and the processes that draw make none
     from mathnavi.renders.page import Markup
@@ -67,7 +67,8 @@ class Drawing(Generic[R]):
 def drawing_of(directory: str | Path) -> Drawing[Any]:
     """The drawing of the run in a folder; errors as of ``Drawing.load_run``."""
     path = existing_folder(directory) / CONFIG
-    name = read_json(path).get("drawing", FLIGHT)
+    document, _ = read_run_document(existing_folder(directory))
+    name = document.drawing or FLIGHT
     try:
         module = importlib.import_module(present_name(name))
     except (ImportError, AttributeError, ValueError) as error:

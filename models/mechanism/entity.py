@@ -24,6 +24,7 @@ from mathnavi.models.mechanism.geometry import checked
 from mathnavi.models.mechanism.names import MechanismName
 from mathnavi.models.vehicle_names import check_vehicle_name
 from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.reading.mechanisms import read_spec
 
 _HERE = Path(__file__).parent
 _SUITE = "dm_control:"
@@ -60,7 +61,7 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # what is old-fashioned in a file is for its maker to know
-            own = mujoco.MjSpec.from_file(str(path))
+            own = read_spec(path, FieldError)
             alone = own.copy().compile()
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
@@ -70,7 +71,7 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
     checked(alone)
     for kind, elements in (("body", own.bodies), ("joint", own.joints), ("actuator", own.actuators)):
         _name(kind, elements)
-    arena = mujoco.MjSpec.from_file(str(_HERE / "arena.xml"))
+    arena = read_spec(_HERE / "arena.xml", FieldError)
     # An arena wins over what is attached to it: it takes the options, and its own light is kept.
     _copy(own.option, arena.option)
     _copy(arena.visual, own.visual)

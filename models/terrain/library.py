@@ -5,11 +5,11 @@ Those of this project enter by the same door as a stranger's.
 
 from __future__ import annotations
 
-import json
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from inspect import signature
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from mathnavi.models.terrain.dem import Raster, height_field, read_npz, read_png
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import TerrainError
+from mathnavi.sim.interfaces.reading.arrays import read_npz as read_npz_arrays
+from mathnavi.sim.interfaces.reading.files import read_json
 
 GROUP = "mathnavi.terrains"
 DATA = Path(__file__).parent / "data"
@@ -26,7 +28,7 @@ _DIGITS = 9  # of a terrain's number
 @cache
 def tian_shan() -> HeightField:
     """The Tian Shan around Jengish Chokusu: 257 x 257 nodes at 320 m, 1805 to 6971 m (data/SOURCES.md)."""
-    meta = json.loads((DATA / "tian_shan.json").read_text(encoding="utf-8"))
+    meta = read_json(DATA / "tian_shan.json", dict[str, Any], TerrainError)
     raster = read_png(DATA / "tian_shan.png", meta["spacing_m"], meta["scale_m"])
     return HeightField(raster.z, raster.step_north, raster.name, meta["source"], meta["licence"])
 
@@ -36,10 +38,10 @@ def jacksboro() -> HeightField:
     """The Jacksboro fault in Tennessee: 30 km by 32 km of low ridges at 90 m, from matplotlib's sample data."""
     from matplotlib import cbook  # slow to import, and no other terrain needs it
 
-    with np.load(cbook.get_sample_data("jacksboro_fault_dem.npz", asfileobj=False)) as sample:
-        z = sample["elevation"][::-1].astype(np.float64)  # the file's row 0 is north, and it calls that side ymin
-        latitude = 0.5 * (float(sample["ymin"]) + float(sample["ymax"]))
-        degrees_north, degrees_east = float(sample["dy"]), float(sample["dx"])
+    sample = read_npz_arrays(Path(cbook.get_sample_data("jacksboro_fault_dem.npz", asfileobj=False)), TerrainError)
+    z = sample["elevation"][::-1].astype(np.float64)  # the file's row 0 is north, and it calls that side ymin
+    latitude = 0.5 * (float(sample["ymin"]) + float(sample["ymax"]))
+    degrees_north, degrees_east = float(sample["dy"]), float(sample["dx"])
     source = "matplotlib's sample data, jacksboro_fault_dem.npz"
     licence = "distributed with matplotlib"
     raster = Raster("jacksboro", z, degrees_north, degrees_east, latitude, source, licence)

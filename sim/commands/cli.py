@@ -1,9 +1,9 @@
 """The command line ``mathnavi``.
 
 Exit codes: 0 the mission did what it should, 1 it ran and did not, 2 bad input: one line on standard error that names
-the field, its value and what is allowed, or the usage where there is no command at all; 70 what nothing foresaw: one line
-that names a file with the traceback (docs/reference/exit-codes.md). A command's module is imported when it is called, so
-that help is quick.
+the field, its value and what is allowed, or the usage where there is no command at all; 70 an error that nothing
+foresaw: one line that names a file with the traceback. A command's module is imported when it is called, so that help
+is quick.
 """
 
 from __future__ import annotations

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mathnavi.sim.commands.errors import BadInputError
-from mathnavi.sim.interfaces.fields import instance, of_type
+from mathnavi.sim.commands.errors import BadInputError, bad_input
+from mathnavi.sim.interfaces.fields import instance
 from mathnavi.sim.records.former_names import present_name
+from mathnavi.sim.records.run_folder import CONFIG, read_run_document
 
 
 @dataclass(frozen=True)
@@ -30,28 +30,28 @@ class RunConfig:
     @staticmethod
     def read(folder: Path) -> RunConfig:
         """The configuration of the run in ``folder``; BadInputError if there is none, or it is broken."""
-        path = folder / "config.json"
+        path = folder / CONFIG
         if not path.is_file():
             raise BadInputError(f"--from = {folder}: there is no {path}; allowed: the folder of a run")
-        try:
-            data = json.loads(path.read_text(encoding="utf-8"))
-            parts: dict[str, Any] = {}
-            for kind in ("controller", "estimator"):
-                parts[kind] = present_name(of_type(str, data[kind]["name"], f"{kind}.name"))
-                parts[f"{kind}_fields"] = of_type(dict, data[kind]["fields"], f"{kind}.fields")
-            return RunConfig(
-                path=path,
-                scenario=of_type(str, data["scenario"], "scenario"),
-                seed=of_type(int, data["seed"], "seed"),
-                fields=of_type(dict, data["fields"], "fields"),
-                terrain_path=data.get("terrain", {}).get("path"),
-                terrain_digest=data.get("terrain", {}).get("digest"),
-                **parts,
-            )
-        except KeyError as error:
-            raise BadInputError(f"{path}: {error.args[0]} is missing; allowed: what `mathnavi run` writes") from None
-        except (ValueError, TypeError, AttributeError) as error:
-            raise BadInputError(f"{path}: not the configuration of a run ({error})") from None
+        with bad_input():
+            document, _ = read_run_document(folder)
+        for kind in ("controller", "estimator"):
+            if getattr(document, kind) is None:
+                raise BadInputError(f"{path}: $.{kind} is missing; allowed: what `mathnavi run` writes")
+        assert document.controller is not None
+        assert document.estimator is not None
+        return RunConfig(
+            path=path,
+            scenario=document.scenario,
+            seed=document.seed,
+            fields=document.fields,
+            controller=present_name(document.controller.name),
+            controller_fields=document.controller.fields,
+            estimator=present_name(document.estimator.name),
+            estimator_fields=document.estimator.fields,
+            terrain_path=document.terrain.path if document.terrain else None,
+            terrain_digest=document.terrain.digest if document.terrain else None,
+        )
 
     def restored(self, config: type, fields: dict[str, Any], where: str) -> Any:
         """The frozen dataclass ``config`` with the recorded fields; BadInputError if they do not fit."""

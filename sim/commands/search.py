@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
+from annotated_types import Interval
 from rich.console import Console
 
 from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError
@@ -16,6 +16,7 @@ from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.search_fields import SearchFields, read_space
 from mathnavi.sim.commands.search_results import SearchResults, print_results, write_pages, write_worst
+from mathnavi.sim.interfaces.bounds import MOST_TO_COMPUTE, Count, Positive, Processes, configuration
 from mathnavi.sim.records.store import Store, StoreWriteError
 from mathnavi.sim.search.directed import Sampler, check_space, directed, importances
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator, NoSuchFigureError, Objective
@@ -26,10 +27,11 @@ from mathnavi.sim.sweep.cluster import LostError, check
 from mathnavi.sim.sweep.execution import Pool, Progress, available_cores
 from mathnavi.sim.sweep.trial import keys
 
+SeveralCount = Annotated[int, Interval(ge=2, le=MOST_TO_COMPUTE)]
 PAGES = (".html", ".png")
 
 
-@dataclass(frozen=True)
+@configuration
 class SearchOptions:
     """Flags of a search."""
 
@@ -42,29 +44,29 @@ class SearchOptions:
     over: tuple[str, ...] = ()
     """FIELD=LOW..HIGH, with ,log on a logarithmic scale, or FIELD=V1,V2,...; FIELD[K] is a place of a field that is
     given, seed the seed; may be given several times"""
-    missions: int = 200
+    missions: Count = 200
     """how many at most"""
     until: float | None = None
     """value of the figure at which the search has found what it looks for; with --rare the event"""
     sampler: Sampler = "tpe"
     """proposes where to fly next: tree-structured Parzen estimator, CMA-ES, or random draws for comparison"""
-    batch: int = 8
+    batch: Count = 8
     """missions proposed at a time; the same seed and batch make the same search, with however many workers"""
     rare: bool = False
     """estimate how probable it is that a mission reaches --until, by multilevel splitting over its random draws"""
-    particles: int = 40
+    particles: SeveralCount = 40
     """missions that --rare moves along together"""
-    repetitions: int = 5
+    repetitions: SeveralCount = 5
     """independent repetitions of --rare, from whose spread its interval follows"""
-    workers: int | None = None
+    workers: Processes | None = None
     """processes; one for each core if not given"""
     cluster: str | None = None
     """address of a Dask scheduler whose workers run the missions, tcp://HOST:PORT"""
-    timeout: float | None = None
+    timeout: Positive | None = None
     """time after which a mission is cut off and recorded as timed out [s]; none if not given"""
     retry: bool = False
     """run those missions again that are stored as timed out or crashed"""
-    worst: int = 3
+    worst: Count = 3
     """how many of the worst missions are flown again into --out"""
     out: Path | None = None
     """folder for the runs of the worst missions, worst-1 and so on, to be drawn and flown again by --from"""
@@ -72,13 +74,6 @@ class SearchOptions:
     """write a page and a picture beside the store, with .html and .png in place of its ending"""
 
     def __post_init__(self) -> None:
-        for name, least in (("missions", 1), ("batch", 1), ("particles", 2), ("repetitions", 2), ("worst", 1)):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name} = {getattr(self, name)}; allowed: a whole number >= {least}")
-        if self.workers is not None and self.workers < 1:
-            raise ValueError(f"workers = {self.workers}; allowed: a whole number >= 1")
-        if self.timeout is not None and not (math.isfinite(self.timeout) and self.timeout > 0.0):
-            raise ValueError(f"timeout = {self.timeout}; allowed: a finite number of seconds > 0")
         if self.workers is not None and self.cluster is not None:
             raise ValueError(f"cluster = {self.cluster!r} beside --workers {self.workers}; allowed: one of both")
         if (self.minimise is None) == (self.maximise is None):

@@ -20,6 +20,7 @@ from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import sweep_progress
 from mathnavi.sim.commands.run_request import prepare
+from mathnavi.sim.interfaces.bounds import Processes, configuration
 from mathnavi.sim.plugin.registry import load, names
 from mathnavi.sim.records.claims import Claim, ledger
 from mathnavi.sim.records.files import write_text
@@ -38,7 +39,7 @@ Studies = Mapping[str, tuple[Any, Any]]  # plug-in and configuration by name
 USAGE = "usage: mathnavi study NAME|all [OPTIONS]      NAME: {}\nmathnavi study NAME --help lists the options."
 
 
-@dataclass(frozen=True)
+@configuration
 class StudyOptions:
     """Flags of every study."""
 
@@ -48,14 +49,12 @@ class StudyOptions:
     """folder to write to, with a folder for each terrain if there are several; renders/out/study if not given"""
     quick: bool = False
     """a small sample, for a first look"""
-    workers: int = field(default_factory=available_cores)
+    workers: Processes = field(default_factory=available_cores)
     """processes that fly and compute"""
     cluster: str | None = None
     """address of a Dask scheduler whose workers do it instead, tcp://HOST:PORT"""
 
     def __post_init__(self) -> None:
-        if self.workers < 1:
-            raise ValueError(f"workers = {self.workers}; allowed: a whole number >= 1")
         if len(set(self.terrain)) < len(self.terrain):
             raise ValueError(f"terrain = {self.terrain}; allowed: each terrain once")
 

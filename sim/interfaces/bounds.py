@@ -33,6 +33,9 @@ from mathnavi.sim.interfaces.errors import FieldError
 Made = TypeVar("Made")
 
 MOST_IN_MEMORY = 1_000_000  # of anything
+MOST_TO_COMPUTE = 100_000  # missions, trials, repetitions
+MOST_PROCESSES = 1024
+LARGEST_SEED = 2**63 - 1  # that a store has room for
 FINITE = Predicate(math.isfinite)
 ANEW = object()
 """Mark of a field's type in a subclass: its bounds stand in the place of those of the base class."""
@@ -105,9 +108,10 @@ PositiveFraction = Annotated[float, Interval(gt=0.0, le=1.0), FINITE]
 Probability = Annotated[
     float, Within(Interval(gt=0.0, lt=1.0), allowed="between 0 and 1")
 ]  # neither impossible nor certain
-Count = Annotated[int, Ge(1)]
+Count = Annotated[int, Interval(ge=1, le=MOST_TO_COMPUTE)]
 CountInMemory = Annotated[int, Interval(ge=1, le=MOST_IN_MEMORY)]
-NonNegativeInt = Annotated[int, Ge(0)]
+Processes = Annotated[int, Interval(ge=1, le=MOST_PROCESSES)]
+Seed = Annotated[int, Interval(ge=0, le=LARGEST_SEED)]
 
 FINITE_NUMBERS = Each(FINITE, allowed="finite numbers")
 TWO_FINITE_NUMBERS = Each(FINITE, allowed="two finite numbers")

@@ -28,8 +28,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mathnavi.sim.interfaces.errors import StoreError
+from mathnavi.sim.interfaces.errors import FieldError, StoreError
 from mathnavi.sim.interfaces.fields import flattened, plain
+from mathnavi.sim.interfaces.reading.files import checked, parsed
+from mathnavi.sim.interfaces.schema import shortened
+from mathnavi.sim.records.documents import TrialParameters, check_summary
 from mathnavi.sim.records.files import write_text
 from mathnavi.sim.records.jobs import JobRecord, add_job, job_records, job_statuses
 
@@ -212,7 +215,7 @@ class Store:
 
     def endings(self) -> dict[str, Ending]:
         """End of every trial, by its key."""
-        with self._errors_named():
+        with self._reading():
             rows = self._connection.execute("SELECT key, status, success FROM trials")
             return {key: Ending(status, None if success is None else bool(success)) for key, status, success in rows}
 
@@ -223,17 +226,17 @@ class Store:
         """
         if keys is None:
             keys = sorted(self.keys())
-        with self._errors_named():
+        with self._reading():
             return [self._record(key) for key in keys]
 
     def job_endings(self) -> dict[str, Ending]:
         """How every job ended, by its key."""
-        with self._errors_named():
+        with self._reading():
             return {key: Ending(status, None) for key, status in job_statuses(self._connection).items()}
 
     def jobs(self, keys: Iterable[str]) -> list[JobRecord]:
         """The jobs with these keys, in their order; KeyError for a key that the store does not have."""
-        with self._errors_named():
+        with self._reading():
             return job_records(self._connection, keys)
 
     def export_csv(self, path: Path) -> None:
@@ -254,15 +257,26 @@ class Store:
         write_text(path, "".join(f"{canonical_json(each)}\n" for each in objects))
 
     def _record(self, key: str) -> Record:
-        row = self._connection.execute(f"SELECT {', '.join(TABLES['trials'])} FROM trials WHERE key = ?", (key,))
-        values = row.fetchone()
+        selected = f"SELECT {', '.join(TABLES['trials'])} FROM trials WHERE key = ?"
+        values = self._connection.execute(selected, (key,)).fetchone()
         if values is None:
             raise KeyError(key)
         named = dict(zip(TABLES["trials"], values, strict=True))
         success = None if named["success"] is None else bool(named["success"])
         figures = self._connection.execute("SELECT figure, value FROM timings WHERE key = ? ORDER BY figure", (key,))
-        loaded = {name: json.loads(named[name]) for name in ("parameters", "summary")}
-        return Record(**{**named, **loaded, "success": success, "timings": dict(figures.fetchall())})
+        where = f"{self.path}: trial {key}"
+        if named["status"] not in STATUSES:
+            raise StoreError(f"{where}: status = {shortened(named['status'])}; allowed: {', '.join(STATUSES)}")
+        for name, kind in (("parameters", TrialParameters), ("summary", dict[str, Any])):
+            named[name] = parsed(named[name], f"{where}: {name}", StoreError)
+            checked(kind, named[name], f"{where}: {name}", StoreError)
+        try:
+            check_summary(named["summary"])
+        except FieldError as error:
+            raise StoreError(f"{where}: summary: {error}") from None
+        row = {**named, "success": success, "timings": dict(figures.fetchall())}
+        record: Record = checked(Record, row, where, StoreError)
+        return record
 
     def _created(self) -> bool:
         """True if the file was empty; it is a store now."""
@@ -282,6 +296,10 @@ class Store:
                 raise StoreError(f"{self.path}: a database of something else; allowed: a store of trials or a new file")
             if (schema := self._pragma("user_version")) != SCHEMA:
                 raise StoreError(f"{self.path}: a store of schema {schema}; allowed: schema {SCHEMA}")
+            if others := self._connection.execute(
+                "SELECT type, name FROM sqlite_master WHERE type NOT IN ('table', 'index')"
+            ).fetchall():
+                raise StoreError(f"{self.path}: it has a {others[0][0]} {others[0][1]}; allowed: tables alone")
             for table, columns in TABLES.items():
                 found = tuple(row[1] for row in self._connection.execute(f"PRAGMA table_info({table})"))
                 if found != columns:
@@ -320,6 +338,13 @@ class Store:
         except BaseException:
             self.close()
             raise
+
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise StoreError(f"{self.path}: {error}; allowed: a whole store of trials") from error
 
     @contextmanager
     def _errors_named(self) -> Iterator[None]:

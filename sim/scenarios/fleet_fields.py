@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import field
@@ -34,6 +33,7 @@ from mathnavi.sim.interfaces.bounds import (
 from mathnavi.sim.interfaces.checks import check, check_names
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.fields import with_fields
+from mathnavi.sim.interfaces.reading.files import parsed
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import AerialFaults, PositiveMagnitude
 from mathnavi.sim.scenarios.flight_fields import (
@@ -227,8 +227,8 @@ class FleetFields(LimitFields, FleetEndFields):
                     f"consensus_with = {each!r}; allowed: any field but the period, which is {EXCHANGE_PERIOD:.4g} s"
                 )
             try:
-                fields[name] = json.loads(value)
-            except ValueError:
+                fields[name] = parsed(value, name, FieldError)
+            except FieldError:
                 fields[name] = value
         config = plugin.Config()
         if hasattr(config, "period"):

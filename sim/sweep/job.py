@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from mathnavi.sim.interfaces.reading.files import parsed
 from mathnavi.sim.records.encoding import Encoded, at_place, decoded, encoded, place_of
 from mathnavi.sim.records.jobs import JobRecord
 from mathnavi.sim.records.store import canonical_json
@@ -42,7 +43,7 @@ class Job:
 
     def call(self) -> Any:
         """Call the function in this process, and return what it returns."""
-        positional, named = decoded(Encoded(json.loads(self.arguments)))
+        positional, named = decoded(Encoded(parsed(self.arguments, self.function, ValueError)))
         return at_place(self.function)(*positional, **named)
 
     def perform(self) -> dict[str, Any]:

@@ -16,14 +16,13 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, ClassVar
 
+from mathnavi.sim.interfaces.bounds import LARGEST_SEED
 from mathnavi.sim.interfaces.fields import leaf, plain, with_fields
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.records.figure_names import is_wall_clock
 from mathnavi.sim.records.store import Record, canonical_json
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 from mathnavi.sim.sweep.code import code_version
-
-LARGEST_SEED = 2**63 - 1  # that a store has room for
 
 
 @dataclass(frozen=True)

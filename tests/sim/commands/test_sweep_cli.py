@@ -26,9 +26,9 @@ import pytest
 from mathnavi.models.terrain.dem import write_npz
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.commands.cli import main
+from mathnavi.sim.interfaces.bounds import LARGEST_SEED
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.sweep import cluster
-from mathnavi.sim.sweep.trial import LARGEST_SEED
 
 COIN = "tests.sim.sweep.scenarios:Coin"
 ROOT = Path(__file__).parents[3]  # where tests.sim.sweep.scenarios is found

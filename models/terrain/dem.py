@@ -39,7 +39,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 HGT_NODES = (1201, 3601)
 HGT_VOID = -32768
-MOST_NODES = 50_000_000  # of a map
+MOST_NODES = 25_000_000  # of a map
 
 WGS84_RADIUS = 6378137.0  # [m] equatorial
 WGS84_ECCENTRICITY_SQUARED = 0.00669437999014

@@ -11,9 +11,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from mathnavi.sim.interfaces.reading.files import MEBIBYTE, read_bytes
+
 PACKAGE = "mathnavi"
 FOLDERS = ("controllers", "estimators", "models", "sim")  # what a result can depend on; renders draws afterwards
 _DIGITS = 16  # of a digest
+MOST_SOURCE = 1024 * MEBIBYTE  # of a file that lies in a package
 
 
 def code_version(*plugins: Any) -> str:
@@ -60,6 +63,6 @@ def _digest(files: Iterable[tuple[str, Path, Path]]) -> str:
     """Digest of (package, folder of the package, file): where each file lies in its package, and its content."""
     digest = hashlib.sha256()
     for package, folder, file in files:
-        content = hashlib.sha256(file.read_bytes()).hexdigest()
+        content = hashlib.sha256(read_bytes(file, ValueError, MOST_SOURCE)).hexdigest()
         digest.update(f"{package}/{file.relative_to(folder).as_posix()} {content}\n".encode())
     return digest.hexdigest()[:_DIGITS]

@@ -13,9 +13,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.schema import ROOT, validated
-
 MEBIBYTE = 2**20
 MOST_TEXT = 64 * MEBIBYTE  # of a document that is read as a whole
 MOST_LINES = 1024 * MEBIBYTE  # of a file that is read line by line
@@ -100,9 +97,11 @@ def parsed(text: str | bytes, where: str, error: Refusal) -> Any:
 
 def checked(kind: Any, tree: Any, where: str, error: Refusal, *, closed: bool = False) -> Any:
     """Plain data, found at ``where``, as an instance of ``kind``."""
+    from mathnavi.sim.interfaces.schema import validated  # not needed by what only lists plug-ins
+
     try:
-        return validated(kind, tree, ROOT, closed=closed)
-    except FieldError as fault:
+        return validated(kind, tree, closed=closed)
+    except ValueError as fault:
         raise error(f"{where}: {fault}") from None
 
 

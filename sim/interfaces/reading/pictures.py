@@ -32,7 +32,7 @@ def read_picture(path: Path, error: Refusal) -> tuple[Image.Image, Array]:
         ):
             check_pixels(*image.size, path, error)
             image.load()
-    except error:
+    except (error, FileNotFoundError):
         raise
     except (UnidentifiedImageError, Image.DecompressionBombError) as fault:
         raise error(f"{path}: pillow cannot read it ({fault})") from None

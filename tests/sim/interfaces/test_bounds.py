@@ -131,7 +131,7 @@ class Plain(Scaled):
         (Gains, {"form": "y"}, "form = 'y'; allowed: x, z"),
         (Gains, {"weights": (1.0, -2.0)}, "weights = -2.0; allowed: a finite value >= 0"),
         (Gains, {"start": (1.0, math.nan)}, "start = (1.0, nan); allowed: finite numbers"),
-        (Gains, {"periods": 0}, "periods = 0; allowed: a whole number >= 1"),
+        (Gains, {"periods": 0}, "periods = 0; allowed: a whole number from 1 to 100000"),
         (Gains, {"periods": 2}, "periods = 2; allowed: a whole number from 3 to 9"),
         (Gains, {"share": 0.5}, "share = 0.5; allowed: less than a half"),
         (Gains, {"nodes": 0, "k_p": 0.0}, "k_p = 0.0; allowed: a finite value > 0"),  # the first that is declared

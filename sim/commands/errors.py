@@ -9,6 +9,7 @@ UNFORESEEN = 70  # exit code: an internal error, as sysexits.h has it
 INTERRUPTED = 130  # what a shell calls a process that ended by SIGINT
 PIPE_CLOSED = 141  # likewise by SIGPIPE
 
+_LONGEST_WORD = 200  # [characters] that a message shows
 _LONGEST = 2000  # [characters] of a line on standard error
 
 
@@ -27,6 +28,11 @@ def bad_input() -> Iterator[None]:
         raise BadInputError(str(error)) from error
     except OSError as error:
         raise BadInputError(f"{error.filename}: {error.strerror}" if error.filename else str(error)) from error
+
+
+def short(word: str) -> str:
+    """A word of the command line as a message shows it: without its middle where it is very long."""
+    return word if len(word) <= _LONGEST_WORD else f"{word[: _LONGEST_WORD // 2]}...{word[-_LONGEST_WORD // 2 :]}"
 
 
 def one_line(message: str) -> str:

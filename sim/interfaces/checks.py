@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
 from collections.abc import Sequence
+from pathlib import Path
 
 from mathnavi.sim.interfaces.errors import FieldError
 
+_LONGEST_NAME, _LONGEST_PATH = 255, 4095  # [bytes] that the file systems of Linux and macOS take
 _CLOSE = 0.6  # similarity from which a name that is not known counts as misspelt
 
 
@@ -17,6 +20,18 @@ def check(value: float, name: str, low: float, high: float = math.inf, *, open_l
     inside = low < value <= high if open_low else low <= value <= high
     if not (math.isfinite(value) and inside):
         raise FieldError(f"{name} = {value!r}; allowed: a finite value {allowed}")
+
+
+def check_path(path: Path, name: str) -> None:
+    """A name that a file can have: parts that a file system takes."""
+    given, text = str(path), os.fsencode(path)
+    if b"\0" in text:
+        raise FieldError(f"{name} = {given!r}; allowed: a name without a null character")
+    if len(text) > _LONGEST_PATH or any(len(os.fsencode(part)) > _LONGEST_NAME for part in path.parts):
+        raise FieldError(
+            f"{name} = {given[:40]}..., {len(text)} bytes; allowed: names of at most {_LONGEST_NAME} bytes, "
+            f"{_LONGEST_PATH} with their folders"
+        )
 
 
 def check_names(names: Sequence[str]) -> tuple[str, ...]:

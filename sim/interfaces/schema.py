@@ -67,7 +67,7 @@ def _decoded(kind: Any, value: Any) -> Any:
     """What JSON has no type of its own for."""
     if isinstance(kind, type) and issubclass(kind, Path) and isinstance(value, str):
         return kind(value)
-    raise NotImplementedError(kind)
+    raise TypeError(f"Expected `{'str' if kind is Path else getattr(kind, '__name__', kind)}`")
 
 
 def _check_names(kind: Any, tree: Any, where: str) -> None:

@@ -68,7 +68,10 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
         raise FieldError(
             f"mechanism = {str(mechanism)!r}; allowed: an MJCF file that MuJoCo can read ({reason})"
         ) from None
-    checked(alone)
+    try:
+        checked(alone)
+    except ValueError as error:
+        raise FieldError(f"mechanism = {str(mechanism)!r}: {error}") from None
     for kind, elements in (("body", own.bodies), ("joint", own.joints), ("actuator", own.actuators)):
         _name(kind, elements)
     arena = read_spec(_HERE / "arena.xml", FieldError)

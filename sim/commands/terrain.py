@@ -18,6 +18,7 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain, terrain_names
 from mathnavi.sim.commands.arguments import FlagGroup, flags, parse, with_flag
 from mathnavi.sim.commands.errors import BadInputError, bad_input
+from mathnavi.sim.commands.output import output_folder
 
 USAGE = """usage: mathnavi terrain import FILE --out FILE.npz [--spacing M] [--scale M] [--crop ROW COL SIZE]
        mathnavi terrain show NAME|FILE.npz [--out PNG]          NAME: {}"""
@@ -81,10 +82,9 @@ def _show(argv: Sequence[str]) -> None:
     with bad_input():
         terrain = load_terrain(options.terrain)
         picture = options.out or Path("renders/out") / f"{terrain.name}.png"
-        if picture.suffix != ".png":
-            raise BadInputError(f"--out = {picture}; allowed: a name that ends in .png")
-        if options.out is None:
-            picture.parent.mkdir(parents=True, exist_ok=True)
+    if picture.suffix != ".png":
+        raise BadInputError(f"--out = {picture}; allowed: a name that ends in .png")
+    with output_folder(picture.parent), bad_input():
         _draw(terrain, picture)
     print(statistics(terrain))
     print(f"picture   {picture}")

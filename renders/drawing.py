@@ -71,7 +71,7 @@ def drawing_of(directory: str | Path) -> Drawing[Any]:
     name = document.drawing or FLIGHT
     try:
         module = importlib.import_module(present_name(name))
-    except (ImportError, AttributeError, ValueError) as error:
+    except (ImportError, AttributeError, ValueError, TypeError) as error:
         raise RunFolderError(f"{str(path)!r}: drawing = {name!r} cannot be imported: {error}") from None
     drawing = getattr(module, "drawing", None)
     if not isinstance(drawing, Drawing):

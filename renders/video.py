@@ -60,7 +60,7 @@ def write_video(
     partial = target.with_name(f".{target.name}.partial")
     bar = Progress(
         TextColumn("video"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
-        console=Console(stderr=True), disable=not progress,
+        console=Console(stderr=True, markup=False), disable=not progress,
     )  # fmt: skip
     try:
         with bar, closing(draw(directory, frames, width, height, VIDEO_SAMPLES)) as pictures:

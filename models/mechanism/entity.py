@@ -63,7 +63,7 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
             warnings.simplefilter("ignore", UserWarning)  # what is old-fashioned in a file is for its maker to know
             own = read_spec(path, FieldError)
             alone = own.copy().compile()
-    except (ValueError, mujoco.FatalError) as error:
+    except (ValueError, RuntimeError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
         raise FieldError(
             f"mechanism = {str(mechanism)!r}; allowed: an MJCF file that MuJoCo can read ({reason})"

@@ -101,11 +101,11 @@ def square_grid(raster: Raster, spacing: float | None = None) -> Raster:
     spacing = step_north if spacing is None else _positive("spacing", spacing, "m")
     if max(abs(step_north - spacing), abs(step_east - spacing)) <= 1e-9 * spacing:
         return replace(raster, step_north=spacing, step_east=spacing, latitude=None)
+    extents = [(count - 1) * step for count, step in zip(raster.z.shape, (step_north, step_east), strict=True)]
+    if max(extents) > MOST_NODES * spacing:
+        raise TerrainError(f"{raster.name}: spacing is {spacing} m; allowed: at most {MOST_NODES} nodes")
     # Rounding must not cost the last row where the steps divide the side.
-    rows, columns = (
-        math.floor((count - 1) * step / spacing + 1e-9) + 1
-        for count, step in zip(raster.z.shape, (step_north, step_east), strict=True)
-    )
+    rows, columns = (math.floor(extent / spacing + 1e-9) + 1 for extent in extents)
     if min(rows, columns) < 2:
         raise TerrainError(
             f"{raster.name}: spacing is {spacing} m, which leaves {rows} x {columns} nodes; allowed: at least 2 x 2"

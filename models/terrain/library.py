@@ -65,7 +65,9 @@ def load_terrain(name_or_path: str | Path) -> HeightField:
     path = Path(name_or_path)
     if path.suffix == ".npz":
         return _read(path.resolve(), path.stat().st_mtime_ns) if path.is_file() else read_npz(path)
-    raise TerrainError(f"terrain = {name!r}: not known; {allowed_for(name, sorted(installed), 'or an .npz')}")
+    raise TerrainError(
+        f"terrain = {str(name_or_path)!r}: not known; {allowed_for(name, sorted(installed), 'or an .npz')}"
+    )
 
 
 def place_of(name_or_path: str) -> str:

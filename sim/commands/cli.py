@@ -27,6 +27,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Small matrices only: on a busy machine the threads of a linear-algebra library wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = list(sys.argv[1:] if argv is None else argv)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a name of a file may be no text
     try:
         code = _called(arguments)
         if sys.stdout is not None:  # it may have been closed from the start

@@ -63,12 +63,12 @@ def main(argv: Sequence[str]) -> int:
         return 0
     out = request.options.out or folder.with_name(f"{folder.resolve().name}-{estimator.replace(':', '.')}")
     _check_out(out, folder)
-    errors = Console(stderr=True)
+    errors = Console(stderr=True, markup=False)
     with output_folder(out), compilation_announced(errors):
         result = fly(_playback(request, run_config, log), errors)
         with bad_input():
             result.write(out)
-    console = Console()
+    console = Console(markup=False)
     console.print(f"{estimator} over {folder}: {verdict(result, 'the estimator')}", style="bold", highlight=False)
     for warning in warnings(result.recording):
         console.print(f"warning: {warning}", style="bold", highlight=False)

@@ -51,7 +51,7 @@ def main(argv: Sequence[str]) -> int:
     folder = request.options.out or Path("renders/out") / f"{request.name.replace(':', '.')}-seed{request.common.seed}"
     if folder.is_dir() and any(folder.iterdir()) and not (folder / "config.json").exists():
         raise BadInputError(f"--out = {folder} holds other files than a run's; allowed: a new folder, or that of a run")
-    errors = Console(stderr=True)
+    errors = Console(stderr=True, markup=False)
     with output_folder(folder), compilation_announced(errors):
         closed_loop = build(request, run_config)
         result = fly(closed_loop, errors)
@@ -67,7 +67,7 @@ def main(argv: Sequence[str]) -> int:
         gone = f", and removed its {', '.join(picture.name for picture in shown)}" if shown else ""
         errors.print(f"replaced the run in {folder}{gone}", style="dim", soft_wrap=True, highlight=False)
 
-    console = Console()
+    console = Console(markup=False)
     console.print(f"{request.name}, seed {request.common.seed}: {verdict(result)}", style="bold", highlight=False)
     for warning in warnings(result.recording):
         console.print(f"warning: {warning}", style="bold", highlight=False)

@@ -102,7 +102,7 @@ def main(argv: Sequence[str]) -> int:
         return 0
     fields = read_space(argv, request)
     options: SearchOptions = request.options
-    errors, console = Console(stderr=True), Console()
+    errors, console = Console(stderr=True, markup=False), Console(markup=False)
     again = shlex.join(["mathnavi", "search", *argv])
     _check(fields, request)
     evaluations: Sequence[Evaluation] = ()

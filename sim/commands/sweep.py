@@ -63,7 +63,7 @@ def main(argv: Sequence[str]) -> int:
     except SystemExit:  # the help is printed
         return 0
     request, options = sweep.request, sweep.request.options
-    errors = Console(stderr=True)
+    errors = Console(stderr=True, markup=False)
     command = shlex.join(["mathnavi", "sweep", *argv])
     state: Progress | None = None  # before the store is looked into
     try:
@@ -103,7 +103,7 @@ def main(argv: Sequence[str]) -> int:
     except (StoreWriteError, RefusedError, LostError) as error:
         print(f"mathnavi: {' '.join(str(error).split())}, {_stored(state)}; to go on: {command}", file=sys.stderr)
         return 1
-    console = Console()
+    console = Console(markup=False)
     console.print(f"{request.name}, {verdict(records)}", style="bold", highlight=False, soft_wrap=True)
     print_evidence(console, records, [*sweep.listed, *sweep.drawn])
     console.print(f"\nstore   {options.store}", soft_wrap=True, highlight=False)

@@ -35,6 +35,7 @@ Made = TypeVar("Made")
 MOST_IN_MEMORY = 1_000_000  # of anything
 MOST_TO_COMPUTE = 100_000  # missions, trials, repetitions
 MOST_PROCESSES = 1024
+FARTHEST = 1e9  # [m, m/s] of a point or a velocity: its square is a number too
 LARGEST_SEED = 2**63 - 1  # that a store has room for
 FINITE = Predicate(math.isfinite)
 ANEW = object()
@@ -114,8 +115,9 @@ Processes = Annotated[int, Interval(ge=1, le=MOST_PROCESSES)]
 Seed = Annotated[int, Interval(ge=0, le=LARGEST_SEED)]
 
 FINITE_NUMBERS = Each(FINITE, allowed="finite numbers")
-TWO_FINITE_NUMBERS = Each(FINITE, allowed="two finite numbers")
-THREE_FINITE_NUMBERS = Each(FINITE, allowed="three finite numbers")
+_COORDINATE = Interval(ge=-FARTHEST, le=FARTHEST)
+TWO_FINITE_NUMBERS = Each(_COORDINATE, FINITE, allowed=f"two finite numbers, none beyond {FARTHEST:g}")
+THREE_FINITE_NUMBERS = Each(_COORDINATE, FINITE, allowed=f"three finite numbers, none beyond {FARTHEST:g}")
 
 
 @typing.overload

@@ -29,6 +29,7 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.errors import FieldError, RunFolderError
 from mathnavi.sim.interfaces.reading import files
 from mathnavi.sim.interfaces.reading.arrays import read_npz
+from mathnavi.sim.interfaces.schema import known_fields, shortened
 from mathnavi.sim.interfaces.signals import Array, Event, Plan, Status
 from mathnavi.sim.records.documents import ArrayIndexDocument, RunDocument, check_summary
 from mathnavi.sim.records.files import jsonable, write_json, write_text
@@ -36,6 +37,7 @@ from mathnavi.sim.records.former_names import with_present_names
 from mathnavi.sim.records.log_arrays import COMMAND, TIME, TRUTH, check_arrays
 
 CONFIG, SUMMARY, EVENTS, ARRAYS, ARRAY_INDEX = "config.json", "summary.json", "events.jsonl", "log.npz", "log.json"
+STATUS_CHANGE = "estimator-status"  # kind of the events that say so
 FLEET_TRUTH = f".{TRUTH}"  # ending of the names of a fleet's arrays of true states
 
 
@@ -98,8 +100,8 @@ class RunLog:
     @cached_property
     def _statuses(self) -> tuple[Array, tuple[Status, ...]]:
         """Times [s] at which the estimator's status changed, and the status from each of them on."""
-        changes = [event for event in self.events if event.kind == "estimator-status"]
-        named = tuple(Status[event.message.partition(":")[0].upper()] for event in changes)
+        changes = [event for event in self.events if event.kind == STATUS_CHANGE]
+        named = tuple(Status[_status_name(event)] for event in changes)
         return np.array([event.t for event in changes]), named
 
     def status(self, t: float) -> Status:
@@ -208,6 +210,8 @@ def _read_texts(folder: Path) -> tuple[dict[str, Any], dict[str, Any], tuple[Eve
         check_summary(summary)
     except FieldError as error:
         raise RunFolderError(f"{folder / SUMMARY}: {error}") from None
+    known = known_fields(RunDocument)
+    config = {name: value for name, value in config.items() if value is not None or name not in known}
     return with_present_names(config), summary, _read_events(folder / EVENTS)
 
 
@@ -218,7 +222,19 @@ def _require(path: Path) -> None:
 
 def _read_events(path: Path) -> tuple[Event, ...]:
     _require(path)
-    return tuple(sorted(files.read_lines(path, Event, RunFolderError), key=lambda event: event.t))
+    events: list[Event] = sorted(files.read_lines(path, Event, RunFolderError), key=lambda event: event.t)
+    for event in events:
+        if event.kind == STATUS_CHANGE and _status_name(event) not in Status.__members__:
+            raise RunFolderError(
+                f"{path}: at {event.t:g} s the estimator's status is {shortened(event.message)}; allowed: "
+                f"{', '.join(name.lower() for name in Status.__members__)}"
+            )
+    return tuple(events)
+
+
+def _status_name(event: Event) -> str:
+    """The name of the status that an estimator took."""
+    return event.message.partition(":")[0].upper()
 
 
 def _read_arrays(path: Path) -> dict[str, Array]:

@@ -17,6 +17,7 @@ MEBIBYTE = 2**20
 MOST_TEXT = 64 * MEBIBYTE  # of a document that is read as a whole
 MOST_LINES = 1024 * MEBIBYTE  # of a file that is read line by line
 MOST_OF_A_LINE = MEBIBYTE
+_MOST_DIGITS = 300
 
 Refusal = type[ValueError]  # the kind of error that is raised for a file that is not as it should be
 
@@ -88,7 +89,7 @@ def decoded(text: str | bytes, kind: Any, where: str, error: Refusal, *, closed:
 def parsed(text: str | bytes, where: str, error: Refusal) -> Any:
     """A JSON text, found at ``where``, as plain data of whatever shape."""
     try:
-        return json.loads(text)
+        return json.loads(text, parse_int=_integer)
     except RecursionError:
         raise error(f"{where} is nested too deeply; allowed: less than some hundred levels") from None
     except (ValueError, TypeError) as fault:
@@ -103,6 +104,13 @@ def checked(kind: Any, tree: Any, where: str, error: Refusal, *, closed: bool = 
         return validated(kind, tree, closed=closed)
     except ValueError as fault:
         raise error(f"{where}: {fault}") from None
+
+
+def _integer(digits: str) -> int:
+    """A whole number that a double holds too."""
+    if len(digits) > _MOST_DIGITS:
+        raise ValueError(f"a whole number of {len(digits)} digits, where {_MOST_DIGITS} are allowed")
+    return int(digits)
 
 
 def _without_waiting(path: str, flags: int) -> int:

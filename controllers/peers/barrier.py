@@ -56,6 +56,8 @@ class BarrierConfig:
 
     speed: PositiveFraction = 1.0
     """of the go-to-goal law, over v_max"""
+    approach: Positive = 0.25
+    """deceleration with which the law slows down towards the target, over a_max"""
     gain: Positive = 0.8
     """of its velocity error [1/s]"""
     decay: Positive = 0.8
@@ -127,7 +129,7 @@ class BarrierFilter:
         x, u = closed_loop(
             start, self._cover, certificate.terrain.spacing, certificate.clearance_min, self._funnel,
             cost.ground, cost.ratio, cost.scales,
-            config.speed * certificate.speed_max, config.gain, config.decay,
+            config.speed * certificate.speed_max, config.approach, config.gain, config.decay,
             certificate.speed_max, certificate.acceleration_max, _NEAR * certificate.arrival_radius,
             self._step, max(1, round(config.horizon / self._step)),
         )  # fmt: skip

@@ -101,6 +101,7 @@ def closed_loop(
     ratio: Array,
     scales: Array,
     speed: float,
+    approach: float,
     gain: float,
     decay: float,
     speed_max: float,
@@ -124,7 +125,7 @@ def closed_loop(
             break
         length_to_go(ground, ratio, scales, p[0], p[1], p[2], gradient, hessian)
         size = max(math.sqrt(gradient @ gradient), 1e-9)
-        wanted = -min(speed, math.sqrt(0.5 * bound * to_go)) / size * gradient
+        wanted = -min(speed, math.sqrt(2.0 * approach * bound * to_go)) / size * gradient
         nominal = gain * (wanted - v)
         pull = math.sqrt(nominal @ nominal)
         if pull > bound:

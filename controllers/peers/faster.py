@@ -7,7 +7,8 @@ At each planning instant two trajectories are asked for:
 
 What is committed to is the whole trajectory up to R and the safe one from there on. If either of the two is not found,
 the trajectory committed to before goes on, whose own safe part is the reserve. R is as far along the whole trajectory
-as the vehicle can still brake before the place H where it leaves free space, |v|^2 / (2 a_max) <= the way to H.
+as the vehicle can still brake before the place H where it leaves free space, |v|^2 / (2 a_max) <= the way to H; a whole
+trajectory that stays in free space up to the target is committed to up to its end, as in the authors' program.
 
 Ours to interpret: the whole trajectory is that of the receding horizon of ``flight``, of which the optimised arcs are
 used; H is where these come closer to the ground than allowed, else their end. The safe trajectory is the one of least
@@ -97,6 +98,8 @@ class Faster:
 
     def _until_r(self, whole: Plan, arcs: int) -> float:
         """Time [s] from the start of the whole trajectory to R; 0 if the vehicle has to stop at once."""
+        if arcs == 0:
+            return 0.0
         certificate = self._certificate
         t = np.linspace(whole.t_start, float(whole.t[arcs]), _SAMPLES)
         x = state_at(whole, t)
@@ -105,6 +108,8 @@ class Faster:
         clearance = certificate.terrain.path_clearance(x[:-1, :3], x[:-1, 3:], u, duration)
         leaves = np.flatnonzero(clearance < certificate.clearance_min)
         h = int(leaves[0]) if len(leaves) else len(t) - 1
+        if not len(leaves) and np.linalg.norm(x[-1, :3] - certificate.target) <= certificate.arrival_radius:
+            return float(t[-1] - whole.t_start)  # all the way to the target is free
         way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(x[:, :3], axis=0), axis=1))])
         stop = (x[:, 3:] ** 2).sum(axis=1) / (2.0 * certificate.acceleration_max)
         near = np.flatnonzero(way[h] - way[: h + 1] >= self._config.braking * stop[: h + 1])

@@ -106,6 +106,16 @@ def test_faster_leaves_room_to_stop_before_the_end_of_what_it_has_seen() -> None
     assert plan.t[np.flatnonzero(plan.phase != FlightPhase.OPTIMISED)[0]] < plan.t_start + config.duration
 
 
+def test_faster_commits_to_all_of_a_whole_trajectory_that_reaches_the_target_in_free_space() -> None:
+    high = dataclasses.replace(CERTIFICATE, clearance_min=-1e4)
+    start = Estimate(0.0, np.array([*MISSION.start, 0.0, 0.0, 0.0]))
+    whole = Straight(200.0).plan(PlanRequest(0.0, 0.0, start, None))
+    for target, until in ((whole.x[-1, :3], 30.0), (whole.x[-1, :3] + 1000.0, 30.0 - 2.0 * 200.0 / 80.0)):
+        faster = Faster(FasterConfig(), Straight(200.0), dataclasses.replace(high, target=target))
+        assert faster._until_r(whole, 30) == pytest.approx(until, abs=1.0)
+    assert faster._until_r(whole, 0) == 0.0
+
+
 def test_least_effort_reaches_its_end_and_nothing_else_costs_less() -> None:
     start, end = np.array([0.0, 0.0, 100.0, 30.0, -5.0, 2.0]), np.array([80.0, 10.0, 120.0, 0.0, 0.0, 0.0])
     a = least_effort(start, end, 5, 6.0)
@@ -181,6 +191,16 @@ def test_the_filtered_input_is_the_nearest_that_is_allowed() -> None:
 def test_where_nothing_is_allowed_the_barrier_comes_first() -> None:
     up = np.array([0.0, 0.0, 1.0])
     np.testing.assert_allclose(filtered(np.zeros(3), up, 100.0, np.array([1.0, 0.0, 0.0]), -5.0, 40.0), 40.0 * up)
+
+
+def test_the_law_brakes_towards_the_target_as_late_as_it_is_set() -> None:
+    speeds = []
+    for approach in (0.25, 0.5):
+        filter_, _ = BarrierFlight.build(BarrierConfig(horizon=120.0, approach=approach), MISSION)
+        plan = filter_.plan(PlanRequest(0.0, 0.0, Estimate(0.0, MISSION.start_state), None))
+        near = np.linalg.norm(plan.x[:, :3] - np.array(MISSION.target), axis=1) <= 600.0
+        speeds.append(float(np.linalg.norm(plan.x[near][0, 3:])))
+    assert speeds[1] > 1.2 * speeds[0]
 
 
 def test_the_barrier_filter_climbs_over_a_ridge_that_its_law_would_hit() -> None:

@@ -16,12 +16,15 @@ from mathnavi.controllers.flight.tracker import tracking_bound
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.aerial.plan_status import FlightStatus
-from mathnavi.sim.interfaces.signals import Estimate, Plan, PlanRequest
+from mathnavi.sim.interfaces.signals import Estimate, Plan, PlanRequest, Status
 from mathnavi.sim.studies.flight.hunt.mutants import (
     BlindCertificate,
     CertifiedFromAnywhere,
     ConstantVelocityStart,
     HalvedBound,
+    LatePlansFlown,
+    NoClearanceCheck,
+    NoStartCheck,
     Retimed,
 )
 from tests.flight import mission
@@ -59,6 +62,18 @@ class Answers:
     def plan(self, request: PlanRequest) -> Plan:
         self.request = request
         return self._plan
+
+
+@pytest.mark.parametrize("mutant", [NoClearanceCheck, NoStartCheck, LatePlansFlown, HalvedBound])
+def test_every_mutant_begins_at_the_start_and_doubts_a_lost_estimate(mutant: Any, flight: FlightMission) -> None:
+    planner: Any = mutant.build(mutant.Config(grid_nodes=5), flight)[0]
+    certified = planner._planner if isinstance(planner, Retimed) else planner
+    certified._planner = Answers(Plan.failure(Status.SOLVER_FAILED))
+    beside = Estimate(0.0, flight.start_state + np.array([0.01, 0.01, -0.01, 0.0, 0.0, 0.0]))
+    first = certified.plan(PlanRequest(0.0, 0.0, beside, None))
+    assert first.x[0].tolist() == flight.start_state.tolist()
+    uncertain = dataclasses.replace(beside, covariance=np.eye(6) * 1e4)
+    assert "guarantee-lost" in certified.monitor(PlanRequest(0.1, 2.0, uncertain, first)).notes
 
 
 def test_one_certificate_does_not_see_the_ground(certificate: Certificate, plan: Plan) -> None:

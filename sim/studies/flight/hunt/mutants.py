@@ -43,14 +43,15 @@ def _parts(
     predicted: bool = False,
 ) -> Parts:
     """Planner and tracker as ``flight`` has them, with the classes and the bound that are given."""
-    sound = Certificate.of(mission, bound)
+    tracker = CriticallyDamped(mission.control_period, config.bandwidth, tracking_bound(config.bandwidth, mission))
+    tracker.bound = bound
+    sound = Certificate.of(mission, bound, tracker.held)
     made = certificate(**{entry.name: getattr(sound, entry.name) for entry in dataclasses.fields(sound)})
     raw: Planner = flight_planner(config, mission, bound)
     within = ConstantVelocityStart(raw) if predicted else raw
     fallback = partial(StopAndHover, period=raw.period)
-    tracker = CriticallyDamped(mission.control_period, config.bandwidth, tracking_bound(config.bandwidth, mission))
-    tracker.bound = bound
-    return certified(within, fallback, made, bound, mission.deadline_factor), tracker
+    worst = mission.quality.worst(mission.gust)
+    return certified(within, fallback, made, bound, mission.deadline_factor, worst, mission.start_state), tracker
 
 
 class BlindCertificate(Certificate):

@@ -27,8 +27,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Small matrices only: on a busy machine the threads of a linear-algebra library wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = list(sys.argv[1:] if argv is None else argv)
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # a name of a file may be no text
     try:
         code = _called(arguments)
         if sys.stdout is not None:  # it may have been closed from the start
@@ -58,6 +56,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _called(arguments: Sequence[str]) -> int:
     """Exit code of a command, of the help or of the version."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a name of a file may be no text
     if not arguments or arguments[0] in ("-h", "--help"):
         usage = USAGE.format("\n".join(f"  {name:12}{purpose}" for name, (_, purpose) in COMMANDS.items()))
         print(usage, file=sys.stdout if arguments else sys.stderr)

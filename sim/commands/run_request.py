@@ -76,8 +76,14 @@ def prepare() -> None:
     """Choose how to draw, and find a user's own plug-in, "my_planner:Mine", where the command is given."""
     opengl.choose()
     opengl.import_physics()
-    if os.getcwd() not in sys.path:
-        sys.path.append(os.getcwd())
+    try:
+        here = os.getcwd()
+    except OSError as error:
+        raise BadInputError(
+            f"the folder in which the command is given: {error.strerror}; allowed: one that is there"
+        ) from None
+    if here not in sys.path:
+        sys.path.append(here)
 
 
 def read_request(

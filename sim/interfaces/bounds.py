@@ -97,8 +97,11 @@ class TickRate(GroupedMetadata):
         yield Condition(self._is_whole, f"{1.0 / self.tick:g} Hz over a whole number")
 
     def _is_whole(self, rate: float) -> bool:
-        ticks = 1.0 / (rate * self.tick)
-        return abs(ticks - round(ticks)) <= 1e-9
+        share = rate * self.tick
+        if not 0.0 < share < math.inf:  # a rate so low that it is none
+            return False
+        ticks = 1.0 / share
+        return math.isfinite(ticks) and abs(ticks - round(ticks)) <= 1e-9
 
 
 Finite = Annotated[float, FINITE]

@@ -13,6 +13,7 @@ from mathnavi.sim.interfaces.reading.files import MEBIBYTE, Refusal, read_bytes
 
 MOST_MJCF = 16 * MEBIBYTE
 MOST_ELEMENTS = 25_000_000  # of a height field or a texture
+_NOT_A_NUMBER = re.compile(rb"\w+\s*=\s*[\"'][\s\d.e+-]*\bnan\b[\s\d.e+-]*[\"']", re.IGNORECASE)
 _ELEMENT = re.compile(rb"<[^<>]*>")
 _DECLARATION = re.compile(rb"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
 
@@ -25,6 +26,8 @@ def read_spec(path: Path, error: Refusal) -> Any:
     content = read_bytes(path, error, MOST_MJCF)
     if _DECLARATION.search(content):
         raise error(f"{path}: it declares a document type or entities; allowed: MJCF, which has neither")
+    if found := _NOT_A_NUMBER.search(content):
+        raise error(f"{path}: {found[0].decode()}; allowed: finite numbers")
     for rows, columns in (("nrow", "ncol"), ("height", "width")):
         for element in _ELEMENT.findall(content):
             sizes = [re.search(rb"\b%s\s*=\s*[\"']\s*\+?(\d+)" % name.encode(), element) for name in (rows, columns)]

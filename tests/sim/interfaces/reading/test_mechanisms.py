@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -42,3 +43,18 @@ def test_a_file_that_is_too_large_is_refused(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr(mechanisms, "MOST_MJCF", 10)
     with pytest.raises(FieldError, match="bytes; allowed: at most 10"):
         read_spec(path, FieldError)
+
+
+@pytest.mark.parametrize("element", ['<include file="pipe"/>', '<asset><mesh name="m" file="pipe"/></asset>'])
+def test_nobody_is_waited_for(tmp_path: Path, element: str) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "arm.xml").write_text(ARM.format(element))
+    with pytest.raises(FieldError, match="a regular file"):
+        read_spec(tmp_path / "arm.xml", FieldError)
+
+
+def test_what_is_included_is_checked(tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text(ARM.format('<include file="more.xml"/>'))
+    (tmp_path / "more.xml").write_text('<mujoco><option timestep="nan"/><include file="arm.xml"/></mujoco>')
+    with pytest.raises(FieldError, match="timestep"):
+        read_spec(tmp_path / "arm.xml", FieldError)

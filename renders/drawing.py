@@ -68,7 +68,7 @@ def drawing_of(directory: str | Path) -> Drawing[Any]:
     """The drawing of the run in a folder; errors as of ``Drawing.load_run``."""
     path = existing_folder(directory) / CONFIG
     document, _ = read_run_document(existing_folder(directory))
-    name = document.drawing or FLIGHT
+    name = FLIGHT if document.drawing is None else document.drawing
     try:
         module = importlib.import_module(present_name(name))
     except (ImportError, AttributeError, ValueError, TypeError) as error:

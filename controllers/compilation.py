@@ -12,6 +12,8 @@ from pathlib import Path
 
 import casadi as ca
 
+from mathnavi.sim.interfaces.reading.files import MOST_TEXT, read_bytes
+
 
 def compiler() -> str | None:
     """The C compiler, if there is one."""
@@ -32,7 +34,7 @@ def compiled(solver: ca.Function) -> Path:
         source, built = Path(folder) / "nlp.c", Path(folder) / "nlp.so"
         with contextlib.chdir(folder):  # CasADi takes no folder here
             solver.generate_dependencies(source.name)
-        library = cache / f"{hashlib.sha256(source.read_bytes()).hexdigest()}.so"
+        library = cache / f"{hashlib.sha256(read_bytes(source, ValueError, MOST_TEXT)).hexdigest()}.so"
         if not library.exists():
             # As fast as -O2 here, and compiled in half the time.
             command = [cc, "-O1", "-fPIC", "-shared", str(source), "-o", str(built), "-lm"]

@@ -15,11 +15,13 @@ from PIL import Image
 
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import Shot, checked_camera, frames_of
-from mathnavi.renders.video import STILL_SAMPLES, draw
+from mathnavi.renders.video import STILL_SAMPLES, check_rate, check_size, draw
+from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.writing import write_bytes
 
 WIDTH, HEIGHT, FPS = 640, 360, 12
 LENGTH, LAST_MOMENT = 5.0, 1.0  # [s] of the clip: while time passes, and for which its last picture stays
+LONGEST = 60.0  # [s]
 MOST_BYTES = 1_200_000
 QUALITIES = (80, 70, 60, 50, 40, 30)  # of WebP, in [0, 100]: the first that keeps to that
 
@@ -42,6 +44,9 @@ def write_clip(
     what ``video.write_video`` does, ValueError for moments outside of the run or out of order, and RuntimeError if
     even the lowest quality takes more than ``MOST_BYTES``.
     """
+    check_size(width, height)
+    check_rate(fps)
+    check(length, "length", 1.0 / fps, LONGEST)
     directory, drawing = Path(run_dir), drawing_of(run_dir)
     run = drawing.load_run(directory)
     shown = drawing.still_camera if camera is None else checked_camera(camera, drawing.cameras)

@@ -24,7 +24,7 @@ from mathnavi.sim.interfaces.failures import failures_named
 from mathnavi.sim.plugin.groups import installed
 from mathnavi.sim.plugin.trust import check_place
 from mathnavi.sim.records.former_names import present_name
-from mathnavi.sim.records.run_folder import CONFIG, existing_folder, read_json
+from mathnavi.sim.records.run_folder import CONFIG, existing_folder, read_run_document
 
 if TYPE_CHECKING:  # what makes pages takes a while to import, and the processes that draw make none
     from mathnavi.renders.page import Markup
@@ -78,12 +78,8 @@ class Drawing(Generic[R]):
 def drawing_of(directory: str | Path) -> Drawing[Any]:
     """The drawing of the run in a folder; errors as of ``Drawing.load_run``, UntrustedError for code of a stranger."""
     path = existing_folder(directory) / CONFIG
-    name = read_json(path).get("drawing", FLIGHT)
-    if not isinstance(name, str):
-        raise RunFolderError(
-            f"{str(path)!r}: drawing = {name!r}; allowed: {', '.join(point.name for point in installed('drawings'))}"
-        )
-    return _drawing_at(present_name(name), str(path))
+    document, _ = read_run_document(existing_folder(directory))
+    return _drawing_at(present_name(FLIGHT if document.drawing is None else document.drawing), str(path))
 
 
 def _drawing_at(name: str, where: str) -> Drawing[Any]:

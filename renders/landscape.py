@@ -22,6 +22,7 @@ from mathnavi.renders.framing import Box, framing
 from mathnavi.renders.palette import Colour
 from mathnavi.renders.relief import EXAGGERATION, relief, resampled, roughened
 from mathnavi.renders.stage import HORIZON, NADIR, Optics, Stage, View
+from mathnavi.sim.interfaces.reading.mechanisms import read_spec
 from mathnavi.sim.interfaces.signals import Array
 
 GROUND_NODES, TEXTURE_PIXELS = 257, 1025  # along the longer side
@@ -137,7 +138,7 @@ def landscape(terrain: HeightField, width: int, height: int, samples: int) -> An
 
 def add_airframe(spec: Any, name: str, colour: Colour | None = None) -> None:
     """An airframe that is placed by ``Airframe``, in its own colours or all in one."""
-    vehicle = mujoco.MjSpec.from_file(str(Path(mathnavi.models.aerial.__file__).parent / "airframe.xml"))
+    vehicle = read_spec(Path(mathnavi.models.aerial.__file__).parent / "airframe.xml", ValueError)
     body = spec.worldbody.add_body(name=name, mocap=True)
     for geom in vehicle.worldbody.geoms:
         rgba = geom.rgba if colour is None else [*colour, geom.rgba[3]]

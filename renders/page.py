@@ -17,9 +17,10 @@ from pathlib import Path
 
 import matplotlib
 from matplotlib.figure import Figure
-from PIL import Image
 
 from mathnavi.renders import figures
+from mathnavi.sim.interfaces.reading.files import read_text
+from mathnavi.sim.interfaces.reading.pictures import read_picture
 from mathnavi.sim.records.figure_names import label
 
 STYLE_SHEET = Path(__file__).with_name("page.css")
@@ -46,7 +47,7 @@ def document(title: str, *blocks: Markup, script: str = "") -> Markup:
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{text(title)}</title>\n<style>\n{STYLE_SHEET.read_text(encoding='utf-8')}</style>\n"
+        f"<title>{text(title)}</title>\n<style>\n{read_text(STYLE_SHEET, ValueError)}</style>\n"
         f"</head>\n<body>\n<main>\n{joined(blocks)}</main>\n{ending}</body>\n</html>\n"
     )
 
@@ -181,7 +182,8 @@ def figure_blocks(figures: Sequence[Drawn]) -> tuple[Markup, ...]:
 def picture_block(file: Path, alt: str, caption: str) -> Markup:
     """A picture in the page, as JPEG: a fifth of a PNG's size for what a camera sees."""
     buffer = io.BytesIO()
-    Image.open(file).convert("RGB").save(buffer, "JPEG", quality=90)
+    picture, _ = read_picture(file, ValueError)
+    picture.convert("RGB").save(buffer, "JPEG", quality=90)
     data = base64.b64encode(buffer.getvalue()).decode("ascii")
     return Markup(
         f'<figure class="card"><img src="data:image/jpeg;base64,{data}" alt="{text(alt)}">'

@@ -22,6 +22,7 @@ from mathnavi.renders.figures import thinned
 from mathnavi.renders.page import Markup, text
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.relief import EXAGGERATION, relief, resampled
+from mathnavi.sim.interfaces.reading.files import read_text
 from mathnavi.sim.interfaces.signals import Array
 
 MOST_NODES = 257  # along the longer side of the ground
@@ -55,7 +56,7 @@ def script() -> str:
     """JavaScript of a page with at least one view; about 5 MB, of plotly."""
     from plotly.offline import get_plotlyjs  # not needed for anything but this
 
-    own = Path(__file__).with_name("terrain_view.js").read_text(encoding="utf-8")
+    own = read_text(Path(__file__).with_name("terrain_view.js"), ValueError)
     return f"{get_plotlyjs()}\n{own}"
 
 

@@ -32,6 +32,8 @@ from mathnavi.sim.plugin.trust import is_trusted
 
 WIDTH, HEIGHT, FPS = 1280, 720, 24
 VIDEO_SAMPLES, STILL_SAMPLES = 0, 4  # per pixel: a video blurs its edges by moving
+LEAST_SIZE, LARGEST_SIZE = 16, 8192  # [pixels]
+FASTEST = 240  # [1/s]
 MOST_WORKERS = 4
 # -P and a path that is set by the process itself: no numpy.py of the current folder is taken for the library.
 START = "import sys; sys.path[:] = sys.argv[1:]; from mathnavi.renders.worker import main; main()"
@@ -63,14 +65,16 @@ def write_video(
     encode, ``opengl.NoOpenGLError`` where there is nothing to draw with.
     """
     _check_codec(codec)
-    if width % 2 or height % 2 or min(width, height) < 16:
-        raise ValueError(f"size = {width} x {height}; allowed: even numbers of at least 16")
+    check_size(width, height)
+    if width % 2 or height % 2:
+        raise ValueError(f"size = {width} x {height}; allowed: even numbers")
+    check_rate(fps)
     directory, drawing = Path(run_dir), drawing_of(run_dir)
     frames = drawing.frames(drawing.load_run(directory), camera, fps)
     target = Path(path) if path is not None else directory / "video.mp4"
     bar = Progress(
         TextColumn("video"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
-        console=Console(stderr=True), disable=not progress,
+        console=Console(stderr=True, markup=False), disable=not progress,
     )  # fmt: skip
     with (
         whole_files(target) as (scratch,),
@@ -80,6 +84,18 @@ def write_video(
     ):
         _encode(scratch, bar.track(pictures, total=len(frames)), width, height, fps, codec)
     return target
+
+
+def check_size(width: int, height: int) -> None:
+    """Raise ValueError for a size [pixels] that no picture is drawn in."""
+    if width % 2 or height % 2 or not (min(width, height) >= LEAST_SIZE and max(width, height) <= LARGEST_SIZE):
+        raise ValueError(f"size = {width} x {height}; allowed: even numbers from {LEAST_SIZE} to {LARGEST_SIZE}")
+
+
+def check_rate(fps: int) -> None:
+    """Raise ValueError for a rate [1/s] at which no pictures are shown."""
+    if not 1 <= fps <= FASTEST:
+        raise ValueError(f"fps = {fps}; allowed: a whole number from 1 to {FASTEST}")
 
 
 def write_still(
@@ -95,6 +111,7 @@ def write_still(
 
     It shows the moment ``t`` [s], by default the middle of the run's highlight; errors as of ``write_video``.
     """
+    check_size(width, height)
     directory, drawing = Path(run_dir), drawing_of(run_dir)
     run = drawing.load_run(directory)
     if t is not None and not 0.0 <= t <= run.duration:

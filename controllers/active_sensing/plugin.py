@@ -32,7 +32,7 @@ from mathnavi.controllers.active_sensing.then_track import ReferencePath, ThenTr
 from mathnavi.controllers.active_sensing.tracker import PathTracker
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.interfaces.angles import Radians
-from mathnavi.sim.interfaces.bounds import Count, NonNegative, Positive, Within, configuration
+from mathnavi.sim.interfaces.bounds import NonNegative, Positive, Seed, Within, configuration
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Array
@@ -74,7 +74,7 @@ class ActiveSensingConfig:
     """standard deviation of the heading of a sure estimate [rad]"""
     bandwidth: Positive = 2.0
     """of the tracker on a path [rad/s]"""
-    seed: Count = 1
+    seed: Seed = 1
     """of random inputs"""
 
     def __post_init__(self) -> None:

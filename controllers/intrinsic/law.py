@@ -38,10 +38,11 @@ class InverseForce:
         self._system, self._none, self._probes = system, np.zeros(len(inputs)), _PROBE * np.eye(len(inputs))
         effect = self._effect(manifold.origin, np.zeros(manifold.vector_size))[1]
         values = np.linalg.svd(effect, compute_uv=False)
-        if effect.shape != (n, n) or values[-1] <= _SINGULAR * values[0]:
+        moved = int((values > _SINGULAR * values[0]).sum()) if inputs else 0
+        if (len(inputs), moved) != (n, n):
             raise ValueError(
-                f"{manifold.name}: {len(inputs)} inputs that move {int((values > _SINGULAR * values[0]).sum())} of its "
-                f"{n} dimensions; allowed for tracking: one for each"
+                f"{manifold.name}: {len(inputs)} inputs that move {moved} of its {n} dimensions; allowed for tracking: "
+                "one for each"
             )
 
     def __call__(self, x: Array, v: Array, wanted: Array) -> Array:

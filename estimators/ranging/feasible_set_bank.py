@@ -31,9 +31,9 @@ from mathnavi.sim.interfaces.angles import Radians, check_angle
 from mathnavi.sim.interfaces.bounds import (
     CountInMemory,
     Each,
-    NonNegativeInt,
     Positive,
     Probability,
+    Seed,
     Within,
     configuration,
 )
@@ -79,7 +79,7 @@ class FeasibleSetBankConfig:
     def __post_init__(self) -> None:
         check_angle(self.deviation[2], "deviation: of the heading", Radians(0.0, math.pi, open_low=True))
 
-    seed: NonNegativeInt = 0
+    seed: Seed = 0
     """of the random poses"""
 
 

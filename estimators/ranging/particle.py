@@ -17,7 +17,7 @@ from mathnavi.estimators.ranging.particle_kernels import mode, propagate, roughe
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
-from mathnavi.sim.interfaces.bounds import CountInMemory, NonNegativeInt, Positive, Probability, configuration
+from mathnavi.sim.interfaces.bounds import CountInMemory, Positive, Probability, Seed, configuration
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Integers, Measurement
@@ -38,7 +38,7 @@ class RangeParticleConfig:
     """probability of a good range beyond which no range is thought less likely"""
     timeout: Positive = 0.5
     """without a range after which the estimate is lost [s]"""
-    seed: NonNegativeInt = 0
+    seed: Seed = 0
     """of the particles"""
 
 

@@ -26,6 +26,7 @@ from mathnavi.models.mechanism.names import MechanismName
 from mathnavi.models.vehicle_names import check_vehicle_name
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.input_files import InputFile
+from mathnavi.sim.interfaces.reading.mechanisms import read_spec
 
 _HERE = Path(__file__).parent
 _SUITE = "dm_control:"
@@ -77,17 +78,20 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # what is old-fashioned in a file is for its maker to know
-            own = mujoco.MjSpec.from_file(str(path))
+            own = read_spec(path, FieldError)
             alone = own.copy().compile()
-    except (ValueError, mujoco.FatalError) as error:
+    except (ValueError, RuntimeError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
         raise FieldError(
             f"mechanism = {str(mechanism)!r}; allowed: an MJCF file that MuJoCo can read ({reason})"
         ) from None
-    checked(alone)
+    try:
+        checked(alone)
+    except ValueError as error:
+        raise FieldError(f"mechanism = {str(mechanism)!r}: {error}") from None
     for kind, elements in (("body", own.bodies), ("joint", own.joints), ("actuator", own.actuators)):
         _name(kind, elements)
-    arena = mujoco.MjSpec.from_file(str(_HERE / "arena.xml"))
+    arena = read_spec(_HERE / "arena.xml", FieldError)
     # An arena wins over what is attached to it: it takes the options, and its own light is kept.
     _copy(own.option, arena.option)
     _copy(arena.visual, own.visual)

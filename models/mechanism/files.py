@@ -15,7 +15,9 @@ from html import unescape
 from os.path import normpath, relpath
 from pathlib import Path
 
-from mathnavi.sim.interfaces.input_files import digest_of
+from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.input_files import MOST, digest_of
+from mathnavi.sim.interfaces.reading.files import read_bytes
 
 _NAMED = re.compile(r"""\bfile\w*\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 _FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*(?:"([^"]*)"|'([^']*)')""")
@@ -27,11 +29,11 @@ def files_of(mjcf: Path) -> dict[str, bytes]:
     Raises OSError for a file that cannot be read.
     """
     mjcf = Path(normpath(mjcf))
-    contents = {mjcf: mjcf.read_bytes()}
+    contents = {mjcf: read_bytes(mjcf, FieldError, MOST)}
     texts = {mjcf: contents[mjcf].decode(errors="replace")}
     while found := [path for path in _named(mjcf, texts) if path not in contents]:
         for path in dict.fromkeys(found):
-            contents[path] = path.read_bytes()
+            contents[path] = read_bytes(path, FieldError, MOST)
             if contents[path].lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
                 texts[path] = contents[path].decode(errors="replace")
     return {"" if path == mjcf else Path(relpath(path, mjcf.parent)).as_posix(): contents[path] for path in contents}

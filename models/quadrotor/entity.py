@@ -22,6 +22,7 @@ from mathnavi.models.quaternion import rotation_entries
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.vehicle_names import check_vehicle_names
 from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.reading.mechanisms import read_spec
 from mathnavi.sim.interfaces.signals import Array
 
 _XML = Path(__file__).parent / "quadrotor.xml"
@@ -57,7 +58,7 @@ def build_spec(
 
 def add_vehicle(spec: Any, name: str, vehicle: Quadrotor = NOMINAL) -> None:
     """Attach a quadrotor to a world."""
-    one = mujoco.MjSpec.from_file(str(_XML))
+    one = read_spec(_XML, ValueError)
     for setting in ("gravity", "timestep", "integrator"):  # those of the world hold
         setattr(one.option, setting, getattr(spec.option, setting))
     _set_parameters(one, vehicle)

@@ -22,24 +22,26 @@ import json
 import math
 import re
 import warnings
-import zipfile
-import zlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
 from scipy.ndimage import map_coordinates
 
 from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.errors import TerrainError
+from mathnavi.sim.interfaces.reading import arrays as reading
+from mathnavi.sim.interfaces.reading.files import decoded
+from mathnavi.sim.interfaces.reading.pictures import read_picture
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.interfaces.writing import write_bytes
 
 HGT_NODES = (1201, 3601)
 HGT_VOID = -32768
+MOST_NODES = 25_000_000  # of a map
 
 WGS84_RADIUS = 6378137.0  # [m] equatorial
 WGS84_ECCENTRICITY_SQUARED = 0.00669437999014
@@ -69,6 +71,16 @@ class Raster:
     licence: str = ""
 
 
+@configuration
+class MapDocument:
+    """The JSON object ``meta`` of a map file."""
+
+    spacing_m: Positive
+    name: str | None = None  # that of the file if there is none
+    source: str = ""
+    licence: str = ""
+
+
 def metres_per_degree(latitude: float) -> tuple[float, float]:
     """Lengths (north, east) [m] of one degree of latitude and of longitude on the WGS84 ellipsoid at ``latitude``
     [degrees].
@@ -91,15 +103,16 @@ def square_grid(raster: Raster, spacing: float | None = None) -> Raster:
     spacing = step_north if spacing is None else _positive("spacing", spacing, "m")
     if max(abs(step_north - spacing), abs(step_east - spacing)) <= 1e-9 * spacing:
         return replace(raster, step_north=spacing, step_east=spacing, latitude=None)
+    extents = [(count - 1) * step for count, step in zip(raster.z.shape, (step_north, step_east), strict=True)]
+    if max(extents) > MOST_NODES * spacing:
+        raise TerrainError(f"{raster.name}: spacing is {spacing} m; allowed: at most {MOST_NODES} nodes")
     # Rounding must not cost the last row where the steps divide the side.
-    rows, columns = (
-        math.floor((count - 1) * step / spacing + 1e-9) + 1
-        for count, step in zip(raster.z.shape, (step_north, step_east), strict=True)
-    )
+    rows, columns = (math.floor(extent / spacing + 1e-9) + 1 for extent in extents)
     if min(rows, columns) < 2:
         raise TerrainError(
             f"{raster.name}: spacing is {spacing} m, which leaves {rows} x {columns} nodes; allowed: at least 2 x 2"
         )
+    check_nodes(rows * columns, f"{raster.name}: spacing is {spacing} m")
     row = np.minimum(np.arange(rows) * (spacing / step_north), raster.z.shape[0] - 1)
     column = np.minimum(np.arange(columns) * (spacing / step_east), raster.z.shape[1] - 1)
     z = map_coordinates(raster.z, np.meshgrid(row, column, indexing="ij"), order=1, mode="nearest")
@@ -127,11 +140,7 @@ def read_npz(path: str | Path) -> HeightField:
     Raises TerrainError for a file that is malformed, FileNotFoundError for none.
     """
     path = _existing(path)
-    try:
-        with path.open("rb") as file, np.lib.npyio.NpzFile(file, allow_pickle=False) as archive:
-            entries = {name: archive[name] for name in ("z", "meta") if name in archive}
-    except (zipfile.BadZipFile, zlib.error, RuntimeError, ValueError, EOFError, OSError) as error:
-        raise TerrainError(f"{path}: not a readable .npz file ({error})") from None
+    entries = reading.read_npz(path, TerrainError, kinds=reading.NUMBERS_AND_TEXTS, names=("z", "meta"))
     for name in ("z", "meta"):
         if name not in entries:
             raise TerrainError(
@@ -140,20 +149,25 @@ def read_npz(path: str | Path) -> HeightField:
     z = entries["z"]
     if z.dtype.kind not in "fiu":
         raise TerrainError(f"{path}: z has the type {z.dtype}; allowed: real numbers, float32 as a rule")
+    check_nodes(z.size, str(path))
+    meta: MapDocument = decoded(_text(entries["meta"], path), MapDocument, f"{path}: meta", TerrainError)
     try:
-        meta = json.loads(str(entries["meta"]))
-    except json.JSONDecodeError as error:
-        raise TerrainError(f"{path}: meta is not JSON ({error})") from None
-    if not isinstance(meta, dict) or "spacing_m" not in meta:
-        raise TerrainError(f"{path}: meta has no spacing_m, the distance between neighbouring nodes in metres")
-    spacing = meta["spacing_m"]
-    if isinstance(spacing, bool) or not isinstance(spacing, int | float):
-        raise TerrainError(f"{path}: spacing_m is {spacing!r}; allowed: a number above 0")
-    texts = {key: meta.get(key, default) for key, default in (("name", path.stem), ("source", ""), ("licence", ""))}
-    try:
-        return HeightField(z, spacing, **texts)
+        return HeightField(z, meta.spacing_m, path.stem if meta.name is None else meta.name, meta.source, meta.licence)
     except ValueError as error:
         raise TerrainError(f"{path}: {error}") from None
+
+
+def _text(entry: Array, path: Path) -> str:
+    try:
+        return str(entry)
+    except ValueError as error:  # a number that is no character
+        raise TerrainError(f"{path}: meta is no text ({error})") from None
+
+
+def check_nodes(count: int, where: str) -> None:
+    """Raise TerrainError for more nodes than a map may have."""
+    if count > MOST_NODES:
+        raise TerrainError(f"{where}: {count} nodes; allowed: at most {MOST_NODES}, coarser or cropped")
 
 
 def write_npz(terrain: HeightField, path: str | Path) -> None:
@@ -178,7 +192,7 @@ def read_png(path: str | Path, spacing: float, scale: float) -> Raster:
     """Read a 16-bit grey picture: nodes ``spacing`` [m] apart, ``scale`` [m] per unit; row 0 is north."""
     path = _existing(path)
     spacing, scale = _positive("spacing", spacing, "m"), _positive("scale", scale, "m per unit")
-    image, values = _decode(path)
+    image, values = read_picture(path, TerrainError)
     if image.mode not in ("I;16", "I;16B", "I;16L"):
         raise TerrainError(f"{path}: the picture has the mode {image.mode}; allowed: 16-bit grey (I;16)")
     return Raster(path.stem, scale * values[::-1], spacing, spacing)
@@ -195,7 +209,7 @@ def read_hgt(path: str | Path) -> Raster:
     if nodes is None:
         allowed = " or ".join(f"{2 * count**2} ({count} x {count})" for count in HGT_NODES)
         raise TerrainError(f"{path}: {size} bytes are not a whole square tile; allowed: {allowed}")
-    values = np.fromfile(path, dtype=">i2").reshape(nodes, nodes)
+    values = reading.read_raw(path, ">i2", (nodes, nodes), TerrainError)
     z = np.where(values == HGT_VOID, np.nan, values.astype(np.float64))[::-1]
     latitude = int(corner[2]) * (1 if corner[1].upper() == "N" else -1) + 0.5
     step = 1.0 / (nodes - 1)
@@ -270,7 +284,8 @@ def _read_with_rasterio(path: Path) -> Raster:
 
     try:
         # It warns of a missing place, which is an error below.
-        with warnings.catch_warnings(action="ignore"), rasterio.open(path) as dataset:
+        with warnings.catch_warnings(action="ignore"), rasterio.open(path, driver="GTiff") as dataset:
+            check_nodes(dataset.width * dataset.height, str(path))
             bands, transform, crs = dataset.count, dataset.transform, dataset.crs
             values = dataset.read(1, masked=True)
     except rasterio.errors.RasterioError as error:
@@ -291,7 +306,7 @@ def _read_with_rasterio(path: Path) -> Raster:
 def _read_with_pillow(path: Path) -> Raster:
     advice = "install the extra: pip install -e '.[dem]', or convert the file with gdal_translate"
     try:
-        image, values = _decode(path)
+        image, values = read_picture(path, TerrainError)
     except ValueError as error:
         raise TerrainError(f"{error}; rasterio may: {advice}") from None
     if not image.mode.startswith(("I", "F")):
@@ -327,17 +342,6 @@ def _read_with_pillow(path: Path) -> Raster:
         _positive("the pixel scale east", step_east, "m or degrees"),
         centre if model == MODEL_GEOGRAPHIC else None,
     )
-
-
-def _decode(path: Path) -> tuple[Image.Image, Array]:
-    """A picture and its values (rows, cols) as stored, row 0 on top."""
-    try:
-        # What pillow warns of is either an error below or a large map, which is no fault.
-        with warnings.catch_warnings(action="ignore"), Image.open(path) as image:
-            image.load()
-    except (UnidentifiedImageError, Image.DecompressionBombError, OSError, SyntaxError, ValueError) as error:
-        raise TerrainError(f"{path}: pillow cannot read it ({error})") from None
-    return image, np.asarray(image).astype(np.float64)
 
 
 def _existing(path: str | Path) -> Path:

@@ -23,6 +23,7 @@ from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table
 from mathnavi.sim.interfaces.signals import Array
 
 _LONGEST_TEXT = 1000  # [characters] of a source or a licence
+HIGHEST = 1e6  # [m] above or below sea level: what is farther off is no height
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -56,6 +57,10 @@ class HeightField:
             raise TerrainError(
                 f"terrain {self.name!r}: {np.count_nonzero(~np.isfinite(z))} heights are not finite, "
                 f"the first is {z[row, column]} at row {row}, column {column}"
+            )
+        if max(highest := float(z.max()), -(lowest := float(z.min()))) > HIGHEST:
+            raise TerrainError(
+                f"terrain {self.name!r}: heights from {lowest:g} to {highest:g} m; allowed: {-HIGHEST:g} to {HIGHEST:g}"
             )
         spacing = float(self.spacing)
         if not (math.isfinite(spacing) and spacing > 0.0):

@@ -5,7 +5,6 @@ Those of this project enter by the same door as a stranger's.
 
 from __future__ import annotations
 
-import json
 from functools import cache
 from importlib.metadata import EntryPoint
 from inspect import signature
@@ -21,6 +20,8 @@ from mathnavi.sim.interfaces.entry_points import entry_points_of, named
 from mathnavi.sim.interfaces.errors import TerrainError
 from mathnavi.sim.interfaces.failures import failures_named
 from mathnavi.sim.interfaces.input_files import InputFile, PluginName
+from mathnavi.sim.interfaces.reading.arrays import read_npz as read_npz_arrays
+from mathnavi.sim.interfaces.reading.files import read_json
 
 GROUP = "mathnavi.terrains"
 DATA = Path(__file__).parent / "data"
@@ -30,7 +31,7 @@ _DIGITS = 9  # of a terrain's number
 @cache
 def tian_shan() -> HeightField:
     """The Tian Shan around Jengish Chokusu: 257 x 257 nodes at 320 m, 1805 to 6971 m (data/SOURCES.md)."""
-    meta = json.loads((DATA / "tian_shan.json").read_text(encoding="utf-8"))
+    meta = read_json(DATA / "tian_shan.json", dict[str, Any], TerrainError)
     raster = read_png(DATA / "tian_shan.png", meta["spacing_m"], meta["scale_m"])
     return HeightField(raster.z, raster.step_north, raster.name, meta["source"], meta["licence"])
 
@@ -40,10 +41,10 @@ def jacksboro() -> HeightField:
     """The Jacksboro fault in Tennessee: 30 km by 32 km of low ridges at 90 m (data/SOURCES.md)."""
     from matplotlib import cbook  # slow to import, and no other terrain needs it
 
-    with np.load(cbook.get_sample_data("jacksboro_fault_dem.npz", asfileobj=False)) as sample:
-        z = sample["elevation"][::-1].astype(np.float64)  # the file's row 0 is north, and it calls that side ymin
-        latitude = 0.5 * (float(sample["ymin"]) + float(sample["ymax"]))
-        degrees_north, degrees_east = float(sample["dy"]), float(sample["dx"])
+    sample = read_npz_arrays(Path(cbook.get_sample_data("jacksboro_fault_dem.npz", asfileobj=False)), TerrainError)
+    z = sample["elevation"][::-1].astype(np.float64)  # the file's row 0 is north, and it calls that side ymin
+    latitude = 0.5 * (float(sample["ymin"]) + float(sample["ymax"]))
+    degrees_north, degrees_east = float(sample["dy"]), float(sample["dx"])
     source = "Shuttle Radar Topography Mission (NASA, NGA), 3 arc-seconds, from matplotlib's jacksboro_fault_dem.npz"
     licence = "public domain"
     raster = Raster("jacksboro", z, degrees_north, degrees_east, latitude, source, licence)
@@ -67,7 +68,9 @@ def load_terrain(name_or_path: str | Path) -> HeightField:
     path = Path(name_or_path)
     if path.suffix == ".npz":
         return _read(path.resolve(), path.stat().st_mtime_ns) if path.is_file() else read_npz(path)
-    raise TerrainError(f"terrain = {name!r}: not known; {allowed_for(name, terrain_names(), 'or an .npz')}")
+    raise TerrainError(
+        f"terrain = {str(name_or_path)!r}: not known; {allowed_for(name, terrain_names(), 'or an .npz')}"
+    )
 
 
 def place_of(name_or_path: str) -> str:

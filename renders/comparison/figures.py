@@ -51,7 +51,7 @@ def run_figures(left: ComparedRun, right: ComparedRun) -> list[Drawn]:
 def _ground(left: ComparedRun, right: ComparedRun) -> HeightField | None:
     """The terrain that both runs are over, if they are over one and the same that is still there."""
     one, other = (run.config.get("terrain", {}) for run in (left, right))
-    if not one or one.get("digest") != other.get("digest"):
+    if not {"path", "digest"} <= one.keys() or one["digest"] != other.get("digest"):
         return None
     try:
         ground = load_terrain(one["path"])

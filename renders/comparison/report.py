@@ -10,6 +10,7 @@ from mathnavi.renders.comparison.runs import compare_runs
 from mathnavi.renders.comparison.studies import compare_studies, documents
 from mathnavi.renders.comparison.sweeps import compare_sweeps
 from mathnavi.renders.page import Markup
+from mathnavi.sim.interfaces.reading.files import read_text
 from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.records.table import Table
 
@@ -49,7 +50,10 @@ def write_comparison(path: Path, comparison: Comparison) -> None:
 
 def is_comparison(path: Path) -> bool:
     """True if a file is such a page."""
-    return path.is_file() and MARK.encode() in path.read_bytes()
+    try:
+        return path.is_file() and MARK in read_text(path, ValueError)
+    except ValueError:
+        return False
 
 
 def report(comparison: Comparison) -> Markup:

@@ -10,8 +10,9 @@ from typing import Any
 
 from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, differing_fields
 from mathnavi.renders.page import UNKNOWN
+from mathnavi.sim.interfaces.reading.files import read_json
 from mathnavi.sim.records.claims import Claim
-from mathnavi.sim.records.run_folder import read_json
+from mathnavi.sim.records.documents import StudyRecord
 from mathnavi.sim.records.table import Table
 
 KEYS = ("study", "claims")  # by which a study's document is recognised
@@ -33,7 +34,7 @@ class StudyDocument:
 def is_study(path: Path) -> bool:
     """True if a file is a study's document."""
     try:
-        document = read_json(path)
+        document = read_json(path, dict[str, Any], ValueError)
     except (OSError, ValueError):
         return False
     return all(key in document for key in KEYS)
@@ -105,15 +106,11 @@ class ClaimPair:
 
 
 def _read(path: Path) -> tuple[Name, StudyDocument]:
-    document = read_json(path)
-    try:
-        claims = {claim["id"]: Claim(**claim) for claim in document["claims"]}
-        terrain = document.get("terrain") or {}
-        fields = {key: document.get(key) for key in ("first_look", "command")}
-        fields |= {"terrain's digest": terrain.get("digest")}
-        return (str(document["study"]), str(terrain.get("name", ""))), StudyDocument(fields, claims)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{str(path)!r} is not a study's document: {error!r}") from None
+    record: StudyRecord = read_json(path, StudyRecord, ValueError)
+    terrain = record.terrain
+    fields = {"first_look": record.first_look, "command": record.command}
+    fields |= {"terrain's digest": terrain.digest if terrain else None}
+    return (record.study, terrain.name if terrain else ""), StudyDocument(fields, {c.id: c for c in record.claims})
 
 
 def _called(name: Name) -> str:

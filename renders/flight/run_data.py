@@ -19,7 +19,7 @@ from mathnavi.models.terrain.hill import Hill, hills_of, with_hills
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.models.terrain.visibility import Radar, RadarTrack
 from mathnavi.renders.logged_run import LoggedRun
-from mathnavi.sim.interfaces.errors import RunFolderError
+from mathnavi.sim.interfaces.errors import FieldError, RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Plan
 from mathnavi.sim.records.missions import ChangingFlightRecord, RadarRecord, read_mission
 from mathnavi.sim.records.run_folder import ARRAYS, CONFIG, RunLog, read_log
@@ -136,8 +136,9 @@ def flight_of(log: RunLog, mission_of: Callable[[Mapping[str, Any]], Mapping[str
         hills = hills_of(place.get("hills", ()))
         terrain = with_hills(load_terrain(place.get("path") or place["name"]), hills)
         mission = _mission(read_mission(ChangingFlightRecord, mission_of(config["mission"])), hills)
-    except (KeyError, TypeError, AttributeError) as error:
-        raise RunFolderError(f"{str(folder / CONFIG)!r} does not describe a flight: {error!r}") from None
+    except (KeyError, TypeError, AttributeError, FieldError) as error:
+        reason = f": {error}" if isinstance(error, FieldError) else f" does not describe a flight: {error!r}"
+        raise RunFolderError(f"{str(folder / CONFIG)!r}{reason}") from None
     if place.get("digest", terrain.digest) != terrain.digest:
         raise RunFolderError(
             f"terrain {place['name']!r} is no longer the one that run {str(folder)!r} flew over: its digest is "

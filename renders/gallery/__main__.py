@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mathnavi.renders.gallery.table import HERE, README, Command, GalleryPicture, chosen, entries
+from mathnavi.sim.interfaces.reading.files import read_text
 
 ROOT = HERE.parent.parent
 MISSIONS = 0, 1  # exit codes of a command that ran, whatever came of the mission or the claims
@@ -24,7 +25,7 @@ MISSIONS = 0, 1  # exit codes of a command that ran, whatever came of the missio
 
 def main(wanted: Sequence[str]) -> int:
     try:
-        todo = chosen(wanted, entries(README.read_text(encoding="utf-8")))
+        todo = chosen(wanted, entries(read_text(README, ValueError)))
     except ValueError as error:
         print(f"gallery: {error}", file=sys.stderr)
         return 2

@@ -18,7 +18,8 @@ from mathnavi.sim.plugin.registry import called
 def overlay(run: RangingRun, frame: Frame) -> Overlay:
     """The overlay of a frame."""
     config, k = run.log.config, run.belief(frame.t)
-    estimator = called("estimators", str(config["estimator"]["name"])).rpartition(":")[2].replace("_", " ")
+    named = config.get("estimator", {}).get("name", "no estimator named")
+    estimator = called("estimators", named).rpartition(":")[2].replace("_", " ")
     l = run.mission.sensors  # noqa: E741
     title = [
         f"mathnavi · {config['scenario']} · {estimator} · seed {config['seed']}",

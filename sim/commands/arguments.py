@@ -13,12 +13,13 @@ import re
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import tyro
 
-from mathnavi.sim.commands.errors import BadInputError
-from mathnavi.sim.interfaces.checks import close_names
+from mathnavi.sim.commands.errors import BadInputError, bad_input, short
+from mathnavi.sim.interfaces.checks import check_path, close_names
 from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.failures import failures_named
 from mathnavi.sim.plugin.flag_names import joined, negation
@@ -60,7 +61,7 @@ def parse(argv: Sequence[str], prog: str, description: str, *groups: FlagGroup) 
     words = _Words(argv, list(leaves.values())).by_path()
     parsed = tuple(_built(group, leaves, words, argv, list(known)) for group in groups)
     for group, value in zip(groups, parsed, strict=True):
-        _check_finite(value, group.prefix)
+        _check_values(value, group.prefix)
     return parsed
 
 
@@ -143,7 +144,7 @@ class _Words:
         if missing := [leaf for leaf in self._required if leaf.path not in given]:
             raise BadInputError("; ".join(f"{leaf.place} is missing; allowed: {leaf.wanted}" for leaf in missing))
         if left_over:
-            named = ", ".join(word or repr(word) for word in left_over)
+            named = ", ".join(short(word) or repr(word) for word in left_over)
             raise BadInputError(f"{named}: nothing is known to do with this; {_FLAGS_ALLOWED}")
         return given
 
@@ -165,7 +166,7 @@ class _Words:
         if form.choices:
             for word in words:
                 if word not in form.choices:
-                    raise BadInputError(f"{leaf.place} = {word}; allowed: {', '.join(sorted(form.choices))}")
+                    raise BadInputError(f"{leaf.place} = {short(word)}; allowed: {', '.join(sorted(form.choices))}")
         return words
 
     def _is_flag(self, word: str) -> bool:
@@ -276,7 +277,7 @@ def _check_flags(argv: Sequence[str], prog: str, known: Mapping[str, bool]) -> N
     counts = Counter(given(argv))
     for name, count in counts.items():
         if name not in known:
-            raise BadInputError(f"{name} is not a field of {prog!r}; {suggestion(name, list(known), prog)}")
+            raise BadInputError(f"{short(name)} is not a field of {prog!r}; {suggestion(name, list(known), prog)}")
         if count > 1 and not known[name]:
             raise BadInputError(f"{name} is given {count} times; allowed: once")
         if negation(name) in counts:
@@ -297,15 +298,19 @@ def suggestion(name: str, known: Sequence[str], prog: str) -> str:
     return f"allowed: {', '.join(dict.fromkeys(re.sub(r'[.].*', '.*', flag) for flag in known))}"
 
 
-def _check_finite(value: Any, name: str) -> None:
+def _check_values(value: Any, name: str) -> None:
+    """Raise BadInputError for a number that is not finite and a path that no file can have."""
     if dataclasses.is_dataclass(value):
         for entry in dataclasses.fields(value):
-            _check_finite(getattr(value, entry.name), f"{name}.{entry.name}".strip("."))
+            _check_values(getattr(value, entry.name), f"{name}.{entry.name}".strip("."))
     elif isinstance(value, (tuple, list)):
         for item in value:
-            _check_finite(item, name)
+            _check_values(item, name)
     elif isinstance(value, float) and not math.isfinite(value):
         raise BadInputError(f"--{name.replace('_', '-')} = {value}; allowed: finite numbers")
+    elif isinstance(value, Path):
+        with bad_input():
+            check_path(value, f"--{name.replace('_', '-')}")
 
 
 def _wrong(leaf: Leaf, argv: Sequence[str], allowed: str) -> BadInputError:
@@ -329,4 +334,4 @@ def _values(flag: str, argv: Sequence[str]) -> str:
                 words = [value] if assigned else []
         elif inside:
             words.append(word)
-    return " ".join(words)
+    return short(" ".join(words))

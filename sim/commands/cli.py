@@ -2,25 +2,25 @@
 
 Exit codes: 0 the mission did what it should, 1 it ran and did not, or its results could not be written, 2 bad input:
 one line on standard error that names the field, its value and what is allowed, or the usage where there is no command
-at all; 130 and 143 a signal asked it to end. A command's module is imported when it is called, so that help is quick.
+at all; 70 an error that nothing foresaw: one line that names a file with the traceback; 130 and 143 a signal asked it
+to end. A command's module is imported when it is called, so that help is quick.
 """
 
 from __future__ import annotations
 
-import errno
 import importlib
+import io
 import os
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
-from mathnavi.sim.commands.errors import PIPE_CLOSED, BadInputError, worded
+from mathnavi.sim.commands.errors import PIPE_CLOSED, UNFORESEEN, BadInputError, one_line
 from mathnavi.sim.commands.interruption import end, exit_code, interrupted_line, interruptible
 from mathnavi.sim.commands.known import COMMANDS
 from mathnavi.sim.interfaces.checks import allowed_for
 
 USAGE = "usage: mathnavi COMMAND ...\n       mathnavi --version\n\n{}\n\nmathnavi COMMAND --help explains a command."
-
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # errors of writing
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -28,6 +28,45 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Small matrices only: on a busy machine the threads of a linear-algebra library wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        with interruptible(arguments, whole_process=argv is None):
+            code = _called(arguments)
+            if sys.stdout is not None:  # it may have been closed from the start
+                sys.stdout.flush()  # so that a reader that has gone, or a full disk, is noticed here
+        return code
+    except BadInputError as error:
+        print(f"mathnavi: {one_line(str(error))}", file=sys.stderr)
+        return 2
+    except SystemExit as error:  # of a plug-in: no command of ours ends so
+        from mathnavi.sim.interfaces.failures import explained
+
+        print(f"mathnavi: {one_line(f'a plug-in ended the command by {explained(error)}')}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt as error:
+        if argv is None:  # this process is the command, and has nothing more to do
+            end(exit_code(error), arguments)
+        print(interrupted_line(arguments), file=sys.stderr)
+        return exit_code(error)
+    except Exception as error:
+        from mathnavi.sim.commands import unforeseen  # not needed as a rule
+
+        if isinstance(error, BrokenPipeError) and unforeseen.reader_has_gone():  # it has seen enough
+            _discard_output()
+            return PIPE_CLOSED
+        if (reason := unforeseen.not_written(error)) is not None:
+            _discard_output()
+            print(f"mathnavi: {reason}", file=sys.stderr)
+            return 1
+        if unforeseen.traceback_is_shown():
+            raise
+        print(f"mathnavi: {unforeseen.report(error, arguments)}", file=sys.stderr)
+        return UNFORESEEN
+
+
+def _called(arguments: Sequence[str]) -> int:
+    """Exit code of a command, of the help or of the version."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a name of a file may be no text
     if not arguments or arguments[0] in ("-h", "--help"):
         usage = USAGE.format("\n".join(f"  {name:12}{purpose}" for name, (_, purpose) in COMMANDS.items()))
         print(usage, file=sys.stdout if arguments else sys.stderr)
@@ -37,39 +76,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         print(f"mathnavi {version('mathnavi')}")
         return 0
-    try:
-        with interruptible(arguments, whole_process=argv is None):
-            code = _command(arguments[0])(arguments[1:])
-            sys.stdout.flush()  # so that a reader that has gone is noticed here
-        return code
-    except BadInputError as error:
-        print(f"mathnavi: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
-    except BrokenPipeError:  # whoever read the output has seen enough
-        _discard_output()
-        return PIPE_CLOSED
-    except SystemExit as error:  # of a plug-in: no command of ours ends so
-        from mathnavi.sim.interfaces.failures import explained
-
-        print(f"mathnavi: a plug-in ended the command by {' '.join(explained(error).split())}", file=sys.stderr)
-        return 2
-    except OSError as error:  # a full disk, say
-        if error.filename is None:
-            if error.errno not in NO_ROOM:
-                raise
-            _discard_output()  # every writer of files names its file
-        print(f"mathnavi: {worded(error) if error.filename else f'standard output: {error.strerror}'}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt as error:
-        if argv is None:  # this process is the command, and has nothing more to do
-            end(exit_code(error), arguments)
-        print(interrupted_line(arguments), file=sys.stderr)
-        return exit_code(error)
+    return _command(arguments[0])(arguments[1:])
 
 
 def _discard_output() -> None:
-    """Write nothing more to standard output, not even when the interpreter ends."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    """Let nothing that is still to be printed fail again when the process ends."""
+    with suppress(AttributeError, io.UnsupportedOperation):  # it is closed, or no file
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _command(name: str) -> Callable[[Sequence[str]], int]:

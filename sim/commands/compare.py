@@ -59,7 +59,7 @@ def main(argv: Sequence[str]) -> int:
                 f"--out = {out} is there and is no comparison; allowed: a new file, or an earlier comparison"
             )
         comparison = compare(options.left, options.right)
-    console = Console()
+    console = Console(markup=False)
     console.print(f"{comparison.title}. {comparison.verdict}", style="bold", highlight=False)
     for side in ("left", "right"):
         console.print(f"{side:7} {getattr(comparison, side)}", soft_wrap=True, highlight=False)

@@ -78,7 +78,7 @@ def main(argv: Sequence[str]) -> int:
     out = request.options.out or folder.with_name(f"{folder.resolve().name}-{estimator.replace(':', '.')}")
     with bad_input():
         check_spares(out, [folder], "--out")
-    errors = Console(stderr=True)
+    errors = Console(stderr=True, markup=False)
     with run_folder(out) as claim, compilation_announced(errors):
         playback = _playback(request, run_config, log)
         note_environment(errors, run_config)
@@ -86,7 +86,7 @@ def main(argv: Sequence[str]) -> int:
             result = fly(playback, errors)
         result.write_files(claim.new)
         claim.install()
-    console = Console()
+    console = Console(markup=False)
     console.print(f"{estimator} over {folder}: {verdict(result, 'the estimator')}", style="bold", highlight=False)
     for warning in warnings(result.recording):
         console.print(f"warning: {warning}", style="bold", highlight=False)

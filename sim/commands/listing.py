@@ -41,10 +41,10 @@ def main(argv: Sequence[str]) -> int:
         from mathnavi.sim.commands import opengl
 
         opengl.choose()
-    console = Console()
+    console = Console(markup=False)
     for each in GROUPS if kind == ALL else (kind,):
         points = installed(each)
-        console.print(listing(each, points, full) if points else f"[bold]{each}[/bold]\n  none installed")
+        console.print(listing(each, points, full) if points else Text.assemble((each, "bold"), "\n  none installed"))
         console.print()
         if full and each == "estimators" and points:
             console.print(claimed_properties(points))

@@ -73,7 +73,7 @@ def main(argv: Sequence[str]) -> int:
         return 0
     folder = request.options.out or Path("renders/out") / f"{request.name.replace(':', '.')}-seed{request.common.seed}"
     _check_spared(folder, Path(source) if source is not None else None, request.files)
-    errors = Console(stderr=True)
+    errors = Console(stderr=True, markup=False)
     with run_folder(folder) as claim:
         with compilation_announced(errors):
             closed_loop = build(request, run_config)
@@ -92,7 +92,7 @@ def main(argv: Sequence[str]) -> int:
         if replaced:  # by chance, perhaps: nobody named the folder
             gone = f", and removed its {', '.join(removed)}" if removed else ""
             errors.print(f"replaced the run in {folder}{gone}", style="dim", soft_wrap=True, highlight=False)
-        console = Console()
+        console = Console(markup=False)
         console.print(f"{request.name}, seed {request.common.seed}: {verdict(result)}", style="bold", highlight=False)
         for warning in warnings(result.recording):
             console.print(f"warning: {warning}", style="bold", highlight=False)

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mathnavi.sim.commands.errors import BadInputError
+from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.interfaces.errors import UntrustedError
-from mathnavi.sim.interfaces.fields import flattened, instance, of_type
+from mathnavi.sim.interfaces.fields import flattened, instance
 from mathnavi.sim.plugin.trust import check_place, recorded_places, within_record
+from mathnavi.sim.records.documents import RunDocument
 from mathnavi.sim.records.former_names import present_name
+from mathnavi.sim.records.run_folder import CONFIG, read_run_document
 
 
 @dataclass(frozen=True)
@@ -36,35 +37,38 @@ class RunConfig:
         """The configuration of the run in ``folder``; BadInputError if there is none, it is broken, or it names code
         that is neither installed nor named in ``argv`` too, unless it is read within ``trusting()``.
         """
-        path = folder / "config.json"
+        path = folder / CONFIG
         if not path.is_file():
             raise BadInputError(f"--from = {folder}: there is no {path}; allowed: the folder of a run")
+        with bad_input():
+            document, plain = read_run_document(folder)
+        for kind in ("controller", "estimator"):
+            if getattr(document, kind) is None:
+                raise BadInputError(f"{path}: $.{kind} is missing; allowed: what `mathnavi run` writes")
+        assert document.controller is not None
+        assert document.estimator is not None
+        controller, estimator = (present_name(each.name) for each in (document.controller, document.estimator))
+        by_user = {word.partition("=")[2] or word for word in argv}
         try:
-            data = json.loads(path.read_text(encoding="utf-8"))
-            parts: dict[str, Any] = {"scenario": of_type(str, data["scenario"], "scenario")}
-            for kind in ("controller", "estimator"):
-                parts[kind] = present_name(of_type(str, data[kind]["name"], f"{kind}.name"))
-                parts[f"{kind}_fields"] = of_type(dict, data[kind]["fields"], f"{kind}.fields")
-            named = {word.partition("=")[2] or word for word in argv}  # by the user himself
-            for part in ("scenario", "controller", "estimator"):
-                if ":" in parts[part] and parts[part] not in named:
-                    check_place(parts[part], str(path))
-            places = recorded_places([data["fields"], data["controller"], data["estimator"]], str(path))
-            return RunConfig(
-                path=path,
-                places={place: where for place, where in places.items() if place not in named},
-                seed=of_type(int, data["seed"], "seed"),
-                fields=of_type(dict, data["fields"], "fields"),
-                inputs=_inputs(data),
-                environment=_environment(data),
-                **parts,
-            )
+            for place in (document.scenario, controller, estimator):
+                if ":" in place and place not in by_user:
+                    check_place(place, str(path))
+            places = recorded_places([document.fields, plain["controller"], plain["estimator"]], str(path))
         except UntrustedError as error:
             raise BadInputError(str(error)) from None
-        except KeyError as error:
-            raise BadInputError(f"{path}: {error.args[0]} is missing; allowed: what `mathnavi run` writes") from None
-        except (ValueError, TypeError, AttributeError) as error:
-            raise BadInputError(f"{path}: not the configuration of a run ({error})") from None
+        return RunConfig(
+            path=path,
+            scenario=document.scenario,
+            seed=document.seed,
+            fields=document.fields,
+            controller=controller,
+            controller_fields=document.controller.fields,
+            estimator=estimator,
+            estimator_fields=document.estimator.fields,
+            inputs=_inputs(document),
+            environment=_environment(document),
+            places={place: where for place, where in places.items() if place not in by_user},
+        )
 
     @property
     def named_fields(self) -> dict[str, Any]:
@@ -84,17 +88,15 @@ class RunConfig:
             raise BadInputError(f"{self.path}: {error}") from None
 
 
-def _inputs(data: dict[str, Any]) -> dict[str, str]:
+def _inputs(document: RunDocument) -> dict[str, str]:
     """The recorded digests; an earlier version recorded that of the terrain alone, and elsewhere."""
-    if "inputs" in data:
-        return {name: of_type(str, digest, f"inputs.{name}") for name, digest in data["inputs"].items()}
-    digest = data.get("terrain", {}).get("digest")
-    return {} if digest is None else {"terrain": of_type(str, digest, "terrain.digest")}
+    if document.inputs is not None:
+        return document.inputs
+    digest = document.terrain.digest if document.terrain else None
+    return {} if digest is None else {"terrain": digest}
 
 
-def _environment(data: dict[str, Any]) -> dict[str, str]:
-    if "machine" not in data:
+def _environment(document: RunDocument) -> dict[str, str]:
+    if document.machine is None:
         return {}
-    recorded = {**data["versions"], **data["machine"]}
-    del recorded["mathnavi"]
-    return recorded
+    return {name: value for name, value in (document.versions | document.machine).items() if name != "mathnavi"}

@@ -15,6 +15,7 @@ from mathnavi.sim.commands import opengl
 from mathnavi.sim.commands.arguments import FlagGroup, flags, given, parse, value_of, with_flag
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.run_config import RunConfig
+from mathnavi.sim.interfaces.bounds import Seed, configuration
 from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.plugin.registry import PluginSpec, load, names, of_stranger
@@ -24,20 +25,16 @@ PLACES = {"scenarios": "SCENARIO", "controllers": "--controller", "estimators": 
 USAGE = "usage: mathnavi {0} SCENARIO [OPTIONS]      SCENARIO: {1}\nmathnavi {0} SCENARIO --help lists the options."
 
 
-@dataclass(frozen=True)
+@configuration
 class CommonOptions:
     """Flags of every scenario."""
 
-    seed: int = 0
+    seed: Seed = 0
     """of every random draw: the same seed gives the same log, bit for bit"""
     controller: str = ""
     """name of a plug-in, or package.module:Class; its fields are --planner.*"""
     estimator: str = ""
     """name of a plug-in, or package.module:Class; its fields are --estimator.*"""
-
-    def __post_init__(self) -> None:
-        if self.seed < 0:
-            raise ValueError(f"seed = {self.seed}; allowed: a whole number >= 0")
 
 
 @dataclass(frozen=True)
@@ -107,8 +104,14 @@ def prepare() -> None:
     """Choose how to draw, and find a user's own plug-in, "my_planner:Mine", where the command is given."""
     opengl.choose()
     opengl.import_physics()
-    if os.getcwd() not in sys.path:
-        sys.path.append(os.getcwd())
+    try:
+        here = os.getcwd()
+    except OSError as error:
+        raise BadInputError(
+            f"the folder in which the command is given: {error.strerror}; allowed: one that is there"
+        ) from None
+    if here not in sys.path:
+        sys.path.append(here)
 
 
 def read_request(
@@ -183,7 +186,7 @@ def restored_plugin(kind: str, name: str, run_config: RunConfig | None) -> Plugi
         part = kind.removesuffix("s")
         recorded, fields = getattr(run_config, part), getattr(run_config, f"{part}_fields")
         if loaded(kind, recorded) is plugin:
-            return PluginSpec(plugin, run_config.restored(plugin.Config, fields, f"{part}.fields"))
+            return PluginSpec(plugin, run_config.restored(plugin.Config, fields, f"$.{part}.fields"))
     return PluginSpec.of(plugin)
 
 
@@ -191,7 +194,7 @@ def _restored(config: type, run_config: RunConfig, words: Sequence[str]) -> Any:
     """The recorded configuration of a scenario, but for the lists that are given anew: those start empty."""
     lists = {flag for flag, repeats in flags(config) if repeats} & set(given(words))
     fields = {name: value for name, value in run_config.fields.items() if f"--{name.replace('_', '-')}" not in lists}
-    return run_config.restored(config, fields, "fields")
+    return run_config.restored(config, fields, "$.fields")
 
 
 def _about_a_file(message: str, config: Any) -> str:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
+from annotated_types import Interval
 from rich.console import Console
 
 from mathnavi.sim.commands.arguments import HelpPrinted
@@ -19,6 +19,7 @@ from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.search_fields import SearchFields, read_space
 from mathnavi.sim.commands.search_results import SearchResults, print_results, write_pages, write_worst
+from mathnavi.sim.interfaces.bounds import MOST_TO_COMPUTE, Count, Positive, Processes, configuration
 from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.records.store import Store, StoreWriteError
@@ -31,10 +32,11 @@ from mathnavi.sim.sweep.cluster import LostError, check
 from mathnavi.sim.sweep.execution import Pool, Progress, available_cores
 from mathnavi.sim.sweep.trial import named_files
 
+SeveralCount = Annotated[int, Interval(ge=2, le=MOST_TO_COMPUTE)]
 PAGES = (".html", ".png")
 
 
-@dataclass(frozen=True)
+@configuration
 class SearchOptions:
     """Flags of a search."""
 
@@ -47,31 +49,31 @@ class SearchOptions:
     over: tuple[str, ...] = ()
     """FIELD=LOW..HIGH, with ,log on a logarithmic scale, or FIELD=V1,V2,...; FIELD[K] is a place of a field that is
     given, seed the seed; may be given several times"""
-    missions: int = 200
+    missions: Count = 200
     """how many at most"""
     until: float | None = None
     """value of the figure at which the search has found what it looks for; with --rare the event"""
     sampler: Sampler = "tpe"
     """proposes where to fly next: tree-structured Parzen estimator, CMA-ES, or random draws for comparison"""
-    batch: int = 8
+    batch: Count = 8
     """missions proposed at a time; the same seed and batch make the same search, with however many workers"""
     rare: bool = False
     """estimate how probable it is that a mission reaches --until, by multilevel splitting over its random draws"""
-    particles: int = 40
+    particles: SeveralCount = 40
     """missions that --rare moves along together"""
-    repetitions: int = 5
+    repetitions: SeveralCount = 5
     """independent repetitions of --rare, from whose spread its interval follows"""
-    workers: int | None = None
+    workers: Processes | None = None
     """processes; one for each core if not given"""
     cluster: str | None = None
     """address of a Dask scheduler whose workers run the missions, tcp://HOST:PORT or tls://HOST:PORT"""
-    timeout: float | None = None
+    timeout: Positive | None = None
     """time after which a mission is cut off and recorded as timed out [s]; none if not given"""
     retry: bool = False
     """run those missions again that are stored as timed out or crashed"""
     mix_environments: bool = False
     """take missions that are stored from another computing environment, and workers that compute in one"""
-    worst: int = 3
+    worst: Count = 3
     """how many of the worst missions are flown again into --out"""
     out: Path | None = None
     """folder for the runs of the worst missions, worst-1 and so on, to be drawn and flown again by --from"""
@@ -79,13 +81,6 @@ class SearchOptions:
     """write a page and a picture beside the store, with .html and .png in place of its ending"""
 
     def __post_init__(self) -> None:
-        for name, least in (("missions", 1), ("batch", 1), ("particles", 2), ("repetitions", 2), ("worst", 1)):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name} = {getattr(self, name)}; allowed: a whole number >= {least}")
-        if self.workers is not None and self.workers < 1:
-            raise ValueError(f"workers = {self.workers}; allowed: a whole number >= 1")
-        if self.timeout is not None and not (math.isfinite(self.timeout) and self.timeout > 0.0):
-            raise ValueError(f"timeout = {self.timeout}; allowed: a finite number of seconds > 0")
         if self.workers is not None and self.cluster is not None:
             raise ValueError(f"cluster = {self.cluster!r} beside --workers {self.workers}; allowed: one of both")
         if (self.minimise is None) == (self.maximise is None):
@@ -118,7 +113,7 @@ def main(argv: Sequence[str]) -> int:
         with bad_input():
             for ending in PAGES:
                 check_spares(options.store.with_suffix(ending), [options.store, *request.files], "--report")
-    errors, console = Console(stderr=True), Console()
+    errors, console = Console(stderr=True, markup=False), Console(markup=False)
     again = shlex.join(["mathnavi", "search", *argv])
     _check(fields, request)
     evaluations: Sequence[Evaluation] = ()

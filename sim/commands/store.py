@@ -77,7 +77,7 @@ def _show(argv: Sequence[str]) -> None:
     (options,) = parse(argv, "mathnavi store show", "Print what is in a store.", FlagGroup(StoreShowOptions))
     with bad_input(), Store.existing(options.file) as store:
         records = store.records()
-    console = Console()
+    console = Console(markup=False)
     if not records:
         console.print(f"{options.file}: no trials", soft_wrap=True, highlight=False)
     if other := sum(record.origin.digest != environment_digest() for record in records):

@@ -23,6 +23,7 @@ from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import sweep_progress
 from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import prepare
+from mathnavi.sim.interfaces.bounds import Processes, configuration
 from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.plugin.registry import load, names
@@ -43,7 +44,7 @@ Studies = Mapping[str, tuple[Any, Any]]  # plug-in and configuration by name
 USAGE = "usage: mathnavi study NAME|all [OPTIONS]      NAME: {}\nmathnavi study NAME --help lists the options."
 
 
-@dataclass(frozen=True)
+@configuration
 class StudyOptions:
     """Flags of every study."""
 
@@ -53,7 +54,7 @@ class StudyOptions:
     """folder to write to, with a folder for each terrain if there are several; renders/out/study if not given"""
     quick: bool = False
     """a small sample, for a first look"""
-    workers: int = field(default_factory=available_cores)
+    workers: Processes = field(default_factory=available_cores)
     """processes that fly and compute"""
     cluster: str | None = None
     """address of a Dask scheduler whose workers do it instead, tcp://HOST:PORT or tls://HOST:PORT"""
@@ -61,8 +62,6 @@ class StudyOptions:
     """take results that are stored from another computing environment, and workers that compute in one"""
 
     def __post_init__(self) -> None:
-        if self.workers < 1:
-            raise ValueError(f"workers = {self.workers}; allowed: a whole number >= 1")
         if len(set(self.terrain)) < len(self.terrain):
             raise ValueError(f"terrain = {self.terrain}; allowed: each terrain once")
 
@@ -83,7 +82,7 @@ def main(argv: Sequence[str]) -> int:
         with bad_input():
             check(options.cluster)
     sites = _sites(options, studies)
-    console, errors = Console(), Console(stderr=True)
+    console, errors = Console(markup=False), Console(stderr=True, markup=False)
     claims: list[list[Claim]] = []  # of each site
     for site in sites:
         claims.append([])

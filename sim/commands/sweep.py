@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 import shlex
 import sys
 from collections.abc import Sequence
@@ -19,33 +18,34 @@ from mathnavi.sim.commands.interruption import when_interrupted
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
 from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import RunRequest, prepare, usage
-from mathnavi.sim.commands.variations import read_requests, read_variations, trials
+from mathnavi.sim.commands.variations import listed_combinations, read_requests, read_variations, trials
+from mathnavi.sim.interfaces.bounds import LARGEST_SEED, MOST_TO_COMPUTE, Count, Positive, Processes, configuration
 from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.store import TRANSIENT, Record, Store, StoreWriteError
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import LostError, check
 from mathnavi.sim.sweep.execution import Progress, available_cores, run_trials
-from mathnavi.sim.sweep.trial import LARGEST_SEED, Trial, contents, named_files
+from mathnavi.sim.sweep.trial import Trial, contents, named_files
 
 REPORT = ".html"
 
 
-@dataclass(frozen=True)
+@configuration
 class SweepOptions:
     """Flags of a sweep."""
 
-    trials: int
+    trials: Count
     """of each combination of listed values, with the seeds SEED, SEED + 1, and so on"""
     store: Path
     """file of the results (SQLite); a sweep goes on where it stopped, and adds to what is there"""
     vary: tuple[str, ...] = ()
     """FIELD=V1,V2,...: each of these values; FIELD=LOW..HIGH: drawn for every trial; may be given several times"""
-    workers: int | None = None
+    workers: Processes | None = None
     """processes; one for each core if not given"""
     cluster: str | None = None
     """address of a Dask scheduler whose workers run the trials, tcp://HOST:PORT or tls://HOST:PORT"""
-    timeout: float | None = None
+    timeout: Positive | None = None
     """time after which a trial is cut off and recorded as timed out [s]; none if not given"""
     retry: bool = False
     """run those trials again that are stored as timed out or crashed"""
@@ -55,12 +55,6 @@ class SweepOptions:
     """write a page beside the store, with .html in place of its ending"""
 
     def __post_init__(self) -> None:
-        if self.trials < 1:
-            raise ValueError(f"trials = {self.trials}; allowed: a whole number >= 1")
-        if self.workers is not None and self.workers < 1:
-            raise ValueError(f"workers = {self.workers}; allowed: a whole number >= 1")
-        if self.timeout is not None and not (math.isfinite(self.timeout) and self.timeout > 0.0):
-            raise ValueError(f"timeout = {self.timeout}; allowed: a finite number of seconds > 0")
         if self.workers is not None and self.cluster is not None:
             raise ValueError(f"cluster = {self.cluster!r} beside --workers {self.workers}; allowed: one of both")
         if self.store.suffix == REPORT:
@@ -79,7 +73,7 @@ def main(argv: Sequence[str]) -> int:
     if options.report:
         with bad_input():
             check_spares(options.store.with_suffix(REPORT), [options.store, *request.files], "--report")
-    errors = Console(stderr=True)
+    errors = Console(stderr=True, markup=False)
     command = shlex.join(["mathnavi", "sweep", *argv])
     state: Progress | None = None  # before the store is looked into
     when_interrupted(lambda: f"{_stored(state)}; to go on")
@@ -121,7 +115,7 @@ def main(argv: Sequence[str]) -> int:
     except (StoreWriteError, RefusedError, LostError, OSError) as error:
         print(f"mathnavi: {' '.join(worded(error).split())}, {_stored(state)}; to go on: {command}", file=sys.stderr)
         return 1
-    console = Console()
+    console = Console(markup=False)
     console.print(f"{request.name}, {verdict(records)}", style="bold", highlight=False, soft_wrap=True)
     print_evidence(console, records, [*sweep.listed, *sweep.drawn])
     console.print(f"\nstore   {options.store}", soft_wrap=True, highlight=False)
@@ -168,6 +162,11 @@ def read_sweep(argv: Sequence[str]) -> SweepRequest:
     seed, count = requests[0].common.seed, requests[0].options.trials
     if seed > LARGEST_SEED - count + 1:
         raise BadInputError(f"--seed = {seed}; allowed: 0 to {LARGEST_SEED} less the trials that follow")
+    combinations = len(requests) * listed_combinations(requests[0], variations)
+    if count * combinations > MOST_TO_COMPUTE:
+        raise BadInputError(
+            f"--trials = {count} of each of {combinations} combinations; allowed: {MOST_TO_COMPUTE} trials in all"
+        )
     by_request = [trials(request, variations, count) for request in requests]
     drawn = by_request[0][1]
     by_seed = zip(*(of_seeds for of_seeds, _ in by_request), strict=True)

@@ -18,6 +18,7 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain, terrain_names
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, flags, parse, with_flag
 from mathnavi.sim.commands.errors import BadInputError, bad_input
+from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.writing import write_bytes
 
@@ -86,8 +87,7 @@ def _show(argv: Sequence[str]) -> None:
         if picture.suffix != ".png":
             raise BadInputError(f"--out = {picture}; allowed: a name that ends in .png")
         check_spares(picture, [options.terrain], "--out")
-        if options.out is None:
-            picture.parent.mkdir(parents=True, exist_ok=True)
+    with output_folder(picture.parent), bad_input():
         _draw(terrain, picture)
     print(statistics(terrain))
     print(f"picture   {picture}")

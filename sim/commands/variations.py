@@ -8,6 +8,7 @@ field's name: what else is varied, and in which order, changes nothing in it.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -154,6 +155,13 @@ def trials(request: RunRequest, variations: Sequence[Variation], count: int) -> 
             drawn_now = {flag: uniform.draw(seed) for flag, uniform in drawn.items()}
             by_seed.append([trial_of(set_fields(base, places, drawn_now), seed) for base in bases])
         return by_seed, [uniform.name for uniform in drawn.values()]
+
+
+def listed_combinations(request: RunRequest, variations: Sequence[Variation]) -> int:
+    """How many combinations the listed values of fields make."""
+    places = FieldPlaces(request)
+    values = [places.values(variation) for variation in variations if variation.flag not in PLUGINS]
+    return math.prod(len(listed) for listed in values if isinstance(listed, list))
 
 
 def set_fields(request: RunRequest, places: FieldPlaces, values: Mapping[str, Any]) -> RunRequest:

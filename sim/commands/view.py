@@ -23,7 +23,7 @@ from mathnavi.sim.commands.run_request import prepare, read_request
 from mathnavi.sim.engine.replay import RecordedMotion
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.plugin.trust import trusting
-from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_json, read_log
+from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_state_names
 
 DESCRIPTION = "Replay a run in MuJoCo's viewer, with the path in orange, until its window is closed."
 FRAME = 1.0 / 60.0  # [s]
@@ -150,7 +150,7 @@ def _draw_paths(replay: RecordedMotion, viewer: Any) -> None:
 
 def _logs(folder: Path) -> dict[str, RunLog]:
     """The log of every vehicle."""
-    names = list(read_json(folder / "log.json").get("states", {}))
+    names = list(read_state_names(folder))
     if len(names) > 1:
         return dict(read_fleet(folder).vehicles)
     return {name: read_log(folder, may_diverge=True) for name in names}

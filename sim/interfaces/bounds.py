@@ -33,6 +33,10 @@ from mathnavi.sim.interfaces.errors import FieldError
 Made = TypeVar("Made")
 
 MOST_IN_MEMORY = 1_000_000  # of anything
+MOST_TO_COMPUTE = 100_000  # missions, trials, repetitions
+MOST_PROCESSES = 1024
+FARTHEST = 1e9  # [m, m/s] of a point or a velocity: its square is a number too
+LARGEST_SEED = 2**63 - 1  # that a store has room for
 FINITE = Predicate(math.isfinite)
 ANEW = object()
 """Mark of a field's type in a subclass: its bounds stand in the place of those of the base class."""
@@ -93,8 +97,11 @@ class TickRate(GroupedMetadata):
         yield Condition(self._is_whole, f"{1.0 / self.tick:g} Hz over a whole number")
 
     def _is_whole(self, rate: float) -> bool:
-        ticks = 1.0 / (rate * self.tick)
-        return abs(ticks - round(ticks)) <= 1e-9
+        share = rate * self.tick
+        if not 0.0 < share < math.inf:  # a rate so low that it is none
+            return False
+        ticks = 1.0 / share
+        return math.isfinite(ticks) and abs(ticks - round(ticks)) <= 1e-9
 
 
 Finite = Annotated[float, FINITE]
@@ -105,13 +112,15 @@ PositiveFraction = Annotated[float, Interval(gt=0.0, le=1.0), FINITE]
 Probability = Annotated[
     float, Within(Interval(gt=0.0, lt=1.0), allowed="between 0 and 1")
 ]  # neither impossible nor certain
-Count = Annotated[int, Ge(1)]
+Count = Annotated[int, Interval(ge=1, le=MOST_TO_COMPUTE)]
 CountInMemory = Annotated[int, Interval(ge=1, le=MOST_IN_MEMORY)]
-NonNegativeInt = Annotated[int, Ge(0)]
+Processes = Annotated[int, Interval(ge=1, le=MOST_PROCESSES)]
+Seed = Annotated[int, Interval(ge=0, le=LARGEST_SEED)]
 
 FINITE_NUMBERS = Each(FINITE, allowed="finite numbers")
-TWO_FINITE_NUMBERS = Each(FINITE, allowed="two finite numbers")
-THREE_FINITE_NUMBERS = Each(FINITE, allowed="three finite numbers")
+_COORDINATE = Interval(ge=-FARTHEST, le=FARTHEST)
+TWO_FINITE_NUMBERS = Each(_COORDINATE, FINITE, allowed=f"two finite numbers, none beyond {FARTHEST:g}")
+THREE_FINITE_NUMBERS = Each(_COORDINATE, FINITE, allowed=f"three finite numbers, none beyond {FARTHEST:g}")
 
 
 @typing.overload

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from mathnavi.sim.interfaces.errors import FieldError
 
-_LONGEST_NAME = 100  # [bytes], which leaves room for endings within the 255 of a file's name
+_LONGEST_NAME, _LONGEST_PATH = 255, 4095  # [bytes] that the file systems of Linux and macOS take
+_LONGEST_PLAIN = 100  # [bytes], which leaves room for endings
 _CLOSE = 0.6  # similarity from which a name that is not known counts as misspelt
 
 
@@ -20,6 +21,18 @@ def check(value: float, name: str, low: float, high: float = math.inf, *, open_l
     inside = low < value <= high if open_low else low <= value <= high
     if not (math.isfinite(value) and inside):
         raise FieldError(f"{name} = {value!r}; allowed: a finite value {allowed}")
+
+
+def check_path(path: Path, name: str) -> None:
+    """A name that a file can have: parts that a file system takes."""
+    given, text = str(path), os.fsencode(path)
+    if b"\0" in text:
+        raise FieldError(f"{name} = {given!r}; allowed: a name without a null character")
+    if len(text) > _LONGEST_PATH or any(len(os.fsencode(part)) > _LONGEST_NAME for part in path.parts):
+        raise FieldError(
+            f"{name} = {given[:40]}..., {len(text)} bytes; allowed: names of at most {_LONGEST_NAME} bytes, "
+            f"{_LONGEST_PATH} with their folders"
+        )
 
 
 def check_names(names: Sequence[str]) -> tuple[str, ...]:
@@ -37,7 +50,7 @@ def plain_name(name: object, what: str) -> str:
     """
     if not isinstance(name, str) or not _is_plain(name):
         raise FieldError(
-            f"{what} = {name!r:.120}; allowed: a name of 1 to {_LONGEST_NAME} bytes, printable, without slashes, that "
+            f"{what} = {name!r:.120}; allowed: a name of 1 to {_LONGEST_PLAIN} bytes, printable, without slashes, that "
             "begins with neither . nor -"
         )
     return name
@@ -46,7 +59,7 @@ def plain_name(name: object, what: str) -> str:
 def _is_plain(name: str) -> bool:
     return (
         name.isprintable()
-        and 1 <= len(name.encode()) <= _LONGEST_NAME
+        and 1 <= len(name.encode()) <= _LONGEST_PLAIN
         and not set(name) & {"/", "\\"}
         and name[0] not in ".-"
         and name.strip() == name

@@ -14,9 +14,9 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.failures import failures_named
+from mathnavi.sim.interfaces.schema import known_fields, unknown_field, validated
 
 _PLAIN = (bool, int, float, str)
 _hints: Callable[[Any], dict[str, Any]] = cache(get_type_hints)
@@ -44,11 +44,8 @@ def instance(config: type, fields: Mapping[str, Any], where: str) -> Any:
 
     FieldError for a field that it does not have and for a value that is not of the declared type.
     """
-    _check_names(config, fields, where)
-    hints = _hints(config)
-    values = {name: value_as(hints[name], value, f"{where}.{name}") for name, value in fields.items()}
     with _refusing(config, where):
-        return config(**values)
+        return validated(config, _native(fields), where)
 
 
 def with_fields(config: Any, fields: Mapping[str, Any], where: str = "") -> Any:
@@ -57,11 +54,12 @@ def with_fields(config: Any, fields: Mapping[str, Any], where: str = "") -> Any:
     nested: dict[str, dict[str, Any]] = {}
     for name, value in fields.items():
         first, _, rest = name.partition(".")
-        _check_names(type(config), (first,), where)
+        if first not in known_fields(type(config)):
+            raise unknown_field(type(config), first, where)
         if rest:
             nested.setdefault(first, {})[rest] = value
         else:
-            own[first] = value_as(_hints(type(config))[first], value, _joined(where, first))
+            own[first] = validated(_hints(type(config))[first], _native(value), _joined(where, first))
     for first, inner in nested.items():
         part = own.get(first, getattr(config, first))
         if not dataclasses.is_dataclass(part):
@@ -96,47 +94,13 @@ def flattened(fields: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return flat
 
 
-def of_type(kind: type | tuple[type, ...], value: Any, where: str) -> Any:
-    """``value`` if it is of that kind, and FieldError if not; a truth value is no number."""
-    if not isinstance(value, kind) or isinstance(value, bool):
-        kinds = kind if isinstance(kind, tuple) else (kind,)
-        raise FieldError(f"{where} = {value!r}; allowed: {' or '.join(one.__name__ for one in kinds)}")
-    return value
-
-
-def value_as(hint: Any, value: Any, where: str) -> Any:
-    """Plain data in the type that a dataclass declares; FieldError if it is of another."""
-    origin, choices = get_origin(hint), get_args(hint)
+def _native(value: Any) -> Any:
+    """``value`` with Python's own numbers in the place of NumPy's."""
     if isinstance(value, np.generic):
-        value = value.item()
-    if dataclasses.is_dataclass(hint):
-        if isinstance(value, typing.cast(type, hint)):
-            return value
-        return instance(typing.cast(type, hint), of_type(dict, value, where), where)
-    if origin in (typing.Union, types.UnionType):
-        return None if value is None and type(None) in choices else value_as(_given(hint), value, where)
-    if origin in (tuple, list):
-        items = list(of_type((list, tuple), value, where))
-        if origin is list or choices[-1] is Ellipsis:
-            choices = (choices[0],) * len(items)
-        if len(choices) != len(items):
-            raise FieldError(f"{where} = {value!r}; allowed: {len(choices)} values")
-        return origin(value_as(choice, item, where) for choice, item in zip(choices, items, strict=True))
-    if origin is typing.Literal:
-        if value not in choices:
-            raise FieldError(f"{where} = {value!r}; allowed: {', '.join(map(str, choices))}")
-        return value
-    if hint is bool:
-        if not isinstance(value, bool):
-            raise FieldError(f"{where} = {value!r}; allowed: true, false")
-        return value
-    if hint is float:
-        return float(of_type((int, float), value, where))
-    if hint is Path:
-        return Path(of_type((str, Path), value, where))
-    if isinstance(hint, type) and issubclass(hint, Enum):
-        return hint(value)
-    return value if hint is Any else of_type(origin or hint, value, where)
+        return value.item()
+    if isinstance(value, (tuple, list)):
+        return [_native(item) for item in value]
+    return {name: _native(item) for name, item in value.items()} if isinstance(value, Mapping) else value
 
 
 def _refusing(config: type, where: str) -> AbstractContextManager[None]:
@@ -152,10 +116,3 @@ def _given(hint: Any) -> Any:
 
 def _joined(where: str, name: str) -> str:
     return f"{where}.{name}".strip(".")
-
-
-def _check_names(config: type, names: typing.Iterable[str], where: str) -> None:
-    known = [field.name for field in dataclasses.fields(config)]
-    for name in names:
-        if name not in known:
-            raise FieldError(f"{_joined(where, name)} is not a field; {allowed_for(name, known)}")

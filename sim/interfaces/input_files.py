@@ -24,6 +24,11 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
+from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.reading.files import MEBIBYTE, read_bytes
+
+MOST = 4096 * MEBIBYTE  # of a file that a field names
+
 
 def content_digest(place: str | Path) -> str:
     """SHA-256 of the content of a file, in hexadecimal, or of every file in a folder with its place in there.
@@ -33,10 +38,10 @@ def content_digest(place: str | Path) -> str:
     path = Path(place)
     if path.is_dir():
         files = [each for each in path.rglob("*") if each.is_file()]
-        return digest_of({each.relative_to(path).as_posix(): each.read_bytes() for each in files})
+        return digest_of({each.relative_to(path).as_posix(): read_bytes(each, FieldError, MOST) for each in files})
     if not path.is_file():
         raise FileNotFoundError(f"{place}: no such file; allowed: a file that can be read")
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return hashlib.sha256(read_bytes(path, FieldError, MOST)).hexdigest()
 
 
 def digest_of(contents: Mapping[str, bytes]) -> str:

@@ -14,8 +14,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from mathnavi.sim.interfaces.reading.files import MEBIBYTE, read_bytes
+
 PACKAGE = "mathnavi"
 FOLDERS = ("controllers", "estimators", "models", "sim")  # what a result can depend on; renders draws afterwards
+MOST_SOURCE = 1024 * MEBIBYTE  # of a file that lies in a package
 _DIGITS = 16  # of a digest
 _IMPORT = re.compile(rb"^\s*(?:from\s+([A-Za-z_]\w*)[\w.]*\s+import\b|import\s+([^\n#;(]+))", re.MULTILINE)
 
@@ -78,7 +81,7 @@ def _places(name: str) -> list[tuple[Path, Path]]:
 
 def _imports(file: Path) -> Iterator[str]:
     """Top-level modules that a source imports, without Python's own and mathnavi."""
-    for module, listed in _IMPORT.findall(file.read_bytes()):
+    for module, listed in _IMPORT.findall(read_bytes(file, ValueError, MOST_SOURCE)):
         for each in (module,) if module else listed.split(b","):
             name = each.split(b" as ")[0].strip().partition(b".")[0].decode(errors="replace")
             if name.isidentifier() and name not in sys.stdlib_module_names and name != PACKAGE:
@@ -114,7 +117,7 @@ def _digest(files: Iterable[tuple[str, Path, Path]], *more: str) -> str:
     """Digest of (package, folder of the package, file): where each file lies in its package, and its content."""
     digest = hashlib.sha256()
     for package, folder, file in files:
-        content = hashlib.sha256(file.read_bytes()).hexdigest()
+        content = hashlib.sha256(read_bytes(file, ValueError, MOST_SOURCE)).hexdigest()
         digest.update(f"{package}/{file.relative_to(folder).as_posix()} {content}\n".encode())
     for each in more:
         digest.update(f"{each}\n".encode())

@@ -19,6 +19,7 @@ from importlib.metadata import EntryPoint
 from pathlib import Path
 
 from mathnavi.sim.interfaces.entry_points import home
+from mathnavi.sim.interfaces.reading.files import parsed, read_text
 from mathnavi.sim.plugin.groups import GROUPS, installed
 from mathnavi.sim.plugin.source_stamps import Plain, stamp
 
@@ -127,7 +128,7 @@ def _rules() -> dict[str, list[int]]:
 def _read(path: Path) -> dict[str, Plain]:
     """The entries of the index by their keys; none from a file that is missing, damaged or made by other rules."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = parsed(read_text(path, ValueError), str(path), ValueError)
         if content["rules"] != _rules():
             return {}
         entries: dict[str, Plain] = content["entries"]
@@ -170,7 +171,7 @@ def _described_apart(values: Sequence[str]) -> list[Plain]:
         check=False,
     )
     if not done.returncode:
-        made: list[Plain] = json.loads(done.stdout)
+        made: list[Plain] = parsed(done.stdout, "the index", ValueError)
         return made
     if len(values) == 1:
         error = f"its import ended the process, exit code {done.returncode}"

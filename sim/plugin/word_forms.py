@@ -51,6 +51,8 @@ def form_of(hint: Any) -> Form | None:
         return _chosen({"True": True, "False": False})
     if isinstance(hint, type) and issubclass(hint, Enum):
         return _chosen(dict(hint.__members__))
+    if hint is Path:
+        return Form(1, NAMES[hint], lambda words: _path(words[0]))
     if hint in NAMES:
         return Form(1, NAMES[hint], lambda words: hint(words[0]))
     return None
@@ -69,6 +71,12 @@ def _member(values: dict[str, Any], word: str) -> Any:
     if word not in values:
         raise ValueError(f"{word}; allowed: {', '.join(values)}")
     return values[word]
+
+
+def _path(word: str) -> Path:
+    if not word:
+        raise ValueError("an empty word")  # which Path takes for the folder that the command is given in
+    return Path(word)
 
 
 def _repeated(container: type, item: Form | None) -> Form | None:

@@ -15,7 +15,6 @@ files stand beside the store is an action too, from the tables to its own files.
 from __future__ import annotations
 
 import hashlib
-import json
 import mimetypes
 import os
 import re
@@ -28,7 +27,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from mathnavi.sim.interfaces.reading.files import MOST_LINES, parsed, read_bytes, read_document
 from mathnavi.sim.interfaces.writing import write_text
+from mathnavi.sim.records.documents import StudyRecord
 from mathnavi.sim.records.extras import extra
 from mathnavi.sim.records.files import write_json
 from mathnavi.sim.records.jobs import JobRecord
@@ -148,7 +149,7 @@ def _groups_of_jobs(jobs: Sequence[JobRecord], parquet: bool) -> Iterator[_Group
             "function": name,
             "code": code,
             "seeds": sorted({job.seed for job in members}),
-            "arguments": [json.loads(job.arguments) for job in members],
+            "arguments": [parsed(job.arguments, f"job {job.key}", ValueError) for job in members],
         }
         yield _Group(name, code, configuration, Counter(job.status for job in members), tables)
 
@@ -163,10 +164,10 @@ def _copy_studies(store: Path, folder: Path) -> dict[str, dict[str, Any]]:
     studies = {}
     for path in sorted(store.parent.glob("*.json")) if store.name == STUDY_STORE else ():
         try:
-            document = json.loads(path.read_text(encoding="utf-8"))
+            record, document = read_document(path, StudyRecord, ValueError)
         except (OSError, ValueError):
             continue  # another program's
-        if isinstance(document, dict) and document.get("study") == path.stem and "claims" in document:
+        if record.study == path.stem:
             (folder / "studies").mkdir(exist_ok=True)
             for file in (path.with_suffix(ending) for ending in STUDY_FILES):
                 if file.is_file():
@@ -239,7 +240,7 @@ def _add(crate: Any, identifier: str, kind: str, **properties: Any) -> Any:
 
 
 def _add_file(crate: Any, folder: Path, path: str) -> Any:
-    content = (folder / path).read_bytes()
+    content = read_bytes(folder / path, ValueError, MOST_LINES)
     properties = {
         "name": path,
         "encodingFormat": MEDIA_TYPES.get(Path(path).suffix) or mimetypes.guess_type(path)[0],

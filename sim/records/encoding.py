@@ -28,12 +28,14 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.sim.interfaces.reading.arrays import decoded_npz
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.groups import GROUPS, installed
 from mathnavi.sim.plugin.trust import is_trusted
 
 SMALL = 32  # elements of an array that stands among the text
 _AS_TEXT = "biuf"  # kinds of arrays that may
+_IN_A_BLOCK = "biufcSUmM"  # all kinds but those of objects and of records
 _PLAIN = (bool, int, str)
 
 
@@ -62,12 +64,17 @@ def encoded(value: Any) -> Encoded:
 
 
 def decoded(coded: Encoded) -> Any:
-    """The value that was encoded. Raises ValueError or ImportError if a class is not there any more."""
+    """The value that was encoded.
+
+    Raises ValueError for what is no such value, and ValueError or ImportError if a class is not there any more.
+    """
     arrays: dict[str, Array] = {}
     if coded.arrays is not None:
-        with np.load(io.BytesIO(coded.arrays), allow_pickle=False) as block:
-            arrays = dict(block)
-    return _Reader(arrays, coded.timings).value(coded.tree)
+        arrays = decoded_npz(coded.arrays, "the arrays of a result", ValueError, kinds=_IN_A_BLOCK)
+    try:
+        return _Reader(arrays, coded.timings).value(coded.tree)
+    except (KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        raise ValueError(f"no result that was stored: {error!r}") from None
 
 
 def place_of(kind: Any) -> str:
@@ -177,7 +184,10 @@ class _Reader:
             case {"$pairs": pairs}:
                 return {self.value(name): self.value(item) for name, item in pairs}
             case {"$array": [dtype, shape, items]}:
-                return np.array(self.value(items), dtype=np.dtype(dtype)).reshape(shape)
+                kind = np.dtype(dtype)
+                if kind.kind not in _AS_TEXT or len(items) > SMALL:
+                    raise ValueError(f"$array = {dtype!r}, {len(items)} elements; allowed: at most {SMALL} numbers")
+                return np.array(self.value(items), dtype=kind).reshape(shape)
             case {"$block": name}:
                 return self._arrays[name]
             case {"$number": [dtype, item]}:

@@ -40,6 +40,9 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "solver": ("solver_failures", "iteration_limits", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max"),
 }  # fmt: skip
+# All figures above are numbers, or null where there is none, but for these.
+TRUTH_VALUES = frozenset(("hit", "converged", "escaped", "arrived", "touched_wall"))
+TEXTS = frozenset(("observable", "nearest_pair"))
 # By the end of a name; the longer first.
 UNITS = {"_per_s": "1/s", "_m_s": "m/s", "_deg": "deg", "_rad": "rad", "_ms": "ms", "_s": "s", "_m": "m"}
 # What a name alone does not say; |v| is a length in the metric of what moves.

@@ -9,12 +9,13 @@ larger arrays of the result. The tables are made when the first job is stored, s
 
 from __future__ import annotations
 
-import json
 import sqlite3
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
+from mathnavi.sim.interfaces.errors import StoreError
+from mathnavi.sim.interfaces.reading.files import checked, parsed
 from mathnavi.sim.records.encoding import Encoded, decoded
 from mathnavi.sim.records.origins import Origin
 
@@ -70,7 +71,7 @@ class JobRecord:
         """The value that the function returned; ValueError if it returned none."""
         if self.result is None:
             raise ValueError(f"{self.function} {self.status}: it returned nothing")
-        return decoded(Encoded(json.loads(self.result), self.arrays, self.timings))
+        return decoded(Encoded(parsed(self.result, self.function, StoreError), self.arrays, self.timings))
 
 
 def add_job(connection: sqlite3.Connection, record: JobRecord, retried: bool) -> None:
@@ -103,4 +104,6 @@ def _record(connection: sqlite3.Connection, key: str) -> JobRecord:
     if row is None:
         raise KeyError(key)
     timings = connection.execute("SELECT figure, value FROM job_timings WHERE key = ? ORDER BY figure", (key,))
-    return JobRecord(**dict(zip(columns, row, strict=True)), timings=dict(timings.fetchall()))
+    values = {**dict(zip(columns, row, strict=True)), "timings": dict(timings.fetchall())}
+    record: JobRecord = checked(JobRecord, values, f"job {key}", StoreError)
+    return record

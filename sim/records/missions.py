@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from mathnavi.models.missile.mission import Case, Target
@@ -22,14 +22,11 @@ MissionRecord = TypeVar("MissionRecord")
 def read_mission(kind: type[MissionRecord], fields: Mapping[str, Any]) -> MissionRecord:
     """The mission in a run's config.json as a dataclass of this module; fields that it does not have are ignored.
 
-    Raises KeyError for a field that is missing, FieldError for a value of another type.
+    Raises FieldError for a field that is missing, and for a value of another type.
     """
-    known = dataclasses.fields(kind)  # type: ignore[arg-type]
-    for each in known:
-        if each.name not in fields and each.default is MISSING and each.default_factory is MISSING:
-            raise KeyError(each.name)
-    given = {each.name: fields[each.name] for each in known if each.name in fields}
-    read: MissionRecord = instance(kind, given, "mission")
+    known = {each.name for each in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    given = {name: value for name, value in fields.items() if name in known}
+    read: MissionRecord = instance(kind, given, "$.mission")
     return read
 
 

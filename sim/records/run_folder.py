@@ -25,18 +25,24 @@ from typing import Any
 import numpy as np
 
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.interfaces.errors import RunFolderError
+from mathnavi.sim.interfaces.errors import FieldError, RunFolderError
+from mathnavi.sim.interfaces.reading import files
+from mathnavi.sim.interfaces.reading.arrays import read_npz
+from mathnavi.sim.interfaces.schema import known_fields, shortened
 from mathnavi.sim.interfaces.signals import Array, Event, Plan, Status
 from mathnavi.sim.interfaces.writing import write_bytes, write_text
 from mathnavi.sim.records.claimed_folder import claimed
 from mathnavi.sim.records.computing_environment import machine, versions
+from mathnavi.sim.records.documents import ArrayIndexDocument, RunDocument, check_summary
 from mathnavi.sim.records.files import jsonable, write_json
 from mathnavi.sim.records.former_names import with_present_names
+from mathnavi.sim.records.log_arrays import COMMAND, TIME, TRUTH, check_arrays
 
 CONFIG, SUMMARY, EVENTS, ARRAYS, ARRAY_INDEX = "config.json", "summary.json", "events.jsonl", "log.npz", "log.json"
 RUN_FILES = (CONFIG, EVENTS, ARRAYS, ARRAY_INDEX, SUMMARY)
 LEFT = f".{ARRAYS}.partial"  # left by a run of an earlier version that was killed
-TRUTH = ".truth.x"  # ending of the names of a fleet's arrays of true states
+STATUS_CHANGE = "estimator-status"  # kind of the events that say so
+FLEET_TRUTH = f".{TRUTH}"  # ending of the names of a fleet's arrays of true states
 
 
 class NothingToDrawError(ValueError):
@@ -97,8 +103,8 @@ class RunLog:
     @cached_property
     def _statuses(self) -> tuple[Array, tuple[Status, ...]]:
         """Times [s] at which the estimator's status changed, and the status from each of them on."""
-        changes = [event for event in self.events if event.kind == "estimator-status"]
-        named = tuple(Status[event.message.partition(":")[0].upper()] for event in changes)
+        changes = [event for event in self.events if event.kind == STATUS_CHANGE]
+        named = tuple(Status[_status_name(event)] for event in changes)
         return np.array([event.t for event in changes]), named
 
     def status(self, t: float) -> Status:
@@ -149,9 +155,9 @@ def read_fleet(directory: str | Path) -> FleetLog:
     config, summary, events = _read_texts(folder)
     path = folder / ARRAYS
     arrays = _read_arrays(path)
-    names = [key.removesuffix(TRUTH) for key in arrays if key.endswith(TRUTH)]
+    names = [key.removesuffix(FLEET_TRUTH) for key in arrays if key.endswith(FLEET_TRUTH)]
     if not names:
-        raise RunFolderError(f"{str(path)!r} lacks VEHICLE{TRUTH}: only the run of a fleet can be drawn so")
+        raise RunFolderError(f"{str(path)!r} lacks VEHICLE{FLEET_TRUTH}: only the run of a fleet can be drawn so")
     vehicles = {
         name: RunLog(
             folder, config, summary, tuple(event for event in events if event.agent == name),
@@ -164,8 +170,10 @@ def read_fleet(directory: str | Path) -> FleetLog:
 
 def read_state_names(directory: str | Path) -> dict[str, tuple[str, ...]]:
     """Names of the states with their units, (nx,) by vehicle; errors as of ``read_log``."""
-    states = read_json(Path(directory) / ARRAY_INDEX).get("states", {})
-    return {vehicle: tuple(names) for vehicle, names in states.items()}
+    path = Path(directory) / ARRAY_INDEX
+    _require(path)
+    index: ArrayIndexDocument = files.read_json(path, ArrayIndexDocument, RunFolderError)
+    return index.states
 
 
 def existing_folder(directory: str | Path) -> Path:
@@ -179,13 +187,16 @@ def existing_folder(directory: str | Path) -> Path:
 def read_json(path: Path) -> dict[str, Any]:
     """Read the object in a file of a run's folder; errors as of ``read_log``."""
     _require(path)
-    try:
-        value = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise RunFolderError(f"{str(path)!r} is not JSON: {error}") from None
-    if not isinstance(value, dict):
-        raise RunFolderError(f"{str(path)!r} holds a {type(value).__name__}, not an object of names and values")
+    value: dict[str, Any] = files.read_json(path, dict[str, Any], RunFolderError)
     return value
+
+
+def read_run_document(directory: Path) -> tuple[RunDocument, dict[str, Any]]:
+    """config.json of a run, as the dataclass that it is held to and as plain data; errors as of ``read_log``."""
+    path = directory / CONFIG
+    _require(path)
+    document, plain = files.read_document(path, RunDocument, RunFolderError)
+    return document, plain
 
 
 def _without_prefix(arrays: Mapping[str, Array], prefix: str) -> dict[str, Array]:
@@ -196,9 +207,14 @@ def _without_prefix(arrays: Mapping[str, Array], prefix: str) -> dict[str, Array
 
 def _read_texts(folder: Path) -> tuple[dict[str, Any], dict[str, Any], tuple[Event, ...]]:
     """Configuration, summary and events."""
-    config, summary = (read_json(folder / name) for name in (CONFIG, SUMMARY))
-    if missing := [name for name in ("scenario", "seed") if name not in config]:
-        raise RunFolderError(f"{str(folder / CONFIG)!r} does not describe a run: it lacks {' and '.join(missing)}")
+    _, config = read_run_document(folder)
+    summary = read_json(folder / SUMMARY)
+    try:
+        check_summary(summary)
+    except FieldError as error:
+        raise RunFolderError(f"{folder / SUMMARY}: {error}") from None
+    known = known_fields(RunDocument)
+    config = {name: value for name, value in config.items() if value is not None or name not in known}
     return with_present_names(config), summary, _read_events(folder / EVENTS)
 
 
@@ -209,61 +225,50 @@ def _require(path: Path) -> None:
 
 def _read_events(path: Path) -> tuple[Event, ...]:
     _require(path)
-    events = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
-        try:
-            entry = json.loads(line)
-            events.append(Event(float(entry["t"]), str(entry["agent"]), str(entry["kind"]), str(entry["message"])))
-        except (ValueError, KeyError, TypeError) as error:
-            raise RunFolderError(f"{str(path)!r} line {number} is not an event: {error!r}") from None
-    return tuple(sorted(events, key=lambda event: event.t))
+    events: list[Event] = sorted(files.read_lines(path, Event, RunFolderError), key=lambda event: event.t)
+    for event in events:
+        if event.kind == STATUS_CHANGE and _status_name(event) not in Status.__members__:
+            raise RunFolderError(
+                f"{path}: at {event.t:g} s the estimator's status is {shortened(event.message)}; allowed: "
+                f"{', '.join(name.lower() for name in Status.__members__)}"
+            )
+    return tuple(events)
+
+
+def _status_name(event: Event) -> str:
+    """The name of the status that an estimator took."""
+    return event.message.partition(":")[0].upper()
 
 
 def _read_arrays(path: Path) -> dict[str, Array]:
     _require(path)
-    try:
-        with np.load(path, allow_pickle=False) as log:
-            return dict(log)
-    except Exception as error:  # a damaged archive raises BadZipFile, EOFError, OSError, zlib.error or ValueError
-        raise RunFolderError(f"{str(path)!r} cannot be read as an array archive: {error}") from None
+    return read_npz(path, RunFolderError)
 
 
 def _of_vehicle(arrays: Mapping[str, Array], path: Path, may_diverge: bool, prefix: str = "") -> dict[str, Any]:
     """Fields of a ``RunLog`` from the arrays of one vehicle; ``prefix`` is what their names have in the file."""
-    names = ("t", "truth.x", "command.u")
-    if missing := [name if name == "t" else f"{prefix}{name}" for name in names if name not in arrays]:
-        if not prefix and any(name.endswith(TRUTH) for name in arrays):
-            raise RunFolderError(f"{str(path)!r} is the log of a fleet; allowed: the run of a single vehicle")
-        raise RunFolderError(f"{str(path)!r} lacks {', '.join(missing)}")
-    t, x, u = (arrays[name] for name in names)
-    if not (t.ndim == 1 and len(t) >= 2 and all(rows.ndim == 2 and len(rows) == len(t) for rows in (x, u))):
-        raise RunFolderError(
-            f"{str(path)!r}: t {t.shape}, {prefix}truth.x {x.shape} and {prefix}command.u {u.shape} are not (n,), "
-            "(n, nx) and (n, nu) with n at least 2"
-        )
+    check_arrays(arrays, path, prefix)
+    t, x, u = (arrays[name] for name in (TIME, TRUTH, COMMAND))
     finite = int(np.logical_and.accumulate(np.isfinite(x).all(axis=1)).sum())
     if may_diverge:
         if finite < 2:
             raise NothingToDrawError(f"{str(path)!r}: truth.x is not finite from the second sample on")
         t, x, u = t[:finite], x[:finite], u[:finite]
-    if not (np.isfinite(t).all() and np.isfinite(x).all()):
-        raise RunFolderError(f"{str(path)!r}: t or {prefix}truth.x is not finite")
+    elif finite < len(x):
+        raise RunFolderError(f"{str(path)!r}: {prefix}truth.x is not finite")
     adopted = arrays.get("plan.adopted", np.empty(0))
-    return {"t": t, "x": x, "u": u, "plans": _plans(arrays, path), "adopted": adopted, "arrays": arrays}
+    return {"t": t, "x": x, "u": u, "plans": _plans(arrays), "adopted": adopted, "arrays": arrays}
 
 
-def _plans(arrays: Mapping[str, Array], path: Path) -> tuple[Plan, ...]:
+def _plans(arrays: Mapping[str, Array]) -> tuple[Plan, ...]:
     if "plan.offsets" not in arrays:
         return ()
-    try:
-        t, x, u, phase = (arrays[f"plan.{name}"] for name in ("t", "x", "u", "phase"))
-        offsets: Sequence[int] = arrays["plan.offsets"].astype(int).tolist()
-        return tuple(
-            Plan(t[a:b], x[a:b], u[a : b - 1], phase[a : b - 1].astype(np.int64), cost=float(cost))
-            for a, b, cost in zip(offsets[:-1], offsets[1:], arrays["plan.cost"], strict=True)
-        )
-    except (KeyError, ValueError) as error:
-        raise RunFolderError(f"{str(path)!r}: the plans do not fit together: {error}") from None
+    t, x, u, phase, cost = (arrays[f"plan.{name}"] for name in ("t", "x", "u", "phase", "cost"))
+    offsets: Sequence[int] = arrays["plan.offsets"].tolist()
+    return tuple(
+        Plan(t[a:b], x[a:b], u[a : b - 1], phase[a : b - 1].astype(np.int64), cost=float(each))
+        for a, b, each in zip(offsets[:-1], offsets[1:], cost, strict=True)
+    )
 
 
 def read_arrays(directory: str | Path) -> dict[str, Array]:

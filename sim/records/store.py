@@ -31,10 +31,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mathnavi.sim.interfaces.checks import check_spares
-from mathnavi.sim.interfaces.errors import StoreError
+from mathnavi.sim.interfaces.errors import FieldError, StoreError
 from mathnavi.sim.interfaces.fields import flattened, plain
+from mathnavi.sim.interfaces.reading.files import checked, parsed
+from mathnavi.sim.interfaces.schema import shortened
 from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.records.computing_environment import environment_digest
+from mathnavi.sim.records.documents import TrialParameters, check_summary
 from mathnavi.sim.records.jobs import JobRecord, add_job, job_records, job_statuses
 from mathnavi.sim.records.origins import Elsewhere, Origin, add_origin, environments, keys_by_content, origins
 
@@ -220,7 +223,7 @@ class Store:
 
     def endings(self) -> dict[str, Ending]:
         """End of every trial, by its key."""
-        with self._errors_named():
+        with self._reading():
             rows = self._connection.execute("SELECT key, status, success FROM trials")
             return {key: Ending(status, None if success is None else bool(success)) for key, status, success in rows}
 
@@ -231,18 +234,18 @@ class Store:
         """
         if keys is None:
             keys = sorted(self.keys())
-        with self._errors_named():
+        with self._reading():
             known = origins(self._connection)
             return [self._record(key, known.get(key, Origin())) for key in keys]
 
     def job_endings(self) -> dict[str, Ending]:
         """How every job ended, by its key."""
-        with self._errors_named():
+        with self._reading():
             return {key: Ending(status, None) for key, status in job_statuses(self._connection).items()}
 
     def jobs(self, keys: Iterable[str]) -> list[JobRecord]:
         """The jobs with these keys, in their order; KeyError for a key that the store does not have."""
-        with self._errors_named():
+        with self._reading():
             known = origins(self._connection)
             found = job_records(self._connection, keys)
             return [replace(record, origin=known.get(record.key, Origin())) for record in found]
@@ -254,7 +257,7 @@ class Store:
 
         With ``mix_environments`` one from another environment does where there is none. ``elsewhere`` counts those.
         """
-        with self._errors_named():
+        with self._reading():
             stored = keys_by_content(self._connection)
         return (elsewhere or Elsewhere()).chosen(contents, stored, environment_digest(), mix_environments)
 
@@ -270,12 +273,12 @@ class Store:
             "SELECT json_extract(parameters, ?) AS digest, COUNT(*) FROM trials "
             "WHERE json_extract(parameters, ?) = ? GROUP BY digest HAVING digest IS NOT NULL"
         )
-        with self._errors_named():
+        with self._reading():
             return dict(self._connection.execute(query, (f'$.inputs."{field}"', f"$.{part}.{name}", value)).fetchall())
 
     def environments(self) -> dict[str, dict[str, str]]:
         """Description of the environments that the records were made in, by their digests."""
-        with self._errors_named():
+        with self._reading():
             return environments(self._connection)
 
     def rows(self) -> list[dict[str, Any]]:
@@ -298,15 +301,26 @@ class Store:
         write_text(path, "".join(f"{canonical_json(each)}\n" for each in objects))
 
     def _record(self, key: str, origin: Origin) -> Record:
-        row = self._connection.execute(f"SELECT {', '.join(TABLES['trials'])} FROM trials WHERE key = ?", (key,))
-        values = row.fetchone()
+        selected = f"SELECT {', '.join(TABLES['trials'])} FROM trials WHERE key = ?"
+        values = self._connection.execute(selected, (key,)).fetchone()
         if values is None:
             raise KeyError(key)
         named = dict(zip(TABLES["trials"], values, strict=True))
         success = None if named["success"] is None else bool(named["success"])
         figures = self._connection.execute("SELECT figure, value FROM timings WHERE key = ? ORDER BY figure", (key,))
-        loaded = {name: json.loads(named[name]) for name in ("parameters", "summary")}
-        return Record(**{**named, **loaded, "success": success, "timings": dict(figures.fetchall())}, origin=origin)
+        where = f"{self.path}: trial {key}"
+        if named["status"] not in STATUSES:
+            raise StoreError(f"{where}: status = {shortened(named['status'])}; allowed: {', '.join(STATUSES)}")
+        for name, kind in (("parameters", TrialParameters), ("summary", dict[str, Any])):
+            named[name] = parsed(named[name], f"{where}: {name}", StoreError)
+            checked(kind, named[name], f"{where}: {name}", StoreError)
+        try:
+            check_summary(named["summary"])
+        except FieldError as error:
+            raise StoreError(f"{where}: summary: {error}") from None
+        row = {**named, "success": success, "timings": dict(figures.fetchall())}
+        record: Record = checked(Record, row, where, StoreError)
+        return replace(record, origin=origin)
 
     def _created(self) -> bool:
         """True if the file was empty; it is a store now."""
@@ -326,6 +340,10 @@ class Store:
                 raise StoreError(f"{self.path}: a database of something else; allowed: a store of trials or a new file")
             if (schema := self._pragma("user_version")) != SCHEMA:
                 raise StoreError(f"{self.path}: a store of schema {schema}; allowed: schema {SCHEMA}")
+            if others := self._connection.execute(
+                "SELECT type, name FROM sqlite_master WHERE type NOT IN ('table', 'index')"
+            ).fetchall():
+                raise StoreError(f"{self.path}: it has a {others[0][0]} {others[0][1]}; allowed: tables alone")
             for table, columns in TABLES.items():
                 found = tuple(row[1] for row in self._connection.execute(f"PRAGMA table_info({table})"))
                 if found != columns:
@@ -364,6 +382,13 @@ class Store:
         except BaseException:
             self.close()
             raise
+
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise StoreError(f"{self.path}: {error}; allowed: a whole store of trials") from error
 
     @contextmanager
     def _errors_named(self) -> Iterator[None]:

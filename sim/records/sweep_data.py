@@ -119,7 +119,7 @@ class Sweep:
         order = dict.fromkeys([*KEY_FIGURES, *(key for keys in SUMMARY_GROUPS.values() for key in keys), *self._keys])
         found = []
         for key in order:
-            values = {record.summary.get(key) for record in self.records} - {None}
+            values = {_hashable(record.summary.get(key)) for record in self.records} - {None}
             if (len(values) > 1 and _all(values)) or (key == PATH_RATIO and {PATH, STRAIGHT} <= set(self._keys)):
                 found.append(key)
         return found
@@ -234,12 +234,12 @@ def _all(values: Iterable[object]) -> bool:
 
 def _positive(key: str, record: Record) -> bool | None:
     value = record.summary.get(key)
-    return None if value is None else value > 0
+    return value > 0 if is_number(value) or isinstance(value, bool) else None
 
 
 def _too_low(record: Record) -> bool | None:
     bound = record.fields.get(CLEARANCE_BOUND)
-    if bound is None or CLEARANCE not in record.summary:
+    if not is_number(bound) or CLEARANCE not in record.summary:
         return None
     clearance = record.summary[CLEARANCE]
     return clearance is None or bool(clearance < bound)  # what is no number is no proof of a clearance
@@ -247,13 +247,16 @@ def _too_low(record: Record) -> bool | None:
 
 def _too_near(record: Record) -> bool | None:
     least, allowed = record.summary.get("separation_min_m"), record.summary.get("separation_allowed_m")
-    return None if least is None or allowed is None else bool(least < allowed)
+    return bool(least < allowed) if is_number(least) and is_number(allowed) else None
 
 
 def _late(record: Record) -> bool | None:
     if not {"arrived", "arrival_time_s", "deadline_s"} <= record.summary.keys():
         return None
-    return not record.summary["arrived"] or bool(record.summary["arrival_time_s"] > record.summary["deadline_s"])
+    arrival, deadline = record.summary["arrival_time_s"], record.summary["deadline_s"]
+    if not record.summary["arrived"]:
+        return True
+    return bool(arrival > deadline) if is_number(arrival) and is_number(deadline) else None
 
 
 def _can_say(happened: Test) -> Callable[[Record], bool]:
@@ -261,6 +264,8 @@ def _can_say(happened: Test) -> Callable[[Record], bool]:
 
 
 def _hashable(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return tuple((name, _hashable(item)) for name, item in value.items())
     return tuple(map(_hashable, value)) if isinstance(value, (list, tuple)) else value
 
 

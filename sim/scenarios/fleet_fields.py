@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import field
@@ -37,6 +36,7 @@ from mathnavi.sim.interfaces.checks import check, check_names
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.fields import with_fields
 from mathnavi.sim.interfaces.input_files import PluginName
+from mathnavi.sim.interfaces.reading.files import parsed
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import AerialFaults, PositiveMagnitude
@@ -231,8 +231,8 @@ class FleetFields(LimitFields, FleetEndFields):
                     f"consensus_with = {each!r}; allowed: any field but the period, which is {EXCHANGE_PERIOD:.4g} s"
                 )
             try:
-                fields[name] = json.loads(value)
-            except ValueError:
+                fields[name] = parsed(value, name, FieldError)
+            except FieldError:
                 fields[name] = value
         config = plugin.Config()
         if hasattr(config, "period"):

@@ -20,10 +20,9 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from mathnavi.sim.interfaces.bounds import Condition, Each, configuration
+from mathnavi.sim.interfaces.bounds import LARGEST_SEED, Condition, Each, configuration
 
 BLOCK = 16  # calls; of a gust that is drawn at every control step, a quarter of a second
-LARGEST_SEED = 2**63 - 1
 _REPLACED, _CHOSEN = 2**32 - 2, 2**32 - 3  # in spawn keys, where no child that is counted ever comes
 
 Redraw = tuple[int, float]  # seed, share

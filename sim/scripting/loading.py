@@ -12,7 +12,7 @@ from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Estimate, Event, Plan
 from mathnavi.sim.records.figure_names import SHORTFALL
-from mathnavi.sim.records.run_folder import read_arrays, read_json, read_record
+from mathnavi.sim.records.run_folder import read_arrays, read_record, read_state_names
 from mathnavi.sim.scenarios.closed_loop import RunResult
 
 _TRUTH = "truth.x"
@@ -29,7 +29,7 @@ def load(folder: str | Path, *, trust: bool = False) -> RunResult:
     try:
         config, summary, events = read_record(folder)
         arrays = read_arrays(folder)
-        states = read_json(Path(folder) / "log.json")["states"]
+        states = read_state_names(folder)
         recording = _recording(arrays, list(events), states, summary)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RunFolderError(f"{str(folder)!r} is not the folder of a run: {error}") from error
@@ -37,7 +37,7 @@ def load(folder: str | Path, *, trust: bool = False) -> RunResult:
 
 
 def _recording(
-    arrays: Mapping[str, Array], events: list[Event], states: Mapping[str, Any], summary: Mapping[str, Any]
+    arrays: Mapping[str, Array], events: list[Event], states: Mapping[str, tuple[str, ...]], summary: Mapping[str, Any]
 ) -> Recording:
     """A single vehicle's arrays have no prefix, those of a fleet have their vehicle's name."""
     t = arrays["t"]
@@ -49,7 +49,7 @@ def _recording(
         truths[name] = own[_TRUTH]
         if "command.u" in own:
             agents[name] = _agent(name, events, own, int(summary.get("replans", 0)))
-    return Recording(t, truths, agents, events, {name: tuple(names) for name, names in states.items()}, len(t))
+    return Recording(t, truths, agents, events, dict(states), len(t))
 
 
 def _agent(name: str, events: list[Event], own: Mapping[str, Array], requests: int) -> AgentRecorder:

@@ -15,7 +15,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mathnavi.sim.scenarios.redraw import LARGEST_SEED, Redraw, generator
+from mathnavi.sim.interfaces.bounds import LARGEST_SEED
+from mathnavi.sim.scenarios.redraw import Redraw, generator
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator
 from mathnavi.sim.search.space import Dimension, Values, drawn
 from mathnavi.sim.search.splitting import ProbabilityInterval, Splitting, mean_interval, split

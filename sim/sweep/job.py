@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from mathnavi.sim.interfaces.input_files import argument_digests
+from mathnavi.sim.interfaces.reading.files import parsed
 from mathnavi.sim.plugin.code_version import code_version
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.computing_environment import environment, in_environment
@@ -54,7 +55,7 @@ class Job:
     def call(self) -> Any:
         """Call the function in this process, and return what it returns."""
         with trusting():  # whoever made the job has chosen its arguments
-            positional, named = decoded(Encoded(json.loads(self.arguments)))
+            positional, named = decoded(Encoded(parsed(self.arguments, self.function, ValueError)))
         return at_place(self.function)(*positional, **named)
 
     def perform(self) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, ClassVar
 
+from mathnavi.sim.interfaces.bounds import LARGEST_SEED
 from mathnavi.sim.interfaces.fields import leaf, plain, with_fields
 from mathnavi.sim.interfaces.input_files import Digests, declared_inputs, named_plugins, run_inputs
 from mathnavi.sim.plugin.code_version import code_version
@@ -25,8 +26,6 @@ from mathnavi.sim.records.figure_names import is_wall_clock
 from mathnavi.sim.records.origins import Origin
 from mathnavi.sim.records.store import Record, canonical_json
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
-
-LARGEST_SEED = 2**63 - 1  # that a store has room for
 
 
 @dataclass(frozen=True)

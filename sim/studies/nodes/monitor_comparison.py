@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import matplotlib
 import numpy as np
-from annotated_types import Ge, Interval
+from annotated_types import Interval
 from matplotlib.figure import Figure
 
 from mathnavi.controllers.ocp.methods.direct import solve
@@ -75,9 +75,9 @@ MONITORS = (
 class MonitorsConfig:
     """Sample sizes: problems and grids that are solved."""
 
-    nodes: Annotated[int, Ge(4)] = 20
+    nodes: Annotated[int, Interval(ge=4, le=400)] = 20
     """nodes"""
-    reference_nodes: int = 301
+    reference_nodes: Annotated[int, Interval(ge=20, le=4000)] = 301
     """nodes of the solution that the controls are compared with"""
     problems: Annotated[int, Interval(ge=1, le=len(NAMES))] = len(NAMES)
     """how many of the problems"""

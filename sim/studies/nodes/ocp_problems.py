@@ -16,7 +16,7 @@ from typing import Annotated, Any
 
 import matplotlib
 import numpy as np
-from annotated_types import Ge, Interval
+from annotated_types import Interval
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
@@ -72,7 +72,7 @@ KEY = {"refused: replays worse than uniform nodes": REFUSED, "no solution, and w
 class OcpProblemsConfig:
     """Sample sizes: problems and grids that are solved."""
 
-    nodes: Annotated[int, Ge(6)] = 60
+    nodes: Annotated[int, Interval(ge=6, le=1000)] = 60
     """nodes that a method may use"""
     problems: Annotated[int, Interval(ge=1, le=len(PROBLEMS))] = len(PROBLEMS)
     """how many of the problems, in the order of the library"""

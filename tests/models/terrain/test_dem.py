@@ -94,14 +94,14 @@ def test_an_npz_without_a_name_bears_that_of_its_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("z", "meta", "message"),
     [
-        (np.zeros((2, 3)), {}, "meta has no spacing_m"),
-        (np.zeros((2, 3)), [1], "meta has no spacing_m"),
+        (np.zeros((2, 3)), {}, r"meta: \$.spacing_m is missing"),
+        (np.zeros((2, 3)), [1], r"meta: \$ = \[1\]; allowed: an object"),
         (np.zeros((2, 3)), "{spacing", "meta is not JSON"),
-        (np.zeros((2, 3)), {"spacing_m": "5"}, "spacing_m is '5'"),
-        (np.zeros((2, 3)), {"spacing_m": True}, "spacing_m is True"),
-        (np.zeros((2, 3)), {"spacing_m": 0}, r"spacing is 0\.0 m"),
-        (np.zeros((2, 3)), {"spacing_m": -2.5}, r"spacing is -2\.5 m"),
-        (np.zeros((2, 3)), {"spacing_m": 5, "name": 3}, "name = 3"),
+        (np.zeros((2, 3)), {"spacing_m": "5"}, r"\$.spacing_m = '5'; allowed: float"),
+        (np.zeros((2, 3)), {"spacing_m": True}, r"\$.spacing_m = True"),
+        (np.zeros((2, 3)), {"spacing_m": 0}, r"\$.spacing_m = 0\.0; allowed: a finite value > 0"),
+        (np.zeros((2, 3)), {"spacing_m": -2.5}, r"\$.spacing_m = -2\.5"),
+        (np.zeros((2, 3)), {"spacing_m": 5, "name": 3}, r"\$.name = 3; allowed: str"),
         (np.zeros(6), {"spacing_m": 5}, r"z has shape \(6,\)"),
         (
             np.array([[1.0, np.nan]] * 2),
@@ -110,7 +110,7 @@ def test_an_npz_without_a_name_bears_that_of_its_file(tmp_path: Path) -> None:
         ),
         (np.array([["a"]]), {"spacing_m": 5}, "z has the type <U1"),
         (np.zeros((2, 3), bool), {"spacing_m": 5}, "z has the type bool"),
-        (np.array([[1, None]], dtype=object), {"spacing_m": 5}, "not a readable .npz"),
+        (np.array([[1, None]], dtype=object), {"spacing_m": 5}, "'z' has the type object"),
     ],
 )
 def test_a_bad_npz_names_its_culprit(tmp_path: Path, z: Any, meta: Any, message: str) -> None:

@@ -55,7 +55,7 @@ def test_a_run_says_by_whom_it_is_drawn(missile_dir: Path, run_dir: Path, tmp_pa
         ("math", "lacks `drawing`; allowed: a module in which"),
         ("", "cannot be"),
     ):
-        (tmp_path / "config.json").write_text(json.dumps({"drawing": name}))
+        (tmp_path / "config.json").write_text(json.dumps({"scenario": "safe-flight", "seed": 0, "drawing": name}))
         with trusting(), pytest.raises(ValueError, match=message):
             drawing_of(tmp_path)
 

@@ -181,8 +181,11 @@ def test_a_rare_event_has_a_probability_with_its_interval(path: Path, capsys: py
         (("--minimise", "height_m", "--over", "seed=0.5..3"), "not two whole numbers"),
         (("--minimise", "height_m", "--over", "redraw=1,2"), "not one of the fields"),
         (("--minimise", "height_m", "--over", "x=0..1", "--sampler", "cmaes"), "--sampler = 'cmaes' over 1 numeric"),
-        (("--minimise", "height_m", *OVER, "--missions", "0"), "--missions = 0; allowed: a whole number >= 1"),
-        (("--minimise", "height_m", *OVER, "--batch", "0"), "--batch = 0; allowed: a whole number >= 1"),
+        (
+            ("--minimise", "height_m", *OVER, "--missions", "0"),
+            "--missions = 0; allowed: a whole number from 1 to 100000",
+        ),
+        (("--minimise", "height_m", *OVER, "--batch", "0"), "--batch = 0; allowed: a whole number from 1 to 100000"),
         (("--minimise", "noise", "--rare"), "--until = not given; allowed with --rare"),
         (("--minimise", "noise", "--rare", "--until", "0", "--missions", "10"), "--missions = 10; allowed with --rare"),
         (("--minimise", "noise", "--rare", "--until", "0", "--rim", "-1"), "beyond the rim"),

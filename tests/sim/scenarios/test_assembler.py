@@ -191,7 +191,7 @@ def test_a_field_that_is_missing_or_of_another_type_is_named() -> None:
     with pytest.raises(FieldError, match=r"mission\.reach = 'far'"):
         read_mission(QuadrotorRecord, {**fields, "reach": "far"})
     del fields["reach"]
-    with pytest.raises(KeyError, match="reach"):
+    with pytest.raises(FieldError, match=r"mission\.reach is missing"):
         read_mission(QuadrotorRecord, fields)
 
 

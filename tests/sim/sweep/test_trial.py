@@ -17,9 +17,10 @@ import pytest
 from mathnavi.models.terrain.dem import write_npz
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
+from mathnavi.sim.interfaces.bounds import LARGEST_SEED
 from mathnavi.sim.plugin.code_version import code_version
 from mathnavi.sim.plugin.registry import load
-from mathnavi.sim.sweep.trial import LARGEST_SEED, Trial, keys, trial
+from mathnavi.sim.sweep.trial import Trial, keys, trial
 from tests.sim.sweep.scenarios import DIGESTED, Coin, CoinConfig
 
 COIN = "tests.sim.sweep.scenarios:Coin"

@@ -42,8 +42,12 @@ from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 
 _SIZES = (4, 8, 16)
+_MOST = 256  # vehicles
 EvenCount = Annotated[  # a ring has two halves
-    Count, Condition(lambda count: count >= _SIZES[0] and count % 2 == 0, f"an even number >= {_SIZES[0]}")
+    int,
+    Condition(
+        lambda count: _SIZES[0] <= count <= _MOST and count % 2 == 0, f"an even number from {_SIZES[0]} to {_MOST}"
+    ),
 ]
 _FRACTIONS = (0.5, 0.9, 1.1, 1.5)  # of the bound on the delay
 _AMOUNTS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)  # s h d_max

@@ -1,0 +1,103 @@
+"""The JSON files of a run's folder, of a study and of a store as dataclasses: what they are held to when they are read.
+
+Other names than those here are a scenario's own, and are let pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import field
+from typing import Any
+
+from mathnavi.sim.interfaces.bounds import Seed, configuration
+from mathnavi.sim.interfaces.schema import ROOT, validated
+from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, TEXTS, TRUTH_VALUES
+
+
+@configuration
+class PluginDocument:
+    """A plug-in and its fields."""
+
+    name: str
+    fields: dict[str, Any] = field(default_factory=dict)
+
+
+@configuration
+class TerrainDocument:
+    """The map that was flown over."""
+
+    name: str
+    path: str | None = None  # as it was given; None in a study
+    digest: str | None = None
+    hills: tuple[tuple[float, float, float, float], ...] = ()  # that were added to it
+
+
+@configuration
+class RunDocument:
+    """config.json; that of an earlier version may have less."""
+
+    scenario: str
+    seed: Seed
+    fields: dict[str, Any] = field(default_factory=dict)
+    controller: PluginDocument | None = None
+    estimator: PluginDocument | None = None
+    mission: dict[str, Any] = field(default_factory=dict)
+    terrain: TerrainDocument | None = None
+    drawing: str | None = None
+    recorded: str | None = None
+    versions: dict[str, str] = field(default_factory=dict)
+    machine: dict[str, str] | None = None
+    inputs: dict[str, str] | None = None  # digests of the files that were read, by the names of the fields
+
+
+@configuration
+class ArrayDocument:
+    """One array of a log."""
+
+    shape: tuple[int, ...]
+    dtype: str
+
+
+@configuration
+class ArrayIndexDocument:
+    """log.json."""
+
+    states: dict[str, tuple[str, ...]]  # (nx,) names with units, by vehicle
+    arrays: dict[str, ArrayDocument] = field(default_factory=dict)
+
+
+@configuration
+class StudyRecord:
+    """NAME.json of a study."""
+
+    study: str
+    claims: tuple[Claim, ...]
+    terrain: TerrainDocument | None = None
+    command: str | None = None
+    first_look: str | None = None
+
+
+@configuration
+class TrialParameters:
+    """The parameters of a trial in a store."""
+
+    config: dict[str, Any] = field(default_factory=dict)
+    controller: PluginDocument | None = None
+    estimator: PluginDocument | None = None
+    inputs: dict[str, Any] = field(default_factory=dict)
+
+
+def check_summary(summary: Mapping[str, Any], where: str = ROOT) -> None:
+    """Raise FieldError for a figure of a summary that is not of its kind."""
+    for name, value in summary.items():
+        kind = _KINDS.get(name)
+        if kind is not None:
+            validated(kind, value, f"{where}.{name}")
+
+
+_KINDS: dict[str, Any] = {
+    name: bool if name in TRUTH_VALUES else str | None if name in TEXTS else float | None
+    for names in SUMMARY_GROUPS.values()
+    for name in names
+} | {SHORTFALL: str | None, "version": str}

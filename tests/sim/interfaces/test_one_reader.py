@@ -1,0 +1,74 @@
+"""Every file is read in one place, ``mathnavi.sim.interfaces.reading``, and nowhere else."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import mathnavi
+from tests.one_name import FOLDERS
+
+ROOT = Path(mathnavi.__file__).parent
+READING = "sim/interfaces/reading/"
+# Where a module stands that reads, and what it reads: no file of a user's, or not as a file.
+ALLOWED = {
+    ("sim/records/store.py", "sqlite3.connect"),  # checks header, schema, columns and every row
+    ("sim/sweep/serve.py", "pickle.loads"),  # what its own parent sends
+    ("renders/worker.py", "json.load"),  # likewise
+    ("models/unicycle/entity.py", "mjcf.from_path"),  # parts of the package
+    ("models/missile/entity.py", "mjcf.from_path"),
+    ("models/aerial/entity.py", "mjcf.from_path"),
+    ("models/terrain/dem.py", "rasterio.open"),  # it opens files itself; one format, and its size is checked
+    ("sim/commands/search.py", "Store.open"),  # the store, no file
+    ("sim/commands/study.py", "Store.open"),
+    ("sim/commands/sweep.py", "Store.open"),
+    ("sim/scripting/runs.py", "Store.open"),
+}
+READERS = {
+    *("load", "loads", "loadtxt", "genfromtxt", "fromfile", "memmap", "open_memmap", "read_text", "read_bytes"),
+    *("from_file", "from_path", "from_xml_path", "parse", "imread", "open", "connect", "reader", "DictReader"),
+    *("ZipFile", "NpzFile", "TarFile"),
+}
+MODULES = {"json", "np", "numpy", "pickle", "mjcf", "mujoco", "MjSpec", "csv", "sqlite3", "Image", "ElementTree"}
+OF_MODULES = {"load", "loads", "parse", "connect", "reader"}  # names that others have for other things
+METHODS = {"read_text", "read_bytes"}  # of a path; by these names alone they are functions of the one place
+
+
+def calls(source: str) -> Iterator[tuple[str, ast.Call]]:
+    """Calls that may read a file, by their dotted names."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Call):
+            name = ast.unparse(node.func)
+            owner, _, last = name.rpartition(".")
+            known = last in READERS and (owner.rpartition(".")[2] in MODULES or last not in OF_MODULES)
+            if known and not (last == "open" and _writes(node, owner)) and (owner or last not in METHODS):
+                yield name, node
+
+
+def _writes(call: ast.Call, owner: str) -> bool:
+    """True for an ``open`` that does not read: one in mode w or x, one of the operating system, and a browser's."""
+    given = [*call.args[0 if owner else 1 :], *(each.value for each in call.keywords if each.arg == "mode")]
+    mode = next((each.value for each in given if isinstance(each, ast.Constant) and isinstance(each.value, str)), "r")
+    return owner in ("os", "webbrowser") or mode[:1] in "wxa"
+
+
+def test_files_are_read_in_one_place() -> None:
+    found = {
+        (str(path.relative_to(ROOT)), name)
+        for folder in FOLDERS
+        for path in (ROOT / folder).rglob("*.py")
+        if not str(path.relative_to(ROOT)).startswith(READING)
+        for name, _ in calls(path.read_text(encoding="utf-8"))
+    }
+    assert found - ALLOWED == set(), "read it with mathnavi.sim.interfaces.reading"
+    assert ALLOWED - found == set(), "nothing reads so any more"
+
+
+def test_a_reader_is_recognised() -> None:
+    source = """
+json.loads(text); json.load(file); np.load(path); open(path); path.open(); open(path, mode="rb"); path.read_text()
+np.loadtxt(path); csv.reader(file); mujoco.MjSpec.from_file(path); pickle.load(file); Image.open(p); sqlite3.connect(p)
+open(path, "w"); path.open("wb"); os.open(path, flags); plugin.load(); json.dumps(tree)
+"""
+    assert len(list(calls(source))) == 13

@@ -78,7 +78,7 @@ from mathnavi.sim.sweep.child import Worker, module_path
 from mathnavi.sim.sweep.job import job
 from tests.sim.sweep.computations import noted_and_asleep
 task = job(noted_and_asleep, sys.argv[1])
-threading.Thread(target=Worker(module_path()).run, args=(task, task.key), daemon=True).start()
+threading.Thread(target=Worker(module_path()).run, args=(task, task.content), daemon=True).start()
 with interruptible(["study", "a b"], whole_process=True):
     while True:
         try:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 from mathnavi.renders.film import TOUR, Annotation, Frame, Shot, checked_camera, frames_of
 from mathnavi.renders.palette import Picture
 from mathnavi.sim.interfaces.checks import plain_name
+from mathnavi.sim.interfaces.entry_points import named as named_point
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.failures import failures_named
 from mathnavi.sim.plugin.groups import installed
@@ -85,7 +86,8 @@ def drawing_of(directory: str | Path) -> Drawing[Any]:
 def _drawing_at(name: str, where: str) -> Drawing[Any]:
     """The drawing with a name, or in a module; RunFolderError where there is none."""
     subject = f"{where!r}: drawing = {name!r}"
-    place = next((point.value for point in installed("drawings") if point.name == name), name)
+    point = named_point(installed("drawings"), "drawings", name)
+    place = name if point is None else point.value
     check_place(place, f"{where!r}: drawing")
     with failures_named(f"{subject} cannot be imported:", RunFolderError):
         drawing = getattr(importlib.import_module(place), "drawing", None)

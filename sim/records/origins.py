@@ -16,6 +16,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from mathnavi.sim.interfaces.errors import StoreError
+from mathnavi.sim.interfaces.reading.files import decoded
 from mathnavi.sim.records.computing_environment import UNKNOWN, difference, environment_digest
 
 CREATE = """
@@ -59,7 +61,8 @@ def environments(connection: sqlite3.Connection) -> dict[str, dict[str, str]]:
     """Description of every environment by its digest."""
     if not _are_there(connection):
         return {}
-    return {digest: json.loads(text) for digest, text in connection.execute("SELECT * FROM environments")}
+    described = connection.execute("SELECT * FROM environments")
+    return {digest: decoded(text, dict[str, str], f"environment {digest}", StoreError) for digest, text in described}
 
 
 def keys_by_content(connection: sqlite3.Connection) -> dict[str, dict[str, str]]:

@@ -18,8 +18,9 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import simulate
 from mathnavi.sim.engine.network import Network
 from mathnavi.sim.interfaces.checks import allowed_for
-from mathnavi.sim.interfaces.errors import PluginError
+from mathnavi.sim.interfaces.errors import PluginError, RunFolderError
 from mathnavi.sim.interfaces.protocols import Plant
+from mathnavi.sim.interfaces.reading.files import MOST_LINES, read_bytes
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, value_text
 from mathnavi.sim.interfaces.signals import Array, Event
 from mathnavi.sim.interfaces.writing import write_bytes, write_text
@@ -92,7 +93,7 @@ class RunResult:
             with claimed(target) as claim:
                 for name in RUN_FILES:
                     if (self.folder / name).is_file():
-                        write_bytes(claim.new / name, (self.folder / name).read_bytes())
+                        write_bytes(claim.new / name, read_bytes(self.folder / name, RunFolderError, MOST_LINES))
                 claim.install(dropped=RUN_FILES)
         object.__setattr__(self, "folder", target)
         return target

@@ -43,7 +43,7 @@ class Job:
     @property
     def content(self) -> str:
         """The hash of function, arguments, what is in files that they name, seed and code."""
-        inputs = argument_digests(decoded(Encoded(json.loads(self.arguments))))
+        inputs = argument_digests(decoded(Encoded(parsed(self.arguments, self.function, ValueError))))
         called = canonical_json([self.function, self.arguments, inputs, self.seed, self.code])
         return hashlib.sha256(called.encode()).hexdigest()
 

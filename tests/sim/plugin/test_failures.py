@@ -156,7 +156,7 @@ def test_a_terrain_that_fails_is_named(
     (tmp_path / f"{module}.py").write_text(HEIGHTS.format(GROUND[body]))
     monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
     monkeypatch.chdir(tmp_path)
-    points = {"strange": EntryPoint("strange", f"{module}:made", library.GROUP)}
+    points = [EntryPoint("strange", f"{module}:made", library.GROUP)]
     monkeypatch.setattr(library, "_installed", lambda: points)
     for words in (["terrain", "show", "strange"], ["run", "safe-flight", "--terrain", "strange", "--out", "out"]):
         assert "strange" in refused(*words)
@@ -167,6 +167,6 @@ def test_a_terrain_that_is_not_there_is_named(
     value: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, refused: Callable[..., str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    points = {"strange": EntryPoint("strange", value, library.GROUP)}
+    points = [EntryPoint("strange", value, library.GROUP)]
     monkeypatch.setattr(library, "_installed", lambda: points)
     assert "strange" in refused("terrain", "show", "strange")

@@ -237,7 +237,7 @@ def fields(rng: Generator, shop: Path, work: Path) -> Case:
     values = value_words(rng, leaf)
     words = [command, name, *base, *own, leaf.flag, *values]
     last = leaf.name.replace("_", "-")
-    return Case(command, f"fields of {name}", tuple(words), (leaf.flag, last, leaf.name, *values, "''"), (DEFAULT_OUT, "new", "new.db"), f"{leaf.flag}")
+    return Case(command, f"fields of {name}", tuple(words), (leaf.flag, last, leaf.name, *values, "''", *(word for word in base if word.startswith("--"))), (DEFAULT_OUT, "new", "new.db"), f"{leaf.flag}")
 
 
 @attack(10)
@@ -570,10 +570,11 @@ def plugins(rng: Generator, shop: Path, work: Path) -> Case:
     (work / f"{name}.py").write_text(made)
     plugin = one_of(rng, (f"{name}:Mine", f"{name}:Mine", f"{name}:Mine", f"{name}:Nothing", f"{name}:", f"{name}", f"{name}:Settings"))
     own = ["--out", "new"]
+    mission = MISSION.split()[:-2]
     words = one_of(rng, (
-        ["run", *MISSION.split(), "--controller", plugin, *own], ["run", *MISSION.split(), "--estimator", plugin, *own], ["run", plugin, *own], ["estimate", plugin, "textbook", *own],
+        ["run", *mission, "--controller", plugin, *own], ["run", *mission, "--estimator", plugin, *own], ["run", plugin, *own], ["estimate", plugin, "textbook", *own],
         ["sweep", *RUNS["textbook"].split(), "--estimator", plugin, "--trials", "2", "--store", "new.db"], ["study", plugin, *own], ["completion", "words", "run", plugin, "--"],
-        ["search", plugin, "--store", "new.db", "--minimise", "x", "--over", "gain=0..1"], ["run", *RUNS["fleet"].split(), "--consensus", plugin, *own], ["run", *MISSION.split(), "--controller", plugin, "--help"],
+        ["search", plugin, "--store", "new.db", "--minimise", "x", "--over", "gain=0..1"], ["run", *RUNS["fleet"].split(), "--consensus", plugin, *own], ["run", *mission, "--controller", plugin, "--help"],
     ))  # fmt: skip
     return Case(words[0], "plug-in", tuple(words), (name, "new.db"), ("new", "new.db", DEFAULT_OUT), f"{where}: {deed}", runs_code=True)
 
@@ -609,7 +610,7 @@ def apart(rng: Generator, shop: Path, work: Path) -> Case:
         return Case(" ".join(words[:2]) if words[0] == "terrain" else words[0], "terrain plug-in", words, ("evil",), (DEFAULT_OUT, "new", "site"), deed, runs_code=True, apart=True,
                     environment=(("PYTHONPATH", str(site)), ("PYTHONDONTWRITEBYTECODE", "1")))  # fmt: skip
     if kind == "plug-in":
-        deed = one_of(rng, ("sys.exit()", "sys.exit(0)", "raise SystemExit", "os._exit(0)", "raise KeyboardInterrupt", "os.abort()"))
+        deed = one_of(rng, ("sys.exit()", "sys.exit(0)", "raise SystemExit", "sys.exit('bye')", "raise RuntimeError"))
         (work / "mine.py").write_text(PLUGIN.format(top=deed, field="gain: float = 1.0", build="return None", sensors="return ()"))
         words = one_of(rng, (("run", *RUNS["textbook"].split(), "--estimator", "mine:Mine", "--out", "new"), ("sweep", *RUNS["textbook"].split(), "--estimator", "mine:Mine", "--trials", "1", "--store", "new.db"), ("study", "mine:Mine", "--out", "new")))
         return Case(words[0], "plug-in", words, ("mine",), ("new", "new.db"), f"top: {deed}", runs_code=True, apart=True)

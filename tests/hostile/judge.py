@@ -1,7 +1,8 @@
 """A hostile input in a folder of its own, run and judged.
 
-An input ends well if the command returns 0, 1 or 2 within ``LIMIT``, prints no traceback, says what is wrong in one line that names the
-culprit where it returns 2, runs no code that was not asked for, and changes nothing but what it was told to write.
+An input ends well if the command returns 0, 1 or 2 within ``LIMIT``, prints no traceback, says what is wrong in one
+line that names the culprit where it returns 2, runs no code that was not asked for, and changes nothing but what it was
+told to write.
 """
 
 from __future__ import annotations
@@ -32,6 +33,14 @@ from tests.hostile.brakes import brakes
 LIMIT = 20  # [s] from which on a command hangs
 MEMORY = 6 * 2**30  # [bytes] that a command may take beside what this process has
 MARKER = "executed"  # file that a module writes which nobody asked to run
+PRECIOUS = (
+    "precious.png",
+    "precious.html",
+    "outside/precious.txt",
+    "outside/precious.png",
+    "work/precious.txt",
+    "work/precious/letter.txt",
+)
 DEFAULT_OUT = "renders"  # where commands write that are not told where
 
 
@@ -62,7 +71,9 @@ class Outcome:
 
 def signature(outcome: Outcome) -> str:
     """Class of a failure: its faults, and where an exception was raised in this project."""
-    frames = [line.strip() for line in outcome.trace.splitlines() if line.strip().startswith("File ") and "/mathnavi/" in line]
+    frames = [
+        line.strip() for line in outcome.trace.splitlines() if line.strip().startswith("File ") and "/mathnavi/" in line
+    ]
     where = frames[-1].partition("/mathnavi/")[2].replace('", line ', ":").partition(",")[0] if frames else ""
     kind = outcome.trace.rstrip().splitlines()[-1].partition(":")[0] if outcome.trace else ""
     faults = [fault.partition(": ")[0] for fault in outcome.faults]
@@ -79,12 +90,14 @@ def box(parent: Path) -> Path:
     work, outside = folder / "work", folder / "outside"
     for each in (work, outside, work / "precious"):
         each.mkdir()
-    for path in (outside / "precious.txt", outside / "precious.png", folder / "precious.png", folder / "precious.html", work / "precious.txt",
-                 work / "precious/letter.txt"):  # fmt: skip
+    for name in PRECIOUS:
+        path = folder / name
         path.write_text(f"{path.name}, which must not be lost")
     trap = f"open({str(work / MARKER)!r}, 'a').write(__name__)\n"
     for name in ("evil_module", "drawing", "numpy", "av", "PIL", "json"):
-        (work / f"{name}.py").write_text(trap + ("raise ImportError('trap')\n" if name != "evil_module" else "class Evil: pass\n"))
+        (work / f"{name}.py").write_text(
+            trap + ("raise ImportError('trap')\n" if name != "evil_module" else "class Evil: pass\n")
+        )
     (work / "loop").symlink_to("loop")
     (work / "dangling").symlink_to("nowhere-at-all")
     (work / "link").symlink_to("../outside")
@@ -117,7 +130,9 @@ def judged(case: Case, folder: Path) -> Outcome:
     return Outcome(code, tuple(_faults(case, code, error, trace, before, digest(folder))), error, trace)
 
 
-def _faults(case: Case, code: str, error: str, trace: str, before: dict[str, str], after: dict[str, str]) -> Iterator[str]:
+def _faults(
+    case: Case, code: str, error: str, trace: str, before: dict[str, str], after: dict[str, str]
+) -> Iterator[str]:
     if code in ("hang", "traceback"):
         yield code
     elif code not in ("0", "1", "2"):
@@ -150,13 +165,18 @@ def _faults(case: Case, code: str, error: str, trace: str, before: dict[str, str
     else:
         if beside := [path for path in changed if not _within(path, case.writes)]:
             yield f"written outside: {', '.join(beside[:4])}"
-    if partial := [path for path in changed if path in after and (".partial" in path or path.endswith((".tmp", "-journal")))]:
+    if partial := [
+        path for path in changed if path in after and (".partial" in path or path.endswith((".tmp", "-journal")))
+    ]:
         yield f"left half-written: {', '.join(partial[:4])}"
 
 
 def _makes(words: Sequence[str]) -> bool:
     """True for a command that writes something when it ends well."""
-    makes = words[:1] in (("run",), ("estimate",), ("compare",), ("sweep",)) or words[:2] in (("terrain", "import"), ("store", "export"))
+    makes = words[:1] in (("run",), ("estimate",), ("compare",), ("sweep",)) or words[:2] in (
+        ("terrain", "import"),
+        ("store", "export"),
+    )
     return makes and not {"-h", "--help"} & set(words)
 
 
@@ -218,7 +238,7 @@ def _limits() -> Iterator[None]:
 
 @contextmanager
 def _captured(path: Path) -> Iterator[Callable[[], str]]:
-    """Standard output and error as a terminal would get them, warnings and what libraries write themselves with them."""
+    """Standard output and error as a terminal would get them, with warnings and what libraries write themselves."""
     sys.stdout.flush()
     sys.stderr.flush()
     saved = [os.dup(1), os.dup(2)]
@@ -252,7 +272,15 @@ def _apart(case: Case, work: Path, folder: Path) -> tuple[str, str, str]:
     environment = {**os.environ, "TMPDIR": str(scratch), **dict(case.environment)}
     command = [str(Path(sys.executable).with_name("mathnavi")), *case.words]
     try:
-        done = subprocess.run(command, cwd=work, env=environment, stdin=subprocess.DEVNULL, capture_output=True, timeout=3 * LIMIT, check=False)
+        done = subprocess.run(
+            command,
+            cwd=work,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=3 * LIMIT,
+            check=False,
+        )
     except subprocess.TimeoutExpired:
         return "hang", "", ""
     finally:

@@ -6,6 +6,7 @@ import io
 import json
 import shutil
 from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from PIL import Image
 
 from mathnavi.models.terrain.dem import write_npz
 from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.records.claims import Claim
 from tests.hostile.brakes import brakes
 
 MISSION = "safe-flight --terrain hills.npz --start 1500 1500 800 --target 3000 1500 800 --planner.grid-nodes 17"
@@ -92,18 +94,31 @@ def maps(folder: Path) -> None:
     import rasterio
     from rasterio.transform import from_origin
 
-    profile = {"driver": "GTiff", "height": 61, "width": 61, "count": 1, "dtype": "float32", "transform": from_origin(500000.0, 4600000.0, 100.0, 100.0)}
+    profile = {
+        "driver": "GTiff",
+        "height": 61,
+        "width": 61,
+        "count": 1,
+        "dtype": "float32",
+        "transform": from_origin(500000.0, 4600000.0, 100.0, 100.0),
+    }
     with rasterio.open(folder / "dem.tif", "w", crs="EPSG:32644", **profile) as file:
         file.write(heights.astype(np.float32), 1)
 
 
 def study(folder: Path) -> None:
-    """A study's documents as a study writes them."""
+    """A study's document as a study writes it."""
     folder.mkdir(exist_ok=True)
-    claim = {"id": "noise-1", "kind": "target", "statement": "it holds", "source": "A.1", "expected": "1", "measured": "1.0", "holds": True}
+    claim = Claim("noise-1", "target", "it holds", "A.1", "1", "1.0", True)
     document = {
-        "study": "noise", "title": "Noise", "terrain": {"name": "hills", "digest": "abc"}, "first_look": "", "command": "mathnavi study noise",
-        "summary": {"n": 1}, "rows": [{"a": 1}], "claims": [claim, {**claim, "id": "noise-2", "holds": None}],
-    }  # fmt: skip
+        "study": "noise",
+        "title": "Noise",
+        "terrain": {"name": "hills", "digest": "abc"},
+        "summary": [["runs", "1"]],
+        "rows": [{"a": 1}],
+        "claims": [asdict(claim), asdict(replace(claim, id="noise-2", holds=None))],
+        "command": "mathnavi study noise",
+        "first_look": "",
+    }
     (folder / "noise.json").write_text(json.dumps(document))
     (folder / "noise.csv").write_text("a\n1\n")

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.hostile.attacks import cases
+from tests.hostile.attacks import attacks
 from tests.hostile.judge import Case, Outcome, box, judged
 from tests.hostile.originals import originals
 
@@ -31,7 +31,7 @@ def findings(seed: int, numbers: Sequence[int], good: Path, boxes: Path) -> Iter
     """The inputs with these numbers; the folders of those that end well are gone afterwards."""
     shop = originals(good)
     boxes.mkdir(parents=True, exist_ok=True)
-    for number, rng, attack in cases(seed, numbers):
+    for number, rng, attack in attacks(seed, numbers):
         folder = box(boxes)
         began = time.process_time()
         case = attack(rng, shop, folder / "work")

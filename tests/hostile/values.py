@@ -12,35 +12,33 @@ from numpy.random import Generator
 Item = TypeVar("Item")
 
 LONG = "x" * 300
-CODE = "evil_module evil_module:Evil os:system numpy:load mathnavi : :: a:b:c json: :JSONDecoder __main__:main ..:x .x:y"
-TEXTS = (
-    *CODE.split(),
-    *"- -- --- = .. ../.. / /dev/null/x %s%n ${HOME} $(id) `id` ' \" <script> [bold] [/] {0} {name} null None".split(),
-    *"[] {} true NaN dm_control: dm_control:nothing canyon: canyon:-1 canyon:1e9 canyon:٣".split(),
-    *("", " ", "line\nbreak", "\r", "\t", "; ls", "\x1b[31mred\x1b[0m", "\x07", "\u202edesrever", "e\u0301", "\U0001f681"),
-    *("\udcff", "\ufffe", LONG, "x" * 70000, "a/" * 3000),
-)
-NUMBERS = (
-    *"nan inf -inf 1e400 -1e400 1e308 -1e308 5e-324 0 -0.0 -1 -7 1 2 3 1e-300 0.1 99999999999999999999".split(),
-    *"1000000000 2147483648 -2147483649 9223372036854775808 0x10 1_0 ٣ 1,5 1e ١e٣ +5 true 1j".split(),
-    *(" 5", "9" * 400, "9" * 5000),
-)
-# Values of JSON as they stand in the file.
-JSON = (
-    *"null true false 0 -0 -7 1 1.5 NaN Infinity -Infinity 1e400 -1e400 1e308 5e-324 99999999999999999999".split(),
-    *"- 0.1e 'x' undefined [] {} [[]] [null] [1,2,3] [1,[2,[3]]] [NaN,Infinity] [1e999,-1e999]".split(),
-    *'"" "x" "\\u0000" "\\u001b[31m" "\\ud800" "\\n\\n" "../../../precious" "/etc/passwd" "nan" "[/]"'.split(),
-    *'"<script>" "evil_module" "evil_module:Evil" "os:system" "{seed}" "\U0001f681" ["a","b"] {"a":1} {"":null}'.split(),
-    *('{"$class":"os:system","$fields":{}}', f'"{LONG}"', "9" * 400, "1" + "0" * 5000),
-    *("[" * 30 + "]" * 30, "[" * 100_000 + "]" * 100_000, '{"a":' * 20_000 + "1" + "}" * 20_000, "[" + "0," * 3000 + "0]"),
-)
-# Places to write to, or to read from, in the folder of a case (``judge.box``).
-PLACES = (
-    *". .. / /proc/new /dev/full /dev/null /dev/null/new precious.txt precious.txt/new precious precious/letter.txt".split(),
-    *"loop loop/new pipe dangling dangling/new ~ - -- missing/a/b/c link * ? C:\\new".split(),
-    *("", " ", "new ", LONG, f"{LONG}/new", f"new/{LONG}", "n/" * 2500, "new\nline", "new\x1b[31m", "\udcff"),
-    "new\U0001f681",
-)
+TEXT_WORDS = """
+evil_module evil_module:Evil os:system numpy:load mathnavi : :: a:b:c json: :JSONDecoder __main__:main ..:x .x:y
+- -- --- = .. ../.. / /dev/null/x %s%n ${HOME} $(id) `id` ' " <script> [bold] [/] {0} {name} null None [] {} true NaN
+dm_control: dm_control:nothing canyon: canyon:-1 canyon:1e9 canyon:٣ \udcff \ufffe \x07 \x1b[31mred\x1b[0m \U0001f681
+\u202edesrever e\u0301
+"""
+NUMBER_WORDS = """
+nan inf -inf 1e400 -1e400 1e308 -1e308 5e-324 1e-300 0 -0.0 -1 -7 1 2 3 0.1 1000000000 2147483648 -2147483649
+9223372036854775808 99999999999999999999 0x10 1_0 ٣ 1,5 1e ١e٣ +5 true 1j
+"""
+JSON_WORDS = r"""
+null true false 0 -0 -7 1 1.5 NaN Infinity -Infinity 1e400 -1e400 1e308 5e-324 99999999999999999999 - 0.1e 'x'
+undefined [] {} [[]] [null] [1,2,3] [1,[2,[3]]] [NaN,Infinity] [1e999,-1e999] ["a","b"] {"a":1} {"":null} "" "x" "nan"
+"\u0000" "\u001b[31m" "\ud800" "\n\n" "../../../precious" "/etc/passwd" "[/]" "<script>" "{seed}" "evil_module"
+"evil_module:Evil" "os:system" {"$class":"os:system","$fields":{}}
+"""
+PLACE_WORDS = """
+. .. / /proc/new /dev/full /dev/null /dev/null/new precious.txt precious.txt/new precious precious/letter.txt loop
+loop/new pipe dangling dangling/new ~ - -- missing/a/b/c link * ? C:\\new \udcff new\x1b[31m new\U0001f681
+"""
+LONG = "x" * 300
+TEXTS = (*TEXT_WORDS.split(), "", " ", "line\nbreak", "\r", "\t", "; ls", LONG, "x" * 70000, "a/" * 3000)
+NUMBERS = (*NUMBER_WORDS.split(), " 5", "9" * 400, "9" * 5000)
+DEEP = ("[" * 30 + "]" * 30, "[" * 100_000 + "]" * 100_000, '{"a":' * 20_000 + "1" + "}" * 20_000)
+JSON = (*JSON_WORDS.split(), *DEEP, f'"{LONG}"', "9" * 400, "1" + "0" * 5000, "[" + "0," * 3000 + "0]")  # as in a file
+# To write to, or to read from, in the folder of a case (``judge.box``).
+PLACES = (*PLACE_WORDS.split(), "", " ", "new ", "new\nline", LONG, f"{LONG}/new", f"new/{LONG}", "n/" * 2500)
 
 
 def one_of(rng: Generator, items: Sequence[Item]) -> Item:

@@ -15,7 +15,7 @@ from mathnavi.renders.palette import Picture
 
 STEPS = 12  # control steps of a run
 FRAMES = 3  # of a video
-SMALL = 16  # pixels a side are drawn of a frame
+SMALL = 160, 90  # pixels of a frame that is drawn
 
 
 def brakes(patch: pytest.MonkeyPatch) -> None:
@@ -60,6 +60,6 @@ def _draw(directory: Path, frames: Sequence[Frame], width: int, height: int, sam
     """The first frame in small, which reads the run and builds its scene, and black ones after it."""
     from tests.renders.drawn import draw_here
 
-    first = next(draw_here(directory, frames[:1], SMALL, SMALL, 0))
+    first = next(draw_here(directory, frames[:1], *SMALL, 0))
     for _ in frames:
         yield np.broadcast_to(first[0, 0], (height, width, 3)).copy()

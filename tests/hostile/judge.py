@@ -209,6 +209,8 @@ def _here(case: Case, work: Path, folder: Path) -> tuple[str, str, str]:
             except BaseException:  # whatever leaves main is a defect
                 code, trace = "traceback", traceback.format_exc()
         error = read()
+    if code == "70":
+        trace = "".join(path.read_text() for path in scratch.glob("mathnavi-error-*"))
     sys.path[:] = paths
     for name in set(sys.modules) - modules:
         if str(folder) in (getattr(sys.modules[name], "__file__", None) or ""):

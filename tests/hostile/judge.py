@@ -57,6 +57,7 @@ class Case:
     done: str = ""  # mutation, in words
     runs_code: bool = False  # plug-ins of the working folder are asked for by name
     apart: bool = False  # needs a process of its own
+    gone: bool = False  # called in a folder that has been removed
     environment: tuple[tuple[str, str], ...] = ()
 
 
@@ -196,6 +197,10 @@ def _here(case: Case, work: Path, folder: Path) -> tuple[str, str, str]:
     scratch = Path(tempfile.mkdtemp(dir=folder.parent))
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(work)
+        if case.gone:
+            (work / "gone").mkdir()
+            os.chdir("gone")
+            Path("../gone").rmdir()
         patch.setenv("TMPDIR", str(scratch))
         patch.setattr(tempfile, "tempdir", str(scratch))
         for name, value in case.environment:

@@ -17,16 +17,22 @@ from tests.hostile.originals import RUNS
 from tests.hostile.values import one_of
 
 LINES = f"""
-run --from RUN --out new
-run --from RUN --out new --report
-run {RUNS["textbook"]} --out RUN
-estimate ESTIMATOR RUN --out new
+view RUN
 view RUN
 compare RUN RUN --out new.html
 compare RUN other --out new.html
+estimate ESTIMATOR RUN --out new
+estimate ESTIMATOR RUN --out new
+run --from RUN --out new
+run {RUNS["textbook"]} --out RUN
 render RUN --still
-render RUN --clip
 """
+SLOW_LINES = """
+run --from RUN --out new --report
+render RUN --clip
+render RUN
+"""
+SLOW = 0.05  # share of what takes long
 ESTIMATORS = {
     "flight": "full_state",
     "arm": "riemannian_observer",
@@ -49,7 +55,7 @@ Mutation = Callable[[Generator, Path], str]  # of a folder; returns what was don
 def _case(rng: Generator, shop: Path, work: Path, kind: str, mutation: Mutation) -> Case:
     run = one_of(rng, list(RUNS))
     estimator = one_of(rng, (ESTIMATORS[run], ESTIMATORS[run], "full_state", "filtered_differences"))
-    line = one_of(rng, LINES.strip().splitlines())
+    line = one_of(rng, (SLOW_LINES if rng.random() < SLOW else LINES).strip().splitlines())
     words = tuple(line.replace("RUN", run).replace("ESTIMATOR", estimator).split())
     bring(shop, work, run, "hills.npz", "arm.xml")
     if "other" in words:

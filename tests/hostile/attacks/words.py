@@ -100,4 +100,10 @@ def read_places(rng: Generator, shop: Path, work: Path) -> Case:
     return Case(command, "place", tuple(words), culprits, written(words, work), f"{former} is {place[:40]!r}")
 
 
-ATTACKS: dict[Attack, int] = {any_words: 14, changed_words: 26, written_places: 14, read_places: 10}
+def gone(rng: Generator, shop: Path, work: Path) -> Case:
+    """A good command line in a folder that has been removed."""
+    command, words = good(rng, shop, work)
+    return Case(command, "working folder", tuple(words), writes=(), gone=True)
+
+
+ATTACKS: dict[Attack, int] = {any_words: 14, changed_words: 26, written_places: 14, read_places: 10, gone: 3}

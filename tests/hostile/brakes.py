@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
+from PIL import Image
 
 from mathnavi.renders.film import Frame
 from mathnavi.renders.palette import Picture
@@ -18,8 +20,11 @@ FRAMES = 3  # of a video
 SMALL = 160, 90  # pixels of a frame that is drawn
 
 
-def brakes(patch: pytest.MonkeyPatch) -> None:
-    """Runs end after a few control steps, sweeps, searches and studies before the first trial, pictures are small."""
+def brakes(patch: pytest.MonkeyPatch, *, draws: bool = False) -> None:
+    """Runs end after a few control steps, sweeps, searches and studies before the first trial, pictures are small.
+
+    Unless it ``draws``, pictures are black and figures empty: what is drawn is read and checked before.
+    """
     from mathnavi.renders import clip, video
     from mathnavi.sim.commands import search, sweep
     from mathnavi.sim.scenarios import closed_loop
@@ -30,10 +35,12 @@ def brakes(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(search, "_search", _stopped)
     for name in ("run_trials", "run_jobs"):
         patch.setattr(study, name, _stopped)
-    patch.setattr(video, "draw", _draw)
+    for module in (video, clip):
+        patch.setattr(module, "draw", _draw if draws else _black)
+    if not draws:
+        patch.setattr(Figure, "savefig", _saved)
     encode = video._encode
     patch.setattr(video, "_encode", lambda path, pictures, *size: encode(path, islice(pictures, FRAMES), *size))
-    patch.setattr(clip, "draw", _draw)
 
 
 def _short(simulate: Callable[..., Any]) -> Callable[..., Any]:
@@ -60,6 +67,17 @@ def _draw(directory: Path, frames: Sequence[Frame], width: int, height: int, sam
     """The first frame in small, which reads the run and builds its scene, and black ones after it."""
     from tests.renders.drawn import draw_here
 
-    first = next(draw_here(directory, frames[:1], *SMALL, 0))
+    next(draw_here(directory, frames[:1], *SMALL, 0))
+    yield from _black(directory, frames, width, height, samples)
+
+
+def _black(directory: Path, frames: Sequence[Frame], width: int, height: int, samples: int) -> Generator[Picture]:
     for _ in frames:
-        yield np.broadcast_to(first[0, 0], (height, width, 3)).copy()
+        yield np.zeros((height, width, 3), np.uint8)
+
+
+def _saved(figure: Figure, file: IO[Any], format: str, **_: Any) -> None:
+    if format == "svg":
+        file.write("<svg></svg>")
+    else:
+        Image.new("L", (1, 1)).save(file, format)

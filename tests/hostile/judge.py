@@ -123,12 +123,11 @@ def digest(folder: Path) -> dict[str, str]:
     return found
 
 
-def judged(case: Case, folder: Path) -> Outcome:
-    """Run a case in its box."""
+def judged(case: Case, folder: Path, *, draws: bool = False) -> Outcome:
+    """Run a case in its box; unless it ``draws``, pictures and figures stay empty."""
     before = digest(folder)
     work = folder / "work"
-    run = _apart if case.apart else _here
-    code, error, trace = run(case, work, folder)
+    code, error, trace = _apart(case, work, folder) if case.apart else _here(case, work, folder, draws)
     return Outcome(code, tuple(_faults(case, code, error, trace, before, digest(folder))), error, trace)
 
 
@@ -190,7 +189,7 @@ def _within(path: str, writes: Sequence[str]) -> bool:
 # ---- in this process
 
 
-def _here(case: Case, work: Path, folder: Path) -> tuple[str, str, str]:
+def _here(case: Case, work: Path, folder: Path, draws: bool) -> tuple[str, str, str]:
     from mathnavi.sim.commands.cli import main
 
     modules, paths, trace, code = set(sys.modules), list(sys.path), "", ""
@@ -205,7 +204,7 @@ def _here(case: Case, work: Path, folder: Path) -> tuple[str, str, str]:
         patch.setattr(tempfile, "tempdir", str(scratch))
         for name, value in case.environment:
             patch.setenv(name, value)
-        brakes(patch)
+        brakes(patch, draws=draws)
         with _captured(scratch / "error") as read, _limits():
             try:
                 code = str(main(case.words))

@@ -14,6 +14,8 @@ from tests.hostile.attacks import attacks
 from tests.hostile.judge import Case, Outcome, box, judged
 from tests.hostile.originals import originals
 
+DRAWN = 8  # one of so many inputs is drawn, where it is to be drawn
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -35,7 +37,7 @@ def findings(seed: int, numbers: Sequence[int], good: Path, boxes: Path) -> Iter
         folder = box(boxes)
         began = time.process_time()
         case = attack(rng, shop, folder / "work")
-        outcome = judged(case, folder)
+        outcome = judged(case, folder, draws=number % DRAWN == 0)
         found = Finding(number, attack.__name__, case, outcome, folder, time.process_time() - began)
         yield found
         if not found.outcome.faults:

@@ -197,7 +197,8 @@ def trapped(rng: Generator, shop: Path, work: Path) -> Case:
 
 def terrain_plugins(rng: Generator, shop: Path, work: Path) -> Case:
     """An installed plug-in of a terrain that misbehaves."""
-    deed, site = one_of(rng, (*DEEDS, *MAPS)), work / "site"
+    deeds = [deed for deed in DEEDS if "Made" not in deed and "Keyboard" not in deed]
+    deed, site = one_of(rng, (*deeds, *MAPS)), work / "site"
     (site / "evil-1.0.dist-info").mkdir(parents=True)
     (site / "evil-1.0.dist-info/METADATA").write_text("Metadata-Version: 2.1\nName: evil\nVersion: 1.0\n")
     (site / "evil-1.0.dist-info/entry_points.txt").write_text("[mathnavi.terrains]\nevil = evil_terrain:made\n")

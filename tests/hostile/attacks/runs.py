@@ -63,7 +63,9 @@ def _case(rng: Generator, shop: Path, work: Path, kind: str, mutation: Mutation)
     done = mutation(rng, work / run)
     writes = (DEFAULT_OUT, "new", "new.html", *([run] if words[0] == "render" or words[-1] == run else []))
     beside = {"estimate": (estimator,), "view": ("DISPLAY",)}.get(words[0], ())
-    return Case(words[0], kind, words, (run, kind, "outside", done.rpartition(" ")[2], *beside), writes, f"{run}: {done}")
+    return Case(
+        words[0], kind, words, (run, kind, "outside", done.rpartition(" ")[2], *beside), writes, f"{run}: {done}"
+    )
 
 
 def config(rng: Generator, shop: Path, work: Path) -> Case:

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
+from rich.console import Console
 from rich.table import Table as Printed
 from rich.text import Text
 
 from mathnavi.sim.commands.arguments import FlagGroup, parse
-from mathnavi.sim.commands.console import Console
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 

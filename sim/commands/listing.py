@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib.metadata import EntryPoint
 
-from rich.console import Group
+from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from mathnavi.sim.commands.console import Console
 from mathnavi.sim.commands.errors import BadInputError
 from mathnavi.sim.plugin.flag_names import flag_of
 from mathnavi.sim.plugin.groups import GROUPS, installed
@@ -44,7 +43,7 @@ def main(argv: Sequence[str]) -> int:
     console = Console()
     for each in GROUPS if kind == ALL else (kind,):
         points = installed(each)
-        console.print(listing(each, points, full) if points else Text.assemble((each, "bold"), "\n  none installed"))
+        console.print(listing(each, points, full) if points else f"[bold]{each}[/bold]\n  none installed")
         console.print()
         if full and each == "estimators" and points:
             console.print(claimed_properties(points))

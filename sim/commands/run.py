@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
+from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from mathnavi.renders.opengl import NoOpenGLError
 from mathnavi.sim.commands.arguments import value_of
-from mathnavi.sim.commands.console import Console
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import compilation_announced

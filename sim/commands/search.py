@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mathnavi.sim.commands.console import Console
+from rich.console import Console
+
 from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
+from rich.console import Console
 
 from mathnavi.sim.commands.arguments import FlagGroup, parse
-from mathnavi.sim.commands.console import Console
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.evidence import print_evidence, verdict
 from mathnavi.sim.records.store import Record, Store, canonical_json

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mathnavi.sim.commands.console import Console
+from rich.console import Console
+
 from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError
 from mathnavi.sim.commands.evidence import print_evidence, verdict
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress

@@ -22,7 +22,6 @@ from mathnavi.sim.commands.cli import main
 from mathnavi.sim.commands.summary import summary_table
 from mathnavi.sim.commands.terrain import steepest
 from mathnavi.sim.plugin.registry import names
-from mathnavi.sim.records.store import Store
 from mathnavi.sim.scenarios.closed_loop import RunResult
 
 Words = tuple[str, ...]
@@ -356,14 +355,3 @@ def test_the_package_run_as_a_module_is_the_command_line() -> None:
     assert printed("completion", "words", "run", "safe-flight", "--planner.ba").split() == [
         "--planner.backend", "--planner.bandwidth",
     ]  # fmt: skip
-
-
-@pytest.mark.parametrize("name", ["runs [v1].db", "runs [b].db", "x [/b] :car:.db"])
-def test_brackets_in_names_are_printed_as_they_are(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / name).parent.mkdir(exist_ok=True, parents=True)
-    Store.open(name).close()
-    assert main(["store", "show", name]) == 0
-    assert capsys.readouterr().out == f"{name}: no trials\n"

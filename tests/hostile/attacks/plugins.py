@@ -218,4 +218,4 @@ def words_apart(rng: Generator, shop: Path, work: Path) -> Case:
     return Case(case.command, "words", case.words, (), case.writes, "ASCII", apart=True, environment=environment)
 
 
-ATTACKS: dict[Attack, int] = {mechanisms: 16, plugins: 24, trapped: 1, terrain_plugins: 3, words_apart: 2}
+ATTACKS: dict[Attack, int] = {mechanisms: 16, plugins: 24, trapped: 1, terrain_plugins: 2, words_apart: 1}

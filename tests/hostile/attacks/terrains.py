@@ -23,7 +23,7 @@ terrain import hills.npz --out new.npz
 run {MISSION} --out new
 sweep {MISSION} --trials 2 --store new.db
 study noise --terrain hills.npz --terrain canyon --out new
-study threat --terrain hills.npz --out new
+study noise --terrain hills.npz --out new
 """
 NAMES = """
 ../../../../outside/precious ../outside/precious ../precious /tmp/hostile-precious . a/b <b> [bold] COM1 \udcff \u202e

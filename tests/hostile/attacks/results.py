@@ -52,7 +52,7 @@ def stores(rng: Generator, shop: Path, work: Path) -> Case:
     bring(shop, work, "trials.db")
     shutil.copyfile(shop / "trials.db", work / "other.db")
     mutation = one_of(rng, (*[store_file] * 3, files.bytes_of, files.place_of_file))
-    writes = {"sweep": ("trials.db",), "search": ("trials.db",), "study": (".",)}.get(words[0], tuple(words[-1:]))
+    writes = {"sweep": (".",), "search": (".",), "study": (".",)}.get(words[0], tuple(words[-1:]))
     done = mutation(rng, work / "trials.db")
     return Case(command_of(words), "store", tuple(words), ("trials.db",), writes, done)
 

@@ -40,9 +40,9 @@ def write_clip(
 ) -> Path:
     """Write a clip of a run, ``CAMERA.webp`` in its folder unless ``path`` says else, whole or not at all.
 
-    It shows the run from ``begin`` to ``end`` [s], by default those of its highlight, within ``length`` [s]. Raises
-    what ``video.write_video`` does, ValueError for moments outside of the run or out of order, and RuntimeError if
-    even the lowest quality takes more than ``MOST_BYTES``.
+    It shows the run from ``begin`` to ``end`` [s], by default those of its highlight, or of the run where that is one
+    moment, within ``length`` [s]. Raises what ``video.write_video`` does, ValueError for moments outside of the run or
+    out of order, and RuntimeError if even the lowest quality takes more than ``MOST_BYTES``.
     """
     check_size(width, height)
     check_rate(fps)
@@ -50,8 +50,7 @@ def write_clip(
     directory, drawing = Path(run_dir), drawing_of(run_dir)
     run = drawing.load_run(directory)
     shown = drawing.still_camera if camera is None else checked_camera(camera, drawing.cameras)
-    first, last = drawing.highlight(run)
-    first, last = first if begin is None else begin, last if end is None else end
+    first, last = _stretch(drawing.highlight(run), run.duration, begin, end)
     if not 0.0 <= first < run.duration:
         raise ValueError(f"begin = {first:g} s; allowed: 0 to less than {run.duration:g} s, the length of the run")
     if not first < last <= run.duration:
@@ -64,6 +63,18 @@ def write_clip(
     target = Path(path) if path is not None else directory / f"{shown}.webp"
     write_bytes(target, _encoded(pictures, fps))
     return target
+
+
+def _stretch(
+    highlight: tuple[float, float], duration: float, begin: float | None, end: float | None
+) -> tuple[float, float]:
+    """Beginning and end of a clip [s]: those that are given, else of the highlight.
+
+    Those of the run where that leaves nothing: a highlight may be one moment, the last one for example.
+    """
+    first, last = highlight
+    first = begin if begin is not None else first if first < (last if end is None else end) else 0.0
+    return first, end if end is not None else last if first < last else duration
 
 
 def _encoded(pictures: list[Image.Image], fps: int) -> bytes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,8 +12,9 @@ from PIL import Image
 
 from mathnavi.renders import clip
 from mathnavi.renders.clip import LAST_MOMENT, write_clip
+from mathnavi.renders.film import Frame
 from mathnavi.renders.overlay import Label, Overlay, OverlayWriter
-from mathnavi.renders.palette import SceneElement
+from mathnavi.renders.palette import Picture, SceneElement
 from mathnavi.sim.commands.cli import main
 from mathnavi.sim.scenarios.textbook import TextbookConfig, TextbookObserver
 
@@ -40,6 +42,21 @@ def test_a_clip_plays_over_and_over_and_holds_its_last_picture(folder: Path, tmp
             assert moving.info["duration"] == (250 if k < 4 else 1000 * LAST_MOMENT)
     assert min(picture.std() for picture in shown) > 10.0
     assert all((np.abs(b - a).max(axis=-1) > 40).any() for a, b in pairwise(shown))
+
+
+def test_a_clip_of_a_run_whose_highlight_is_one_moment_shows_the_whole_run(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    moments: list[float] = []
+
+    def drawn(directory: Path, frames: list[Frame], *size: int) -> Generator[Picture]:
+        moments[:] = [frame.t for frame in frames]
+        yield from (GREY for _ in frames)
+
+    monkeypatch.setattr(clip, "draw", drawn)
+    for given, expected in (({}, (0.0, 2.0)), ({"begin": 0.5}, (0.5, 2.0)), ({"end": 1.5}, (0.0, 1.5))):
+        write_clip(folder, path=tmp_path / "clip.webp", **given, **SMALL)  # type: ignore[arg-type]
+        assert (moments[0], moments[-1]) == pytest.approx(expected)
 
 
 def test_what_would_be_too_large_is_refused(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,6 +18,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import NoReturn
 
+from mathnavi.sim.commands.errors import one_line
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 GRACE = 1.0  # [s] to unwind
 
@@ -49,7 +51,7 @@ def when_interrupted(words: Callable[[], str]) -> None:
 
 def interrupted_line(argv: Sequence[str]) -> str:
     """The line on standard error that says that a command was interrupted, and how it goes on."""
-    return f"mathnavi: interrupted, {_words()}: {shlex.join(['mathnavi', *argv])}"
+    return one_line(f"mathnavi: interrupted, {_words()}: {shlex.join(['mathnavi', *argv])}")
 
 
 def exit_code(error: KeyboardInterrupt) -> int:

@@ -193,6 +193,7 @@ def _check_class(kind: str, plugin: Any, name: str) -> None:
         if field.init and field.default is field.default_factory is dataclasses.MISSING:
             raise PluginError(f"{kind}: {name!r}: Config.{field.name} has no default; allowed: fields with defaults")
     with failures_named(f"{kind}: {name!r}: Config() failed:", PluginError):
+        get_type_hints(config, include_extras=True)
         config()
     needed = NEEDED.get(kind, ("build",))
     if missing := [attribute for attribute in needed if not hasattr(plugin, attribute)]:

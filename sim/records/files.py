@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,15 @@ from mathnavi.sim.interfaces.writing import write_text
 
 
 def inside(folder: Path, path: Path) -> Path:
-    """``path``, which lies in ``folder``; PermissionError if a link there leads out of the folder."""
-    if not path.resolve().is_relative_to(folder.resolve()):
-        reason = f"a link that leads out of {folder}, to {path.resolve()}; allowed: what lies within"
+    """``path``, which lies in ``folder``; PermissionError if a link there leads out of the folder, OSError for links that
+    lead to each other.
+    """
+    try:
+        there, within = path.resolve(), folder.resolve()
+    except RuntimeError:  # links that lead to each other
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path)) from None
+    if not there.is_relative_to(within):
+        reason = f"a link that leads out of {folder}, to {there}; allowed: what lies within"
         raise PermissionError(errno.EPERM, reason, str(path))
     return path
 

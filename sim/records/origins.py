@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from mathnavi.sim.interfaces.errors import StoreError
@@ -65,12 +65,13 @@ def environments(connection: sqlite3.Connection) -> dict[str, dict[str, str]]:
     return {digest: decoded(text, dict[str, str], f"environment {digest}", StoreError) for digest, text in described}
 
 
-def keys_by_content(connection: sqlite3.Connection) -> dict[str, dict[str, str]]:
-    """Keys of the records of each content, by the digest of the environment."""
+def keys_by_content(connection: sqlite3.Connection, keys: Container[str]) -> dict[str, dict[str, str]]:
+    """Those of ``keys``, the records that are there, that have each content, by the digest of the environment."""
     found: dict[str, dict[str, str]] = {}
     if _are_there(connection):
         for key, content, digest in connection.execute("SELECT key, content, environment FROM origins ORDER BY key"):
-            found.setdefault(content, {})[digest] = key
+            if key in keys:
+                found.setdefault(content, {})[digest] = key
     return found
 
 

@@ -258,7 +258,7 @@ class Store:
         With ``mix_environments`` one from another environment does where there is none. ``elsewhere`` counts those.
         """
         with self._reading():
-            stored = keys_by_content(self._connection)
+            stored = keys_by_content(self._connection, self.keys() | job_statuses(self._connection).keys())
         return (elsewhere or Elsewhere()).chosen(contents, stored, environment_digest(), mix_environments)
 
     def input_digests(self, field: str, value: str) -> dict[str, int]:

@@ -22,6 +22,7 @@ from mathnavi.models.terrain.library import load_terrain, terrain_names
 from mathnavi.sim.commands.cli import main
 from mathnavi.sim.commands.summary import summary_table
 from mathnavi.sim.commands.terrain import steepest
+from mathnavi.sim.commands.unforeseen import DEVELOPERS
 from mathnavi.sim.plugin.registry import names
 from mathnavi.sim.scenarios.closed_loop import RunResult
 
@@ -105,6 +106,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, Any]]:
         raise FlightAskedForError(closed_loop.config)
 
     monkeypatch.setattr(mathnavi.sim.commands.run, "fly", without_flight)
+    monkeypatch.setenv(DEVELOPERS, "1")  # the exception is to pass
 
     def ask(*argv: str) -> dict[str, Any]:
         with pytest.raises(FlightAskedForError) as info:

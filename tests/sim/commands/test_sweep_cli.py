@@ -217,7 +217,7 @@ def test_a_store_is_exported(path: Path, tmp_path: Path, capsys: pytest.CaptureF
 def test_what_timed_out_is_named_and_run_again(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = (COIN, "--trials", "2", "--hang-at", "1", "--well-once", str(tmp_path / "ready"), "--store", str(path))
     assert sweep(*words, "--timeout", "1") == 0
-    (tmp_path / "ready").touch()
+    (tmp_path / "ready").mkdir()
     assert "--retry" not in capsys.readouterr().out
     assert sweep(*words) == 0
     assert "found in the store as timed out or crashed: 1; --retry runs such trials again" in capsys.readouterr().out

@@ -47,7 +47,7 @@ class CoinConfig:
     segfault_at: tuple[int, ...] = ()
     die_at: tuple[int, ...] = ()
     hang_at: tuple[int, ...] = ()
-    well_once: str = ""  # a file; as soon as it is there, seeds neither crash nor hang
+    well_once: str = ""  # a folder; as soon as it is there, seeds neither crash nor hang
     refuse_gain: float = 1e9  # of the controller, from which the coin cannot be built
     chatter: bool = False
     marks: str = ""  # a folder in which every trial that begins leaves a file

@@ -121,7 +121,7 @@ def test_what_timed_out_or_crashed_is_run_again_when_it_is_asked_for(store: Stor
     trials = coins(4, raise_at=(1,), **{"segfault_at": (2,), "hang_at": (3,), "well_once": str(ready)})
     first = run_trials(trials, store, workers=2, timeout=TIMEOUT)
     assert [record.status for record in first] == ["ok", "raised", "crashed", "timed-out"]
-    ready.touch()  # what was in the way is gone
+    ready.mkdir()  # what was in the way is gone
     assert run_trials(trials, store) == first
     seen: list[Progress] = []
     again = run_trials(trials, store, retry=True, progress=seen.append)

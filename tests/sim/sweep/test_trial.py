@@ -122,7 +122,7 @@ def test_keys_are_made_without_building_anything(tmp_path: Path, monkeypatch: py
         ({"scenario": COIN, "fields": {"part.colour": 1}}, "part.colour is not a field; allowed: share, count"),
         ({"scenario": COIN, "fields": {"bias.colour": 1}}, "bias has no fields"),
         ({"scenario": COIN, "fields": {"planner.colour": 1}}, "planner.colour is not a field"),
-        ({"scenario": COIN, "bias": "high"}, "bias = 'high'; allowed: int or float"),
+        ({"scenario": COIN, "bias": "high"}, "bias = 'high'; allowed: float"),
         ({"scenario": COIN, "fields": {"part.count": 1.5}}, "part.count = 1.5; allowed: int"),
         ({"scenario": COIN, "fields": {"part.share": 1.5}}, "part.share = 1.5; allowed: 0 to 1"),
         ({"scenario": COIN, "seed": -1}, "seed = -1"),

@@ -78,7 +78,11 @@ def load_run(directory: str | Path) -> QuadrotorRun:
     flight = flight_of(dataclasses.replace(log, x=centre, u=flown), lambda mission: mission)
     try:
         mission = read_mission(QuadrotorRecord, log.config["mission"])
-        bound = {name: float(mission.tracking_bound[name]) for name in ("horizontal", "vertical")}
+        horizontal, vertical = (mission.tracking_bound[name] for name in ("horizontal", "vertical"))
+        if horizontal is None or vertical is None:
+            raise ValueError("its tracking bound has no distances")
     except (KeyError, TypeError, ValueError) as error:
         raise RunFolderError(f"{str(log.directory / CONFIG)!r} does not describe a quadrotor: {error!r}") from None
-    return QuadrotorRun(flight, log.x, log.u, mission.reach, mission.thrust_max, bound)
+    return QuadrotorRun(
+        flight, log.x, log.u, mission.reach, mission.thrust_max, {"horizontal": horizontal, "vertical": vertical}
+    )

@@ -16,9 +16,7 @@ from mathnavi.sim.interfaces.writing import write_text
 
 
 def inside(folder: Path, path: Path) -> Path:
-    """``path``, which lies in ``folder``; PermissionError if a link there leads out of the folder, OSError for links that
-    lead to each other.
-    """
+    """``path``, which lies in ``folder``; PermissionError if a link there leads out, OSError for links in a circle."""
     try:
         there, within = path.resolve(), folder.resolve()
     except RuntimeError:  # links that lead to each other

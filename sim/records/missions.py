@@ -54,7 +54,7 @@ class FlightRecord:
     speed_max: float  # [m/s] v_max
     acceleration_max: float  # [m/s^2] a_max
     arrival_radius: float  # [m] r_f
-    tracking_bound: dict[str, float] = field(default_factory=dict)  # horizontal, vertical [m], speed [m/s], ...
+    tracking_bound: dict[str, float | None] = field(default_factory=dict)  # horizontal, vertical [m], speed [m/s], ...
     deadline_factor: float | None = None  # gamma; None in a fleet, which has a deadline in common
 
 
@@ -88,7 +88,7 @@ class FleetRecord:
     deadline: float  # [s] D
     radars: tuple[RadarRecord, ...] = ()
     charted_at: float | None = None  # [s]
-    tracking_bound: dict[str, float] = field(default_factory=dict)
+    tracking_bound: dict[str, float | None] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -168,7 +168,7 @@ def _flight(
     return FleetFlight(terrain, missions, config.tracks(charted), deadline)
 
 
-def _record(config: SimultaneousArrivalConfig, flight: FleetFlight, bound: dict[str, float]) -> FleetRecord:
+def _record(config: SimultaneousArrivalConfig, flight: FleetFlight, bound: dict[str, float | None]) -> FleetRecord:
     """The mission as config.json holds it."""
     return FleetRecord(
         vehicles={name: {"start": each.start, "target": each.target} for name, each in flight.missions.items()},

@@ -121,7 +121,7 @@ def test_a_fleet_with_given_starts_starts_there(terrain: str) -> None:
     middle = tuple(np.mean(ring, axis=0)[:2])
     height = float(flight.mountains().height(*middle))
     expected = config(terrain, start=starts, target=(*middle, height + 300.0))
-    assert SimultaneousArrival.build(expected, 7).config["fields"]["start"] == starts
+    assert SimultaneousArrival.build(expected, 7).config["fields"]["start"] == [list(start) for start in starts]
 
 
 def test_new_information_is_sent_to_all(terrain: str) -> None:

@@ -39,6 +39,7 @@ def drawing_here() -> Iterator[None]:
     """Stills, videos and clips are drawn in this process, which spares the start of others, except where a test uses
     ``drawing_apart``.
     """
+
     from mathnavi.renders import clip, video
     from tests.renders.drawn import draw_here
 

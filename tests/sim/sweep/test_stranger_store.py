@@ -96,7 +96,7 @@ def test_the_arrays_of_a_store_are_not_unpickled(mark: Path, tmp_path: Path) -> 
         run_jobs(walks(1), store)
     for arrays in (block.getvalue(), pickle.dumps(Bomb(mark))):
         forge(path, result='{"$block": "a0"}', arrays=arrays)
-        with Store.open(path) as store, pytest.raises(ValueError, match="type object|not a readable"):
+        with Store.open(path) as store, pytest.raises(ValueError, match=r"type object|not a readable"):
             _ = run_jobs(walks(1), store)[0].value
     assert not mark.exists()
 

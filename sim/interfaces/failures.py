@@ -24,7 +24,7 @@ def failures_named(
     try:
         yield
     except BaseException as error:
-        refuses = isinstance(error, ValueError) and "allowed" in str(error)
+        refuses = isinstance(error, ValueError) and "allowed" in _text(error)
         if refuses or isinstance(error, (KeyboardInterrupt, *passing)):
             raise
         raise kind(f"{subject} {explained(error)}") from error
@@ -34,5 +34,14 @@ def explained(error: BaseException) -> str:
     """The exception, and where it was raised."""
     frames = traceback.extract_tb(error.__traceback__)
     where = [f" ({frame.filename}:{frame.lineno})" for frame in frames if not frame.filename.startswith(_MACHINERY)]
-    said = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    text = _text(error)
+    said = f"{type(error).__name__}: {text}" if text else type(error).__name__
     return f"{said}{''.join(where[-1:])}"
+
+
+def _text(error: BaseException) -> str:
+    """The message of an exception; none where the exception fails to make one."""
+    try:
+        return str(error)
+    except BaseException:  # whatever a stranger's ``__str__`` raises, KeyboardInterrupt too
+        return ""

@@ -22,6 +22,8 @@ RAISED = {
     "own": "raise type('Own', (BaseException,), {})('mine')",
     "recursion": "f = lambda: f(); f()",
     "memory": "raise MemoryError",
+    "no message": "raise type('Odd', (Exception,), {'__str__': lambda error: 1 / 0})()",
+    "a refusal without a message": "raise type('Odd', (ValueError,), {'__str__': lambda error: None})()",
 }
 CLASS = """
 import dataclasses

@@ -351,6 +351,8 @@ class Store:
                         f"{self.path}: its table {table} has the columns {', '.join(found) or 'of no table'}; "
                         f"allowed: {', '.join(columns)}"
                     )
+            if odd := self._connection.execute("SELECT key FROM trials WHERE typeof(key) != 'text' LIMIT 1").fetchone():
+                raise StoreError(f"{self.path}: trial {shortened(odd[0])}: allowed as its key: a text")
             if (fault := self._connection.execute("PRAGMA quick_check(1)").fetchone()[0]) != "ok":
                 raise StoreError(f"{self.path}: a damaged store ({fault}); allowed: a whole one")
 

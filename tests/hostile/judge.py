@@ -158,7 +158,9 @@ def _faults(
     if code == "0" and not changed and _makes(case.words):
         yield "exit 0 without a result"
     if code == "2":
-        lost, new = [path for path in changed if path in before], [path for path in changed if path not in before]
+        begun = case.writes if case.command == "study" and case.runs_code else ()  # its store keeps what had ended
+        lost = [path for path in changed if path in before]
+        new = [path for path in changed if path not in before and not _within(path, begun)]
         if lost:
             yield f"lost or changed: {', '.join(lost[:4])}"
         if new:

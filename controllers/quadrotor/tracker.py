@@ -30,7 +30,7 @@ import math
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Le
+from annotated_types import Interval, Le
 
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.quadrotor.kernels import (
@@ -45,7 +45,7 @@ from mathnavi.models.quadrotor.allocation import allocated
 from mathnavi.models.quadrotor.dynamics import Quadrotor
 from mathnavi.models.quaternion import rotation
 from mathnavi.sim.interfaces.angles import Degrees, Radians
-from mathnavi.sim.interfaces.bounds import Fraction, NonNegative, Positive, configuration
+from mathnavi.sim.interfaces.bounds import FINITE, Fraction, NonNegative, Positive, configuration
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
@@ -58,29 +58,31 @@ _APART = 1.0  # [m, m/s] of a plan from the reference: nothing that joins it is 
 _SHORTEST = 0.5  # quaternion of an attitude: a filter's may be off its length, one of nought is nobody's
 _MISSING = np.empty(0)
 _VERTICAL = np.array([0.0, 0.0, 1.0])
+NaturalFrequency = Annotated[float, Interval(ge=0.01, le=1e4), FINITE]  # [rad/s]
+DampingRatio = Annotated[float, Interval(ge=0.01, le=100.0), FINITE]
 
 
 @configuration
 class TrackerConfig:
     """Gains of the tracker, as natural frequencies [rad/s] and damping ratios, and its limits."""
 
-    position_bandwidth: Positive = 3.0
+    position_bandwidth: NaturalFrequency = 3.0
     """omega_p [rad/s]"""
-    position_damping: Positive = 0.9
+    position_damping: DampingRatio = 0.9
     """zeta_p"""
-    attitude_bandwidth: Positive = 14.0
+    attitude_bandwidth: NaturalFrequency = 14.0
     """omega_R about the axes that tilt the thrust [rad/s]"""
-    attitude_damping: Positive = 0.8
+    attitude_damping: DampingRatio = 0.8
     """zeta_R"""
-    yaw_bandwidth: Positive = 4.0
+    yaw_bandwidth: NaturalFrequency = 4.0
     """omega_R about the axis of the thrust [rad/s]"""
-    disturbance_bandwidth: Positive = 6.0
+    disturbance_bandwidth: NaturalFrequency = 6.0
     """omega_d of the observer of unknown forces [rad/s]"""
     disturbance_max: Positive = 5.0
     """greatest unknown force per mass that is made up for [m/s^2]"""
     feedback_max: Positive = 8.0
     """greatest k_p e_p + k_v e_v [m/s^2]"""
-    reference_bandwidth: Positive = 6.0
+    reference_bandwidth: NaturalFrequency = 6.0
     """omega of the reference filter [rad/s]"""
     preview: Annotated[NonNegative, Le(2.0)] = 0.37
     """how long before a turn of the plan the reference begins it [s]"""

@@ -179,7 +179,7 @@ def test_the_same_estimates_give_the_same_thrusts() -> None:
     [
         ("position_bandwidth", 0.0), ("position_bandwidth", 8.0), ("attitude_damping", -1.0), ("preview", -0.1),
         ("preview", math.nan), ("tilt_max", 90.0), ("disturbance_max", 0.0), ("mass_tolerance", -0.1),
-        ("turn_max", math.inf),
+        ("turn_max", math.inf), ("reference_bandwidth", 5e-324), ("yaw_bandwidth", 1e308),
     ],
 )  # fmt: skip
 def test_gains_that_cannot_be_are_refused(field: str, value: float) -> None:

@@ -188,6 +188,12 @@ def of_other_columns(path: Path) -> None:
     foreign(path, "ALTER TABLE trials RENAME COLUMN status TO state")
 
 
+def of_another_key(path: Path) -> None:
+    with Store.open(path) as store:
+        store.add(record("a"), record("b"))
+    foreign(path, "UPDATE trials SET key = x'ff' WHERE key = 'b'")
+
+
 def cut_off(path: Path) -> None:
     with Store.open(path) as store:
         store.add(*(record(f"{k}") for k in range(100)))
@@ -206,6 +212,7 @@ def a_folder(path: Path) -> None:
         (of_something_else, "something else"),
         (of_another_schema, f"schema {SCHEMA + 1}; allowed: schema {SCHEMA}"),
         (of_other_columns, "its table trials has the columns"),
+        (of_another_key, r"trial b'\xff'"),
         (cut_off, "malformed"),
         (a_folder, "unable to open"),
     ],

@@ -23,15 +23,18 @@ _DIGITS = 16  # of a digest
 _IMPORT = re.compile(rb"^\s*(?:from\s+([A-Za-z_]\w*)[\w.]*\s+import\b|import\s+([^\n#;(]+))", re.MULTILINE)
 
 
-def code_version(*plugins: Any) -> str:
+def code_version(*plugins: Any, need_sources: bool = True) -> str:
     """The version of mathnavi and the digest of its sources, with those of plug-ins that lie elsewhere.
+
+    Raises ValueError for a plug-in without sources, of a notebook for one, unless they are not needed.
 
     Of another's package every file counts, of a module that lies in no package the one file; so do the user's own
     modules that these import, and what they import of installed packages: its version, or where the distribution has
     another name its sources. It is the code as it was when this process first asked.
     """
     strangers = {plugin.__module__.partition(".")[0] for plugin in plugins} - {PACKAGE}
-    return "+".join((_own(), *(f"{name}-{_stranger(name)}" for name in sorted(strangers))))
+    digests = {name: _stranger(name) if need_sources or _places(name) else "without-sources" for name in strangers}
+    return "+".join((_own(), *(f"{name}-{digests[name]}" for name in sorted(digests))))
 
 
 @cache

@@ -228,7 +228,9 @@ class Assembler:
             "controller": _plugin_record(self.controller),
             "estimator": _plugin_record(self.estimator),
             "inputs": run_inputs(*configs),
-            "code": code_version(self.scenario, self.controller.plugin, self.estimator.plugin, *named),
+            "code": code_version(
+                self.scenario, self.controller.plugin, self.estimator.plugin, *named, need_sources=False
+            ),
             **({} if terrain is None else {"terrain": terrain}),
             "mission": plain(mission),
         }

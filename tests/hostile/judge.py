@@ -108,9 +108,10 @@ def box(parent: Path) -> Path:
 
 
 def digest(folder: Path) -> dict[str, str]:
-    """Content of every file of a tree, its kind where it is none, by its path."""
+    """Content of every file of a tree, its kind where it is none, by its path; but for Python's caches."""
     found = {}
     for top, folders, files in os.walk(folder):
+        folders[:] = [name for name in folders if name != "__pycache__"]
         for name in (*folders, *files):
             path = os.path.join(top, name)
             mode = os.lstat(path).st_mode

@@ -38,7 +38,7 @@ def test_every_mode_builds(mode: str) -> None:
         ({"horizon": 1e4}, r"horizon = 10000\.0; allowed: at most 600 s"),
         ({"nodes": 5000}, r"nodes = 5000; allowed: 1 to 1000"),
         ({"deviations": -1.0}, r"deviations = -1\.0; allowed: a finite value >= 0"),
-        ({"seed": 0}, r"seed = 0; allowed: a whole number >= 1"),
+        ({"seed": -1}, r"seed = -1; allowed: a whole number"),
     ],
 )
 def test_what_makes_no_sense_is_refused_by_name(fields: dict[str, Any], complaint: str) -> None:

@@ -161,7 +161,7 @@ def test_another_estimator_is_observed_by_its_name() -> None:
         ("safe-fight", {}, "scenarios: 'safe-fight' is not known; "),
         ("safe-flight", {"speed": 3.0}, "speed is not a field; "),
         ("safe-flight", {"speed_max": -3.0}, "speed_max = -3.0; allowed: "),
-        ("safe-flight", {"noise": {"position": "much"}}, "noise.position = 'much'; allowed: int or float"),
+        ("safe-flight", {"noise": {"position": "much"}}, "noise.position = 'much'; allowed: float"),
         ("safe-flight", {"seed": -1}, "seed = -1; allowed: a whole number >= 0"),
         ("safe-flight", {"estimator": "none"}, "estimators: 'none' is not known; allowed: "),
         ("textbook-observer", {"system": "kazantzis-kravaris"}, "has no actuators, so there is nothing to command"),

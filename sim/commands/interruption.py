@@ -16,7 +16,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from mathnavi.sim.commands.errors import one_line
 
@@ -82,6 +82,11 @@ def interruptible(argv: Sequence[str], whole_process: bool = False) -> Iterator[
             asked = number
             raise Interrupted(number)
 
+    def unraisable(fault: Any) -> None:
+        if not isinstance(fault.exc_value, Interrupted):  # a compiler's callback has swallowed it; ``GRACE`` ends it
+            former_hook(fault)
+
+    former_hook, sys.unraisablehook = sys.unraisablehook, unraisable
     former = {number: signal.signal(number, answer) for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN}
     waker = signal.set_wakeup_fd(woken, warn_on_full_buffer=False)
     try:
@@ -93,6 +98,7 @@ def interruptible(argv: Sequence[str], whole_process: bool = False) -> Iterator[
     finally:
         done.set()
         signal.set_wakeup_fd(waker)
+        sys.unraisablehook = former_hook
         if asked is None or not whole_process:
             for number, handler in former.items():
                 signal.signal(number, handler)

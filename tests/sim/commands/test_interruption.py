@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import subprocess
@@ -69,6 +70,14 @@ def test_the_line_says_what_is_kept_and_quotes_the_command() -> None:
         assert interrupted_line(ARGV) == f"mathnavi: interrupted, nothing was written; to begin again: {command}"
         when_interrupted(lambda: "3 of 8 trials are stored; to go on")
         assert interrupted_line(ARGV) == f"mathnavi: interrupted, 3 of 8 trials are stored; to go on: {command}"
+
+
+def test_a_callback_of_a_library_that_swallows_it_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    """As those of the compiler do, while it looks for kernels."""
+    callback = ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.SIGTERM))
+    with interruptible(ARGV):
+        callback()
+    assert capfd.readouterr().err == ""
 
 
 STUBBORN = """

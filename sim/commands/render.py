@@ -75,8 +75,11 @@ def main(argv: Sequence[str]) -> int:
     from mathnavi.renders.film import TOUR
     from mathnavi.renders.opengl import NoOpenGLError
     from mathnavi.renders.video import write_still, write_video
+    from mathnavi.sim.commands.run_request import import_from_here
     from mathnavi.sim.records.claimed_folder import kept_in_place
 
+    if options.trust:  # a drawing of one's own
+        import_from_here()
     film = options.folder / f"{options.camera or 'video'}.mp4"
     try:
         with bad_input(), trusting(options.trust), kept_in_place(options.folder):

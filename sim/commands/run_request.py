@@ -104,6 +104,11 @@ def prepare() -> None:
     """Choose how to draw, and find a user's own plug-in, "my_planner:Mine", where the command is given."""
     opengl.choose()
     opengl.import_physics()
+    import_from_here()
+
+
+def import_from_here() -> None:
+    """Find a user's own modules in the current folder, after all that is installed."""
     try:
         here = os.getcwd()
     except OSError as error:

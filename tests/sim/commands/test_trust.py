@@ -283,3 +283,12 @@ def test_a_saved_copy_follows_no_link(recorded: Path, tmp_path: Path) -> None:
     mn.load(recorded).save(copy)
     assert precious.read_text() == "mine"
     assert (copy / "config.json").read_text() == (recorded / "config.json").read_text()
+
+
+def test_a_trusted_drawing_is_found_in_the_current_folder(forged: Forge, tmp_path: Path) -> None:
+    module = f"mine_{tmp_path.name}"
+    (tmp_path / "here" / f"{module}.py").write_text("from mathnavi.renders.ranging.drawing import drawing\n")
+    old = forged(drawing=module)
+    sys.path[:] = [entry for entry in sys.path if entry != str(tmp_path / "here")]  # as for an installed command
+    assert main(["render", str(old), "--still"]) == 2
+    assert main(["render", str(old), "--still", "--trust"]) == 0

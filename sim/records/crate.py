@@ -99,6 +99,7 @@ def _write_tables(store: Store, folder: Path, parquet: bool) -> list[_Group]:
     (folder / "configuration").mkdir()
     for k, group in enumerate(groups, 1):
         write_json(folder / _configuration_file(k, group), group.configuration)
+    write_json(folder / "environments.json", store.environments())
     return groups
 
 

@@ -17,6 +17,7 @@ from rocrate.rocrate import ROCrate
 from mathnavi.sim.commands.cli import main
 from mathnavi.sim.records.crate import PROFILE
 from mathnavi.sim.records.jobs import JobRecord
+from mathnavi.sim.records.origins import Origin
 from mathnavi.sim.records.store import STUDY_STORE, Store
 from tests.sim.records.test_store import record
 
@@ -88,6 +89,17 @@ def test_the_configuration_says_what_was_the_same_and_what_varied(export: Any, s
     assert found["varied"] == ["start"]
     assert found["fields"]["planner.nodes"] == 3
     assert found["files"] == {"mechanism": ["sha256:12"]}
+
+
+def test_the_computing_environments_of_the_tables_are_described(export: Any, store: Path, tmp_path: Path) -> None:
+    made = [Origin("one", {"numpy": "2.4"}), Origin("two", {"numpy": "2.5"})]
+    with Store.open(store) as opened:
+        opened.add(*(record(f"made-{k}", seed=20 + k, origin=origin) for k, origin in enumerate(made)))
+    export()
+    described = json.loads((tmp_path / "crate" / "environments.json").read_text())
+    assert described == {origin.digest: origin.environment for origin in made}
+    with (tmp_path / "crate" / "trials.csv").open(newline="") as file:
+        assert {row["environment"] for row in csv.DictReader(file)} == {*described, ""}
 
 
 def test_every_file_is_in_the_crate_with_its_digest(export: Any, tmp_path: Path) -> None:

@@ -60,6 +60,7 @@ class Drawing(Generic[R]):
     painter: Callable[[R, int, int, int], AbstractContextManager[Painter]]  # run, width, height [pixels], samples
     report: str | Callable[[R], Markup]  # makes a page; "package.module:function" where its libraries import slowly
     turn: float = 0.0  # [degrees/s of video] at which the cameras that turn do
+    figure: str | None = None  # "package.module:function" that makes one Figure of a run; its signals without
 
     def __post_init__(self) -> None:
         for camera in (*self.cameras, self.still_camera):  # each is the name of a file

@@ -1,7 +1,7 @@
 """One figure that shows a run at a glance: the picture of a run in a notebook.
 
-A drawing may have a function ``figure(run)`` beside its other parts; those of mathnavi have theirs in the table below.
-A run whose drawing has none is shown by its signals over time.
+A drawing names the function that makes it of a run (``Drawing.figure``). A run whose drawing names none is shown by its
+signals over time.
 """
 
 from __future__ import annotations
@@ -21,15 +21,6 @@ from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.run_folder import read_arrays
 
 MOST_PANELS = 6
-FIGURES = {  # by the module of the drawing
-    "mathnavi.renders.flight.drawing": "mathnavi.renders.flight.figures:map_figure",
-    "mathnavi.renders.fleet.drawing": "mathnavi.renders.fleet.figures:map_figure",
-    "mathnavi.renders.quadrotor.drawing": "mathnavi.renders.quadrotor.figures:clearance_figure",
-    "mathnavi.renders.missile.drawing": "mathnavi.renders.missile.figures:path_figure",
-    "mathnavi.renders.ranging.drawing": "mathnavi.renders.ranging.field_figure:field_figure",
-    "mathnavi.renders.lagrangian.drawing": "mathnavi.renders.lagrangian.figures:velocity_figure",
-    "mathnavi.renders.textbook.drawing": "mathnavi.renders.textbook.report:board_figure",
-}
 
 
 def run_figure(directory: str | Path) -> Figure:
@@ -38,11 +29,12 @@ def run_figure(directory: str | Path) -> Figure:
     Raises FileNotFoundError where something is missing, ValueError where something is broken.
     """
     folder, drawing = Path(directory), drawing_of(directory)
-    make: Callable[[Any], Figure] | None = getattr(drawing, "figure", None)
-    if make is None and (place := FIGURES.get(str(getattr(drawing, "__name__", "")))) is not None:
-        module, _, function = place.partition(":")
-        make = getattr(importlib.import_module(module), function)
-    figure = signals_figure(read_arrays(folder)) if make is None else make(drawing.load_run(folder))
+    if drawing.figure is None:
+        figure = signals_figure(read_arrays(folder))
+    else:
+        module, _, function = drawing.figure.partition(":")
+        make: Callable[[Any], Figure] = getattr(importlib.import_module(module), function)
+        figure = make(drawing.load_run(folder))
     figure.set_facecolor("white")
     return figure
 

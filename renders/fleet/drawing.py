@@ -17,5 +17,6 @@ drawing = Drawing(
     annotations=annotations_of,
     painter=SceneDrawing("mathnavi.renders.fleet.scene:FleetScene", overlay, annotations_of),
     report="mathnavi.renders.fleet.report:report",
+    figure="mathnavi.renders.fleet.figures:map_figure",
     turn=TURN,
 )

@@ -17,5 +17,6 @@ drawing = Drawing(
     annotations=annotations_of,
     painter=SceneDrawing("mathnavi.renders.flight.scene:FlightScene", overlay, annotations_of),
     report="mathnavi.renders.flight.report:report",
+    figure="mathnavi.renders.flight.figures:map_figure",
     turn=TURN,
 )

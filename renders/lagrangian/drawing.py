@@ -16,4 +16,5 @@ drawing = Drawing(
     annotations=annotations_of,
     painter=painting,
     report="mathnavi.renders.lagrangian.report:report",
+    figure="mathnavi.renders.lagrangian.figures:velocity_figure",
 )

@@ -17,5 +17,6 @@ drawing = Drawing(
     annotations=annotations_of,
     painter=SceneDrawing("mathnavi.renders.missile.scene:MissileScene", overlay, annotations_of),
     report="mathnavi.renders.missile.report:report",
+    figure="mathnavi.renders.missile.figures:path_figure",
     turn=TURN,
 )

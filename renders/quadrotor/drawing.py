@@ -17,5 +17,6 @@ drawing = Drawing(
     annotations=annotations_of,
     painter=SceneDrawing("mathnavi.renders.quadrotor.scene:QuadrotorScene", overlay, annotations_of),
     report="mathnavi.renders.quadrotor.report:report",
+    figure="mathnavi.renders.quadrotor.figures:clearance_figure",
     turn=TURN,
 )

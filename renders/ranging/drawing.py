@@ -17,5 +17,6 @@ drawing = Drawing(
     annotations=annotations_of,
     painter=SceneDrawing("mathnavi.renders.ranging.scene:RangingScene", overlay, annotations_of),
     report="mathnavi.renders.ranging.report:report",
+    figure="mathnavi.renders.ranging.field_figure:field_figure",
     turn=TURN,
 )

@@ -16,4 +16,5 @@ drawing = Drawing(
     annotations=annotations_of,
     painter=painting,
     report="mathnavi.renders.textbook.report:report",
+    figure="mathnavi.renders.textbook.report:panel_figure",
 )

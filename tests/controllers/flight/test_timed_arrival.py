@@ -136,9 +136,9 @@ def test_times_that_are_none_are_ignored() -> None:
 @pytest.mark.parametrize("beside", [(52.0, 0.0), (-20.0, 52.0), (0.0, 30.0)])
 def test_no_phase_of_a_plan_passes_the_target_before_the_assured_time(beside: tuple[float, float]) -> None:
     """A vehicle that waits below its target, and has a level above it to climb to."""
-    target = np.array(MISSION.target) + (0.0, 0.0, 250.0)
+    target = np.add(MISSION.target, (0.0, 0.0, 250.0))
     mission = flight.mission(cruise_level=float(target[2]) + 800.0)
-    mission = dataclasses.replace(mission, target=tuple(target), start=tuple(target + (*beside, -250.0)))
+    mission = dataclasses.replace(mission, target=tuple(target), start=tuple(np.add(target, (*beside, -250.0))))
     planner, tracker = FlightController.build(SCHEDULE, mission)
     assured, current = 250.0, None
     braking = braking_time(Certificate.of(mission, tracker.bound))

@@ -25,7 +25,7 @@ from mathnavi.controllers.flight.plugin import FlightConfig
 from mathnavi.controllers.flight.plugin import planner as flight_planner
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.models.aerial.mission import FlightMission
-from mathnavi.models.aerial.plan_status import FlightStatus
+from mathnavi.models.terrain.height_field import HIGHEST
 from mathnavi.sim.interfaces.bounds import FINITE, Count, configuration
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Estimate, Plan, PlanRequest
@@ -58,8 +58,7 @@ class BlindCertificate(Certificate):
     """A certificate that does not ask for clearance, only for a plan over the map."""
 
     def check_clearance(self, plan: Plan) -> Refusal | None:
-        refusal = super().check_clearance(plan)
-        return refusal if refusal is not None and refusal.status is FlightStatus.OFF_MAP else None
+        return Certificate.check_clearance(dataclasses.replace(self, clearance_min=-HIGHEST), plan)
 
 
 class NoClearanceCheck:
@@ -122,21 +121,20 @@ class LateConfig(FlightConfig):
     """how late it is [s]"""
 
 
-class Retimed:
-    """A planner, of whose plans one in ``every`` is ``lateness`` [s] late, and begins then."""
+class CertifiedTooEarly(Certified):
+    """Certifies plans for when they were asked for; one in ``every`` is ``lateness`` [s] late, and begins then."""
 
-    def __init__(self, planner: Planner, every: int, lateness: float) -> None:
-        self.period = planner.period
-        self._planner, self._every, self._lateness = planner, every, lateness
-        self._asked = 0
+    every = LateConfig.late_every
+    lateness = LateConfig.lateness
+    _asked = 0
 
     def plan(self, request: PlanRequest) -> Plan:
         """The plan, later than it was certified for if it is one of those that are late."""
-        plan = self._planner.plan(request)
+        plan = super().plan(request)
         self._asked += 1
-        if not plan.ok or request.current is None or self._asked % self._every:
+        if not plan.ok or request.current is None or self._asked % self.every:
             return plan
-        return dataclasses.replace(plan, t=plan.t + self._lateness)
+        return dataclasses.replace(plan, t=plan.t + self.lateness)
 
 
 class LatePlansFlown:
@@ -148,8 +146,11 @@ class LatePlansFlown:
     @staticmethod
     def build(config: LateConfig, mission: FlightMission) -> Parts:
         """Return the planner of a mission, and the tracker of its plans."""
-        planner, tracker = _parts(config, mission, tracking_bound(config.bandwidth, mission))
-        return Retimed(planner, config.late_every, config.lateness), tracker
+        bound = tracking_bound(config.bandwidth, mission)
+        planner, tracker = _parts(config, mission, bound, certified=CertifiedTooEarly)
+        assert isinstance(planner, CertifiedTooEarly)
+        planner.every, planner.lateness = config.late_every, config.lateness
+        return planner, tracker
 
 
 class HalvedBound:

@@ -68,7 +68,9 @@ class Answers:
 
 @pytest.mark.parametrize("mutant", [NoClearanceCheck, NoStartCheck, LatePlansFlown, HalvedBound])
 def test_every_mutant_begins_at_the_start_and_doubts_a_lost_estimate(mutant: Any, flight: FlightMission) -> None:
-    planner: Any = mutant.build(mutant.Config(grid_nodes=5), flight)[0]
+    raw, tracker = mutant.build(mutant.Config(grid_nodes=5), flight)
+    certify = mutant.certified if callable(mutant.certified) else Certified.of
+    planner = certify(raw, flight, tracker)
     planner._planner = Answers(Plan.failure(Status.SOLVER_FAILED))
     beside = Estimate(0.0, flight.start_state + np.array([0.01, 0.01, -0.01, 0.0, 0.0, 0.0]))
     first = planner.plan(PlanRequest(0.0, 0.0, beside, None))
@@ -109,17 +111,18 @@ def test_one_planner_begins_where_the_vehicle_would_be_at_constant_velocity(plan
     assert within.request.estimate.x.tolist() == [21.0, 2.0, -5.0, 10.0, 0.0, -4.0]
 
 
-def test_one_planner_flies_every_so_many_plans_later_than_certified(
+def test_one_planner_flies_a_late_plan_from_when_it_is_ready(
     flight: FlightMission, certificate: Certificate, plan: Plan
 ) -> None:
     t, period = 1.0, Answers.period
     following = remainder(plan, t + period)
+    late = dataclasses.replace(following, ready=t + period + 0.3)
     bound = tracking_bound(CONFIG.bandwidth, flight)
-    planner = CertifiedTooEarly(Answers(following), lambda made: StopAndHover(made, period), certificate, bound, 1.3)
-    planner.every, planner.lateness, planner.deadline = 2, 0.3, 1e3
     request = PlanRequest(t, t + period, Estimate(t, state_at(plan, t)), plan)
-    starts = [planner.plan(request).t_start for _ in range(4)]
-    assert starts == pytest.approx([t + period, t + period + 0.3] * 2)
+    for answer, begins in ((following, t + period), (late, t + period + 0.3)):
+        planner = CertifiedTooEarly(Answers(answer), lambda made: StopAndHover(made, period), certificate, bound, 1.3)
+        flown = planner.plan(request)
+        assert (flown.ready <= flown.t_start, flown.t_start) == (True, pytest.approx(begins))
 
 
 def test_one_tracker_declares_half_of_its_bound(flight: FlightMission) -> None:

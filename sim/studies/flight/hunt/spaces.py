@@ -204,7 +204,7 @@ def _hole(
     attribute: str,
     *space: Dimension,
     ends: tuple[Dimension, ...] | None = None,
-    derived: Callable[[Values], dict[str, Any]],
+    derived: Callable[[Values], dict[str, Any]] | None = None,
     product: Callable[[Values], dict[str, Any]] | None = None,
     measured: str = "",
     **fields: Any,
@@ -216,24 +216,16 @@ def _hole(
         (SEED, *(ends or ENDS), *space),
         fields=given,
         controller=f"{MUTANTS}:{attribute}",
-        derived=derived,
+        derived=derived or _between,
         measure=measure,
     )
-    flown = replace(mutant, name=f"{name}: product", controller=None, derived=product or derived)
+    flown = replace(mutant, name=f"{name}: product", controller=None, derived=product or mutant.derived)
     return HoledHunt(mutant, flown, measured or "clearance_margin_m")
 
 
 def _between(values: Values) -> dict[str, Any]:
     """From one place over the canyon to another, both ``height`` above h_min."""
     return _ends(values, CANYONS[0], float(values["height"]))
-
-
-def _late(values: Values) -> dict[str, Any]:
-    """Likewise, with plans that the scenario makes late, which the product does not fly."""
-    fields = _between(values)
-    fields["faults.late_plan_rate"] = 1.0 / fields.pop("planner.late_every")
-    fields["faults.late_plan_latency"] = 2.0 + fields.pop("planner.lateness")
-    return fields
 
 
 def _level(bounds: float, values: Values) -> dict[str, Any]:
@@ -260,9 +252,7 @@ def _ends(values: Values, terrain: str, height: float) -> dict[str, Any]:
 
 ENDS = tuple(Range(f"{end}_{axis}", 80.0, 560.0) for end in ("start", "target") for axis in "xy")
 ENDS_NAMES = frozenset(("height", *(end.name for end in ENDS)))
-MARGIN = Range("planner.margin", 0.0, 100.0)
-GUSTS = Range("faults.gust_rms", 0.0, 1.0)
-CANYON = {"terrain": CANYONS[0]}
+CANYON = {"terrain": CANYONS[0], "faults.gust_limit": 20.0}
 LEVEL = {
     "terrain": "plain", "control_rate": 20.0, "planner.margin": 0.0, "acceleration_max": 40.0, "faults.gust_limit": 20.0
 }  # fmt: skip
@@ -271,25 +261,18 @@ ACROSS = (
     Range("start_x", 80.0, 400.0), Range("start_y", 80.0, 880.0), Range("target_x", 560.0, 880.0),
     Range("target_y", 80.0, 880.0),
 )  # fmt: skip
-# Missions that are high at both ends, so that what is found lies on the way.
-HIGH = (
-    Range("height", 20.0, 200.0), MARGIN, Range("speed_max", 15.0, 150.0), Range("acceleration_max", 3.0, 40.0), GUSTS,
+# Missions in the canyon, high and low, in air from still to rough.
+LOW = (
+    Range("height", 5.0, 200.0), Range("planner.margin", 0.0, 100.0), Range("speed_max", 20.0, 150.0),
+    Range("acceleration_max", 8.0, 40.0), Range("planner.bandwidth", 0.6, 1.6), Range("faults.gust_rms", 0.0, 3.0),
+    Range("faults.solver_failure_rate", 0.0, 0.95),
 )  # fmt: skip
 HOLES = (
+    _hole("no clearance check", "NoClearanceCheck", *LOW, Range("planner.horizon", 10.0, 60.0), **CANYON),
+    _hole("no start check", "NoStartCheck", *LOW, **CANYON),
     _hole(
-        "no clearance check", "NoClearanceCheck",
-        Range("height", 5.0, 200.0), MARGIN, Range("speed_max", 15.0, 150.0), Range("acceleration_max", 5.0, 40.0),
-        GUSTS, Range("planner.horizon", 10.0, 60.0), derived=_between, **CANYON,
-    ),
-    _hole(
-        "no start check", "NoStartCheck",
-        Range("height", 0.0, 200.0), MARGIN, Range("speed_max", 30.0, 150.0), Range("acceleration_max", 8.0, 40.0),
-        GUSTS, derived=_between, **CANYON,
-    ),
-    _hole(
-        "late plans flown", "LatePlansFlown",
-        *HIGH, Range("planner.late_every", 1, 10), Range("planner.lateness", 0.0, 1.0),
-        derived=_between, product=_late, **CANYON,
+        "late plans flown", "LatePlansFlown", *LOW,
+        Range("faults.late_plan_rate", 0.0, 0.9), Range("faults.late_plan_latency", 1.7, 3.0), **CANYON,
     ),
     _hole(
         "tracking bound halved", "HalvedBound",

@@ -252,7 +252,7 @@ def _ends(values: Values, terrain: str, height: float) -> dict[str, Any]:
 
 ENDS = tuple(Range(f"{end}_{axis}", 80.0, 560.0) for end in ("start", "target") for axis in "xy")
 ENDS_NAMES = frozenset(("height", *(end.name for end in ENDS)))
-CANYON = {"terrain": CANYONS[0], "faults.gust_limit": 20.0}
+CANYON = {"terrain": CANYONS[0]}
 LEVEL = {
     "terrain": "plain", "control_rate": 20.0, "planner.margin": 0.0, "acceleration_max": 40.0, "faults.gust_limit": 20.0
 }  # fmt: skip
@@ -261,17 +261,16 @@ ACROSS = (
     Range("start_x", 80.0, 400.0), Range("start_y", 80.0, 880.0), Range("target_x", 560.0, 880.0),
     Range("target_y", 80.0, 880.0),
 )  # fmt: skip
-# Missions in the canyon, high and low, in air from still to rough.
-LOW = (
-    Range("height", 5.0, 200.0), Range("planner.margin", 0.0, 100.0), Range("speed_max", 20.0, 150.0),
-    Range("acceleration_max", 8.0, 40.0), Range("planner.bandwidth", 0.6, 1.6), Range("faults.gust_rms", 0.0, 3.0),
-    Range("faults.solver_failure_rate", 0.0, 0.95),
+# Missions in the canyon, high and low, in still air: so the tracking bound hides nothing.
+STILL = (
+    Range("height", 1.0, 150.0), Range("planner.margin", 0.0, 50.0), Range("speed_max", 30.0, 150.0),
+    Range("acceleration_max", 5.0, 40.0),
 )  # fmt: skip
 HOLES = (
-    _hole("no clearance check", "NoClearanceCheck", *LOW, Range("planner.horizon", 10.0, 60.0), **CANYON),
-    _hole("no start check", "NoStartCheck", *LOW, **CANYON),
+    _hole("no clearance check", "NoClearanceCheck", *STILL, Range("planner.horizon", 10.0, 60.0), **CANYON),
+    _hole("no start check", "NoStartCheck", *STILL, **CANYON),
     _hole(
-        "late plans flown", "LatePlansFlown", *LOW,
+        "late plans flown", "LatePlansFlown", *STILL,
         Range("faults.late_plan_rate", 0.0, 0.9), Range("faults.late_plan_latency", 1.7, 3.0), **CANYON,
     ),
     _hole(

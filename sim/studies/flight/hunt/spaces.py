@@ -261,21 +261,23 @@ ACROSS = (
     Range("start_x", 80.0, 400.0), Range("start_y", 80.0, 880.0), Range("target_x", 560.0, 880.0),
     Range("target_y", 80.0, 880.0),
 )  # fmt: skip
-# Missions in the canyon, high and low, in still air: so the tracking bound hides nothing.
-STILL = (
-    Range("height", 1.0, 150.0), Range("planner.margin", 0.0, 50.0), Range("speed_max", 30.0, 150.0),
-    Range("acceleration_max", 5.0, 40.0),
+# Missions in the canyon that are high at both ends, so that what is found lies on the way.
+HIGH = (
+    Range("height", 20.0, 200.0), Range("planner.margin", 0.0, 100.0), Range("speed_max", 15.0, 150.0),
+    Range("acceleration_max", 3.0, 40.0), Range("faults.gust_rms", 0.0, 1.0),
+    Range("faults.solver_failure_rate", 0.0, 0.95),
 )  # fmt: skip
 HOLES = (
-    _hole("no clearance check", "NoClearanceCheck", *STILL, Range("planner.horizon", 10.0, 60.0), **CANYON),
-    _hole("no start check", "NoStartCheck", *STILL, **CANYON),
+    _hole("no clearance check", "NoClearanceCheck", *HIGH, **CANYON),
+    _hole("no start check", "NoStartCheck", *HIGH, **CANYON),
     _hole(
-        "late plans flown", "LatePlansFlown", *STILL,
+        "late plans flown", "LatePlansFlown", *HIGH,
         Range("faults.late_plan_rate", 0.0, 0.9), Range("faults.late_plan_latency", 1.7, 3.0), **CANYON,
     ),
     _hole(
         "tracking bound halved", "HalvedBound",
-        Range("height", 0.0, 3.0), Range("speed_max", 20.0, 40.0), Range("planner.bandwidth", 0.6, 1.6),
+        Range("height", 0.0, 6.0), Range("speed_max", 20.0, 40.0), Range("planner.bandwidth", 0.6, 1.6),
+        Choice("estimator.rate", (20.0, 5.0, 2.0, 1.0)),
         Range("faults.gust_rms", 0.0, 3.0), Range("faults.gust_time_constant", 0.2, 10.0, log=True),
         ends=ACROSS, derived=partial(_level, 0.5), product=partial(_level, 1.0), measured="clearance_in_bounds",
         **LEVEL,

@@ -207,7 +207,7 @@ def _hole(
     derived: Callable[[Values], dict[str, Any]] | None = None,
     product: Callable[[Values], dict[str, Any]] | None = None,
     measured: str = "",
-    **fields: Any,
+    fields: Mapping[str, Any],
 ) -> HoledHunt:
     given = {"clearance_min": LOWEST, "deadline_factor": 1.5, "control_rate": 20.0, **GRID, **fields}
     measure = f"{MEASURES}:{measured}" if measured else ""
@@ -252,8 +252,8 @@ def _ends(values: Values, terrain: str, height: float) -> dict[str, Any]:
 
 ENDS = tuple(Range(f"{end}_{axis}", 80.0, 560.0) for end in ("start", "target") for axis in "xy")
 ENDS_NAMES = frozenset(("height", *(end.name for end in ENDS)))
-CANYON = {"terrain": CANYONS[0]}
-LEVEL = {
+CANYON: Mapping[str, Any] = {"terrain": CANYONS[0]}
+LEVEL: Mapping[str, Any] = {
     "terrain": "plain", "control_rate": 20.0, "planner.margin": 0.0, "acceleration_max": 40.0, "faults.gust_limit": 20.0
 }  # fmt: skip
 # Missions that are long, so that gusts have time: from the west to the east.
@@ -268,11 +268,11 @@ HIGH = (
     Range("faults.solver_failure_rate", 0.0, 0.95),
 )  # fmt: skip
 HOLES = (
-    _hole("no clearance check", "NoClearanceCheck", *HIGH, **CANYON),
-    _hole("no start check", "NoStartCheck", *HIGH, **CANYON),
+    _hole("no clearance check", "NoClearanceCheck", *HIGH, fields=CANYON),
+    _hole("no start check", "NoStartCheck", *HIGH, fields=CANYON),
     _hole(
         "late plans flown", "LatePlansFlown", *HIGH,
-        Range("faults.late_plan_rate", 0.0, 0.9), Range("faults.late_plan_latency", 1.7, 3.0), **CANYON,
+        Range("faults.late_plan_rate", 0.0, 0.9), Range("faults.late_plan_latency", 1.7, 3.0), fields=CANYON,
     ),
     _hole(
         "tracking bound halved", "HalvedBound",
@@ -280,6 +280,6 @@ HOLES = (
         Choice("estimator.rate", (20.0, 5.0, 2.0, 1.0)),
         Range("faults.gust_rms", 0.0, 3.0), Range("faults.gust_time_constant", 0.2, 10.0, log=True),
         ends=ACROSS, derived=partial(_level, 0.5), product=partial(_level, 1.0), measured="clearance_in_bounds",
-        **LEVEL,
+        fields=LEVEL,
     ),
 )  # fmt: skip

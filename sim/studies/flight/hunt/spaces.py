@@ -129,7 +129,7 @@ QUADROTOR = Hunt(
         Range("height", 1.0, 10.0), Range("speed_max", 6.0, 14.0),
     ),
     scenario="quadrotor-canyon",
-    fields={"drawn_separation": (0.05, 0.12), "planner.flight.grid_nodes": 17},
+    fields={"drawn_separation": (0.04, 0.08), "planner.flight.grid_nodes": 17},
     derived=_low,
 )  # fmt: skip
 
@@ -263,16 +263,16 @@ ACROSS = (
 )  # fmt: skip
 # Missions in the canyon that are high at both ends, so that what is found lies on the way.
 HIGH = (
-    Range("height", 20.0, 200.0), Range("planner.margin", 0.0, 100.0), Range("speed_max", 15.0, 150.0),
-    Range("acceleration_max", 3.0, 40.0), Range("faults.gust_rms", 0.0, 1.0),
+    Range("height", 20.0, 60.0), Range("planner.margin", 0.0, 10.0), Range("speed_max", 15.0, 150.0),
+    Range("acceleration_max", 3.0, 40.0), Range("planner.horizon", 10.0, 80.0), Range("faults.gust_rms", 0.0, 1.0),
     Range("faults.solver_failure_rate", 0.0, 0.95),
 )  # fmt: skip
 HOLES = (
-    _hole("no clearance check", "NoClearanceCheck", *HIGH, fields=CANYON),
+    _hole("no clearance check", "NoClearanceCheck", *HIGH, Range("planner.stretch", 1.0, 1.6), fields=CANYON),
     _hole("no start check", "NoStartCheck", *HIGH, fields=CANYON),
     _hole(
         "late plans flown", "LatePlansFlown", *HIGH,
-        Range("faults.late_plan_rate", 0.0, 0.9), Range("faults.late_plan_latency", 1.7, 3.0), fields=CANYON,
+        Range("faults.late_plan_rate", 0.0, 0.9), Range("faults.late_plan_latency", 1.7, 8.0), fields=CANYON,
     ),
     _hole(
         "tracking bound halved", "HalvedBound",

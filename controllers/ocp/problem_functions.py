@@ -44,6 +44,9 @@ class ProblemFunctions:
     path_bounds: Interval  # (nd,)
     initial_bounds: Interval  # (ni,)
     final_bounds: Interval  # (ns,)
+    path_names: tuple[str, ...]  # nd texts or names of the constraints
+    initial_names: tuple[str, ...]  # ni
+    final_names: tuple[str, ...]  # ns
     duration_bounds: tuple[float, float]  # [s] equal for a fixed T
     state_scale: Array  # (nx,)
     control_scale: Array  # (nu,)

@@ -22,7 +22,7 @@ from mathnavi.controllers.ocp.distribution import NodeDistribution
 from mathnavi.controllers.ocp.mesh import Mesh
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.stagewise import Assembly, Block
-from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, weights
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 RELATIVE_WIDTHS = (0.02, 20.0)
@@ -242,6 +242,10 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> _Part:
 
     interval = scheme.interval(rates, x_0, X, x_1, U, t, d)
     reached = interval.flow if scheme.explicit else x_1
+    u_0, u_1 = (
+        sum((w * u for w, u in zip(row, U, strict=True) if w), ca.SX.zeros(nu))
+        for row in weights(scheme.points, np.array([0.0, 1.0])).tolist()
+    )
     mesh = Mesh(
         count=count,
         index=index,
@@ -250,7 +254,7 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> _Part:
         chord=(reached - x_0) / problem.state_scale,
         second_derivative=duration**2
         / d
-        * (rates(reached, U[-1], t + d)[0] - rates(x_0, U[0], t)[0])
+        * (rates(reached, u_1, t + d)[0] - rates(x_0, u_0, t)[0])
         / problem.state_scale,
     )
     owned = list(zip(interval.states, U, scheme.points, strict=True))[: layout.own_points]
@@ -321,9 +325,12 @@ def _end(layout: ProgrammeLayout) -> _Part:
     duration = state[problem.nx] if layout.free_duration else ca.SX(problem.guess_duration)
     shared = layout.scheme.shared
     u = w * ca.DM(problem.control_scale) if shared else ca.SX.zeros(problem.nu)
-    # With a zero-order hold there is no control at the last node, and what depends on it has held up to there.
+    # Without a control at the last node, what depends on it has held up to there; a scheme whose own last point is
+    # this node has held all of it.
     free_of_u = set(range(len(problem.path_bounds.lower))) - set(problem.path.jac_sparsity(0, 1).row())
     along = list(range(len(problem.path_bounds.lower))) if shared else sorted(free_of_u)
+    if not shared and layout.scheme.points[-1] == 1.0:
+        along = []
     held = problem.path(x, u, duration, p)[along, :]
     lower, upper = (
         np.concatenate([final, path[along]])

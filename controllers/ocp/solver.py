@@ -24,6 +24,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 FIXED = Fixed()
 DEFAULT = Options()
+_BEFORE_THE_END = 1.0 - 1e-10
 
 
 class Transcription:
@@ -117,8 +118,9 @@ class Transcription:
         """The vector of unknowns that a guess amounts to on a grid."""
         problem, layout, scheme = self.problem, self.layout, self.scheme
         points = np.array(scheme.points[: layout.own_points])
-        at_points = (grid.nodes[:-1, None] + points * grid.widths[:, None]).ravel()
-        inside = np.array(scheme.points[1 : 1 + scheme.interior])
+        # A point at the end of an interval is read just before it: the control may jump there.
+        at_points = (grid.nodes[:-1, None] + np.minimum(points, _BEFORE_THE_END) * grid.widths[:, None]).ravel()
+        inside = np.array([c for c in scheme.points if 0.0 < c < 1.0][: scheme.interior])
         at_inner = (grid.nodes[:-1, None] + inside * grid.widths[:, None]).ravel()
         if guess is not None:
             T = guess.duration
@@ -188,11 +190,11 @@ def _inner_states(
     p: Array,
 ) -> Array:
     """(N - 1, k, nx) the states at the scheme's points."""
-    k = len(scheme.points)
-    if k == 1:
-        return x[:-1, None, :]
-    if scheme.interior or k == 2:
-        return np.concatenate([x[:-1, None, :], hidden, x[1:, None, :]], axis=1)
+    points = scheme.points
+    ends = [x[:-1, None, :]] if points[0] == 0.0 else [], [x[1:, None, :]] if points[-1] == 1.0 else []
+    states = np.concatenate([*ends[0], hidden, *ends[1]], axis=1)
+    if states.shape[1] == len(points):
+        return states
     # Hermite-Simpson's midpoint
     t, d = grid.nodes * duration, np.diff(grid.nodes)[:, None] * duration
     f_0, f_1 = along(problem, x[:-1], u[:, 0], t[:-1], p), along(problem, x[1:], u[:, -1], t[1:], p)

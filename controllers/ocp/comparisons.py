@@ -103,6 +103,9 @@ def _compared(where: str, label: str, element: ca.SX) -> list[Row]:
     operation = _operation(element)
     if operation in _OTHER:
         raise ProblemError(f"{where} {label} is {_OTHER[operation]}, which cannot be a constraint; {_ALLOWED}")
+    if element.is_constant():
+        always = "always holds" if float(element) else "never holds"
+        raise ProblemError(f"{where} {label} {always}, whatever the variables are; allowed: one that depends on them")
     if operation not in (*_ONE_SIDED, ca.OP_EQ):
         raise ProblemError(f"{where} {label} has no limit; {_ALLOWED}")
     left, right = element.dep(0), element.dep(1)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 from typing import NamedTuple
 
 import casadi as ca
@@ -81,7 +82,15 @@ class ProblemFunctions:
             if name not in self.parameters:
                 known = ", ".join(self.parameters) or "none"
                 raise ProblemError(f"{self.name}: parameter {name!r} is not known; allowed: {known}")
-            if not math.isfinite(value):
+            if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
                 raise ProblemError(f"{self.name}: parameter {name} = {value!r}; allowed: a finite number")
             values[self.parameters.index(name)] = value
         return values
+
+
+def check_problem(problem: object) -> None:
+    """Raise ProblemError for a problem that is no ``ProblemFunctions``, an ``OptimalControlProblem`` itself for one."""
+    if not isinstance(problem, ProblemFunctions):
+        raise ProblemError(
+            f"problem = {problem!r:.120}; allowed: ProblemFunctions, OptimalControlProblem.functions() for one"
+        )

@@ -54,7 +54,9 @@ def structure(solution: Solution, multipliers: Array) -> Structure:
     for j in range(problem.nu):
         bounds = problem.control_bounds.lower[j], problem.control_bounds.upper[j]
         u = solution.u[:, :, j].ravel()
-        code, switches = _control_runs(tau, u, multipliers[:, :, j].ravel(), bounds, problem.control_scale[j], linear[j], k)
+        code, switches = _control_runs(
+            tau, u, multipliers[:, :, j].ravel(), bounds, problem.control_scale[j], linear[j], k
+        )
         codes.append((code, switches))
         boundaries.append(switches)
     for active in _active_constraints(solution):
@@ -120,7 +122,8 @@ def _control_runs(
 def _active_constraints(solution: Solution) -> list[NDArray[np.bool_]]:
     """Activity (points,) of each path constraint and each bound of a state that is touched somewhere."""
     problem = solution.problem
-    x, u = solution.inner.reshape(-1, problem.nx), solution.u.reshape(-1, problem.nu)
+    x = solution.inner.reshape(-1, problem.nx)
+    u = solution.u.reshape(len(x), problem.nu)
     found = []
     for values, (lower, upper), scale in (
         (x, problem.state_bounds, problem.state_scale),

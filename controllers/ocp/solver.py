@@ -23,12 +23,14 @@ from mathnavi.controllers.ocp.nlp import programme
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.controllers.ocp.unbounded import unbounded
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 FIXED = Fixed()
 DEFAULT = Options()
 _BEFORE_THE_END = 1.0 - 1e-10
+_MAY_BE_UNBOUNDED = (Outcome.CONVERGED, Outcome.UNBOUNDED, Outcome.LIMIT, Outcome.FAILED)
 
 
 class Transcription:
@@ -125,7 +127,12 @@ class Transcription:
         if answer.status is Outcome.NOT_FINITE:
             answer = self._explained(answer, x_0, where, p)
         cost = answer.cost if self._functional is None else answer.cost - float(self._functional(answer.x, known))
-        return self._read(answer, where, p, shares, cost), answer
+        solution = self._read(answer, where, p, shares, cost)
+        if answer.status in _MAY_BE_UNBOUNDED:
+            u, diverged = np.concatenate(list(solution.u)), answer.status is Outcome.UNBOUNDED
+            if why := unbounded(self.problem, solution.x, u, solution.duration, diverged=diverged):
+                solution = dataclasses.replace(solution, status=Outcome.UNBOUNDED, message=why)
+        return solution, answer
 
     def _explained(self, answer: SolverAnswer, x_0: Array, grid: Grid, p: Array) -> SolverAnswer:
         """The answer of a solve that met NaN or infinity, with what was not finite at the guess."""

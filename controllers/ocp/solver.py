@@ -7,14 +7,17 @@ parameters. Whatever happens in the solver ends as a status.
 from __future__ import annotations
 
 import time
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
+import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.backend import NumericalSolver, SolverAnswer
 from mathnavi.controllers.ocp.backend import Options as Options
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
+from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
 from mathnavi.controllers.ocp.grid import Grid, from_widths
+from mathnavi.controllers.ocp.multipliers import NamedValues
 from mathnavi.controllers.ocp.nlp import programme
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution, Timing, along
@@ -86,9 +89,9 @@ class Transcription:
             )
         known = p if self.layout.moving else np.concatenate([p, where.widths * (self.nodes - 1)])
         x_0 = self._unknowns(guess, where, p)
-        return self._read(self.solver.solve(x_0, known), where, p)
+        return self._read(self.solver.solve(x_0, known), where, p, known)
 
-    def _read(self, answer: SolverAnswer, grid: Grid, p: Array) -> Solution:
+    def _read(self, answer: SolverAnswer, grid: Grid, p: Array, known: Array) -> Solution:
         """The solution in an answer."""
         layout, problem, scheme = self.layout, self.problem, self.scheme
         nx, nu, count = problem.nx, problem.nu, self.nodes - 1
@@ -108,10 +111,22 @@ class Transcription:
         lam = answer.multipliers[1]
         shares = lam[self.programme.inner_rows].reshape(count, scheme.interior, nx).sum(axis=1)
         costates = (shares - lam[rows]) / problem.state_scale
+        multipliers = multipliers_of(self.programme, Answer(*answer.multipliers, grid.nodes * duration, x, inner, u, p))
         return Solution(
             problem, scheme, answer.status, answer.message, grid, duration, p, x, inner, u, costates, answer.cost,
-            answer.iterations, Timing(self.build_ms, answer.solve_ms),
+            answer.iterations, Timing(self.build_ms, answer.solve_ms), multipliers, self._sensitivities(answer, known),
         )  # fmt: skip
+
+    def _sensitivities(self, answer: SolverAnswer, known: Array) -> NamedValues:
+        """dJ/dp (np,): the derivative of the Lagrangian by the parameters."""
+        names = self.problem.parameters
+        if not names:
+            return NamedValues(names, np.empty(0))
+        return NamedValues(names, self._parameter_gradient(answer.x, known, answer.multipliers[1]).full()[:, 0])
+
+    @cached_property
+    def _parameter_gradient(self) -> ca.Function:
+        return self.programme.assembly.parameter_gradient(len(self.problem.parameters))
 
     def _unknowns(self, guess: Solution | None, grid: Grid, p: Array) -> Array:
         """The vector of unknowns that a guess amounts to on a grid."""

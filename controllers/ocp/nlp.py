@@ -142,6 +142,9 @@ class Programme:
     path_rows: tuple[int, ...]  # (N,) constraints of each stage beside its gap
     gap_start: Integers  # (N - 1,) row of each stage's gap
     inner_rows: Integers  # (N - 1, interior * nx) rows of the scheme's inner equations
+    held_rows: Integers  # (N - 1, ·) rows of what holds along each interval: path constraints first
+    initial_rows: Integers  # (ni,) rows of the start
+    final_rows: Integers  # (ns + ·,) rows of the end, and of the path constraints at the last node
 
     @property
     def equality(self) -> list[bool]:
@@ -203,6 +206,9 @@ def programme(
         path_rows=tuple(path_rows),
         gap_start=places[:, 0],
         inner_rows=places[:, nz : nz + scheme.interior * problem.nx],
+        held_rows=places[:, nz + scheme.interior * problem.nx :],
+        initial_rows=at_start[0],
+        final_rows=at_end[0],
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from functools import cached_property
 
@@ -11,6 +12,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from mathnavi.controllers.nlp_solver import Outcome as Outcome
 from mathnavi.controllers.ocp.grid import Grid
+from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues, column_of
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
 from mathnavi.sim.interfaces.checks import allowed_for
@@ -68,6 +70,8 @@ class Solution:
     cost: float  # J as the transcription sees it
     iterations: int
     timing: Timing
+    multipliers: Multipliers
+    sensitivities: NamedValues  # (np,) dJ/dp of the least J, by the names of the parameters
     method: str = "direct"
     replay: ReplayResult | None = None
 
@@ -89,12 +93,26 @@ class Solution:
         return short_table(f"{self.problem.name}, {self.method}: {self.status.value}", rows)
 
     def __getitem__(self, name: str) -> Array:
-        """(N,) a state or a control by its name, at the nodes ``t``; KeyError names those that exist."""
-        if name in self.problem.states:
-            return self.x[:, self.problem.states.index(name)]
-        if name in self.problem.controls:
-            return self.control(self.t)[:, self.problem.controls.index(name)]
-        known = allowed_for(name, self.problem.states + self.problem.controls)
+        """(N,) a state or a control by its name, at the nodes ``t``; (N, k) a vector of k components.
+
+        KeyError names those that exist.
+        """
+        return self._named(name, lambda: self.x, lambda: self.control(self.t))
+
+    def __call__(self, name: str, t: Array | float) -> Array:
+        """() a state or a control by its name at a time t [s], or (n,) at times (n,), held to [0, T].
+
+        A vector of k components has a last axis more. KeyError names the states and controls that exist.
+        """
+        return self._named(name, lambda: self.state(t), lambda: self.control(t))
+
+    def _named(self, name: str, states: Callable[[], Array], controls: Callable[[], Array]) -> Array:
+        problem = self.problem
+        for names, values in ((problem.states, states), (problem.controls, controls)):
+            if (column := column_of(name, names)) is not None:
+                own: Array = values()[..., column]
+                return own
+        known = allowed_for(name, problem.states + problem.controls)
         raise KeyError(f"{name!r} is no state or control; {known}")
 
     @property
@@ -113,12 +131,42 @@ class Solution:
         times: Array = self.t[:-1] + self.scheme.costate_at * np.diff(self.t)
         return times
 
+    @property
+    def point_times(self) -> Array:
+        """Times (N - 1, k) [s] of the scheme's k points in each interval: of ``inner``, ``u`` and the multipliers."""
+        times: Array = self.t[:-1, None] + np.array(self.scheme.points) * np.diff(self.t)[:, None]
+        return times
+
+    @cached_property
+    def hamiltonian(self) -> Array:
+        """Hamiltonian H = L + λ'f (N - 1, k) at ``point_times``; constant in time where nothing depends on t."""
+        problem, times = self.problem, self.point_times
+        x, u, t = self.inner.reshape(-1, problem.nx), self.u.reshape(-1, problem.nu), times.ravel()
+        cost = problem.running_cost.map(len(t))(x.T, u.T, t[None, :], np.tile(self.parameters[:, None], (1, len(t))))
+        running = np.array(cost.full())[0].reshape(times.shape)
+        values: Array = running + (self.multipliers.dynamics.values * self.rates).sum(axis=2)
+        return values
+
+    def costate(self, t: Array | float) -> Array:
+        """Costate λ (nx,) at a time t [s], or (n, nx) at times (n,), held to [0, T].
+
+        The polynomial through an interval's points, straight from node to node for a scheme of one point.
+        """
+        times = np.clip(np.atleast_1d(np.asarray(t, float)), 0.0, self.duration)
+        values = self.multipliers.dynamics.values
+        if len(self.scheme.points) > 1:
+            interval, fraction = self._locate(times)
+            found: Array = np.einsum("nk,nkm->nm", weights(self.scheme.points, fraction), values[interval])
+        else:
+            known = self.point_times[:, 0]
+            found = np.array([np.interp(times, known, column) for column in values[:, 0].T]).T
+        return found[0] if np.ndim(t) == 0 else found
+
     @cached_property
     def rates(self) -> Array:
         """Rates f(x, u, t; p) (N - 1, k, nx), in units per second, at the scheme's k points of each interval."""
         count, k, nx = self.inner.shape
-        points = np.array(self.scheme.points)
-        times = (self.t[:-1, None] + points * np.diff(self.t)[:, None]).ravel()
+        times = self.point_times.ravel()
         rates = along(self.problem, self.inner.reshape(-1, nx), self.u.reshape(count * k, -1), times, self.parameters)
         return rates.reshape(count, k, nx)
 

@@ -7,15 +7,18 @@ parameters. Whatever happens in the solver ends as a status.
 from __future__ import annotations
 
 import time
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
+import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.arcs import Arcs, placed, starts
 from mathnavi.controllers.ocp.backend import NumericalSolver, SolverAnswer
 from mathnavi.controllers.ocp.backend import Options as Options
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
+from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
 from mathnavi.controllers.ocp.grid import Grid, from_widths
+from mathnavi.controllers.ocp.multipliers import NamedValues
 from mathnavi.controllers.ocp.nlp import programme
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution, Timing, along
@@ -66,19 +69,6 @@ class Transcription:
     ) -> Solution:
         """Solve from a guess; failure is in the solution's status. There is no replay yet.
 
-        Arguments and errors are those of ``answered``.
-        """
-        return self.answered(guess, grid, parameters, arcs)[0]
-
-    def answered(
-        self,
-        guess: Solution | None = None,
-        grid: Grid | None = None,
-        parameters: Array | None = None,
-        arcs: Arcs | None = None,
-    ) -> tuple[Solution, SolverAnswer]:
-        """Solve from a guess; returns the solution, without a replay, and the solver's own answer.
-
         Args:
             guess: another solution, on any grid and by any scheme; None for the problem's own guess.
             grid: N nodes or, where the nodes are unknowns, their guess; None for the guess's, or uniform ones.
@@ -116,7 +106,7 @@ class Transcription:
             known = np.concatenate([p, starts(shares).ravel(), shares.ravel()])
         x_0 = self._unknowns(guess, where, p, arcs)
         answer = self.solver.solve(x_0, known, bounds=None if arcs is None else self._bounds(arcs))
-        return self._read(answer, where, p, shares), answer
+        return self._read(answer, where, p, known, shares)
 
     def _bounds(self, arcs: Arcs) -> tuple[Array, Array]:
         """Bounds on the scaled unknowns, the controls' those of their arcs."""
@@ -128,15 +118,7 @@ class Transcription:
             limits[: count * stage].reshape(count, stage)[:, first : first + points * self.problem.nu] = held
         return bounds
 
-    def control_multipliers(self, answer: SolverAnswer) -> Array:
-        """Multipliers (N - 1, k, nu) of the controls' bounds at the scheme's own points, over J per unit of u."""
-        layout, count = self.layout, self.nodes - 1
-        first, stage = layout.state_size, layout.state_size + layout.input_size
-        own = answer.multipliers[0][: count * stage].reshape(count, stage)
-        controls = own[:, first : first + layout.own_points * self.problem.nu]
-        return controls.reshape(count, layout.own_points, self.problem.nu) / self.problem.control_scale
-
-    def _read(self, answer: SolverAnswer, grid: Grid, p: Array, shares: Array | None) -> Solution:
+    def _read(self, answer: SolverAnswer, grid: Grid, p: Array, known: Array, shares: Array | None) -> Solution:
         """The solution in an answer."""
         layout, problem, scheme = self.layout, self.problem, self.scheme
         nx, nu, count = problem.nx, problem.nu, self.nodes - 1
@@ -157,12 +139,24 @@ class Transcription:
         # The gap is written z_(i+1) - flow = 0 over the scale: its multiplier is -λ times the scale. Where a scheme has
         # inner equations, flow - X = 0, x_i enters each of them, and λ is their sum.
         lam = answer.multipliers[1]
-        shares = lam[self.programme.inner_rows].reshape(count, scheme.interior, nx).sum(axis=1)
-        costates = (shares - lam[rows]) / problem.state_scale
+        parts = lam[self.programme.inner_rows].reshape(count, scheme.interior, nx).sum(axis=1)
+        costates = (parts - lam[rows]) / problem.state_scale
+        multipliers = multipliers_of(self.programme, Answer(*answer.multipliers, grid.nodes * duration, x, inner, u, p))
         return Solution(
             problem, scheme, answer.status, answer.message, grid, duration, p, x, inner, u, costates, answer.cost,
-            answer.iterations, Timing(self.build_ms, answer.solve_ms),
+            answer.iterations, Timing(self.build_ms, answer.solve_ms), multipliers, self._sensitivities(answer, known),
         )  # fmt: skip
+
+    def _sensitivities(self, answer: SolverAnswer, known: Array) -> NamedValues:
+        """dJ/dp (np,): the derivative of the Lagrangian by the parameters."""
+        names = self.problem.parameters
+        if not names:
+            return NamedValues(names, np.empty(0))
+        return NamedValues(names, self._parameter_gradient(answer.x, known, answer.multipliers[1]).full()[:, 0])
+
+    @cached_property
+    def _parameter_gradient(self) -> ca.Function:
+        return self.programme.assembly.parameter_gradient(len(self.problem.parameters))
 
     def _unknowns(self, guess: Solution | None, grid: Grid, p: Array, arcs: Arcs | None) -> Array:
         """The vector of unknowns that a guess amounts to on a grid."""

@@ -6,6 +6,7 @@ parameters. Whatever happens in the solver ends as a status.
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from functools import cached_property, lru_cache
 
@@ -17,11 +18,12 @@ from mathnavi.controllers.ocp.backend import NumericalSolver, SolverAnswer
 from mathnavi.controllers.ocp.backend import Options as Options
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
 from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
-from mathnavi.controllers.ocp.grid import Grid, from_widths
+from mathnavi.controllers.ocp.finite import not_finite
+from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths
 from mathnavi.controllers.ocp.multipliers import NamedValues
 from mathnavi.controllers.ocp.nlp import programme
-from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.solution import Solution, Timing, along
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
+from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
@@ -55,8 +57,10 @@ class Transcription:
                 "allowed: forward Euler, multiple shooting, or backend = 'ipopt'"
             )
         self.problem, self.scheme, self.distribution, self.nodes = problem, scheme, distribution, nodes
-        self.programme = programme(problem, scheme, distribution, nodes, arcs)
+        self.programme = programme(problem, scheme, distribution, check_nodes(nodes), arcs)
         self.layout = self.programme.layout
+        nlp = self.programme
+        self._functional = None if nlp.functional is None else ca.Function("I", [nlp.x, nlp.p], [nlp.functional])
         self.solver = NumericalSolver(self.programme, options)
         self.build_ms = 1e3 * (time.perf_counter() - began)
 
@@ -84,10 +88,11 @@ class Transcription:
         where = grid or (guess.grid if guess is not None else Grid(np.linspace(0.0, 1.0, self.nodes)))
         if len(where) != self.nodes:
             raise ProblemError(f"grid: {len(where)} nodes; allowed: the {self.nodes} of this transcription")
-        if p.shape != self.problem.nominal.shape:
-            raise ProblemError(
-                f"parameters: shape {p.shape}; allowed: {self.problem.nominal.shape}, one for each parameter"
-            )
+        if not isinstance(p, np.ndarray) or p.shape != self.problem.nominal.shape:
+            shape = f": shape {p.shape}" if isinstance(p, np.ndarray) else f" = {p!r:.80}"
+            raise ProblemError(f"parameters{shape}; allowed: {self.problem.nominal.shape}, one for each parameter")
+        if guess is not None and not isinstance(guess, Solution):
+            raise ProblemError(f"guess = {guess!r:.80}; allowed: a Solution, or None for the problem's own guess")
         if guess is not None and (guess.problem.nx, guess.problem.nu) != (self.problem.nx, self.problem.nu):
             raise ProblemError(
                 f"guess: a solution of {guess.problem.name} with {guess.problem.nx} states and {guess.problem.nu} "
@@ -106,7 +111,19 @@ class Transcription:
             known = np.concatenate([p, starts(shares).ravel(), shares.ravel()])
         x_0 = self._unknowns(guess, where, p, arcs)
         answer = self.solver.solve(x_0, known, bounds=None if arcs is None else self._bounds(arcs))
-        return self._read(answer, where, p, known, shares)
+        if answer.status is Outcome.NOT_FINITE:
+            answer = self._explained(answer, x_0, where, p)
+        cost = answer.cost if self._functional is None else answer.cost - float(self._functional(answer.x, known))
+        return self._read(answer, where, p, known, shares, cost)
+
+    def _explained(self, answer: SolverAnswer, x_0: Array, grid: Grid, p: Array) -> SolverAnswer:
+        """The answer of a solve that met NaN or infinity, with what was not finite at the guess."""
+        nx, durations = self.problem.nx, self.layout.durations
+        z, w, last = self.layout.split(x_0)
+        duration = float(z[0, nx : nx + durations].sum()) if durations else self.problem.guess_duration
+        u = np.vstack([w[:, : self.problem.nu], last if self.scheme.shared else w[-1:, : self.problem.nu]])
+        found = not_finite(self.problem, z[:, :nx], u, grid.nodes * duration, p)
+        return dataclasses.replace(answer, message=found or answer.message)
 
     def _bounds(self, arcs: Arcs) -> tuple[Array, Array]:
         """Bounds on the scaled unknowns, the controls' those of their arcs."""
@@ -118,8 +135,10 @@ class Transcription:
             limits[: count * stage].reshape(count, stage)[:, first : first + points * self.problem.nu] = held
         return bounds
 
-    def _read(self, answer: SolverAnswer, grid: Grid, p: Array, known: Array, shares: Array | None) -> Solution:
-        """The solution in an answer."""
+    def _read(
+        self, answer: SolverAnswer, grid: Grid, p: Array, known: Array, shares: Array | None, cost: float
+    ) -> Solution:
+        """The solution in an answer, and its J."""
         layout, problem, scheme = self.layout, self.problem, self.scheme
         nx, nu, count = problem.nx, problem.nu, self.nodes - 1
         z, w, last = layout.split(answer.x)
@@ -143,7 +162,7 @@ class Transcription:
         costates = (parts - lam[rows]) / problem.state_scale
         multipliers = multipliers_of(self.programme, Answer(*answer.multipliers, grid.nodes * duration, x, inner, u, p))
         return Solution(
-            problem, scheme, answer.status, answer.message, grid, duration, p, x, inner, u, costates, answer.cost,
+            problem, scheme, answer.status, answer.message, grid, duration, p, x, inner, u, costates, cost,
             answer.iterations, Timing(self.build_ms, answer.solve_ms), multipliers, self._sensitivities(answer, known),
         )  # fmt: skip
 
@@ -219,10 +238,7 @@ def transcription(
         ProblemError: for a problem that is no ``ProblemFunctions``, an ``OptimalControlProblem`` itself for one, and as
             ``Transcription`` does.
     """
-    if not isinstance(problem, ProblemFunctions):
-        raise ProblemError(
-            f"problem = {problem!r}; allowed: ProblemFunctions, OptimalControlProblem.functions() for one"
-        )
+    check_problem(problem)
     return Transcription(problem, scheme, distribution, nodes, options, arcs)
 
 
@@ -245,5 +261,6 @@ def _inner_states(
     # Hermite-Simpson's midpoint
     t, d = grid.nodes * duration, np.diff(grid.nodes)[:, None] * duration
     f_0, f_1 = along(problem, x[:-1], u[:, 0], t[:-1], p), along(problem, x[1:], u[:, -1], t[1:], p)
-    middle = 0.5 * (x[:-1] + x[1:]) + d * (f_0 - f_1) / 8.0
+    with np.errstate(invalid="ignore"):  # of a solve that failed
+        middle = 0.5 * (x[:-1] + x[1:]) + d * (f_0 - f_1) / 8.0
     return np.stack([x[:-1], middle, x[1:]], axis=1)

@@ -25,7 +25,6 @@ from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
 from mathnavi.controllers.ocp.structure import Structure, structure
 from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.winding import unwound
-from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 OPTIONS = Options(tolerance=1e-11)
@@ -44,13 +43,17 @@ class Round:
     count: int  # points of each interval
     structure: Structure | None
 
-    def solved(self, problem: ProblemFunctions, guess: Solution | None, parameters: Array | None, options: Options) -> Solution:
+    def solved(
+        self, problem: ProblemFunctions, guess: Solution | None, parameters: Array | None, options: Options
+    ) -> Solution:
         arcs = None
         if self.structure is not None and len(self.structure) > 1:
             ends = np.searchsorted(self.grid.nodes, np.append(self.structure.boundaries, 1.0) - 1e-12)
             intervals = tuple(int(n) for n in np.diff(np.append(0, ends)))
             arcs = Arcs(intervals, self.structure.control_bounds(problem))
-        made = transcription(problem, RadauIIA(self.count), len(self.grid), FIXED, options, 1 if arcs is None else len(arcs))
+        made = transcription(
+            problem, RadauIIA(self.count), len(self.grid), FIXED, options, 1 if arcs is None else len(arcs)
+        )
         return made.solve(guess, self.grid, parameters, arcs)
 
 
@@ -72,9 +75,13 @@ def hp(
         found = unwound(made.solved(problem, current, parameters, options))
         timing += found.timing
         if _TRACE:
-            print(f"   round {number}: N={len(made.grid)} k={made.count} arcs={len(made.structure) if made.structure else 1} {found.status.name} it={found.iterations} J={found.cost:.10g} build {found.timing.build_ms:.0f} solve {found.timing.solve_ms:.0f}", end="")
+            print(
+                f"   round {number}: N={len(made.grid)} k={made.count} arcs={len(made.structure) if made.structure else 1} {found.status.name} it={found.iterations} J={found.cost:.10g} build {found.timing.build_ms:.0f} solve {found.timing.solve_ms:.0f}",
+                end="",
+            )
         if not found.ok:
-            if _TRACE: print()
+            if _TRACE:
+                print()
             break
         errors = interval_errors(found, defects(found))
         seen = structure(found)
@@ -84,9 +91,12 @@ def hp(
         current, cost = found, found.cost
         if _TRACE:
             print(f" err={errors.sum():.1e} change={change:.1e} seen={len(seen) if seen else None}")
-            if _TRACE>1 and seen: print(np.column_stack([np.append(seen.boundaries,1),seen.held]))
+            if _TRACE > 1 and seen:
+                print(np.column_stack([np.append(seen.boundaries, 1), seen.held]))
         known = made.structure
-        same = (seen is None and known is None) or (seen is not None and (known is not None and seen.same(known) or known is None and len(seen) == 1))
+        same = (seen is None and known is None) or (
+            seen is not None and ((known is not None and seen.same(known)) or (known is None and len(seen) == 1))
+        )
         small = errors.sum() <= _MARGIN * tolerance
         if same and small and change <= _MARGIN * tolerance:
             break
@@ -122,7 +132,9 @@ def refined(solution, count, struct, errors, target, most_nodes):
     if not flagged.any():
         flagged = np.ones(len(errors), dtype=bool)
     flagged &= grid.widths > 1e-8
-    parts = np.where(flagged, np.clip(np.ceil((np.minimum(errors, 1e3) / each) ** (1.0 / (2 * count))), 2, 4), 1).astype(int)
+    parts = np.where(
+        flagged, np.clip(np.ceil((np.minimum(errors, 1e3) / each) ** (1.0 / (2 * count))), 2, 4), 1
+    ).astype(int)
     while parts.sum() > most_nodes - 1 and parts.max() > 1:
         parts[np.flatnonzero(parts > 1)[np.argmin(errors[parts > 1])]] = 1
     pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(grid.nodes[:-1], grid.nodes[1:], parts, strict=True)]

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
@@ -14,10 +16,16 @@ from mathnavi.controllers.nlp_solver import Outcome as Outcome
 from mathnavi.controllers.ocp.grid import Grid
 from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues, column_of
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.records import encoded
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.short_tables import short_table
 from mathnavi.sim.interfaces.signals import Array, Integers
+from mathnavi.sim.interfaces.writing import write_bytes
+
+FORMAT = "mathnavi solution 1"
+"""what a file of a solution says that it is"""
+RECORD = "solution"
 
 
 @dataclass(frozen=True)
@@ -222,6 +230,18 @@ class Solution:
     def with_replay(self, replay: ReplayResult, replay_ms: float) -> Solution:
         """Return the solution with its replay, which took ``replay_ms`` [ms]."""
         return dataclasses.replace(self, replay=replay, timing=self.timing + Timing(replay_ms=replay_ms))
+
+    def save(self, path: str | Path) -> Path:
+        """Write the solution to a file, whole or not at all, for ``load_solution``; returns its path.
+
+        An .npz archive of numbers and texts, with the problem's functions as lists of elementary operations. OSError
+        names the file where it cannot be written.
+        """
+        content = io.BytesIO()
+        arrays = {"format": np.array(FORMAT)} | encoded(self, RECORD)
+        np.savez_compressed(content, allow_pickle=False, **arrays)  # type: ignore[arg-type]
+        write_bytes(Path(path), content.getvalue())
+        return Path(path)
 
     def _locate(self, times: Array) -> tuple[Integers, Array]:
         """Interval and fraction in it of each time, held to [0, T]."""

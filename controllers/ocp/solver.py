@@ -54,6 +54,8 @@ class Transcription:
         self.problem, self.scheme, self.distribution, self.nodes = problem, scheme, distribution, nodes
         self.programme = programme(problem, scheme, distribution, nodes)
         self.layout = self.programme.layout
+        nlp = self.programme
+        self._functional = None if nlp.functional is None else ca.Function("I", [nlp.x, nlp.p], [nlp.functional])
         self.solver = NumericalSolver(self.programme, options)
         self.build_ms = 1e3 * (time.perf_counter() - began)
 
@@ -88,11 +90,12 @@ class Transcription:
                 f"controls; allowed: {self.problem.nx} and {self.problem.nu}"
             )
         known = p if self.layout.moving else np.concatenate([p, where.widths * (self.nodes - 1)])
-        x_0 = self._unknowns(guess, where, p)
-        return self._read(self.solver.solve(x_0, known), where, p, known)
+        answer = self.solver.solve(self._unknowns(guess, where, p), known)
+        cost = answer.cost if self._functional is None else answer.cost - float(self._functional(answer.x, known))
+        return self._read(answer, where, p, known, cost)
 
-    def _read(self, answer: SolverAnswer, grid: Grid, p: Array, known: Array) -> Solution:
-        """The solution in an answer."""
+    def _read(self, answer: SolverAnswer, grid: Grid, p: Array, known: Array, cost: float) -> Solution:
+        """The solution in an answer, and its J."""
         layout, problem, scheme = self.layout, self.problem, self.scheme
         nx, nu, count = problem.nx, problem.nu, self.nodes - 1
         z, w, last = layout.split(answer.x)
@@ -113,7 +116,7 @@ class Transcription:
         costates = (shares - lam[rows]) / problem.state_scale
         multipliers = multipliers_of(self.programme, Answer(*answer.multipliers, grid.nodes * duration, x, inner, u, p))
         return Solution(
-            problem, scheme, answer.status, answer.message, grid, duration, p, x, inner, u, costates, answer.cost,
+            problem, scheme, answer.status, answer.message, grid, duration, p, x, inner, u, costates, cost,
             answer.iterations, Timing(self.build_ms, answer.solve_ms), multipliers, self._sensitivities(answer, known),
         )  # fmt: skip
 

@@ -6,7 +6,8 @@ Unknowns, stage by stage, each over its scale:
 
 The final time T and the constant s of an equidistribution are states that stay constant, so the programme has the band
 structure that a Riccati solver needs. D_i = d_i (N - 1) / T are the relative node distances and τ_i the running sum of
-D_i / (N - 1); on a fixed grid both are parameters. The constraints of a stage are its gap, z_{i+1} - flow(z_i, w_i) =
+D_i / (N - 1); on a fixed grid both are parameters. A grid of several arcs (see ``arcs``) has their lengths δ in the
+place of T. The constraints of a stage are its gap, z_{i+1} - flow(z_i, w_i) =
 0, then what holds along its interval.
 """
 
@@ -23,11 +24,14 @@ from mathnavi.controllers.ocp.distribution import NodeDistribution
 from mathnavi.controllers.ocp.mesh import Mesh
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.stagewise import Assembly, Block
-from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, weights
+from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 RELATIVE_WIDTHS = (0.02, 20.0)
 """bounds of D_i where the nodes are unknowns"""
+SHORTEST_ARC = 1e-6
+"""least length of an arc, over the guess of T"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +43,7 @@ class ProgrammeLayout:
     nodes: int  # N
     moving: bool  # True if the nodes are unknowns
     constants: int  # number of the distribution's constants s
+    arcs: int = 1  # A
 
     @property
     def free_duration(self) -> bool:
@@ -46,9 +51,14 @@ class ProgrammeLayout:
         return self.problem.free_duration
 
     @property
+    def durations(self) -> int:
+        """Number of unknown durations: the lengths of several arcs, or T if it is free."""
+        return self.arcs if self.arcs > 1 else int(self.free_duration)
+
+    @property
     def state_size(self) -> int:
         """Size of z_i = (x_i, T, s, τ_i)."""
-        return self.problem.nx + int(self.free_duration) + self.constants + int(self.moving)
+        return self.problem.nx + self.durations + self.constants + int(self.moving)
 
     @property
     def own_points(self) -> int:
@@ -74,7 +84,7 @@ class ProgrammeLayout:
     @cached_property
     def state_scale(self) -> Array:
         """Scales (state_size,) of z."""
-        duration = [self.problem.guess_duration] if self.free_duration else []
+        duration = np.full(self.durations, self.problem.guess_duration)
         return np.concatenate([self.problem.state_scale, duration, np.ones(self.constants + int(self.moving))])
 
     @cached_property
@@ -124,7 +134,7 @@ class Programme:
 
     layout: ProgrammeLayout
     x: ca.MX  # (layout.size,)
-    p: ca.MX  # (np + N - 1,) parameters of the problem, then D on a fixed grid
+    p: ca.MX  # (np + N - 1,) parameters of the problem, then D on a fixed grid, or E and W (N - 1, A) of arcs
     assembly: Assembly  # f, g and their derivatives
     lower: Array  # (m,)
     upper: Array  # (m,)
@@ -144,17 +154,21 @@ class Programme:
         return [bool(equal) for equal in self.lower == self.upper]
 
 
-def programme(problem: ProblemFunctions, scheme: Scheme, distribution: NodeDistribution, nodes: int) -> Programme:
-    """Nonlinear programme of a problem by a scheme on ``nodes`` nodes with a distribution.
+def programme(
+    problem: ProblemFunctions, scheme: Scheme, distribution: NodeDistribution, nodes: int, arcs: int = 1
+) -> Programme:
+    """Nonlinear programme of a problem by a scheme on ``nodes`` nodes with a distribution, in so many arcs.
 
     Its objective is J = Σ cost_i + Psi + Σ I_i, its rows those of the start, the intervals and the end. Raises
-    ProblemError where the distribution cannot place so few nodes.
+    ProblemError where the distribution cannot place so few nodes, and for several arcs of nodes that are unknowns.
     """
-    layout = ProgrammeLayout(problem, scheme, nodes, distribution.moving, distribution.constants)
+    if arcs > 1 and distribution.moving:
+        raise ProblemError(f"arcs = {arcs} with {distribution!r}; allowed: one arc, or fixed nodes in each")
+    layout = ProgrammeLayout(problem, scheme, nodes, distribution.moving, distribution.constants, arcs)
     count, nz, stride = nodes - 1, layout.state_size, layout.state_size + layout.input_size
     x = ca.MX.sym("x", layout.size)
     parameters = ca.MX.sym("p", len(problem.parameters))
-    widths = ca.MX.sym("D", 0 if layout.moving else count)
+    places_known = [] if layout.moving else [ca.MX.sym("D", count)] if arcs == 1 else _arc_shares(count, arcs)
     start, (interval, functional), end = _start(layout), _interval(layout, distribution), _end(layout)
 
     # Rows of g: the first interval's gap, what holds at the start, the rest of the first interval, the other intervals
@@ -169,14 +183,16 @@ def programme(problem: ProblemFunctions, scheme: Scheme, distribution: NodeDistr
     )
     columns = np.arange(interval.v.numel()) + stride * np.arange(count)[:, None]
     known: list[ca.MX] = [ca.repmat(parameters, 1, count), ca.MX(ca.DM(range(count)).T)]
-    if not layout.moving:
-        known += [_starts(widths), widths.T]
+    if arcs > 1:
+        known += places_known
+    elif places_known:
+        known += [_starts(places_known[0]), places_known[0].T]
     blocks = (
         start.block(columns[:1, :nz], at_start, parameters),
         interval.block(columns, places, ca.vertcat(*known)),
         end.block(count * stride + np.arange(end.v.numel())[None, :], at_end, parameters),
     )
-    p = ca.vertcat(parameters, widths)
+    p = ca.vertcat(parameters, *(ca.vec(each) for each in places_known))
     shares = dataclasses.replace(interval, cost=functional).block(columns, places, ca.vertcat(*known))
     x_lower, x_upper = _variable_bounds(layout, distribution)
     path_rows = [len(interval.lower) - nz] * count + [len(end.lower)]
@@ -198,6 +214,11 @@ def programme(problem: ProblemFunctions, scheme: Scheme, distribution: NodeDistr
         final_rows=at_end[0],
         functional=None if functional.is_zero() else Assembly(x, p, len(lower), [shares]).f,
     )
+
+
+def _arc_shares(count: int, arcs: int) -> list[ca.MX]:
+    """E and W, (A, N - 1) each."""
+    return [ca.MX.sym(name, arcs, count) for name in ("E", "W")]
 
 
 def _starts(widths: ca.MX) -> ca.MX:
@@ -234,15 +255,21 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[
     z, w = ca.SX.sym("z", layout.state_size), ca.SX.sym("w", layout.input_size)
     z_next, u_next = ca.SX.sym("z_next", layout.state_size), ca.SX.sym("u_next", nu if scheme.shared else 0)
     p = ca.SX.sym("p", len(problem.parameters))
-    index, offset, width = ca.SX.sym("i"), ca.SX.sym("tau"), ca.SX.sym("D", 0 if layout.moving else 1)
+    index, sizes = ca.SX.sym("i"), layout.arcs * int(not layout.moving)
+    before, share = ca.SX.sym("E", sizes), ca.SX.sym("W", sizes)  # of a single arc τ and D
     state, inputs = z * layout.state_scale, w * layout.input_scale
     x_0, x_1 = state[:nx], (z_next * layout.state_scale)[:nx]
-    duration = state[nx] if layout.free_duration else ca.SX(problem.guess_duration)
+    lengths = state[nx : nx + layout.durations, :]
+    duration = ca.sum1(lengths) if layout.durations else ca.SX(problem.guess_duration)
     # Row slices carry their colon for columns: of one row, an empty slice without it is no column but a row.
-    constants = state[nx + int(layout.free_duration) :, :][: layout.constants, :]
-    relative = inputs[-1] if layout.moving else width
-    fraction = state[-1] if layout.moving else offset
-    t, d = fraction * duration, relative * duration / count
+    constants = state[nx + layout.durations :, :][: layout.constants, :]
+    if layout.arcs > 1:
+        t, d = ca.dot(before, lengths), ca.dot(share, lengths)
+        relative = count * d / duration
+    else:
+        relative = inputs[-1] if layout.moving else share
+        fraction = state[-1] if layout.moving else before
+        t, d = fraction * duration, relative * duration / count
     U = [inputs[k * nu : (k + 1) * nu, :] for k in range(layout.own_points)]
     if scheme.shared:
         U.append(u_next * problem.control_scale)
@@ -254,6 +281,10 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[
 
     interval = scheme.interval(rates, x_0, X, x_1, U, t, d)
     reached = interval.flow if scheme.explicit else x_1
+    u_0, u_1 = (
+        sum((w * u for w, u in zip(row, U, strict=True) if w), ca.SX.zeros(nu))
+        for row in weights(scheme.points, np.array([0.0, 1.0])).tolist()
+    )
     mesh = Mesh(
         count=count,
         index=index,
@@ -262,14 +293,14 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[
         chord=(reached - x_0) / problem.state_scale,
         second_derivative=duration**2
         / d
-        * (rates(reached, U[-1], t + d)[0] - rates(x_0, U[0], t)[0])
+        * (rates(reached, u_1, t + d)[0] - rates(x_0, u_0, t)[0])
         / problem.state_scale,
     )
     owned = list(zip(interval.states, U, scheme.points, strict=True))[: layout.own_points]
     along = [problem.path(x, u, t + c * d, p) for x, u, c in owned]
     along += [x[bounded_states(problem), :] for x in interval.states[1:-1] if scheme.interior == 0]
     along.append(distribution.constraints(mesh, constants))
-    kept = z[nx : nx + int(layout.free_duration) + layout.constants, :]
+    kept = z[nx : nx + layout.durations + layout.constants, :]
     flow = [interval.flow / problem.state_scale, kept]
     if layout.moving:
         flow.append(z[-1] + relative / count)
@@ -280,7 +311,7 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[
     functional = ca.SX(distribution.functional(mesh))
     part = _Part(
         v=ca.vertcat(z, w, z_next, u_next),
-        data=ca.vertcat(p, index, *([] if layout.moving else [offset, width])),
+        data=ca.vertcat(p, index, before, share),
         rows=ca.vertcat(gap, inner, held),
         cost=interval.cost + functional,
         lower=np.concatenate([equations, lower]),
@@ -332,25 +363,36 @@ def _end(layout: ProgrammeLayout) -> _Part:
     p = ca.SX.sym("p", len(problem.parameters))
     state = z * ca.DM(layout.state_scale)
     x = state[: problem.nx]
-    duration = state[problem.nx] if layout.free_duration else ca.SX(problem.guess_duration)
+    lengths = state[problem.nx : problem.nx + layout.durations, :]
+    duration = ca.sum1(lengths) if layout.durations else ca.SX(problem.guess_duration)
     shared = layout.scheme.shared
     u = w * ca.DM(problem.control_scale) if shared else ca.SX.zeros(problem.nu)
-    # With a zero-order hold there is no control at the last node, and what depends on it has held up to there.
+    # Without a control at the last node, what depends on it has held up to there; a scheme whose own last point is
+    # this node has held all of it.
     free_of_u = set(range(len(problem.path_bounds.lower))) - set(problem.path.jac_sparsity(0, 1).row())
     along = list(range(len(problem.path_bounds.lower))) if shared else sorted(free_of_u)
+    if not shared and layout.scheme.points[-1] == 1.0:
+        along = []
     held = problem.path(x, u, duration, p)[along, :]
     lower, upper = (
         np.concatenate([final, path[along]])
         for final, path in zip(problem.final_bounds, problem.path_bounds, strict=True)
     )
     rows = ca.vertcat(problem.final(x, duration, p), held)
+    if layout.arcs > 1:  # Σ δ = T
+        rows = ca.vertcat(rows, duration / problem.guess_duration)
+        shortest, longest = problem.duration_bounds
+        lower = np.append(lower, shortest / problem.guess_duration)
+        upper = np.append(upper, longest / problem.guess_duration)
     return _Part(ca.vertcat(z, w), p, rows, problem.terminal_cost(x, duration, p), lower, upper)
 
 
 def _variable_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[Array, Array]:
     """Bounds on the scaled unknowns."""
     problem, n = layout.problem, layout.nodes
-    duration = np.array(problem.duration_bounds)[:, None] if layout.free_duration else np.empty((2, 0))
+    duration = np.tile(np.array(problem.duration_bounds)[:, None], (1, layout.durations))
+    if layout.arcs > 1:
+        duration[0] = SHORTEST_ARC * problem.guess_duration
     positions = distribution.node_bounds(n)
     bounds = []
     for k, side in enumerate((-np.inf, np.inf)):

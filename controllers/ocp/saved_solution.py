@@ -20,16 +20,19 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.records import RecordReader
 from mathnavi.controllers.ocp.solution import FORMAT, RECORD, Solution
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
+from mathnavi.controllers.ocp.transcriptions.gauss import GaussLegendre
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
 from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
+from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
 from mathnavi.sim.interfaces.errors import SolutionFileError
 from mathnavi.sim.interfaces.reading.arrays import NUMBERS_AND_TEXTS, read_npz
 from mathnavi.sim.interfaces.signals import Array
 
-SCHEMES = {kind.__name__: kind for kind in (Euler, HermiteSimpson, LegendreGaussLobatto, MultipleShooting, Trapezoid)}
+_KINDS = (Euler, GaussLegendre, HermiteSimpson, LegendreGaussLobatto, MultipleShooting, RadauIIA, Trapezoid)
+SCHEMES: dict[str, Any] = {kind.__name__: kind for kind in _KINDS}
 """the schemes that a file may name"""
 
 _PROBLEM = f"{RECORD}.problem"

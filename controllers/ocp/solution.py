@@ -282,14 +282,15 @@ class Solution:
     @cached_property
     def _rate_spline(self) -> CubicSpline:
         points, widths = np.array(self.scheme.points), self.grid.widths
-        count = len(points) - int(self.scheme.shared)
-        tau = (self.grid.nodes[:-1, None] + points[:count] * widths[:, None]).ravel()
-        rates = self.rates[:, :count].reshape(len(tau), -1)
-        if self.scheme.shared:
-            tau, rates = np.append(tau, 1.0), np.vstack([rates, self.rates[-1, -1]])
-        else:  # a control that is held: the rate at the middle stands for the interval
+        if len(points) == 1:  # a control that is held: the rate at the middle stands for the interval
             tau = self.grid.nodes[:-1] + 0.5 * widths
             rates = np.diff(self.x, axis=0) / (widths[:, None] * self.duration)
+        else:
+            count = len(points) - int(self.scheme.shared)
+            tau = (self.grid.nodes[:-1, None] + points[:count] * widths[:, None]).ravel()
+            rates = self.rates[:, :count].reshape(len(tau), -1)
+            if self.scheme.shared:
+                tau, rates = np.append(tau, 1.0), np.vstack([rates, self.rates[-1, -1]])
         return CubicSpline(tau, rates * self.duration / self.problem.state_scale, axis=0)
 
     def with_replay(self, replay: ReplayResult, errors: Array | None, replay_ms: float) -> Solution:

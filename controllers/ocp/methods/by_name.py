@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Literal, get_args
 
 from mathnavi.controllers.ocp.distribution import Equidistributed
+from mathnavi.controllers.ocp.grid import check_nodes
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.methods.distribution import distribute
 from mathnavi.controllers.ocp.methods.redistribution import redistribute
 from mathnavi.controllers.ocp.methods.refinement import refine
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
-from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.sim.interfaces.checks import allowed_for
@@ -55,6 +56,8 @@ def solve_by(
         ProblemError: for fewer than two nodes, an unknown method or monitor, a monitor for a method that takes none,
             and for a monitor without a measure where the nodes are unknowns.
     """
+    check_problem(problem)
+    check_nodes(nodes)
     if method not in get_args(Method):
         raise ProblemError(f"method = {method!r}; {allowed_for(str(method), get_args(Method))}")
     if method in _DEFAULT_MONITORS:

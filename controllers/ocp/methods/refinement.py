@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from mathnavi.controllers.ocp.grid import split, uniform
+from mathnavi.controllers.ocp.grid import check_nodes, split, uniform
 from mathnavi.controllers.ocp.methods.direct import HERMITE_SIMPSON, solve
 from mathnavi.controllers.ocp.methods.gate import gated
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
@@ -59,7 +59,8 @@ def refine(
     """
     if len(scheme.points) < 2:
         raise ProblemError(f"scheme = {scheme.name} cannot be refined; allowed: a collocation scheme")
-    if not nodes <= most_nodes:
+    check_nodes(nodes)
+    if not nodes <= check_nodes(most_nodes, "most_nodes"):
         raise ProblemError(f"most_nodes = {most_nodes!r}; allowed: at least nodes = {nodes}")
     if not (math.isfinite(tolerance) and tolerance > 0.0):
         raise ProblemError(f"tolerance = {tolerance!r}; allowed: a finite value > 0")

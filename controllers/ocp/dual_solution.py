@@ -17,7 +17,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues, row_names
+from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues, distinct
 from mathnavi.controllers.ocp.nlp import Programme, bounded_states
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights
@@ -72,26 +72,28 @@ def multipliers_of(nlp: Programme, answer: Answer) -> Multipliers:
     b, d = quadrature(scheme), np.diff(answer.t)
     one = point_shares(b, d, joined=scheme.shared)[:, :, None]
     node = point_shares(b, d, joined=scheme.points[0] == 0.0 and scheme.points[-1] == 1.0)[:, :, None]
-    names = row_names(problem)
     return Multipliers(
         dynamics=NamedValues(problem.states, costates),
-        path=NamedValues(names.path, of_path / one),
+        path=NamedValues(distinct(problem.path_names), of_path / one),
         states=NamedValues(problem.states, of_states / node),
         controls=NamedValues(problem.controls, of_controls / one),
-        initial=NamedValues(names.initial, answer.rows[nlp.initial_rows]),
-        final=NamedValues(names.final, answer.rows[nlp.final_rows[:ns]]),
-        duration=_of_duration(nlp, answer, z),
+        initial=NamedValues(_short(problem.initial_names, "start of "), answer.rows[nlp.initial_rows]),
+        final=NamedValues(_short(problem.final_names, "end of "), answer.rows[nlp.final_rows[:ns]]),
+        duration=_of_duration(nlp, z, answer.rows),
     )
 
 
-def _of_duration(nlp: Programme, answer: Answer, z: Array) -> float:
-    """κ of the bounds of T, from the multipliers z (N, state_size) of the bounds or, of several arcs, of Σ δ = T."""
+def _short(names: tuple[str, ...], beginning: str) -> tuple[str, ...]:
+    """Names without their beginning: a condition at one end is called by its state."""
+    return distinct([name.removeprefix(beginning) for name in names])
+
+
+def _of_duration(nlp: Programme, z: Array, rows: Array) -> float:
+    """Multiplier of the bounds of T: of its own at every node or, of several arcs, of the row that adds them up."""
     layout = nlp.layout
-    if not layout.free_duration:
-        return 0.0
     if layout.arcs > 1:
-        return float(answer.rows[nlp.final_rows[-1]] / layout.problem.guess_duration)
-    return float(z[:, layout.problem.nx].sum())
+        return float(rows[nlp.final_rows[-1]]) / layout.problem.guess_duration
+    return float(z[:, layout.problem.nx].sum()) if layout.free_duration else 0.0
 
 
 def quadrature(scheme: Scheme) -> Array:

@@ -12,18 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.short_tables import short_table
 from mathnavi.sim.interfaces.signals import Array
-
-_LONGEST_NAME = 40  # characters of an expression that names a row
 
 
 def column_of(name: str, names: Sequence[str]) -> int | list[int] | None:
@@ -98,46 +92,6 @@ class Multipliers:
         return short_table("multipliers", [*rows, ("duration", f"{self.duration:.6g}", "")])
 
 
-class RowNames(NamedTuple):
-    """Names of the rows of a problem's constraints."""
-
-    path: tuple[str, ...]  # (nd,)
-    initial: tuple[str, ...]  # (ni,)
-    final: tuple[str, ...]  # (ns,)
-
-
-@lru_cache(maxsize=64)
-def row_names(problem: ProblemFunctions) -> RowNames:
-    """Names of a problem's rows: the state of an end condition, or the expression that is constrained.
-
-    A long expression, and one that comes twice, is called by its place: "path 0", "start 1", "end 2".
-    """
-    x, u, t, T = _symbols(problem.states), _symbols(problem.controls), ca.SX.sym("t"), ca.SX.sym("T")
-    p = _symbols(problem.parameters)
-    return RowNames(
-        _names("path", problem.path(x, u, t, p), ()),
-        _names("start", problem.initial(x, p), problem.states),
-        _names("end", problem.final(x, T, p), problem.states),
-    )
-
-
-def _expression(row: ca.SX) -> str:
-    """A row as text, without brackets around all of it."""
-    text = str(row)
-    inner = text[1:-1]
-    return inner if text.startswith("(") and "(" not in inner and text.endswith(")") else text
-
-
-def _symbols(names: tuple[str, ...]) -> ca.SX:
-    return ca.vertcat(ca.SX(0, 1), *(ca.SX.sym(name) for name in names))
-
-
-def _names(kind: str, rows: ca.SX, states: tuple[str, ...]) -> tuple[str, ...]:
-    texts = []
-    for row in ca.vertsplit(rows) if rows.numel() else []:
-        own = [symbol for symbol in ca.symvar(row) if symbol.name() in states]
-        alone = len(own) == 1 and ca.jacobian(row, own[0]).is_one()
-        texts.append(own[0].name() if alone else _expression(row))
-    return tuple(
-        text if len(text) <= _LONGEST_NAME and texts.count(text) == 1 else f"{kind} {k}" for k, text in enumerate(texts)
-    )
+def distinct(names: Sequence[str]) -> tuple[str, ...]:
+    """Names of which each is there once: the second of "x" is "x, 2"."""
+    return tuple(f"{name}, {k}" if (k := 1 + list(names[:i]).count(name)) > 1 else name for i, name in enumerate(names))

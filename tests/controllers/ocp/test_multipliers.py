@@ -12,9 +12,11 @@ from mathnavi.controllers.ocp.problems.bryson_denham import WALL, bryson_denham
 from mathnavi.controllers.ocp.problems.double_integrator import double_integrator_energy, double_integrator_time
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
+from mathnavi.controllers.ocp.transcriptions.gauss import GaussLegendre
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
 from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
+from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
 
@@ -24,6 +26,8 @@ from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
     [
         (HermiteSimpson(), 1e-9),
         (LegendreGaussLobatto(4), 1e-9),
+        (RadauIIA(3), 1e-9),
+        (GaussLegendre(3), 1e-9),
         (Trapezoid(), 0.4),
         (MultipleShooting(), 0.04),
         (Euler(), 1.0),
@@ -43,7 +47,9 @@ def test_costates_and_hamiltonian_are_those_on_paper(scheme: Scheme, error: floa
     assert solution.multipliers.final["x"] == pytest.approx(-12.0, abs=error)  # λ(T) = ν
 
 
-@pytest.mark.parametrize("scheme", [HermiteSimpson(), LegendreGaussLobatto(3)], ids=lambda scheme: scheme.name)
+@pytest.mark.parametrize(
+    "scheme", [HermiteSimpson(), LegendreGaussLobatto(3), RadauIIA(3)], ids=lambda scheme: scheme.name
+)
 def test_a_limit_of_a_state_makes_the_costate_jump_by_its_multiplier(scheme: Scheme) -> None:
     solution = solve(bryson_denham(), 28, scheme=scheme)  # nodes at t = 3 L and 1 - 3 L, where the arc begins and ends
     times, costate = solution.point_times, solution.multipliers.dynamics["x"]
@@ -68,11 +74,11 @@ def _spring(limit: float = 0.7, mass: float = 1.3) -> tuple[OptimalControlProble
     ocp.minimise(running=1.0 + c * u**2, terminal=m * v**2 / 5 + 0.1 * T)
     ocp.dynamics(x, v)
     ocp.dynamics(v, (u - ca.sin(x)) / m)
-    ocp.constrain(v - b, upper=0.0)
+    ocp.constrain(v - b, upper=0.0, name="speed")
     ocp.start(x, a)
     ocp.start(v, 0.0)
     ocp.end(x, 1.0)
-    ocp.end_constraint(v - c, upper=0.0)
+    ocp.end_constraint(v - c, upper=0.0, name="slow")
     return ocp, ["mass", "start", "limit", "share"]
 
 
@@ -86,7 +92,7 @@ def test_sensitivities_are_finite_differences_of_solves() -> None:
         h, value = 1e-4, float(problem.nominal[names.index(name)])
         above, below = (solve(problem, 12, parameters=problem.values(**{name: value + s})).cost for s in (h, -h))
         assert solution.sensitivities[name] == pytest.approx((above - below) / (2.0 * h), rel=1e-4, abs=1e-6), name
-    limit = solution.multipliers.path["v-limit"]
+    limit = solution.multipliers.path["speed"]
     share = np.diff(solution.t)[:, None] * np.array([1.0, 4.0, 1.0]) / 6.0
     assert -float((limit * share).sum()) == pytest.approx(float(solution.sensitivities["limit"]), rel=1e-6)
 
@@ -109,9 +115,9 @@ def test_bounds_of_controls_and_of_the_duration_have_multipliers() -> None:
 
 def test_constraints_are_named_by_what_they_constrain() -> None:
     multipliers = solve(_spring()[0].functions(), 6).multipliers
-    assert multipliers.path.names == ("v-limit",)
+    assert multipliers.path.names == ("speed",)
     assert multipliers.initial.names == ("x", "v")
-    assert multipliers.final.names == ("x", "v")
+    assert multipliers.final.names == ("x", "slow")
     with pytest.raises(KeyError, match="allowed: x, v"):
         multipliers.states["w"]
     assert "end x" in repr(multipliers)

@@ -4,8 +4,8 @@ The collocation polynomial x(t) of an interval is off the trajectory from the sa
 
     e' = f(x + e, sat(u(t)), t) - x',      e(t_i) = 0,
 
-with the control saturated to its bounds. Picard's iteration on Gauss points solves for e of all intervals at once: a few
-evaluations of the dynamics where an integrator with step-size control takes hundreds. Its value at the end of an
+with the control saturated to its bounds. Picard's iteration on Gauss points solves for e of all intervals at once: a
+few evaluations of the dynamics where an integrator with step-size control takes hundreds. Its value at the end of an
 interval is what a replay of this interval misses by, and with the costates it is a share in the error of J.
 """
 

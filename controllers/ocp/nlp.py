@@ -16,6 +16,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -237,12 +238,10 @@ def variation(scheme: Scheme) -> Array:
     """
     abscissae, share = np.polynomial.legendre.leggauss(len(scheme.points))
     basis, b = weights(scheme.points, 0.5 * (abscissae + 1.0)), 0.5 * share
-    bent = basis - b @ basis
     slope = np.outer(abscissae, (b * abscissae) @ basis / (b @ abscissae**2))
-    return sum(
-        (factor * np.einsum("g,gk,gl->kl", b, part, part) for factor, part in ((1.0, bent - slope), (SLOPE, slope))),
-        np.zeros(()),
-    )
+    bent = basis - b @ basis - slope
+    matrix: Array = bent.T @ (b[:, None] * bent) + SLOPE * slope.T @ (b[:, None] * slope)
+    return matrix
 
 
 def _starts(widths: ca.MX) -> ca.MX:
@@ -373,9 +372,8 @@ def fractions_between(scheme: Scheme) -> tuple[float, ...]:
     points = scheme.points
     if scheme.shared or len(points) == 1:
         return ()
-    ends = (0.0, *points) if points[-1] == 1.0 else (0.0, *points, 1.0)
-    edges = (0.0, 1.0) if points[-1] < 1.0 else (0.0,)
-    return (*edges, *(0.5 * (a + b) for a, b in zip(ends[1:-1], ends[2:], strict=True) if b in points))
+    ends = (0.0,) if points[-1] == 1.0 else (0.0, 1.0)
+    return (*ends, *(0.5 * (a + b) for a, b in pairwise(points)))
 
 
 def _along_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[Array, Array]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -75,7 +76,7 @@ def meshed(
     for i in worst:
         granted[i] = min(parts[i], 1 + max(0, spare))
         spare -= granted[i] - 1
-    for start, end in zip(kept[:-1], kept[1:], strict=True):
+    for start, end in pairwise(kept):
         i = int(np.searchsorted(nodes, start + 1e-15, side="right")) - 1
         n = granted[i] if end - start <= 1.0000001 * widths[i] else 1
         pieces.append(np.linspace(start, end, n + 1)[:-1])

@@ -55,8 +55,8 @@ class SolverAnswer:
 
     @property
     def ok(self) -> bool:
-        """True if the status is that of a solution."""
-        return self.status is Outcome.OPTIMAL
+        """True if the programme is solved."""
+        return self.status is Outcome.CONVERGED
 
 
 class NumericalSolver:
@@ -96,6 +96,8 @@ class NumericalSolver:
         if report.iterations is None:
             reason = f"{self._name} raised an exception: {_last_words(report.message)}"
             return self._failed(report.outcome, reason, x_0, began)
+        if report.outcome is Outcome.OVERDETERMINED:
+            return self._failed(report.outcome, report.message, x_0, began)
         out = {name: array.copy() for name, array in self._out.items()}
         if not all(np.isfinite(out[name]).all() for name in ("x", "f", "g")):  # FATROP calls even that a success
             return self._failed(Outcome.NOT_FINITE, Outcome.NOT_FINITE.value, x_0, began)

@@ -25,12 +25,14 @@ from mathnavi.controllers.ocp.nlp import bounded_controls, fractions_between, pr
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.controllers.ocp.unbounded import unbounded
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 FIXED = Fixed()
 DEFAULT = Options()
 _BEFORE_THE_END = 1.0 - 1e-10
+_MAY_BE_UNBOUNDED = (Outcome.CONVERGED, Outcome.UNBOUNDED, Outcome.LIMIT, Outcome.FAILED)
 
 
 class Transcription:
@@ -123,6 +125,10 @@ class Transcription:
             u = found.u / self.problem.control_scale
             added = np.einsum("kl,ikm,ilm,im->", variation(self.scheme), u, u, smoothing)
             found = dataclasses.replace(found, cost=found.cost - float(added))
+        if answer.status in _MAY_BE_UNBOUNDED:
+            u, diverged = np.concatenate(list(found.u)), answer.status is Outcome.UNBOUNDED
+            if why := unbounded(self.problem, found.x, u, found.duration, diverged=diverged):
+                found = dataclasses.replace(found, status=Outcome.UNBOUNDED, message=why)
         return found
 
     def _explained(self, answer: SolverAnswer, x_0: Array, grid: Grid, p: Array) -> SolverAnswer:

@@ -106,7 +106,7 @@ def hp(
     check_nodes(most_nodes, "most_nodes")
     plan, current = _first(problem, most_nodes, guess, parameters, options)
     timing, change, visits, refused = current.timing, math.inf, [], False
-    if not current.ok:
+    if not current.solved:
         return dataclasses.replace(current, method="hp")
     for number in range(_ROUNDS):
         errors = interval_errors(current, defects(current))
@@ -128,7 +128,7 @@ def hp(
             following = _Plan(with_boundaries(current.grid, seen.boundaries), plan.count, seen, rho)
         found = following.solved(problem, current, parameters, options)
         timing += found.timing
-        if not found.ok:
+        if not found.solved:
             if refused or len(following.structure) == 1:
                 break
             refused = True  # the arcs do not help: go on without them
@@ -136,7 +136,7 @@ def hp(
             following = _Plan(nodes, plan.count, without_structure(problem), rho)
             found = following.solved(problem, current, parameters, options)
             timing += found.timing
-            if not found.ok:
+            if not found.solved:
                 break
         change = abs(found.cost - current.cost) / max(abs(found.cost), 1e-9)
         stuck = (
@@ -159,7 +159,7 @@ def _first(
         plan = _Plan(grid, count, without_structure(problem), _SMOOTHING if linear_controls(problem).any() else 0.0)
         found = plan.solved(problem, guess, parameters, options)
         timing += found.timing
-        if found.ok:
+        if found.solved:
             break
     return plan, dataclasses.replace(found, timing=timing)
 

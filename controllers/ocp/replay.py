@@ -54,8 +54,6 @@ def replayed(solution: Solution, tolerance: float = GIVEN_NODES) -> Solution:
     growth = _growth(solution)
     found = _replay(solution, by_intervals=not growth <= ILL_POSED)
     errors = local_errors(solution) if len(solution.scheme.points) > 1 else None
-    return solution.with_replay(found, errors, 1e3 * (time.perf_counter() - began))
-    errors = local_errors(solution) if len(solution.scheme.points) > 1 else None
     return judged(solution.with_replay(found, errors, 1e3 * (time.perf_counter() - began)), tolerance)
 
 

@@ -19,16 +19,15 @@ import numpy as np
 from mathnavi.controllers.ocp.arcs import Arcs
 from mathnavi.controllers.ocp.defects import defects
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, uniform
-from mathnavi.controllers.ocp.methods.hp_mesh import interval_errors, meshed, with_boundaries
+from mathnavi.controllers.ocp.methods.hp_mesh import TINY, VIOLATION, interval_errors, meshed, with_boundaries
 from mathnavi.controllers.ocp.nlp import SHORTEST_ARC, variation
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.replay import replayed
+from mathnavi.controllers.ocp.replay import check_tolerance, replayed
 from mathnavi.controllers.ocp.solution import Solution, Timing
 from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
 from mathnavi.controllers.ocp.structure import Structure, linear_controls, structure, without_structure
 from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.winding import unwound
-from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 OPTIONS = Options(tolerance=1e-11)
@@ -42,6 +41,8 @@ _MARGIN = 0.1  # of the tolerance that the defects, and a change of J, may take
 _MOST_ARCS = 30
 _MOST_VISITS = 2  # to the same structure, before the rounds stay with it
 _SMOOTHING = 1e-2  # first weight ρ, over |J|
+_LEAST = 1e-3  # of the tolerance, the defects are asked to be
+_ROUNDING = 1e-9  # relative change of J that the solver's own tolerance leaves
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +53,7 @@ class _Plan:
     count: int  # points of each interval
     structure: Structure
     smoothing: float  # ρ, in units of J
+    every: bool = False  # True if all free controls are smoothed, not only those that enter linearly
 
     def solved(
         self, problem: ProblemFunctions, guess: Solution | None, parameters: Array | None, options: Options
@@ -59,15 +61,15 @@ class _Plan:
         known = self.structure
         ends = np.searchsorted(self.grid.nodes, np.append(known.boundaries, 1.0) - 1e-12)
         intervals = tuple(int(n) for n in np.diff(np.append(0, ends)))
-        free = linear_controls(problem) & (known.held[:, : problem.nu] == 0)
+        free = (linear_controls(problem) | self.every) & (known.held[:, : problem.nu] == 0)
         arcs = Arcs(intervals, *known.limits(problem), np.where(free, self.smoothing, 0.0))
         made = transcription(problem, RadauIIA(self.count), len(self.grid), FIXED, options, len(known))
         return unwound(made.solve(guess, self.grid, parameters, arcs))
 
     def added(self, solution: Solution) -> float:
         """What the smoothing adds to J: J is at most as much above its least value."""
-        u, linear = solution.u / solution.problem.control_scale, linear_controls(solution.problem)
-        return self.smoothing * float(np.einsum("kl,ikm,ilm->m", variation(solution.scheme), u, u)[linear].sum())
+        u, smoothed = solution.u / solution.problem.control_scale, linear_controls(solution.problem) | self.every
+        return self.smoothing * float(np.einsum("kl,ikm,ilm->m", variation(solution.scheme), u, u)[smoothed].sum())
 
     def placed(self, solution: Solution) -> Structure:
         """The structure with its boundaries where a solution put them, without arcs that became as good as nothing."""
@@ -101,62 +103,51 @@ def hp(
     Raises:
         ProblemError: for fewer than two nodes and a tolerance that is not positive.
     """
-    if not (math.isfinite(tolerance) and tolerance > 0.0):
-        raise ProblemError(f"tolerance = {tolerance!r}; allowed: a finite value > 0")
+    check_tolerance(tolerance)
     check_nodes(most_nodes, "most_nodes")
     plan, current = _first(problem, most_nodes, guess, parameters, options)
-    timing, change, visits, refused = current.timing, math.inf, [], False
     if not current.solved:
         return dataclasses.replace(current, method="hp")
+    allowed, change, visited, free = _MARGIN * tolerance, math.inf, [plan.structure], False
     for number in range(_ROUNDS):
-        errors = interval_errors(current, defects(current))
-        allowed = _MARGIN * tolerance
-        seen, own = structure(current), plan.placed(current)
-        visits.append(own.held)
-        known = sum(np.array_equal(seen.held, held) for held in visits)
-        settled = refused or seen.same(own) or known >= _MOST_VISITS or len(seen) > _MOST_ARCS
-        small = errors.total <= allowed and errors.path.max(initial=0.0) <= allowed
+        errors, seen, own = interval_errors(current, defects(current)), structure(current), plan.placed(current)
+        visits = sum(seen.same(other) for other in visited)
+        settled = free or seen.same(own) or visits >= _MOST_VISITS or len(seen) > _MOST_ARCS
+        small = errors.total <= allowed and errors.path.max() <= VIOLATION * allowed
         smooth = plan.added(current) <= tolerance * abs(current.cost)
-        if settled and small and smooth and change <= allowed:
-            break
+        if settled and small and smooth and change <= max(allowed, _ROUNDING):
+            result = replayed(current, tolerance)
+            if result.replay is None or result.replay.error <= tolerance or allowed < _LEAST * tolerance:
+                break
+            allowed *= max(_LEAST, 0.3 * tolerance / result.replay.error)  # the true dynamics amplify the defects
         rho = plan.smoothing if number else _SMOOTHING * abs(current.cost)
         if settled:
-            if small and not smooth:
-                rho *= 0.1
-            following = _Plan(*meshed(current, own, errors, allowed, most_nodes), own, rho)
+            rho *= 0.1 if small and not smooth else 1.0
+            following = _Plan(*meshed(current, own, errors, allowed, most_nodes), own, rho, plan.every)
         else:
-            following = _Plan(with_boundaries(current.grid, seen.boundaries), plan.count, seen, rho)
-        found = following.solved(problem, current, parameters, options)
-        timing += found.timing
+            following = _Plan(with_boundaries(current.grid, seen.boundaries), plan.count, seen, rho, plan.every)
+        found, following = _next(problem, plan, following, current, parameters, options)
+        current = dataclasses.replace(current, timing=current.timing + found.timing)
         if not found.solved:
-            if refused or len(following.structure) == 1:
-                break
-            refused = True  # the arcs do not help: go on without them
-            nodes = with_boundaries(current.grid, following.structure.boundaries)
-            following = _Plan(nodes, plan.count, without_structure(problem), rho)
-            found = following.solved(problem, current, parameters, options)
-            timing += found.timing
-            if not found.solved:
-                break
-        change = abs(found.cost - current.cost) / max(abs(found.cost), 1e-9)
-        stuck = (
-            len(found.grid) >= most_nodes and len(following.grid) == len(plan.grid) and following.count == plan.count
-        )
-        plan, current = following, found
-        if stuck and change <= allowed:
             break
-    message = _message(plan, change)
-    return replayed(dataclasses.replace(current, method="hp", message=message, timing=timing))
+        free = free or len(following.structure) == 1 < max(len(own), len(seen))
+        change = abs(found.cost - current.cost) / max(abs(found.cost), TINY)
+        full = len(following.grid) >= most_nodes and _mesh(following) == _mesh(plan)
+        plan, current = following, dataclasses.replace(found, timing=current.timing)
+        visited.append(plan.structure)
+        if full:
+            break
+    result = replayed(current, tolerance)
+    return dataclasses.replace(result, method="hp", message=f"{_described(plan)}; {result.message}")
 
 
 def _first(
     problem: ProblemFunctions, most_nodes: int, guess: Solution | None, parameters: Array | None, options: Options
 ) -> tuple[_Plan, Solution]:
-    """The first uniform grid that the solver manages, and its solution; the last one's if it manages none."""
-    timing = Timing()
+    """The first grid that the solver manages, and its solution; the last one's if it manages none."""
+    timing, smoothing = Timing(), _SMOOTHING if linear_controls(problem).any() else 0.0
     for nodes, count in _STARTS:
-        grid = guess.grid if guess is not None and len(guess.grid) <= most_nodes else uniform(min(nodes, most_nodes))
-        plan = _Plan(grid, count, without_structure(problem), _SMOOTHING if linear_controls(problem).any() else 0.0)
+        plan = _Plan(uniform(min(nodes, most_nodes)), count, without_structure(problem), smoothing)
         found = plan.solved(problem, guess, parameters, options)
         timing += found.timing
         if found.solved:
@@ -164,6 +155,38 @@ def _first(
     return plan, dataclasses.replace(found, timing=timing)
 
 
-def _message(plan: _Plan, change: float) -> str:
+def _next(
+    problem: ProblemFunctions,
+    plan: _Plan,
+    following: _Plan,
+    current: Solution,
+    parameters: Array | None,
+    options: Options,
+) -> tuple[Solution, _Plan]:
+    """The solution of the following plan; where the solver fails, of one that asks for less.
+
+    That is the same plan with all controls smoothed, no arcs, or the last mesh with a point more.
+    """
+    timing, weight, without = Timing(), _SMOOTHING * abs(current.cost), without_structure(problem)
+    nodes = with_boundaries(current.grid, following.structure.boundaries)
+    tries = (
+        following,
+        dataclasses.replace(following, smoothing=weight, every=True),
+        _Plan(nodes, plan.count, without, weight, every=True),
+        _Plan(current.grid, plan.count + 1, without, weight, every=True),
+    )
+    for each in tries:
+        found = each.solved(problem, current, parameters, options)
+        timing += found.timing
+        if found.solved:
+            break
+    return dataclasses.replace(found, timing=timing), each
+
+
+def _mesh(plan: _Plan) -> tuple[int, int]:
+    return len(plan.grid), plan.count
+
+
+def _described(plan: _Plan) -> str:
     arcs = f", {len(plan.structure)} arcs" if len(plan.structure) > 1 else ""
-    return f"{len(plan.grid)} nodes, {RadauIIA(plan.count).name}{arcs}; J changed by {change:.1g} in the last round"
+    return f"{len(plan.grid)} nodes, {RadauIIA(plan.count).name}{arcs}"

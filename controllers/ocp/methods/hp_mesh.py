@@ -13,11 +13,12 @@ from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.structure import Structure
 from mathnavi.sim.interfaces.signals import Array
 
+TINY = 1e-9  # |J| below which its error is no longer relative
 MOST_COUNT = 5  # points of an interval
 _MOST_PARTS = 4  # of an interval in one round
 _NARROWEST = 1e-8  # interval that is still divided, as a fraction of T
+VIOLATION = 5.0  # times the allowed sum of errors, a violation may stay
 _ASYMPTOTIC = 1e-2  # error below which another point helps more than another node
-_IDLE = 1e-3  # of its allowance: an interval with less may be joined to its neighbour
 _KEPT = 0.4  # of an interval's width that a node keeps from a boundary
 
 
@@ -36,7 +37,7 @@ class Errors:
 
 def interval_errors(solution: Solution, found: Defects) -> Errors:
     """Errors of the intervals of a solution, from its defects."""
-    scale = max(abs(solution.cost), 1e-9)
+    scale = max(abs(solution.cost), TINY)
     after = np.vstack([solution.costates[1:], solution.costates[-1:]]) * solution.problem.state_scale
     with np.errstate(invalid="ignore"):
         share = np.abs((found.states * after).sum(axis=1) + found.cost) / scale
@@ -53,12 +54,12 @@ def meshed(
         solution: the last round's.
         structure: arcs of the next round.
         errors: of the solution's intervals.
-        allowed: sum of the intervals' own errors, and largest violation, that may stay.
+        allowed: sum of the intervals' own errors that may stay, and a fifth of the largest violation.
         most_nodes: limit of the number of nodes.
     """
     count, nodes, widths = len(solution.scheme.points), solution.grid.nodes, solution.grid.widths
     each = allowed / len(widths)
-    large, violated = errors.own > each, errors.path > allowed
+    large, violated = errors.own > each, errors.path > VIOLATION * allowed
     if not violated.any() and errors.total < _ASYMPTOTIC and count < MOST_COUNT and not 0.0 < large.mean() <= 0.5:
         return with_boundaries(solution.grid, structure.boundaries), count + 1
     order = 2 * count
@@ -68,7 +69,9 @@ def meshed(
     if not (large.any() or violated.any()):
         parts[:] = 2
     parts[widths < _NARROWEST] = 1
-    kept = _without_idle(nodes, errors.own, parts, each * _IDLE, structure.boundaries, order)
+    # Where a constraint is felt, neighbours stay: joined, they would violate it and be divided again.
+    own = errors.own + np.where(errors.path > 0.0, each, 0.0)
+    kept = _without_idle(nodes, own, parts, each, structure.boundaries, order)
     spare = most_nodes - len(kept)
     pieces = []
     worst = np.argsort(-np.where(parts > 1, errors.own + errors.path, -1.0))
@@ -83,14 +86,14 @@ def meshed(
     return with_boundaries(Grid(np.append(np.concatenate(pieces), 1.0)), structure.boundaries), count
 
 
-def _without_idle(nodes: Array, own: Array, parts: Array, idle: float, boundaries: Array, order: int) -> Array:
-    """The nodes without those between two intervals whose error would be small as one."""
+def _without_idle(nodes: Array, own: Array, parts: Array, each: float, boundaries: Array, order: int) -> Array:
+    """The nodes without those between two intervals whose error would be below ``each`` as one."""
     keep = np.ones(len(nodes), dtype=bool)
     i = 0
     while i + 1 < len(own) and len(nodes) > 20:
         joined = (own[i] + own[i + 1]) * 2.0**order
         at_boundary = len(boundaries) and np.abs(boundaries - nodes[i + 1]).min() < 1e-12
-        if joined < idle * 1e3 and parts[i] == parts[i + 1] == 1 and not at_boundary:
+        if joined < each and parts[i] == parts[i + 1] == 1 and not at_boundary:
             keep[i + 1] = False
             i += 1
         i += 1

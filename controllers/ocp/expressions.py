@@ -12,6 +12,8 @@ import numpy as np
 
 from mathnavi.sim.interfaces.errors import ProblemError
 
+_KINKS = {"fabs": ca.OP_FABS, "fmin": ca.OP_FMIN, "fmax": ca.OP_FMAX}
+
 
 def expression(where: str, value: Any) -> ca.SX:
     """The SX of an expression, a number, an array or a sequence of these; ProblemError names ``where`` it stands.
@@ -73,6 +75,13 @@ def numbers_of(where: str, value: Any, size: int) -> list[float]:
     if len(values) != size:
         raise ProblemError(f"{where} = {value!r:.80} has {len(values)} numbers; allowed: one, or {size}")
     return [number(where, each) for each in values]
+
+
+def kinks(made: ca.SX) -> list[str]:
+    """The functions in an expression that have a kink: fabs, fmin and fmax."""
+    function = ca.Function("e", ca.symvar(made), [made])
+    found = {function.instruction_id(k) for k in range(function.n_instructions())}
+    return [name for name, code in _KINKS.items() if code in found]
 
 
 def _converted(value: Any) -> ca.SX | None:

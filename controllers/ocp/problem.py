@@ -25,6 +25,7 @@ a free start time. A problem is stated call by call, and solved:
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -32,7 +33,7 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.comparisons import Row, bounded, rows, zero_limits
-from mathnavi.controllers.ocp.expressions import check_symbols, column, expression, number, scalars
+from mathnavi.controllers.ocp.expressions import check_symbols, column, expression, kinks, number, scalars
 from mathnavi.controllers.ocp.guesses import Derived, Guess, Simulation, Values, components, start_values
 from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_start
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
@@ -191,7 +192,7 @@ class OptimalControlProblem:
     def minimise(self, running: Expression = 0.0, terminal: Expression = 0.0) -> None:
         """State the objective J = ∫ running dt + terminal; ProblemError if it is stated twice or is no scalar.
 
-        A running cost with a kink, |u| for one, is what ``absolute`` and ``largest`` are for.
+        A cost with a kink, |u| for one, is announced by a warning: ``absolute`` and ``largest`` split it.
         """
         if self._stated:
             raise ProblemError(f"{self.name}: minimise() is called twice; allowed: once, with both parts of J")
@@ -202,6 +203,12 @@ class OptimalControlProblem:
             if value.numel() != 1:
                 raise ProblemError(f"{self.name}: the {what} cost has shape {value.shape}; allowed: one")
             check_symbols(f"{self.name}: the {what} cost", value, ca.vertcat(*known))
+            if bent := kinks(value):
+                warnings.warn(
+                    f"{self.name}: the {what} cost has a kink ({', '.join(bent)}), where a solver may stop early; "
+                    "absolute() and largest() split it",
+                    stacklevel=2,
+                )
             made.append(value)
         self._stated = True
         s.running, s.terminal = made

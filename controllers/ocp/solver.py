@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -17,9 +17,11 @@ from mathnavi.controllers.ocp.arcs import Arcs, placed, starts
 from mathnavi.controllers.ocp.backend import NumericalSolver, SolverAnswer
 from mathnavi.controllers.ocp.backend import Options as Options
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
+from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
 from mathnavi.controllers.ocp.finite import not_finite
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths
-from mathnavi.controllers.ocp.nlp import programme
+from mathnavi.controllers.ocp.multipliers import NamedValues
+from mathnavi.controllers.ocp.nlp import bounded_controls, fractions_between, programme, variation
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
@@ -73,19 +75,6 @@ class Transcription:
     ) -> Solution:
         """Solve from a guess; failure is in the solution's status. There is no replay yet.
 
-        Arguments and errors are those of ``answered``.
-        """
-        return self.answered(guess, grid, parameters, arcs)[0]
-
-    def answered(
-        self,
-        guess: Solution | None = None,
-        grid: Grid | None = None,
-        parameters: Array | None = None,
-        arcs: Arcs | None = None,
-    ) -> tuple[Solution, SolverAnswer]:
-        """Solve from a guess; returns the solution, without a replay, and the solver's own answer.
-
         Args:
             guess: another solution, on any grid and by any scheme; None for the problem's own guess.
             grid: N nodes or, where the nodes are unknowns, their guess; None for the guess's, or uniform ones.
@@ -114,6 +103,9 @@ class Transcription:
         if (1 if arcs is None else len(arcs)) != self.layout.arcs:
             raise ProblemError(f"arcs: {arcs}; allowed: the {self.layout.arcs} of this transcription")
         shares = None
+        smoothing = np.zeros((self.nodes - 1, self.layout.smoothed))
+        if arcs is not None and arcs.smoothing is not None:
+            smoothing = arcs.smoothing[arcs.of_interval]
         if self.layout.moving:
             known = p
         elif arcs is None or len(arcs) == 1:
@@ -122,46 +114,59 @@ class Transcription:
             arcs.check(where)
             shares = arcs.shares(where)
             known = np.concatenate([p, starts(shares).ravel(), shares.ravel()])
+        known = np.concatenate([known, smoothing.ravel()])
         x_0 = self._unknowns(guess, where, p, arcs)
         answer = self.solver.solve(x_0, known, bounds=None if arcs is None else self._bounds(arcs))
         if answer.status is Outcome.NOT_FINITE:
             answer = self._explained(answer, x_0, where, p)
         cost = answer.cost if self._functional is None else answer.cost - float(self._functional(answer.x, known))
-        solution = self._read(answer, where, p, shares, cost)
+        found = self._read(answer, where, p, known, shares, cost)
+        if smoothing.any():  # it is no part of J
+            u = found.u / self.problem.control_scale
+            added = np.einsum("kl,ikm,ilm,im->", variation(self.scheme), u, u, smoothing)
+            found = dataclasses.replace(found, cost=found.cost - float(added))
         if answer.status in _MAY_BE_UNBOUNDED:
-            u, diverged = np.concatenate(list(solution.u)), answer.status is Outcome.UNBOUNDED
-            if why := unbounded(self.problem, solution.x, u, solution.duration, diverged=diverged):
-                solution = dataclasses.replace(solution, status=Outcome.UNBOUNDED, message=why)
-        return solution, answer
+            u, diverged = np.concatenate(list(found.u)), answer.status is Outcome.UNBOUNDED
+            if why := unbounded(self.problem, found.x, u, found.duration, diverged=diverged):
+                found = dataclasses.replace(found, status=Outcome.UNBOUNDED, message=why)
+        return found
 
     def _explained(self, answer: SolverAnswer, x_0: Array, grid: Grid, p: Array) -> SolverAnswer:
         """The answer of a solve that met NaN or infinity, with what was not finite at the guess."""
-        nx, free = self.problem.nx, self.layout.free_duration
+        nx, durations = self.problem.nx, self.layout.durations
         z, w, last = self.layout.split(x_0)
-        duration = float(z[0, nx]) if free else self.problem.guess_duration
+        duration = float(z[0, nx : nx + durations].sum()) if durations else self.problem.guess_duration
         u = np.vstack([w[:, : self.problem.nu], last if self.scheme.shared else w[-1:, : self.problem.nu]])
         found = not_finite(self.problem, z[:, :nx], u, grid.nodes * duration, p)
         return dataclasses.replace(answer, message=found or answer.message)
 
-    def _bounds(self, arcs: Arcs) -> tuple[Array, Array]:
-        """Bounds on the scaled unknowns, the controls' those of their arcs."""
-        layout, count, points = self.layout, self.nodes - 1, self.layout.own_points
+    def _bounds(self, arcs: Arcs) -> tuple[Array, Array, Array, Array]:
+        """Bounds on the scaled unknowns and the rows, those of controls and path constraints by their arcs."""
+        layout, problem, programme = self.layout, self.problem, self.programme
+        count, points, nd = self.nodes - 1, self.layout.own_points, len(self.problem.path_bounds.lower)
         first, stage = layout.state_size, layout.state_size + layout.input_size
-        bounds = self.programme.x_lower.copy(), self.programme.x_upper.copy()
-        for limits, own in zip(bounds, arcs.control_bounds, strict=True):
-            held = np.tile((own / self.problem.control_scale)[arcs.of_interval], (1, points))
-            limits[: count * stage].reshape(count, stage)[:, first : first + points * self.problem.nu] = held
-        return bounds
+        unknowns, rows = (
+            (programme.x_lower.copy(), programme.x_upper.copy()),
+            (
+                programme.lower.copy(),
+                programme.upper.copy(),
+            ),
+        )
+        for limits, own in zip(unknowns, arcs.control_bounds, strict=True):
+            held = np.tile((own / problem.control_scale)[arcs.of_interval], (1, points))
+            limits[: count * stage].reshape(count, stage)[:, first : first + points * problem.nu] = held
+        bounded = bounded_controls(problem)
+        fixed = (arcs.control_bounds.lower == arcs.control_bounds.upper)[:, bounded][arcs.of_interval]
+        fixed = np.tile(fixed, (1, len(fractions_between(self.scheme))))  # what is held needs no bounds in between
+        between = programme.held_rows[:, programme.held_rows.shape[1] - fixed.shape[1] :][fixed]
+        for limits, own, free in zip(rows, arcs.path_bounds, (-np.inf, np.inf), strict=True):
+            limits[programme.held_rows[:, : points * nd]] = np.tile(own[arcs.of_interval], (1, points))
+            limits[between] = free
+        return *unknowns, *rows
 
-    def control_multipliers(self, answer: SolverAnswer) -> Array:
-        """Multipliers (N - 1, k, nu) of the controls' bounds at the scheme's own points, over J per unit of u."""
-        layout, count = self.layout, self.nodes - 1
-        first, stage = layout.state_size, layout.state_size + layout.input_size
-        own = answer.multipliers[0][: count * stage].reshape(count, stage)
-        controls = own[:, first : first + layout.own_points * self.problem.nu]
-        return controls.reshape(count, layout.own_points, self.problem.nu) / self.problem.control_scale
-
-    def _read(self, answer: SolverAnswer, grid: Grid, p: Array, shares: Array | None, cost: float) -> Solution:
+    def _read(
+        self, answer: SolverAnswer, grid: Grid, p: Array, known: Array, shares: Array | None, cost: float
+    ) -> Solution:
         """The solution in an answer, and its J."""
         layout, problem, scheme = self.layout, self.problem, self.scheme
         nx, nu, count = problem.nx, problem.nu, self.nodes - 1
@@ -182,12 +187,24 @@ class Transcription:
         # The gap is written z_(i+1) - flow = 0 over the scale: its multiplier is -λ times the scale. Where a scheme has
         # inner equations, flow - X = 0, x_i enters each of them, and λ is their sum.
         lam = answer.multipliers[1]
-        shares = lam[self.programme.inner_rows].reshape(count, scheme.interior, nx).sum(axis=1)
-        costates = (shares - lam[rows]) / problem.state_scale
+        parts = lam[self.programme.inner_rows].reshape(count, scheme.interior, nx).sum(axis=1)
+        costates = (parts - lam[rows]) / problem.state_scale
+        multipliers = multipliers_of(self.programme, Answer(*answer.multipliers, grid.nodes * duration, x, inner, u, p))
         return Solution(
             problem, scheme, answer.status, answer.message, grid, duration, p, x, inner, u, costates, cost,
-            answer.iterations, Timing(self.build_ms, answer.solve_ms),
+            answer.iterations, Timing(self.build_ms, answer.solve_ms), multipliers, self._sensitivities(answer, known),
         )  # fmt: skip
+
+    def _sensitivities(self, answer: SolverAnswer, known: Array) -> NamedValues:
+        """dJ/dp (np,): the derivative of the Lagrangian by the parameters."""
+        names = self.problem.parameters
+        if not names:
+            return NamedValues(names, np.empty(0))
+        return NamedValues(names, self._parameter_gradient(answer.x, known, answer.multipliers[1]).full()[:, 0])
+
+    @cached_property
+    def _parameter_gradient(self) -> ca.Function:
+        return self.programme.assembly.parameter_gradient(len(self.problem.parameters))
 
     def _unknowns(self, guess: Solution | None, grid: Grid, p: Array, arcs: Arcs | None) -> Array:
         """The vector of unknowns that a guess amounts to on a grid."""

@@ -20,6 +20,7 @@ from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, const
 from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
 from mathnavi.controllers.ocp.finite import not_finite
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths
+from mathnavi.controllers.ocp.infeasible import contradiction
 from mathnavi.controllers.ocp.multipliers import NamedValues
 from mathnavi.controllers.ocp.nlp import bounded_controls, fractions_between, programme, variation
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
@@ -119,6 +120,9 @@ class Transcription:
         answer = self.solver.solve(x_0, known, bounds=None if arcs is None else self._bounds(arcs))
         if answer.status is Outcome.NOT_FINITE:
             answer = self._explained(answer, x_0, where, p)
+        if answer.status is Outcome.INFEASIBLE and arcs is None:
+            why = contradiction(self.programme, answer.x, known)
+            answer = dataclasses.replace(answer, message=why or answer.message)
         cost = answer.cost if self._functional is None else answer.cost - float(self._functional(answer.x, known))
         found = self._read(answer, where, p, known, shares, cost)
         if smoothing.any():  # it is no part of J

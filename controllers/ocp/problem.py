@@ -40,6 +40,7 @@ from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solver import DEFAULT, Options
 from mathnavi.controllers.ocp.statement import Duration, Parameter, Statement
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import ProblemError
@@ -402,6 +403,7 @@ class OptimalControlProblem:
         monitor: Monitor | str | None = None,
         guess: Solution | None = None,
         parameters: Mapping[str, float] | None = None,
+        options: Options = DEFAULT,
     ) -> Solution:
         """Solve the problem by Hermite-Simpson collocation and replay the solution through its own dynamics.
 
@@ -414,6 +416,7 @@ class OptimalControlProblem:
                 "curvature", "local error", "residual", "uniform". None: curvature, and arclength for "distribute".
             guess: a solution to start from, on any grid; None for the guess that was stated.
             parameters: values by name, the nominal ones where none is given.
+            options: NLP solver and tolerance, and what of it is printed or logged.
 
         Returns:
             The solution; ``solution.ok`` says whether it is one, its ``status`` why not. An adaptive solution that
@@ -427,7 +430,7 @@ class OptimalControlProblem:
         if not isinstance(parameters, Mapping | None):
             raise ProblemError(f"{self.name}: parameters = {parameters!r:.80}; allowed: values by name")
         values = problem.values(**(parameters or {}))
-        return solve_by(problem, nodes, method, monitor, guess=guess, parameters=values)
+        return solve_by(problem, nodes, method, monitor, guess=guess, parameters=values, options=options)
 
     def functions(self) -> ProblemFunctions:
         """The problem as compiled functions, checked.

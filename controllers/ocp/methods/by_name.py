@@ -14,6 +14,7 @@ from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR,
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solver import DEFAULT, Options
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
@@ -37,6 +38,7 @@ def solve_by(
     *,
     guess: Solution | None,
     parameters: Array,
+    options: Options = DEFAULT,
 ) -> Solution:
     """Solve a problem by one of the methods, with Hermite-Simpson collocation.
 
@@ -48,6 +50,7 @@ def solve_by(
             ``MONITORS``; None for the method's own, curvature and arclength.
         guess: a solution to start from, on any grid; None for the problem's own guess.
         parameters: (np,) values of the problem's parameters.
+        options: solver and tolerance.
 
     Returns:
         The solution with its replay. Failure is in its status, and so is an adaptive grid that the gate refused.
@@ -63,15 +66,17 @@ def solve_by(
     if method in _DEFAULT_MONITORS:
         chosen = _DEFAULT_MONITORS[method] if monitor is None else _monitor(monitor)
         if method == "redistribute":
-            return redistribute(problem, nodes, chosen, guess=guess, parameters=parameters)
+            return redistribute(problem, nodes, chosen, guess=guess, parameters=parameters, options=options)
         distribution = Equidistributed(chosen, chosen.epsilon)
-        return distribute(problem, nodes, distribution, guess=guess, parameters=parameters)
+        return distribute(problem, nodes, distribution, guess=guess, parameters=parameters, options=options)
     if monitor is not None:
         takers = ", ".join(_DEFAULT_MONITORS)
         raise ProblemError(f"monitor: method = {method!r} takes none; allowed: a monitor with method {takers}")
     if method == "refine":
-        return refine(problem, min(_FIRST_NODES, nodes), most_nodes=nodes, guess=guess, parameters=parameters)
-    return solve(problem, nodes, guess=guess, parameters=parameters)
+        return refine(
+            problem, min(_FIRST_NODES, nodes), most_nodes=nodes, guess=guess, parameters=parameters, options=options
+        )
+    return solve(problem, nodes, guess=guess, parameters=parameters, options=options)
 
 
 def _monitor(monitor: Monitor | str) -> Monitor:

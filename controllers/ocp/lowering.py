@@ -182,8 +182,18 @@ def _check_equations(statement: Statement) -> None:
 
 
 def _independent(equations: list[Row], unknown: ca.SX) -> int:
-    """Number of equations that the unknowns can meet at once, whatever their numbers: the structural rank."""
-    return int(ca.sprank(ca.jacobian(_column(equations), unknown))) if equations else 0
+    """Number of equations that the unknowns can meet at once: the rank of their slopes at a point in general position.
+
+    The structural rank where they are not defined there.
+    """
+    if not equations:
+        return 0
+    slopes = ca.jacobian(_column(equations), unknown)
+    symbols = ca.vertcat(*ca.symvar(ca.veccat(slopes, unknown)))
+    values = np.array(ca.Function("slopes", [symbols], [ca.densify(slopes)])(np.cos(1.0 + np.arange(symbols.numel()))))
+    if not np.isfinite(values).all():
+        return int(ca.sprank(slopes))
+    return int(np.linalg.matrix_rank(values))
 
 
 def _names(unknown: ca.SX) -> str:

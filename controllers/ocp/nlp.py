@@ -13,6 +13,7 @@ place of T. The constraints of a stage are its gap, z_{i+1} - flow(z_i, w_i) =
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -142,6 +143,10 @@ class Programme:
     path_rows: tuple[int, ...]  # (N,) constraints of each stage beside its gap
     gap_start: Integers  # (N - 1,) row of each stage's gap
     inner_rows: Integers  # (N - 1, interior * nx) rows of the scheme's inner equations
+    held_rows: Integers  # (N - 1, ·) rows of what holds along each interval: path constraints first
+    initial_rows: Integers  # (ni,) rows of the start
+    final_rows: Integers  # (ns + ·,) rows of the end, and of the path constraints at the last node
+    functional: ca.MX | None  # () Σ I_i(x, p), the distribution's share of f; None where it has none
 
     @property
     def equality(self) -> list[bool]:
@@ -164,7 +169,7 @@ def programme(
     x = ca.MX.sym("x", layout.size)
     parameters = ca.MX.sym("p", len(problem.parameters))
     places_known = [] if layout.moving else [ca.MX.sym("D", count)] if arcs == 1 else _arc_shares(count, arcs)
-    start, interval, end = _start(layout), _interval(layout, distribution), _end(layout)
+    start, (interval, functional), end = _start(layout), _interval(layout, distribution), _end(layout)
 
     # Rows of g: the first interval's gap, what holds at the start, the rest of the first interval, the other intervals
     # and what holds at the end.
@@ -188,6 +193,7 @@ def programme(
         end.block(count * stride + np.arange(end.v.numel())[None, :], at_end, parameters),
     )
     p = ca.vertcat(parameters, *(ca.vec(each) for each in places_known))
+    shares = dataclasses.replace(interval, cost=functional).block(columns, places, ca.vertcat(*known))
     x_lower, x_upper = _variable_bounds(layout, distribution)
     path_rows = [len(interval.lower) - nz] * count + [len(end.lower)]
     path_rows[0] += shift
@@ -203,6 +209,10 @@ def programme(
         path_rows=tuple(path_rows),
         gap_start=places[:, 0],
         inner_rows=places[:, nz : nz + scheme.interior * problem.nx],
+        held_rows=places[:, nz + scheme.interior * problem.nx :],
+        initial_rows=at_start[0],
+        final_rows=at_end[0],
+        functional=None if functional.is_zero() else Assembly(x, p, len(lower), [shares]).f,
     )
 
 
@@ -236,8 +246,10 @@ class _Part:
         return Block(self.v, self.data, self.rows, self.cost, columns, places, known)
 
 
-def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> _Part:
-    """Rows of an interval, scaled: its gap, the scheme's inner equations, what holds along it."""
+def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[_Part, ca.SX]:
+    """Rows of an interval, scaled: its gap, the scheme's inner equations, what holds along it. Its functional I_i too,
+    which the part's cost contains.
+    """
     problem, scheme, count = layout.problem, layout.scheme, layout.nodes - 1
     nx, nu = problem.nx, problem.nu
     z, w = ca.SX.sym("z", layout.state_size), ca.SX.sym("w", layout.input_size)
@@ -296,14 +308,16 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> _Part:
     gap, held = z_next - ca.vertcat(*flow), ca.vertcat(*along)
     lower, upper = _along_bounds(layout, distribution)
     equations = np.zeros(gap.numel() + inner.numel())
-    return _Part(
+    functional = ca.SX(distribution.functional(mesh))
+    part = _Part(
         v=ca.vertcat(z, w, z_next, u_next),
         data=ca.vertcat(p, index, before, share),
         rows=ca.vertcat(gap, inner, held),
-        cost=interval.cost + distribution.functional(mesh),
+        cost=interval.cost + functional,
         lower=np.concatenate([equations, lower]),
         upper=np.concatenate([equations, upper]),
     )
+    return part, functional
 
 
 def bounded_states(problem: ProblemFunctions) -> list[int]:

@@ -8,16 +8,19 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
+import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.arcs import Arcs, placed, starts
 from mathnavi.controllers.ocp.backend import NumericalSolver, SolverAnswer
 from mathnavi.controllers.ocp.backend import Options as Options
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
+from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
 from mathnavi.controllers.ocp.finite import not_finite
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths
+from mathnavi.controllers.ocp.multipliers import NamedValues
 from mathnavi.controllers.ocp.nlp import programme
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing, along
@@ -56,6 +59,8 @@ class Transcription:
         self.problem, self.scheme, self.distribution, self.nodes = problem, scheme, distribution, nodes
         self.programme = programme(problem, scheme, distribution, check_nodes(nodes), arcs)
         self.layout = self.programme.layout
+        nlp = self.programme
+        self._functional = None if nlp.functional is None else ca.Function("I", [nlp.x, nlp.p], [nlp.functional])
         self.solver = NumericalSolver(self.programme, options)
         self.build_ms = 1e3 * (time.perf_counter() - began)
 
@@ -67,19 +72,6 @@ class Transcription:
         arcs: Arcs | None = None,
     ) -> Solution:
         """Solve from a guess; failure is in the solution's status. There is no replay yet.
-
-        Arguments and errors are those of ``answered``.
-        """
-        return self.answered(guess, grid, parameters, arcs)[0]
-
-    def answered(
-        self,
-        guess: Solution | None = None,
-        grid: Grid | None = None,
-        parameters: Array | None = None,
-        arcs: Arcs | None = None,
-    ) -> tuple[Solution, SolverAnswer]:
-        """Solve from a guess; returns the solution, without a replay, and the solver's own answer.
 
         Args:
             guess: another solution, on any grid and by any scheme; None for the problem's own guess.
@@ -121,13 +113,14 @@ class Transcription:
         answer = self.solver.solve(x_0, known, bounds=None if arcs is None else self._bounds(arcs))
         if answer.status is Outcome.NOT_FINITE:
             answer = self._explained(answer, x_0, where, p)
-        return self._read(answer, where, p, shares), answer
+        cost = answer.cost if self._functional is None else answer.cost - float(self._functional(answer.x, known))
+        return self._read(answer, where, p, known, shares, cost)
 
     def _explained(self, answer: SolverAnswer, x_0: Array, grid: Grid, p: Array) -> SolverAnswer:
         """The answer of a solve that met NaN or infinity, with what was not finite at the guess."""
-        nx, free = self.problem.nx, self.layout.free_duration
+        nx, durations = self.problem.nx, self.layout.durations
         z, w, last = self.layout.split(x_0)
-        duration = float(z[0, nx]) if free else self.problem.guess_duration
+        duration = float(z[0, nx : nx + durations].sum()) if durations else self.problem.guess_duration
         u = np.vstack([w[:, : self.problem.nu], last if self.scheme.shared else w[-1:, : self.problem.nu]])
         found = not_finite(self.problem, z[:, :nx], u, grid.nodes * duration, p)
         return dataclasses.replace(answer, message=found or answer.message)
@@ -142,16 +135,10 @@ class Transcription:
             limits[: count * stage].reshape(count, stage)[:, first : first + points * self.problem.nu] = held
         return bounds
 
-    def control_multipliers(self, answer: SolverAnswer) -> Array:
-        """Multipliers (N - 1, k, nu) of the controls' bounds at the scheme's own points, over J per unit of u."""
-        layout, count = self.layout, self.nodes - 1
-        first, stage = layout.state_size, layout.state_size + layout.input_size
-        own = answer.multipliers[0][: count * stage].reshape(count, stage)
-        controls = own[:, first : first + layout.own_points * self.problem.nu]
-        return controls.reshape(count, layout.own_points, self.problem.nu) / self.problem.control_scale
-
-    def _read(self, answer: SolverAnswer, grid: Grid, p: Array, shares: Array | None) -> Solution:
-        """The solution in an answer."""
+    def _read(
+        self, answer: SolverAnswer, grid: Grid, p: Array, known: Array, shares: Array | None, cost: float
+    ) -> Solution:
+        """The solution in an answer, and its J."""
         layout, problem, scheme = self.layout, self.problem, self.scheme
         nx, nu, count = problem.nx, problem.nu, self.nodes - 1
         z, w, last = layout.split(answer.x)
@@ -171,12 +158,24 @@ class Transcription:
         # The gap is written z_(i+1) - flow = 0 over the scale: its multiplier is -λ times the scale. Where a scheme has
         # inner equations, flow - X = 0, x_i enters each of them, and λ is their sum.
         lam = answer.multipliers[1]
-        shares = lam[self.programme.inner_rows].reshape(count, scheme.interior, nx).sum(axis=1)
-        costates = (shares - lam[rows]) / problem.state_scale
+        parts = lam[self.programme.inner_rows].reshape(count, scheme.interior, nx).sum(axis=1)
+        costates = (parts - lam[rows]) / problem.state_scale
+        multipliers = multipliers_of(self.programme, Answer(*answer.multipliers, grid.nodes * duration, x, inner, u, p))
         return Solution(
-            problem, scheme, answer.status, answer.message, grid, duration, p, x, inner, u, costates, answer.cost,
-            answer.iterations, Timing(self.build_ms, answer.solve_ms),
+            problem, scheme, answer.status, answer.message, grid, duration, p, x, inner, u, costates, cost,
+            answer.iterations, Timing(self.build_ms, answer.solve_ms), multipliers, self._sensitivities(answer, known),
         )  # fmt: skip
+
+    def _sensitivities(self, answer: SolverAnswer, known: Array) -> NamedValues:
+        """dJ/dp (np,): the derivative of the Lagrangian by the parameters."""
+        names = self.problem.parameters
+        if not names:
+            return NamedValues(names, np.empty(0))
+        return NamedValues(names, self._parameter_gradient(answer.x, known, answer.multipliers[1]).full()[:, 0])
+
+    @cached_property
+    def _parameter_gradient(self) -> ca.Function:
+        return self.programme.assembly.parameter_gradient(len(self.problem.parameters))
 
     def _unknowns(self, guess: Solution | None, grid: Grid, p: Array, arcs: Arcs | None) -> Array:
         """The vector of unknowns that a guess amounts to on a grid."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from mathnavi.controllers.ocp.grid import check_nodes, split, uniform
 from mathnavi.controllers.ocp.methods.direct import HERMITE_SIMPSON, solve
-from mathnavi.controllers.ocp.methods.gate import LEAST, gated
+from mathnavi.controllers.ocp.methods.gate import gated
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import replayed
 from mathnavi.controllers.ocp.residual import local_errors
@@ -43,7 +43,7 @@ def refine(
         problem: the problem as compiled functions.
         nodes: number of uniform nodes to start with.
         most_nodes: limit of the number of nodes.
-        tolerance: allowed local error η of an interval, over the states' scales.
+        tolerance: allowed local error η of an interval, over the states' scales, and allowed error of the replay.
         scheme: transcription of an interval.
         guess: a solution to start from, on any grid; None for the problem's own guess.
         parameters: (np,) values of the problem's parameters; None for the nominal ones.
@@ -77,12 +77,12 @@ def refine(
     reached = "at most" if errors.max() <= tolerance else "still"
     message = f"local error {reached} {errors.max():.2g} on {current.nodes} nodes"
     refined = replayed(dataclasses.replace(current, method="refinement", message=message, timing=timing))
-    if refined.replay is not None and refined.replay.value <= LEAST:
+    if refined.replay is not None and refined.replay.error <= tolerance:
         return refined
     even = solve(problem, refined.nodes, scheme=scheme, guess=refined, parameters=parameters, options=options)
     spent = even.timing.build_ms + even.timing.solve_ms + even.timing.replay_ms
     refined = dataclasses.replace(refined, timing=refined.timing + Timing(gate_ms=spent))
-    return gated(refined, even, "refinement") if even.ok else refined
+    return gated(refined, even, "refinement", tolerance) if even.ok else refined
 
 
 def _parts(errors: Array, tolerance: float, power: int, spare: int) -> list[int]:

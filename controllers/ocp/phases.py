@@ -26,22 +26,18 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.comparisons import Row, rows, zero_limits
-from mathnavi.controllers.ocp.defects import running_costs
 from mathnavi.controllers.ocp.expressions import expression
 from mathnavi.controllers.ocp.guesses import Values
 from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_start
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
+from mathnavi.controllers.ocp.phase_solutions import MultiPhaseSolution, phase_solution
 from mathnavi.controllers.ocp.problem import NODES, OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.replay import replayed
-from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import DEFAULT, Options
 from mathnavi.controllers.ocp.statement import Duration, Parameter, Statement, Variable
-from mathnavi.controllers.ocp.transcriptions.scheme import integral_weights
-from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.short_tables import short_table
 
 
 class MultiPhaseProblem:
@@ -175,58 +171,9 @@ class MultiPhaseProblem:
         """Each phase as a solution with times of its own."""
         phases, start_times, elapsed = dict[str, Solution](), dict[str, float](), 0.0
         for name, phase in self._phases.items():
-            phases[name], start_times[name] = _phase_solution(stacked, name, phase.statement, elapsed)
+            phases[name], start_times[name] = phase_solution(stacked, name, phase.statement, elapsed)
             elapsed = start_times[name] + phases[name].duration
         return MultiPhaseSolution(self.name, stacked, phases, start_times)
-
-
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class MultiPhaseSolution:
-    """Solution of a problem of several phases; ``solution["boost"]`` is one phase's, its times from its own start."""
-
-    name: str
-    stacked: Solution  # of all phases over τ in [0, 1], variables named phase.variable
-    phases: dict[str, Solution]
-    start_times: dict[str, float]  # [s] by phase
-
-    @property
-    def status(self) -> Outcome:
-        """How the solve ended."""
-        return self.stacked.status
-
-    @property
-    def message(self) -> str:
-        """The solver's own words, and what a method has to say."""
-        return self.stacked.message
-
-    @property
-    def ok(self) -> bool:
-        """True if this is a solution of the transcribed problem."""
-        return self.stacked.ok
-
-    @property
-    def cost(self) -> float:
-        """J of all phases."""
-        return self.stacked.cost
-
-    @property
-    def duration(self) -> float:
-        """Sum of the durations [s]."""
-        return sum(phase.duration for phase in self.phases.values())
-
-    def __getitem__(self, phase: str) -> Solution:
-        """The solution of one phase by its name; KeyError names those that exist."""
-        if phase not in self.phases:
-            raise KeyError(f"{phase!r} is no phase; {allowed_for(phase, tuple(self.phases))}")
-        return self.phases[phase]
-
-    def __repr__(self) -> str:
-        """A short table: how it ended, what it costs, and when each phase begins and ends."""
-        lines = [("J", f"{self.cost:.6g}", ""), ("iterations", str(self.stacked.iterations), "")]
-        for name, phase in self.phases.items():
-            begin = self.start_times[name]
-            lines.append((f"phase {name}", f"{begin:.6g} to {begin + phase.duration:.6g}", "s"))
-        return short_table(f"{self.name}, {self.stacked.method}: {self.status.value}", lines)
 
 
 def _add_phase(stacked: Statement, name: str, phase: Statement, elapsed: ca.SX, shared: list[Parameter]) -> ca.SX:
@@ -266,39 +213,3 @@ def _add_phase(stacked: Statement, name: str, phase: Statement, elapsed: ca.SX, 
     stacked.initial += renamed(phase.initial)
     stacked.final += renamed(phase.final)
     return begin + T
-
-
-def _phase_solution(stacked: Solution, name: str, phase: Statement, elapsed: float) -> tuple[Solution, float]:
-    """A phase of a stacked solution with its replay, and the time [s] at which it begins."""
-    assert phase.duration is not None
-    states, controls, parameters = (
-        [known.index(f"{name}.{each.name}" if f"{name}.{each.name}" in known else each.name) for each in own]
-        for known, own in (
-            (stacked.problem.states, phase.states),
-            (stacked.problem.controls, phase.controls),
-            (stacked.problem.parameters, phase.parameters),
-        )
-    )
-    duration = float(stacked[f"{name}.duration"][0]) if phase.duration.free else phase.duration.guess
-    start = ca.SX(elapsed) if phase.start_time.is_zero() else phase.start_time
-    x = stacked.x[:, states]
-    begin = float(ca.Function("t_0", [phase.x], [start])(x[0]))
-    problem = functions_of(dataclasses.replace(phase, start_time=start))
-    view = dataclasses.replace(
-        stacked,
-        problem=problem,
-        duration=duration,
-        parameters=stacked.parameters[parameters],
-        x=x,
-        inner=stacked.inner[:, :, states],
-        u=stacked.u[:, :, controls],
-        costates=stacked.costates[:, states],
-        replay=None,
-    )
-    share = integral_weights(view.scheme.points, np.ones(1))[0]
-    count, k, nx = view.inner.shape
-    times = (view.t[:-1, None] + np.array(view.scheme.points) * np.diff(view.t)[:, None]).ravel()
-    rates = running_costs(view, view.inner.reshape(count * k, nx), view.u.reshape(count * k, -1), times)
-    running = rates.reshape(count, k) @ share * np.diff(view.t)
-    cost = float(running.sum()) + float(problem.terminal_cost(x[-1], duration, view.parameters))
-    return replayed(dataclasses.replace(view, cost=cost)), begin

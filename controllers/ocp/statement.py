@@ -29,7 +29,7 @@ class Variable:
     guess: Component
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Parameter:
     """A parameter p, known at each solve."""
 

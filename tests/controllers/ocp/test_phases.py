@@ -130,6 +130,26 @@ def test_a_path_constraint_belongs_to_its_phase() -> None:
     assert found["a"]["v"].max() > 1.2 - 1e-6
     assert found["b"]["v"].max() <= 1.2 + 1e-6
     assert (found["a"].problem.path_names, found["b"].problem.path_names) == ((), ("slow",))
+    assert found["b"].multipliers.path.names == ("slow",)
+
+
+def test_multipliers_of_a_phase_are_those_of_the_problem_in_one_phase() -> None:
+    one = OptimalControlProblem("one phase")
+    x, v, u = carried(one)
+    one.duration(1.0)
+    one.constrain(u <= 4.0)
+    one.start(ca.vertcat(x, v), 0.0)
+    one.end(ca.vertcat(x, v), [1.0, 0.0])
+    problem, a, _ = cut(lambda a: a.duration(0.5), lambda b: b.duration(0.5))
+    a.constrain(a.statement.controls[0].symbol <= 4.0)
+    whole, found = one.solve(41), problem.solve(21)
+    for phase, half in (("a", slice(0, 20)), ("b", slice(20, 40))):
+        own = found[phase].multipliers
+        for name in ("x", "v"):
+            np.testing.assert_allclose(own.dynamics[name], whole.multipliers.dynamics[name][half], rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(own.controls["u"], whole.multipliers.controls["u"][half], rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(found["b"].multipliers.final["x"], whole.multipliers.final["x"], rtol=1e-5)
+    np.testing.assert_allclose(found["a"].multipliers.initial["v"], whole.multipliers.initial["v"], rtol=1e-5)
 
 
 @pytest.mark.parametrize(

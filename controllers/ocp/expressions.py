@@ -49,7 +49,8 @@ def column(symbols: Iterable[ca.SX]) -> ca.SX:
 
 def check_symbols(where: str, made: ca.SX, known: ca.SX) -> None:
     """Raise ProblemError where an expression depends on a symbol that is not among the known ones."""
-    strangers = [s for s in ca.symvar(made) if not ca.depends_on(s, known)]
+    own = {s.element_hash() for s in ca.symvar(known)}
+    strangers = [s for s in ca.symvar(made) if s.element_hash() not in own]
     if strangers:
         allowed = ", ".join(s.name() for s in ca.symvar(known)) or "none"
         twins = {s.name() for s in ca.symvar(known)} & {s.name() for s in strangers}

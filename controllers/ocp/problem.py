@@ -248,7 +248,7 @@ class OptimalControlProblem:
                 self.statement.tighten(variable, row)
 
     def start(self, state: ca.SX, value: Expression) -> None:
-        """Start at x(0) = value, a number or an expression of parameters, for one state or several.
+        """Start at x(0) = value, a number or an expression of parameters and states, for one state or several.
 
         ProblemError for no state, a second start, and a value outside the state's bounds.
         """
@@ -263,7 +263,7 @@ class OptimalControlProblem:
         s.initial += rows(where, constraint, *zero_limits(constraint, lower, upper), name, known=s.at_start)
 
     def end(self, state: ca.SX, value: Expression) -> None:
-        """End at x(T) = value, a number or an expression of T and parameters, for one state or several.
+        """End at x(T) = value, a number or an expression of T, parameters and states, for one state or several.
 
         ProblemError for no state, a second end, and a value outside the state's bounds.
         """

@@ -16,6 +16,8 @@ from mathnavi.controllers.ocp.guesses import Component, Simulation, components
 from mathnavi.controllers.ocp.problem_functions import Interval
 from mathnavi.sim.interfaces.errors import ProblemError
 
+_ROUNDING = 1e-12  # relative, by which a value may be outside a bound that it was meant to be on
+
 
 @dataclass
 class Variable:
@@ -159,7 +161,7 @@ class Statement:
         ProblemError for no state, a second value, and a value outside the state's bounds.
         """
         pinned, among = (self.starts, self.initial) if where == "start" else (self.ends, self.final)
-        known = self.p if where == "start" else ca.vertcat(self.final_time, self.p)
+        known = ca.vertcat(*(self.at_start if where == "start" else self.at_end))
         variables = self.find(states, where)
         made = expression(f"{self.name}: {where} of {states}", value)
         if made.numel() not in (1, len(variables)):
@@ -177,7 +179,8 @@ class Statement:
             among.append(Row(variable.symbol - each, 0.0, 0.0, label))
 
     def _check_inside(self, variable: Variable, label: str, value: ca.SX) -> None:
-        if value.is_constant() and not variable.lower <= float(value) <= variable.upper:
+        rounding = _ROUNDING * abs(float(value)) if value.is_constant() else 0.0
+        if value.is_constant() and not variable.lower - rounding <= float(value) <= variable.upper + rounding:
             raise ProblemError(
                 f"{self.name}: {label} = {value}, outside its bounds; allowed: {variable.lower:g} to {variable.upper:g}"
             )

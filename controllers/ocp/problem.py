@@ -25,7 +25,6 @@ a free start time. A problem is stated call by call, and solved:
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -33,15 +32,15 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.comparisons import Row, bounded, rows, zero_limits
-from mathnavi.controllers.ocp.expressions import check_symbols, column, expression, kinks, number, scalars
-from mathnavi.controllers.ocp.guesses import Derived, Guess, Simulation, Values, components, start_values
+from mathnavi.controllers.ocp.expressions import column, expression, number
+from mathnavi.controllers.ocp.guesses import Derived, Guess, Simulation, Values, start_values
 from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_start
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import DEFAULT, Options
-from mathnavi.controllers.ocp.statement import Duration, Parameter, Statement
+from mathnavi.controllers.ocp.statement import MOST_DURATION, Duration, Statement
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import ProblemError
 
@@ -50,7 +49,6 @@ NODES = 40
 
 KNOWN: dict[str, Callable[[], ProblemFunctions]] = {}
 """problems with a known optimum by name, which ``mathnavi.controllers.ocp.problems.library`` enters"""
-_MOST_DURATION = 1e9  # [s] beyond which a final time is no number to search among
 
 Numbers = float | Sequence[float]
 """one number for all components, or one for each"""
@@ -79,7 +77,7 @@ class OptimalControlProblem:
             raise ProblemError(f"name = {name!r:.80}; allowed: a text")
         self.name = name
         self.statement = Statement(name)
-        self._stated, self._integrals = False, 0
+        self._integrals = 0
 
     @property
     def t(self) -> ca.SX:
@@ -126,12 +124,7 @@ class OptimalControlProblem:
 
         ProblemError for a name that is taken and a value that is not finite.
         """
-        self.statement.check_name(name)
-        if not math.isfinite(value := number(f"{self.name}: parameter {name}", nominal)):
-            raise ProblemError(f"{self.name}: parameter {name} = {nominal!r}; allowed: a finite number")
-        symbol = ca.SX.sym(name)
-        self.statement.parameters.append(Parameter(name, symbol, value))
-        return symbol
+        return self.statement.declare_parameter(name, nominal)
 
     def unknown(
         self,
@@ -156,20 +149,12 @@ class OptimalControlProblem:
         """Fix the final time T [s]; ProblemError unless 0 < T <= 1e9 s, and if it is given twice."""
         self.free_duration(guess=value, lower=value, upper=value)
 
-    def free_duration(self, *, guess: float, lower: float = 1e-3, upper: float = _MOST_DURATION) -> ca.SX:
+    def free_duration(self, *, guess: float, lower: float = 1e-3, upper: float = MOST_DURATION) -> ca.SX:
         """Free the final time, lower <= T <= upper [s]; returns its symbol, for terminal cost and end constraints.
 
         ProblemError unless 0 < lower <= guess <= upper <= 1e9 s, and if it is given twice.
         """
-        guess, lower, upper = (number(f"{self.name}: duration", value) for value in (guess, lower, upper))
-        if not (0.0 < lower <= guess <= upper <= _MOST_DURATION):
-            raise ProblemError(
-                f"{self.name}: duration: lower = {lower!r}, guess = {guess!r}, upper = {upper!r}; "
-                f"allowed: 0 < lower <= guess <= upper <= {_MOST_DURATION:g} s"
-            )
-        if self.statement.duration is not None:
-            raise ProblemError(f"{self.name}: the duration is given twice; allowed: once")
-        self.statement.duration = Duration(guess, lower, upper)
+        self.statement.set_duration(guess, lower, upper)
         return self.statement.final_time
 
     def start_time(self, value: float) -> None:
@@ -192,42 +177,14 @@ class OptimalControlProblem:
 
         A cost with a kink, |u| for one, is announced by a warning: ``absolute`` and ``largest`` split it.
         """
-        if self._stated:
-            raise ProblemError(f"{self.name}: minimise() is called twice; allowed: once, with both parts of J")
-        s = self.statement
-        made = []
-        for what, cost, known in (("running", running, s.along), ("terminal", terminal, s.at_end)):
-            value = expression(f"{self.name}: the {what} cost", cost)
-            if value.numel() != 1:
-                raise ProblemError(f"{self.name}: the {what} cost has shape {value.shape}; allowed: one")
-            check_symbols(f"{self.name}: the {what} cost", value, ca.vertcat(*known))
-            if bent := kinks(value):
-                warnings.warn(
-                    f"{self.name}: the {what} cost has a kink ({', '.join(bent)}), where a solver may stop early; "
-                    "absolute() and largest() split it",
-                    stacklevel=2,
-                )
-            made.append(value)
-        self._stated = True
-        s.running, s.terminal = made
+        self.statement.set_cost(running, terminal)
 
     def dynamics(self, state: ca.SX, rate: Expression) -> None:
         """State the dynamics x' = rate [1/s] of one state or of several, (n, 1) each.
 
         ProblemError for no state, a second rate, another shape and symbols of another problem.
         """
-        s = self.statement
-        variables = self.statement.find(state, "dynamics")
-        where = f"{self.name}: dynamics of {', '.join(v.name for v in variables)}"
-        made = expression(where, rate)
-        if made.numel() != len(variables) and not (made.numel() == 1 and made.is_constant()):
-            raise ProblemError(f"{where} have shape {made.shape}; allowed: {len(variables)}, one for each state")
-        rates = scalars(made) if made.numel() == len(variables) else [made] * len(variables)
-        for variable, each in zip(variables, rates, strict=True):
-            check_symbols(where, each, ca.vertcat(*s.along))
-            if variable.name in s.rates:
-                raise ProblemError(f"{self.name}: dynamics of {variable.name} are given twice; allowed: once")
-            s.rates[variable.name] = each
+        self.statement.set_rates(state, rate)
 
     # constraints
 
@@ -353,13 +310,7 @@ class OptimalControlProblem:
             values: as the class says; with ``times`` (k,) or (k, n).
             times: [s] since the start, increasing; None where the values are spread evenly over [0, T].
         """
-        symbols = scalars(expression(f"{self.name}: guess", variable))
-        variables = [v for symbol in symbols if (v := self.statement.variable(symbol)) is not None]
-        if len(variables) < len(symbols):
-            raise ProblemError(f"{self.name}: guess of {variable}; allowed: {', '.join(self.statement.variable_names)}")
-        where = f"{self.name}: {', '.join(v.name for v in variables)}"
-        for each, guess in zip(variables, components(where, values, len(variables), times), strict=True):
-            each.guess = guess
+        self.statement.set_guess(variable, values, times)
 
     def guess_from(self, solution: Solution) -> None:
         """Guess every variable that a solution has under the same name, and T, as they are there."""

@@ -127,11 +127,13 @@ def _start(statement: Statement, guess: Array) -> Array:
 
 def _scales(statement: Statement, variables: list[Variable], guess: Array) -> Array:
     """Scales (n,), those that are stated or the automatic ones."""
-    scales = []
+    scales = list[float]()
     for variable, values in zip(variables, guess.T, strict=True):
         ends = [stated.get(variable.name) for stated in (statement.starts, statement.ends)]
         known = [value_of(end, 0.0) for end in ends]
         automatic = automatic_scale(values, known, variable.lower, variable.upper)
+        if isinstance(variable.guess, Derived) and variable.guess.start_of:
+            automatic = scales[[v.name for v in variables].index(variable.guess.start_of)]
         scales.append(automatic if variable.scale is None else variable.scale)
     return np.array(scales, float)
 

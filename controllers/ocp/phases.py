@@ -32,7 +32,7 @@ from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_st
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.phase_solutions import MultiPhaseSolution, phase_solution
-from mathnavi.controllers.ocp.problem import NODES, OptimalControlProblem
+from mathnavi.controllers.ocp.problem import NODES, Numbers, OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import DEFAULT, Options
@@ -63,8 +63,8 @@ class MultiPhaseProblem:
         self._phases[name] = phase
         return phase
 
-    def parameter(self, name: str, nominal: float) -> ca.SX:
-        """Declare a parameter that all phases share, known at each solve; returns its symbol ().
+    def parameter(self, name: str, nominal: Numbers) -> ca.SX:
+        """Declare a parameter that all phases share, or a vector, known at each solve; returns its symbol.
 
         ProblemError for a name that is taken, in any phase, and a value that is not finite.
         """
@@ -72,9 +72,10 @@ class MultiPhaseProblem:
             phase.statement.check_name(name)
         common = OptimalControlProblem(self.name)
         common.statement.parameters = self._parameters
+        before = len(self._parameters)
         symbol = common.parameter(name, nominal)
         for phase in self._phases.values():
-            phase.statement.parameters.append(self._parameters[-1])
+            phase.statement.parameters += self._parameters[before:]
         return symbol
 
     def link(
@@ -129,7 +130,7 @@ class MultiPhaseProblem:
         method: Method = "direct",
         monitor: Monitor | str | None = None,
         guess: MultiPhaseSolution | None = None,
-        parameters: Mapping[str, float] | None = None,
+        parameters: Mapping[str, Numbers] | None = None,
         options: Options = DEFAULT,
     ) -> MultiPhaseSolution:
         """Solve all phases together, each on ``nodes`` nodes at the same fractions of its duration.
@@ -137,7 +138,9 @@ class MultiPhaseProblem:
         Arguments and errors are those of ``OptimalControlProblem.solve``, ``guess`` a solution of this problem.
         """
         problem = self.functions()
-        values = problem.values(**(parameters or {}))
+        values = problem.values_by_name(parameters)
+        if guess is not None and not isinstance(guess, MultiPhaseSolution):
+            raise ProblemError(f"{self.name}: guess = {guess!r:.80}; allowed: a MultiPhaseSolution")
         start = None if guess is None else guess.stacked
         stacked = solve_by(problem, nodes, method, monitor, guess=start, parameters=values, options=options)
         return self._unstacked(stacked)

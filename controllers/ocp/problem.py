@@ -33,7 +33,7 @@ import numpy as np
 
 from mathnavi.controllers.ocp.comparisons import Row, bounded, rows, zero_limits
 from mathnavi.controllers.ocp.expressions import column, expression, number
-from mathnavi.controllers.ocp.guesses import Derived, Guess, Simulation, Values, start_values
+from mathnavi.controllers.ocp.guesses import Derived, Guess, Sampled, Simulation, Values, start_values
 from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_start
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
@@ -78,6 +78,7 @@ class OptimalControlProblem:
         self.name = name
         self.statement = Statement(name)
         self._integrals = 0
+        self._compiled: tuple[list[object], ProblemFunctions] | None = None
 
     @property
     def t(self) -> ca.SX:
@@ -119,8 +120,8 @@ class OptimalControlProblem:
         """Declare a control, or a vector of them; returns its symbol. Arguments and errors are those of ``state``."""
         return self.statement.declare("control", name, size, lower, upper, scale, guess)
 
-    def parameter(self, name: str, nominal: float) -> ca.SX:
-        """Declare a parameter p, known at each solve, with its nominal value; returns its symbol ().
+    def parameter(self, name: str, nominal: Numbers) -> ca.SX:
+        """Declare a parameter p, known at each solve, with its nominal value, or a vector; returns its symbol.
 
         ProblemError for a name that is taken and a value that is not finite.
         """
@@ -129,17 +130,18 @@ class OptimalControlProblem:
     def unknown(
         self,
         name: str,
+        size: int = 1,
         *,
-        lower: float = -math.inf,
-        upper: float = math.inf,
-        scale: float | None = None,
-        guess: float = 0.0,
+        lower: Numbers = -math.inf,
+        upper: Numbers = math.inf,
+        scale: Numbers | None = None,
+        guess: Numbers = 0.0,
     ) -> ca.SX:
-        """Declare a constant that is to be found, a state that does not change; returns its symbol ().
+        """Declare a constant that is to be found, or a vector, a state that does not change; returns its symbol.
 
         Arguments and errors are those of ``state``.
         """
-        symbol = self.state(name, lower=lower, upper=upper, scale=scale, guess=guess)
+        symbol = self.state(name, size, lower=lower, upper=upper, scale=scale, guess=guess)
         self.dynamics(symbol, 0.0)
         return symbol
 
@@ -353,7 +355,7 @@ class OptimalControlProblem:
         method: Method = "direct",
         monitor: Monitor | str | None = None,
         guess: Solution | None = None,
-        parameters: Mapping[str, float] | None = None,
+        parameters: Mapping[str, Numbers] | None = None,
         options: Options = DEFAULT,
     ) -> Solution:
         """Solve the problem by Hermite-Simpson collocation and replay the solution through its own dynamics.
@@ -378,17 +380,20 @@ class OptimalControlProblem:
                 method, monitor or parameter, and a monitor that its method cannot take.
         """
         problem = self.functions()
-        if not isinstance(parameters, Mapping | None):
-            raise ProblemError(f"{self.name}: parameters = {parameters!r:.80}; allowed: values by name")
-        values = problem.values(**(parameters or {}))
+        values = problem.values_by_name(parameters)
         return solve_by(problem, nodes, method, monitor, guess=guess, parameters=values, options=options)
 
     def functions(self) -> ProblemFunctions:
-        """The problem as compiled functions, checked.
+        """The problem as compiled functions, checked; the same ones until something else is stated.
 
         Raises ProblemError where something is missing or contradicts itself, naming it.
         """
-        return functions_of(self.statement) if self.statement.states else self._of_the_literature()
+        if not self.statement.states:
+            return self._of_the_literature()
+        parts = self.statement.parts
+        if self._compiled is None or not _same(parts, self._compiled[0]):
+            self._compiled = parts, functions_of(self.statement)
+        return self._compiled[1]
 
     def __repr__(self) -> str:
         states, controls = ([v.name for v in each] for each in (self.statement.states, self.statement.controls))
@@ -402,3 +407,10 @@ class OptimalControlProblem:
             known = allowed_for(self.name, list(KNOWN))
             raise ProblemError(f"{self.name}: no state is declared, and no problem with a known optimum; {known}")
         return KNOWN[self.name]()
+
+
+def _same(parts: list[object], others: list[object]) -> bool:
+    """True if nothing was stated in between; a guess that is a function may give other values each time."""
+    if len(parts) != len(others) or any(isinstance(part, Sampled) for part in parts):
+        return False
+    return all(part is other for part, other in zip(parts, others, strict=True))

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -79,6 +80,14 @@ class Statement:
     has_cost: bool = False
     duration: Duration | None = None
     simulation: Simulation | None = None
+
+    @property
+    def parts(self) -> list[object]:
+        """All that is stated, part by part; none of them is ever changed, only replaced."""
+        variables = (*self.states, *self.controls)
+        own = [part for v in variables for part in (v.symbol, v.lower, v.upper, v.scale, v.guess)]
+        rest = (self.start_time, self.running, self.terminal, self.duration, self.simulation)
+        return [*own, *self.parameters, *self.rates.values(), *self.path, *self.initial, *self.final, *rest]
 
     @property
     def x(self) -> ca.SX:
@@ -181,13 +190,19 @@ class Statement:
         self.duration = Duration(guess, lower, upper)
 
     def declare_parameter(self, name: str, nominal: Any) -> ca.SX:
-        """Declare a parameter; returns its symbol (). ProblemError for a name that is taken and what is no number."""
+        """Declare a parameter, or a vector of them; returns its symbol.
+
+        ProblemError for a name that is taken and what is no number.
+        """
         self.check_name(name)
-        if not math.isfinite(value := number(f"{self.name}: parameter {name}", nominal)):
-            raise ProblemError(f"{self.name}: parameter {name} = {nominal!r}; allowed: a finite number")
-        symbol = ca.SX.sym(name)
-        self.parameters.append(Parameter(name, symbol, value))
-        return symbol
+        size = 1 if isinstance(nominal, (str, Mapping)) else max(1, int(np.size(nominal)))
+        values = numbers_of(f"{self.name}: parameter {name}", nominal, size)
+        if not np.isfinite(values).all():
+            raise ProblemError(f"{self.name}: parameter {name} = {nominal!r}; allowed: finite numbers")
+        names = [name] if np.ndim(nominal) == 0 else [f"{name}[{k}]" for k in range(size)]
+        made = [Parameter(each, ca.SX.sym(each), value) for each, value in zip(names, values, strict=True)]
+        self.parameters += made
+        return column(each.symbol for each in made)
 
     def set_guess(self, symbol: Any, values: Any, times: Any) -> None:
         """Set the guess of variables (n, 1); ProblemError for what is none of them, and for no guess."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from mathnavi.controllers.nlp_solver import NlpSolver, Outcome, ipopt_settings
 from mathnavi.controllers.ocp.nlp import Programme, bounded_states
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.interfaces.signals import Array, Integers
 
 _WEIGHTS = {"dynamics": 100.0, "start": 10.0, "path": 2.0, "end": 1.0}
 """of rows by the first word of their labels: who states an end out of reach means the start and the dynamics"""
@@ -105,7 +105,7 @@ def _row_labels(nlp: Programme) -> list[str]:
     hidden = max(0, len(layout.scheme.points) - 2) if layout.scheme.interior == 0 else 0
     along = path * layout.own_points + between * hidden
 
-    def label(rows: Array, names: Sequence[str]) -> None:
+    def label(rows: Integers, names: Sequence[str]) -> None:
         for row, name in zip(rows.tolist(), names, strict=False):
             labels[row] = name
 

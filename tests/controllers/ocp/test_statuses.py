@@ -10,6 +10,7 @@ import pytest
 
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.methods.gate import gated
+from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.goddard import goddard
 from mathnavi.controllers.ocp.replay import GIVEN_NODES, judged
@@ -95,8 +96,22 @@ def test_a_final_time_at_a_limit_that_nobody_stated_is_no_solution() -> None:
     found = longest(None).solve(5)
     assert found.status is Outcome.UNBOUNDED
     assert not found.ok
-    assert found.message == "T ends at 1e+09 s, its default upper limit; state one, or a cost that bounds T"
+    assert found.message == "T ends at 1e+09 s, its default upper limit; state one, or a cost that bounds it"
     assert longest(5.0).solve(5).status is Outcome.OPTIMAL
+
+
+def test_nor_is_a_phase_that_lasts_as_long_as_nobody_said() -> None:
+    ocp = MultiPhaseProblem("two")
+    phases = [ocp.phase(name) for name in ("first", "second")]
+    for phase in phases:
+        x, u = phase.state("x"), phase.control("u", lower=-1.0, upper=1.0)
+        phase.dynamics(x, u)
+        last = phase.free_duration(guess=1.0, **({"upper": 5.0} if phase is phases[0] else {}))
+        phase.minimise(terminal=-last)
+        if phase is phases[0]:
+            phase.start(x, 0.0)
+    ocp.link(*phases)
+    assert ocp.solve(5).message.startswith("second.duration ends at 1e+09 s, its default upper limit")
 
 
 def test_nor_is_the_least_final_time() -> None:

@@ -115,7 +115,8 @@ class NumericalSolver:
             return self._failed(Outcome.FAILED, wrong, x_0, began)
         out = {name: array.copy() for name, array in self._out.items()}
         if not all(np.isfinite(out[name]).all() for name in ("x", "f", "g")):  # FATROP calls even that a success
-            return self._failed(Outcome.NOT_FINITE, Outcome.NOT_FINITE.value, x_0, began)
+            last = out["x"] if np.isfinite(out["x"]).all() else x_0
+            return self._failed(Outcome.NOT_FINITE, Outcome.NOT_FINITE.value, last, began)
         return SolverAnswer(
             report.outcome,
             f"{self._name} gave up with the status {report.message}" if report.message.isdigit() else report.message,

@@ -136,12 +136,14 @@ class Transcription:
         return found
 
     def _explained(self, answer: SolverAnswer, x_0: Array, grid: Grid, p: Array) -> SolverAnswer:
-        """The answer of a solve that met NaN or infinity, with what was not finite at the guess."""
+        """The answer of a solve that met NaN or infinity, with what was not finite at the guess or the last iterate."""
         nx, durations = self.problem.nx, self.layout.durations
-        z, w, last = self.layout.split(x_0)
-        duration = float(z[0, nx : nx + durations].sum()) if durations else self.problem.guess_duration
-        u = np.vstack([w[:, : self.problem.nu], last if self.scheme.shared else w[-1:, : self.problem.nu]])
-        found = not_finite(self.problem, z[:, :nx], u, grid.nodes * duration, p)
+        found = ""
+        for name, unknowns in (("guess", x_0), ("last iterate", answer.x)):
+            z, w, last = self.layout.split(unknowns)
+            duration = float(z[0, nx : nx + durations].sum()) if durations else self.problem.guess_duration
+            u = np.vstack([w[:, : self.problem.nu], last if self.scheme.shared else w[-1:, : self.problem.nu]])
+            found = found or not_finite(self.problem, z[:, :nx], u, grid.nodes * duration, p, name)
         return dataclasses.replace(answer, message=found or answer.message)
 
     def _bounds(self, arcs: Arcs) -> tuple[Array, Array, Array, Array]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
@@ -156,3 +157,24 @@ def test_a_large_value_that_is_meant_is_a_solution() -> None:
     ocp.duration(1.0)
     ocp.minimise(terminal=-x / 1e12)
     assert ocp.solve(5).status is not Outcome.UNBOUNDED
+
+
+@pytest.mark.parametrize(
+    ("rate", "found"),
+    [
+        (lambda x: ca.sqrt(x), "last iterate, where x = 0, u = "),  # the solver comes to the edge by itself
+        (lambda x: ca.sqrt(ca.fmax(x, 0.0)), "t = 2 s of the guess, where x = 0, u = 0"),
+    ],
+)
+def test_a_derivative_that_is_not_finite_is_named(rate: Callable[[ca.SX], ca.SX], found: str) -> None:
+    ocp = OptimalControlProblem("edge")
+    x, u = ocp.state("x", guess=(1.0, 1.0) if "last" in found else (1.0, 0.0)), ocp.control("u")
+    ocp.duration(2.0)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(x, u - rate(x))
+    ocp.start(x, 1.0)
+    ocp.end(x, -1.0)
+    solution = ocp.solve(9)
+    assert solution.status is Outcome.NOT_FINITE
+    assert solution.message.startswith("the derivative of the dynamics of x by x is not finite at t = 2 s of the ")
+    assert found in solution.message

@@ -131,6 +131,7 @@ class MultiPhaseProblem:
         monitor: Monitor | str | None = None,
         guess: MultiPhaseSolution | None = None,
         parameters: Mapping[str, Numbers] | None = None,
+        tolerance: float | None = None,
         options: Options = DEFAULT,
     ) -> MultiPhaseSolution:
         """Solve all phases together, each on ``nodes`` nodes at the same fractions of its duration.
@@ -142,7 +143,9 @@ class MultiPhaseProblem:
         if guess is not None and not isinstance(guess, MultiPhaseSolution):
             raise ProblemError(f"{self.name}: guess = {guess!r:.80}; allowed: a MultiPhaseSolution")
         start = None if guess is None else guess.stacked
-        stacked = solve_by(problem, nodes, method, monitor, guess=start, parameters=values, options=options)
+        stacked = solve_by(
+            problem, nodes, method, monitor, guess=start, parameters=values, tolerance=tolerance, options=options
+        )
         return self._unstacked(stacked)
 
     def __repr__(self) -> str:

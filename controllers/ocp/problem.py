@@ -37,10 +37,10 @@ from mathnavi.controllers.ocp.guesses import Derived, Guess, Sampled, Simulation
 from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_start
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
-from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import DEFAULT, Options
-from mathnavi.controllers.ocp.statement import MOST_DURATION, Duration, Statement
+from mathnavi.controllers.ocp.statement import Duration, Statement
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import ProblemError
 
@@ -151,8 +151,12 @@ class OptimalControlProblem:
         """Fix the final time T [s]; ProblemError unless 0 < T <= 1e9 s, and if it is given twice."""
         self.free_duration(guess=value, lower=value, upper=value)
 
-    def free_duration(self, *, guess: float, lower: float = 1e-3, upper: float = MOST_DURATION) -> ca.SX:
+    def free_duration(
+        self, *, guess: float, lower: float = DURATION_LIMITS[0], upper: float = DURATION_LIMITS[1]
+    ) -> ca.SX:
         """Free the final time, lower <= T <= upper [s]; returns its symbol, for terminal cost and end constraints.
+
+        A solution that ends at one of the default limits is none: its status is UNBOUNDED.
 
         ProblemError unless 0 < lower <= guess <= upper <= 1e9 s, and if it is given twice.
         """
@@ -356,6 +360,7 @@ class OptimalControlProblem:
         monitor: Monitor | str | None = None,
         guess: Solution | None = None,
         parameters: Mapping[str, Numbers] | None = None,
+        tolerance: float | None = None,
         options: Options = DEFAULT,
     ) -> Solution:
         """Solve the problem by Hermite-Simpson collocation and replay the solution through its own dynamics.
@@ -369,11 +374,15 @@ class OptimalControlProblem:
                 "curvature", "local error", "residual", "uniform". None: curvature, and arclength for "distribute".
             guess: a solution to start from, on any grid; None for the guess that was stated.
             parameters: values by name, the nominal ones where none is given.
+            tolerance: largest miss and path violation, over the scales, and cost error, relative to max(1, |J|), of
+                the replay of a solution that is called OPTIMAL. None: 1e-6 for "refine", and 1e-3 on nodes whose number
+                is given.
             options: NLP solver and tolerance, and what of it is printed or logged.
 
         Returns:
-            The solution; ``solution.ok`` says whether it is one, its ``status`` why not. An adaptive solution that
-            replays worse than the uniform one has the status REFUSED and the uniform one's arrays.
+            The solution; ``solution.ok`` says whether it is one, its ``status`` why not: CONVERGED where the programme
+            is solved but its replay is not within the tolerance, which the message says figure by figure. An adaptive
+            solution that replays worse than the uniform one has the status REFUSED and the uniform one's arrays.
 
         Raises:
             ProblemError: for a problem that is not complete or contradicts itself, fewer than two nodes, an unknown
@@ -381,7 +390,9 @@ class OptimalControlProblem:
         """
         problem = self.functions()
         values = problem.values_by_name(parameters)
-        return solve_by(problem, nodes, method, monitor, guess=guess, parameters=values, options=options)
+        return solve_by(
+            problem, nodes, method, monitor, guess=guess, parameters=values, tolerance=tolerance, options=options
+        )
 
     def functions(self) -> ProblemFunctions:
         """The problem as compiled functions, checked; the same ones until something else is stated.

@@ -15,11 +15,9 @@ import numpy as np
 from mathnavi.controllers.ocp.comparisons import Row
 from mathnavi.controllers.ocp.expressions import check_symbols, column, expression, kinks, number, numbers_of, scalars
 from mathnavi.controllers.ocp.guesses import Component, Simulation, components
-from mathnavi.controllers.ocp.problem_functions import Interval
+from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, Interval
 from mathnavi.sim.interfaces.errors import ProblemError
 
-MOST_DURATION = 1e9
-"""[s] beyond which a final time is no number to search among"""
 _ROUNDING = 1e-12  # relative, by which a value may be outside a bound that it was meant to be on
 
 
@@ -180,10 +178,10 @@ class Statement:
     def set_duration(self, guess: Any, lower: Any, upper: Any) -> None:
         """Set guess and limits [s] of T; ProblemError unless they are in order, and for a second time."""
         guess, lower, upper = (number(f"{self.name}: duration", value) for value in (guess, lower, upper))
-        if not (0.0 < lower <= guess <= upper <= MOST_DURATION):
+        if not (0.0 < lower <= guess <= upper <= DURATION_LIMITS[1]):
             raise ProblemError(
                 f"{self.name}: duration: lower = {lower!r}, guess = {guess!r}, upper = {upper!r}; "
-                f"allowed: 0 < lower <= guess <= upper <= {MOST_DURATION:g} s"
+                f"allowed: 0 < lower <= guess <= upper <= {DURATION_LIMITS[1]:g} s"
             )
         if self.duration is not None:
             raise ProblemError(f"{self.name}: the duration is given twice; allowed: once")

@@ -39,13 +39,10 @@ from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
-from mathnavi.controllers.ocp.solver import DEFAULT, Options
+from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.statement import Duration, Statement
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import ProblemError
-
-NODES = 40
-"""nodes of a solution by default"""
 
 KNOWN: dict[str, Callable[[], ProblemFunctions]] = {}
 """problems with a known optimum by name, which ``mathnavi.controllers.ocp.problems.library`` enters"""
@@ -354,30 +351,34 @@ class OptimalControlProblem:
 
     def solve(
         self,
-        nodes: int = NODES,
+        nodes: int | None = None,
         *,
-        method: Method = "direct",
+        method: Method = "auto",
         monitor: Monitor | str | None = None,
         guess: Solution | None = None,
         parameters: Mapping[str, Numbers] | None = None,
-        options: Options = DEFAULT,
         tolerance: float | None = None,
+        options: Options | None = None,
     ) -> Solution:
-        """Solve the problem by Hermite-Simpson collocation and replay the solution through its own dynamics.
+        """Solve the problem by collocation and replay the solution through its own dynamics.
 
         Args:
-            nodes: number N of nodes, for ``refine`` the most that it may use.
-            method: "direct", uniform nodes; "redistribute", nodes moved between two solves to where the monitor
+            nodes: number N of nodes, for "hp" and "refine" the most that they may use. None: as many as the tolerance
+                needs for "auto" and "hp", 40 for the others.
+            method: "auto", the one that suits the problem, which the message names: "direct" where a number of nodes is
+                given, otherwise "hp", and "refine" where that falls short; "hp", Radau collocation with points, nodes
+                and switching times added until the replay is within the tolerance; by Hermite-Simpson collocation
+                "direct", uniform nodes; "redistribute", nodes moved between two solves to where the monitor
                 function is large; "distribute", nodes that are unknowns of the programme, (B.1), and hold the monitor
                 function in equal shares; "refine", nodes added where the local error is.
             monitor: monitor function w of "redistribute" and "distribute", or the name of one: "arclength",
                 "curvature", "local error", "residual", "uniform". None: curvature, and arclength for "distribute".
             guess: a solution to start from, on any grid; None for the guess that was stated.
             parameters: values by name, the nominal ones where none is given.
-            options: NLP solver and its own tolerance, and what of it is printed or logged.
             tolerance: largest miss and path violation, over the scales, and cost error, relative to max(1, |J|), of
-                the replay of a solution that is called OPTIMAL. None: 1e-6 for "refine", and 1e-3 on nodes whose number
-                is given.
+                the replay of a solution that is called OPTIMAL. None: 1e-6 for "hp" and "refine", and 1e-3 on nodes
+                whose number is given.
+            options: NLP solver with its own tolerance, and what of it is printed or logged; None for the method's.
 
         Returns:
             The solution; ``solution.ok`` says whether it is one, its ``status`` why not: CONVERGED where the programme
@@ -391,7 +392,7 @@ class OptimalControlProblem:
         problem = self.functions()
         values = problem.values_by_name(parameters)
         return solve_by(
-            problem, nodes, method, monitor, guess=guess, parameters=values, options=options, tolerance=tolerance
+            problem, nodes, method, monitor, guess=guess, parameters=values, tolerance=tolerance, options=options
         )
 
     def functions(self) -> ProblemFunctions:

@@ -40,7 +40,7 @@ TOLERANCE = 1e-2
 """allowed residual of a condition by default"""
 
 _TOUCHING = 1e-4  # of the range, the size or the scale: how near a limit counts as on it
-_SINGULAR = 1e-2  # of the largest switching function: how small it is on a singular arc
+_SINGULAR = 3e-2  # of the largest switching function: how small it is on a singular arc
 _LEAST_ARC = 3  # intervals of a singular arc
 _SAMPLES = 21  # of a control, for the minimum
 _NEGLIGIBLE = 1e-3  # share of the other terms below which a multiplier says nothing

@@ -73,19 +73,6 @@ class Transcription:
     ) -> Solution:
         """Solve from a guess; failure is in the solution's status. There is no replay yet.
 
-        Arguments and errors are those of ``answered``.
-        """
-        return self.answered(guess, grid, parameters, arcs)[0]
-
-    def answered(
-        self,
-        guess: Solution | None = None,
-        grid: Grid | None = None,
-        parameters: Array | None = None,
-        arcs: Arcs | None = None,
-    ) -> tuple[Solution, SolverAnswer]:
-        """Solve from a guess; returns the solution, without a replay, and the solver's own answer.
-
         Args:
             guess: another solution, on any grid and by any scheme; None for the problem's own guess.
             grid: N nodes or, where the nodes are unknowns, their guess; None for the guess's, or uniform ones.
@@ -127,13 +114,13 @@ class Transcription:
         if answer.status is Outcome.NOT_FINITE:
             answer = self._explained(answer, x_0, where, p)
         cost = answer.cost if self._functional is None else answer.cost - float(self._functional(answer.x, known))
-        return self._read(answer, where, p, shares, known, cost), answer
+        return self._read(answer, where, p, known, shares, cost)
 
     def _explained(self, answer: SolverAnswer, x_0: Array, grid: Grid, p: Array) -> SolverAnswer:
         """The answer of a solve that met NaN or infinity, with what was not finite at the guess."""
-        nx, free = self.problem.nx, self.layout.free_duration
+        nx, durations = self.problem.nx, self.layout.durations
         z, w, last = self.layout.split(x_0)
-        duration = float(z[0, nx]) if free else self.problem.guess_duration
+        duration = float(z[0, nx : nx + durations].sum()) if durations else self.problem.guess_duration
         u = np.vstack([w[:, : self.problem.nu], last if self.scheme.shared else w[-1:, : self.problem.nu]])
         found = not_finite(self.problem, z[:, :nx], u, grid.nodes * duration, p)
         return dataclasses.replace(answer, message=found or answer.message)
@@ -148,16 +135,8 @@ class Transcription:
             limits[: count * stage].reshape(count, stage)[:, first : first + points * self.problem.nu] = held
         return bounds
 
-    def control_multipliers(self, answer: SolverAnswer) -> Array:
-        """Multipliers (N - 1, k, nu) of the controls' bounds at the scheme's own points, over J per unit of u."""
-        layout, count = self.layout, self.nodes - 1
-        first, stage = layout.state_size, layout.state_size + layout.input_size
-        own = answer.multipliers[0][: count * stage].reshape(count, stage)
-        controls = own[:, first : first + layout.own_points * self.problem.nu]
-        return controls.reshape(count, layout.own_points, self.problem.nu) / self.problem.control_scale
-
     def _read(
-        self, answer: SolverAnswer, grid: Grid, p: Array, shares: Array | None, known: Array, cost: float
+        self, answer: SolverAnswer, grid: Grid, p: Array, known: Array, shares: Array | None, cost: float
     ) -> Solution:
         """The solution in an answer, and its J."""
         layout, problem, scheme = self.layout, self.problem, self.scheme

@@ -45,30 +45,39 @@ class Structure:
         return np.array_equal(self.held, other.held)
 
 
-def structure(solution: Solution, multipliers: Array) -> Structure:
-    """Structure of a solution, of the multipliers (N - 1, k, nu) of its controls' bounds at the scheme's points."""
+def structure(solution: Solution) -> Structure:
+    """Structure of a solution."""
     problem, k = solution.problem, len(solution.scheme.points)
-    tau = (solution.grid.nodes[:-1, None] + np.array(solution.scheme.points) * solution.grid.widths[:, None]).ravel()
+    tau, multipliers = (solution.point_times / solution.duration).ravel(), solution.multipliers.controls.values
     linear = linear_controls(problem)
     codes, boundaries = [], []
     for j in range(problem.nu):
         bounds = problem.control_bounds.lower[j], problem.control_bounds.upper[j]
         u = solution.u[:, :, j].ravel()
-        code, switches = _control_runs(
-            tau, u, multipliers[:, :, j].ravel(), bounds, problem.control_scale[j], linear[j], k
-        )
+        multiplier = multipliers[:, :, j].ravel()
+        code, ends = _control_runs(u, multiplier, bounds, problem.control_scale[j], linear=bool(linear[j]), k=k)
+        switches = _between(tau, ends, solution.grid.nodes)
         codes.append((code, switches))
         boundaries.append(switches)
-    for active in _active_constraints(solution):
-        boundaries.append(_constraint_runs(tau, active))
-    every = np.sort(np.concatenate([*boundaries, np.empty(0)]))
-    if len(every):
-        near = _SAME / (solution.nodes - 1)
-        every = every[np.concatenate([[True], np.diff(every) > near])]
-        every = every[(every > near) & (every < 1.0 - near)]
-    middles = 0.5 * (np.concatenate([[0.0], every]) + np.concatenate([every, [1.0]]))
-    held = np.array([code[np.searchsorted(switches, middles)] for code, switches in codes], dtype=np.int64).T
-    return Structure(every, held.reshape(len(middles), problem.nu))
+    constraints = [_constraint_runs(tau, active, solution.grid.nodes) for active in _active_constraints(solution)]
+    every = _apart(np.concatenate([*boundaries, np.empty(0)]), solution.nodes)
+    # Where every control is held anyway, a constraint that begins to hold changes nothing.
+    moves = [at for at in np.concatenate([*constraints, np.empty(0)]) if not _held(codes, np.array([at])).all()]
+    every = _apart(np.concatenate([every, moves]), solution.nodes)
+    return Structure(every, _held(codes, 0.5 * (np.append(0.0, every) + np.append(every, 1.0))))
+
+
+def _apart(boundaries: Array, nodes: int) -> Array:
+    """Boundaries inside ]0, 1[ in order, without those that are as good as equal."""
+    near = _SAME / (nodes - 1)
+    inside = np.sort(boundaries[(boundaries > near) & (boundaries < 1.0 - near)])
+    return inside[np.append(True, np.diff(inside) > near)] if len(inside) else inside
+
+
+def _held(codes: list[tuple[Integers, Array]], at: Array) -> Integers:
+    """Codes (n, nu) of the controls at fractions (n,) of T, from the runs of each and the boundaries between them."""
+    columns = [code[np.searchsorted(switches, at)] for code, switches in codes]
+    return np.array(columns, dtype=np.int64).reshape(len(codes), len(at)).T
 
 
 @lru_cache(maxsize=64)
@@ -81,15 +90,9 @@ def linear_controls(problem: ProblemFunctions) -> NDArray[np.bool_]:
 
 
 def _control_runs(
-    tau: Array,
-    u: Array,
-    multiplier: Array,
-    bounds: tuple[float, float],
-    scale: float,
-    linear: bool,
-    k: int,
-) -> tuple[Integers, Array]:
-    """Codes (r,) of the runs of one control, and the boundaries (r - 1,) between them."""
+    u: Array, multiplier: Array, bounds: tuple[float, float], scale: float, *, linear: bool, k: int
+) -> tuple[Integers, Integers]:
+    """Codes (r,) of the runs of one control, and the last points (r - 1,) of all but the last run."""
     lower, upper = bounds
     extent = upper - lower if np.isfinite(upper - lower) else scale
     code = np.where(u >= upper - _AT_BOUND * extent, 1, np.where(u <= lower + _AT_BOUND * extent, -1, 0))
@@ -99,6 +102,8 @@ def _control_runs(
     for start, end, value in zip(starts, ends, values, strict=True):
         if value and (value * multiplier[start:end]).max(initial=0.0) <= weak:
             code[start:end] = 0
+    if linear:
+        _calm(code, k + 1)
     starts, ends, values = _runs(code)
     if linear:
         for n, (start, end, value) in enumerate(zip(starts, ends, values, strict=True)):
@@ -116,22 +121,47 @@ def _control_runs(
             if value and end - start < 2:
                 code[start:end] = 0
         starts, ends, values = _runs(code)
-    return values, 0.5 * (tau[ends[:-1] - 1] + tau[starts[1:]])
+    return values, ends[:-1] - 1
+
+
+def _calm(code: Integers, short: int) -> None:
+    """Free a control where it rings: three or more runs in a row of at most ``short`` points, one at either bound."""
+    starts, ends, values = _runs(code)
+    brief = np.concatenate([ends - starts <= short, [False]])
+    first = 0
+    for n, is_brief in enumerate(brief):
+        if is_brief:
+            continue
+        among = set(values[first:n].tolist())
+        if n - first >= 3 and {-1, 1} <= among:
+            code[starts[first] : ends[n - 1]] = 0
+        first = n + 1
+
+
+def _between(tau: Array, last: Integers, nodes: Array) -> Array:
+    """Fractions of T between each ``last`` point and the next one: a node where there is one, or the middle."""
+    node = nodes[np.clip(np.searchsorted(nodes, tau[last] - 1e-12), 0, len(nodes) - 1)]
+    return np.where(node < tau[last + 1], node, 0.5 * (tau[last] + tau[last + 1]))
 
 
 def _active_constraints(solution: Solution) -> list[NDArray[np.bool_]]:
     """Activity (points,) of each path constraint and each bound of a state that is touched somewhere."""
-    problem = solution.problem
-    x = solution.inner.reshape(-1, problem.nx)
-    u = solution.u.reshape(len(x), problem.nu)
+    problem, of = solution.problem, solution.multipliers
+    x, u = solution.inner.reshape(-1, problem.nx), solution.u.reshape(-1, problem.nu)
+    weak = _WEAK * max(abs(solution.cost), _WEAK) / solution.duration
     found = []
-    for values, (lower, upper), scale in (
-        (x, problem.state_bounds, problem.state_scale),
-        (_path_values(solution, x, u), problem.path_bounds, 1.0),
+    for values, (lower, upper), scale, multipliers in (
+        (x, problem.state_bounds, problem.state_scale, of.states.values),
+        (_path_values(solution, x, u), problem.path_bounds, np.ones(len(problem.path_bounds.lower)), of.path.values),
     ):
-        for side in (values - lower <= _TOUCHING * scale, upper - values <= _TOUCHING * scale):
-            found += [column for column, fixed in zip(side.T, lower == upper, strict=True) if not fixed]
-    return [column for column in found if column.any()]
+        felt = np.abs(multipliers.reshape(len(x), -1)) * scale > weak
+        for touched in (values - lower <= _TOUCHING * scale, upper - values <= _TOUCHING * scale):
+            found += [
+                column
+                for column, strong, fixed in zip(touched.T, felt.T, lower == upper, strict=True)
+                if not fixed and (column & strong).any()
+            ]
+    return found
 
 
 def _path_values(solution: Solution, x: Array, u: Array) -> Array:
@@ -141,17 +171,16 @@ def _path_values(solution: Solution, x: Array, u: Array) -> Array:
     return np.array(solution.problem.path.map(len(t))(x.T, u.T, t[None, :], p).full().T)
 
 
-def _constraint_runs(tau: Array, active: NDArray[np.bool_]) -> Array:
+def _constraint_runs(tau: Array, active: NDArray[np.bool_], nodes: Array) -> Array:
     """Fractions of T at which a constraint begins or ends to hold; the one point of a touch."""
     starts, ends, values = _runs(active.astype(np.int64))
-    found = []
+    last, touches = [], []
     for start, end, value in zip(starts, ends, values, strict=True):
         if value and end - start > 1:
-            found += [0.5 * (tau[start - 1] + tau[start])] if start else []
-            found += [0.5 * (tau[end - 1] + tau[end])] if end < len(tau) else []
+            last += ([start - 1] if start else []) + ([end - 1] if end < len(tau) else [])
         elif value and 0 < start < len(tau) - 1:
-            found.append(tau[start])
-    return np.array(found)
+            touches.append(tau[start])
+    return np.concatenate([_between(tau, np.array(last, dtype=np.int64), nodes), touches])
 
 
 def _runs(code: Integers) -> tuple[Integers, Integers, Integers]:

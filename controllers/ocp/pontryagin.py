@@ -291,15 +291,19 @@ class _Judge:
 
     def _singular(self, j: int, first: int, last: int, several: bool) -> Iterator[Condition]:
         name, t = self.problem.controls[j], self.solution.t
+        # The switching function is judged inside the arc: its ends lie in the first and the last interval.
         arc = f"on the singular arc of {name} from {t[first]:.4g} to {t[last]:.4g} s"
         yield _not_judged(f"minimum {arc}", f"H does not depend on {name} there")
-        held = np.abs(self.solution.multipliers.states.values[first:last]).max(initial=0.0) > 1e-3 * self._forces_size()
+        held = (
+            np.abs(self.solution.multipliers.states.values[first + 1 : last - 1]).max(initial=0.0)
+            > 1e-3 * self._forces_size()
+        )
         if several or held or len(self.problem.path_bounds.lower):
             why = "several controls are linear in H" if several else "a limit of a state holds there"
             yield _not_judged(f"derivatives of H_u {arc}", why)
             return
         rate, size, kelley = (
-            np.array(value.full()).reshape(self.count, self.k)[first:last]
+            np.array(value.full()).reshape(self.count, self.k)[first + 1 : last - 1]
             for value in _switching(self.problem, j).map(self.times.size)(*self._arguments(self.solution.u)[:5])
         )
         yield self._judged(f"d(H_u)/dt = 0 {arc}", float(np.abs(rate).max() / max(float(size.max()), _SMALL)))

@@ -22,7 +22,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -290,20 +290,20 @@ class _Judge:
                 yield first, last
 
     def _singular(self, j: int, first: int, last: int, several: bool) -> Iterator[Condition]:
-        name, t = self.problem.controls[j], self.solution.t
         # The switching function is judged inside the arc: its ends lie in the first and the last interval.
+        inside = slice(first + 1, last - 1)
+        on_limit = np.concatenate([self._on_bound[inside], self._on_path[inside]], axis=2)
+        if (on_limit.mean(axis=(0, 1)) >= 0.5).any():  # a limit of a state holds, and determines the control
+            return
+        name, t = self.problem.controls[j], self.solution.t
         arc = f"on the singular arc of {name} from {t[first]:.4g} to {t[last]:.4g} s"
         yield _not_judged(f"minimum {arc}", f"H does not depend on {name} there")
-        held = (
-            np.abs(self.solution.multipliers.states.values[first + 1 : last - 1]).max(initial=0.0)
-            > 1e-3 * self._forces_size()
-        )
-        if several or held or len(self.problem.path_bounds.lower):
-            why = "several controls are linear in H" if several else "a limit of a state holds there"
+        if several or on_limit.any():
+            why = "several controls are linear in H" if several else "a limit holds on a part of it"
             yield _not_judged(f"derivatives of H_u {arc}", why)
             return
         rate, size, kelley = (
-            np.array(value.full()).reshape(self.count, self.k)[first + 1 : last - 1]
+            np.array(value.full()).reshape(self.count, self.k)[inside]
             for value in _switching(self.problem, j).map(self.times.size)(*self._arguments(self.solution.u)[:5])
         )
         yield self._judged(f"d(H_u)/dt = 0 {arc}", float(np.abs(rate).max() / max(float(size.max()), _SMALL)))
@@ -314,8 +314,21 @@ class _Judge:
                 f"Kelley's condition {arc}", max(0.0, -float(kelley.min())) / float(np.abs(kelley).max())
             )
 
-    def _forces_size(self) -> float:
-        return max(float(np.abs(self.H_x).max(initial=0.0)), _SMALL)
+    @cached_property
+    def _on_bound(self) -> Flags:
+        """(N - 1, k, nx) where a state is on a bound."""
+        return _touched(self.solution.inner, self.problem.state_bounds, self.problem.state_scale)
+
+    @cached_property
+    def _path(self) -> Array:
+        """Values (N - 1, k, nd) of the path constraints."""
+        return _path_values(self.solution)
+
+    @cached_property
+    def _on_path(self) -> Flags:
+        """(N - 1, k, nd) where a path constraint is on a limit."""
+        limits = self.problem.path_bounds
+        return _touched(self._path, limits, _sizes(self._path, limits))
 
     # the Hamiltonian and the ends
 
@@ -354,13 +367,12 @@ class _Judge:
 
     def _signs(self) -> float:
         s, problem, m = self.solution, self.problem, self.solution.multipliers
-        values = _path_values(s)
         initial = np.array(problem.initial(s.x[0], s.parameters).full())[:, 0]
         final = np.array(problem.final(s.x[-1], s.duration, s.parameters).full())[:, 0]
         of_ends = max(float((self._costate_size * problem.state_scale).max(initial=0.0)), _SMALL)
         worst = [
             _wrong_signs(m.states, s.inner, problem.state_bounds, problem.state_scale, self.H_size),
-            _wrong_signs(m.path, values, problem.path_bounds, _sizes(values, problem.path_bounds), self.H_size),
+            _wrong_signs(m.path, self._path, problem.path_bounds, _sizes(self._path, problem.path_bounds), self.H_size),
             _wrong_signs(m.initial, initial, problem.initial_bounds, _sizes(initial, problem.initial_bounds), of_ends),
             _wrong_signs(m.final, final, problem.final_bounds, _sizes(final, problem.final_bounds), of_ends),
         ]
@@ -372,9 +384,9 @@ class _Judge:
 
     def _not_unique(self) -> Iterator[Condition]:
         """States that stay on a bound because every control that moves them is on one of its own."""
-        problem, s = self.problem, self.solution
+        problem = self.problem
         depends = np.array(ca.DM(problem.dynamics.jac_sparsity(0, 1), 1.0).full(), bool).reshape(problem.nx, problem.nu)
-        on_bound = _touched(s.inner, problem.state_bounds, problem.state_scale).all(axis=1)
+        on_bound = self._on_bound.all(axis=1)
         for i, name in enumerate(problem.states):
             moving = depends[i]
             if moving.any():

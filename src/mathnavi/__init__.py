@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mathnavi.controllers.ocp.monitors import Monitor
+    from mathnavi.controllers.ocp.pontryagin import check_pontryagin
     from mathnavi.controllers.ocp.problems.library import OptimalControlProblem
     from mathnavi.controllers.ocp.saved_solution import load_solution
     from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
@@ -87,6 +88,7 @@ _PLACES = {
     "OptimalControlProblem": "controllers.ocp.problems.library",  # which enters the problems of the literature
     "Monitor": "controllers.ocp.monitors",
     "load_solution": "controllers.ocp.saved_solution",
+    "check_pontryagin": "controllers.ocp.pontryagin",
     # terrain
     "load_terrain": "models.terrain.library",
     "import_terrain": "models.terrain.dem:import_dem",
@@ -141,6 +143,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "OptimalControlProblem",
     "Monitor",
     "load_solution",
+    "check_pontryagin",
     "load_terrain",
     "import_terrain",
     "HeightField",

@@ -69,6 +69,22 @@ def test_a_limited_end_and_a_limited_duration_are_judged() -> None:
     assert solution.multipliers.duration > 0.1
 
 
+def test_an_arc_on_a_limit_of_a_state_is_not_singular() -> None:
+    ocp = OptimalControlProblem("speed limit")
+    x, v, u = ocp.state("x", guess=(0.0, 3.0)), ocp.state("v"), ocp.control("u", lower=-1.0, upper=1.0)
+    T = ocp.free_duration(guess=4.0, lower=0.5, upper=20.0)
+    ocp.minimise(terminal=T)
+    ocp.dynamics(x, v)
+    ocp.dynamics(v, u)
+    ocp.constrain(v + 0.0 * x, upper=1.25, name="limit")
+    for state, end in ((x, 3.0), (v, 0.0)):
+        ocp.start(state, 0.0)
+        ocp.end(state, end)
+    found = check_pontryagin(solve(ocp.functions(), 31), tolerance=0.05)
+    assert found.holds, found
+    assert not found.not_judged
+
+
 def test_goddard_says_what_cannot_be_judged() -> None:
     found = check_pontryagin(solve(goddard(), 40), tolerance=0.1)
     reasons = {condition.name.split(" of F from")[0]: condition.reason for condition in found.not_judged}

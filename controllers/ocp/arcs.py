@@ -23,10 +23,12 @@ from mathnavi.sim.interfaces.signals import Array, Integers
 
 @dataclass(frozen=True, eq=False)
 class Arcs:
-    """Arcs of a grid: how many intervals each has, and the bounds of the controls on it."""
+    """Arcs of a grid: how many intervals each has, and the bounds of controls and path constraints on it."""
 
     intervals: tuple[int, ...]  # (A,) at least one each
     control_bounds: Interval  # (A, nu) each; equal where the control is held
+    path_bounds: Interval  # (A, nd) each; equal where the constraint holds with equality
+    smoothing: Array | None = None  # (A, nu) weight ρ of each control's variation within an interval; None for zeros
 
     def __post_init__(self) -> None:
         if not self.intervals or min(self.intervals) < 1:

@@ -4,8 +4,8 @@ The collocation polynomial x(t) of an interval is off the trajectory from the sa
 
     e' = f(x + e, sat(u(t)), t) - x',      e(t_i) = 0,
 
-with the control saturated to its bounds. Picard's iteration on Gauss points solves for e of all intervals at once: a few
-evaluations of the dynamics where an integrator with step-size control takes hundreds. Its value at the end of an
+with the control saturated to its bounds. Picard's iteration on Gauss points solves for e of all intervals at once: a
+few evaluations of the dynamics where an integrator with step-size control takes hundreds. Its value at the end of an
 interval is what a replay of this interval misses by, and with the costates it is a share in the error of J.
 """
 
@@ -29,6 +29,7 @@ class Defects(NamedTuple):
 
     states: Array  # (N - 1, nx) e at the end of the interval, over the states' scales
     cost: Array  # (N - 1,) the interval's share in J replayed less that in J, in units of J
+    path: Array  # (N - 1,) largest violation of the states' bounds and path constraints, scaled
 
 
 def defects(solution: Solution) -> Defects:
@@ -57,8 +58,27 @@ def defects(solution: Solution) -> Defects:
     at = (solution.t[:-1, None] + np.array(points) * d[:, None]).ravel()
     inner = solution.inner.reshape(len(at), -1), solution.u.reshape(len(at), -1)
     stated = d * (running_costs(solution, *inner, at).reshape(-1, k) @ own)
-    values = ends, gained - stated
+    values = (
+        ends,
+        gained - stated,
+        _violations(solution, flown.reshape(len(t), -1), u, t).reshape(-1, _POINTS).max(axis=1),
+    )
     return Defects(*(np.where(np.isfinite(value), value, np.inf) for value in values))
+
+
+def _violations(solution: Solution, x: Array, u: Array, t: Array) -> Array:
+    """Largest violation (n,) of the states' bounds and the path constraints, over scales and limits."""
+    problem, p = solution.problem, np.tile(solution.parameters[:, None], (1, len(t)))
+    path = np.array(problem.path.map(len(t))(x.T, u.T, t[None, :], p).full().T)
+    limits = [np.where(np.isfinite(side), np.abs(side), 0.0) for side in problem.path_bounds]
+    found = np.zeros(len(t))
+    for values, (lower, upper), scale in (
+        (x, problem.state_bounds, problem.state_scale),
+        (path, problem.path_bounds, np.maximum(1.0, np.maximum(*limits))),
+    ):
+        over = np.maximum(lower - values, values - upper) / scale
+        found = np.maximum(found, over.max(axis=1, initial=0.0))
+    return found
 
 
 def running_costs(solution: Solution, x: Array, u: Array, t: Array) -> Array:

@@ -16,6 +16,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -30,6 +31,8 @@ from mathnavi.sim.interfaces.signals import Array, Integers
 
 RELATIVE_WIDTHS = (0.02, 20.0)
 """bounds of D_i where the nodes are unknowns"""
+SLOPE = 1e-3
+"""share of a control's slope in its variation"""
 SHORTEST_ARC = 1e-6
 """least length of an arc, over the guess of T"""
 
@@ -75,6 +78,11 @@ class ProgrammeLayout:
     def last_input_size(self) -> int:
         """Size of w_N in the last stage: its control, if the scheme shares it between intervals."""
         return self.problem.nu if self.scheme.shared else 0
+
+    @property
+    def smoothed(self) -> int:
+        """Number of controls whose variation within an interval a weight ρ holds down: all that may jump at nodes."""
+        return self.problem.nu if fractions_between(self.scheme) else 0
 
     @property
     def size(self) -> int:
@@ -134,7 +142,7 @@ class Programme:
 
     layout: ProgrammeLayout
     x: ca.MX  # (layout.size,)
-    p: ca.MX  # (np + N - 1,) parameters of the problem, then D on a fixed grid, or E and W (N - 1, A) of arcs
+    p: ca.MX  # (np + N - 1,) parameters of the problem, then D on a fixed grid or E, W (N - 1, A) of arcs, then ρ
     assembly: Assembly  # f, g and their derivatives
     lower: Array  # (m,)
     upper: Array  # (m,)
@@ -187,12 +195,14 @@ def programme(
         known += places_known
     elif places_known:
         known += [_starts(places_known[0]), places_known[0].T]
+    smoothing = ca.MX.sym("rho", layout.smoothed, count)
+    known.append(smoothing)
     blocks = (
         start.block(columns[:1, :nz], at_start, parameters),
         interval.block(columns, places, ca.vertcat(*known)),
         end.block(count * stride + np.arange(end.v.numel())[None, :], at_end, parameters),
     )
-    p = ca.vertcat(parameters, *(ca.vec(each) for each in places_known))
+    p = ca.vertcat(parameters, *(ca.vec(each) for each in (*places_known, smoothing)))
     shares = dataclasses.replace(interval, cost=functional).block(columns, places, ca.vertcat(*known))
     x_lower, x_upper = _variable_bounds(layout, distribution)
     path_rows = [len(interval.lower) - nz] * count + [len(end.lower)]
@@ -219,6 +229,19 @@ def programme(
 def _arc_shares(count: int, arcs: int) -> list[ca.MX]:
     """E and W, (A, N - 1) each."""
     return [ca.MX.sym(name, arcs, count) for name in ("E", "W")]
+
+
+def variation(scheme: Scheme) -> Array:
+    """Matrix (k, k) whose quadratic form is the mean square of a control less its straight line over an interval.
+
+    The line's own slope counts for a thousandth.
+    """
+    abscissae, share = np.polynomial.legendre.leggauss(len(scheme.points))
+    basis, b = weights(scheme.points, 0.5 * (abscissae + 1.0)), 0.5 * share
+    slope = np.outer(abscissae, (b * abscissae) @ basis / (b @ abscissae**2))
+    bent = basis - b @ basis - slope
+    matrix: Array = bent.T @ (b[:, None] * bent) + SLOPE * slope.T @ (b[:, None] * slope)
+    return matrix
 
 
 def _starts(widths: ca.MX) -> ca.MX:
@@ -257,6 +280,7 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[
     p = ca.SX.sym("p", len(problem.parameters))
     index, sizes = ca.SX.sym("i"), layout.arcs * int(not layout.moving)
     before, share = ca.SX.sym("E", sizes), ca.SX.sym("W", sizes)  # of a single arc τ and D
+    smoothing = ca.SX.sym("rho", layout.smoothed)
     state, inputs = z * layout.state_scale, w * layout.input_scale
     x_0, x_1 = state[:nx], (z_next * layout.state_scale)[:nx]
     lengths = state[nx : nx + layout.durations, :]
@@ -300,6 +324,10 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[
     along = [problem.path(x, u, t + c * d, p) for x, u, c in owned]
     along += [x[bounded_states(problem), :] for x in interval.states[1:-1] if scheme.interior == 0]
     along.append(distribution.constraints(mesh, constants))
+    between = weights(scheme.points, np.array(fractions_between(scheme))).tolist()
+    for row in between:  # the control there, over its scale: a polynomial may leave the bounds that its points keep
+        u = sum((w * u / problem.control_scale for w, u in zip(row, U, strict=True)), ca.SX.zeros(nu))
+        along.append(u[bounded_controls(problem), :])
     kept = z[nx : nx + layout.durations + layout.constants, :]
     flow = [interval.flow / problem.state_scale, kept]
     if layout.moving:
@@ -308,12 +336,15 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[
     gap, held = z_next - ca.vertcat(*flow), ca.vertcat(*along)
     lower, upper = _along_bounds(layout, distribution)
     equations = np.zeros(gap.numel() + inner.numel())
-    functional = ca.SX(distribution.functional(mesh))
+    functional, smoothed = ca.SX(distribution.functional(mesh)), ca.SX(0)
+    for k, row in enumerate(variation(scheme).tolist() if layout.smoothed else []):
+        for own, other in zip(row, U, strict=True):
+            smoothed += own * ca.dot(smoothing, U[k] * other / problem.control_scale**2)
     part = _Part(
         v=ca.vertcat(z, w, z_next, u_next),
-        data=ca.vertcat(p, index, before, share),
+        data=ca.vertcat(p, index, before, share, smoothing),
         rows=ca.vertcat(gap, inner, held),
-        cost=interval.cost + functional,
+        cost=interval.cost + functional + smoothed,
         lower=np.concatenate([equations, lower]),
         upper=np.concatenate([equations, upper]),
     )
@@ -326,6 +357,25 @@ def bounded_states(problem: ProblemFunctions) -> list[int]:
     return np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)).tolist()
 
 
+def bounded_controls(problem: ProblemFunctions) -> list[int]:
+    """Indices of the controls with a finite bound."""
+    lower, upper = problem.control_bounds
+    return np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)).tolist()
+
+
+def fractions_between(scheme: Scheme) -> tuple[float, ...]:
+    """Fractions of an interval at which bounds of a control that may jump at nodes hold beside the scheme's points.
+
+    The start, where the control is extrapolated, and the middles between two points; none for a control that is held
+    or shared between intervals.
+    """
+    points = scheme.points
+    if scheme.shared or len(points) == 1:
+        return ()
+    ends = (0.0,) if points[-1] == 1.0 else (0.0, 1.0)
+    return (*ends, *(0.5 * (a + b) for a, b in pairwise(points)))
+
+
 def _along_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[Array, Array]:
     """Limits of the path constraints of an interval, in the order of the stage function.
 
@@ -336,10 +386,19 @@ def _along_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) -> tu
     hidden = max(0, len(scheme.points) - 2) if scheme.interior == 0 else 0
     vanishing = np.zeros(distribution.constraints(_sample_mesh(problem), ca.SX.zeros(distribution.constants)).numel())
     lower, upper = (
-        np.concatenate([np.tile(path, layout.own_points), np.tile(states[bounded], hidden), vanishing])
-        for path, states in zip(problem.path_bounds, problem.state_bounds, strict=True)
+        np.concatenate([np.tile(path, layout.own_points), np.tile(states[bounded], hidden), vanishing, between])
+        for path, states, between in zip(
+            problem.path_bounds, problem.state_bounds, _bounds_between(problem, scheme), strict=True
+        )
     )
     return lower, upper
+
+
+def _bounds_between(problem: ProblemFunctions, scheme: Scheme) -> tuple[Array, Array]:
+    """Limits of the controls over their scales at ``fractions_between``, one fraction after the other."""
+    count, bounded = len(fractions_between(scheme)), bounded_controls(problem)
+    lower, upper = ((side / problem.control_scale)[bounded] for side in problem.control_bounds)
+    return np.tile(lower, count), np.tile(upper, count)
 
 
 def _sample_mesh(problem: ProblemFunctions) -> Mesh:

@@ -38,7 +38,7 @@ from mathnavi.controllers.ocp.guesses import Derived, Guess, Simulation, Values,
 from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_start
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
-from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, ProblemFunctions
 from mathnavi.controllers.ocp.problem_table import duration_row, limit_rows
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.statement import Duration, Parameter, Statement
@@ -52,7 +52,6 @@ NODES = 40
 
 KNOWN: dict[str, Callable[[], ProblemFunctions]] = {}
 """problems with a known optimum by name, which ``mathnavi.controllers.ocp.problems.library`` enters"""
-_MOST_DURATION = 1e9  # [s] beyond which a final time is no number to search among
 
 Numbers = float | Sequence[float]
 """one number for all components, or one for each"""
@@ -158,16 +157,20 @@ class OptimalControlProblem:
         """Fix the final time T [s]; ProblemError unless 0 < T <= 1e9 s, and if it is given twice."""
         self.free_duration(guess=value, lower=value, upper=value)
 
-    def free_duration(self, *, guess: float, lower: float = 1e-3, upper: float = _MOST_DURATION) -> ca.SX:
+    def free_duration(
+        self, *, guess: float, lower: float = DURATION_LIMITS[0], upper: float = DURATION_LIMITS[1]
+    ) -> ca.SX:
         """Free the final time, lower <= T <= upper [s]; returns its symbol, for terminal cost and end constraints.
+
+        A solution that ends at one of the default limits is none: its status is UNBOUNDED.
 
         ProblemError unless 0 < lower <= guess <= upper <= 1e9 s, and if it is given twice.
         """
         guess, lower, upper = (number(f"{self.name}: duration", value) for value in (guess, lower, upper))
-        if not (0.0 < lower <= guess <= upper <= _MOST_DURATION):
+        if not (0.0 < lower <= guess <= upper <= DURATION_LIMITS[1]):
             raise ProblemError(
                 f"{self.name}: duration: lower = {lower!r}, guess = {guess!r}, upper = {upper!r}; "
-                f"allowed: 0 < lower <= guess <= upper <= {_MOST_DURATION:g} s"
+                f"allowed: 0 < lower <= guess <= upper <= {DURATION_LIMITS[1]:g} s"
             )
         if self.statement.duration is not None:
             raise ProblemError(f"{self.name}: the duration is given twice; allowed: once")
@@ -405,6 +408,7 @@ class OptimalControlProblem:
         monitor: Monitor | str | None = None,
         guess: Solution | None = None,
         parameters: Mapping[str, float] | None = None,
+        tolerance: float | None = None,
     ) -> Solution:
         """Solve the problem by Hermite-Simpson collocation and replay the solution through its own dynamics.
 
@@ -417,10 +421,14 @@ class OptimalControlProblem:
                 "curvature", "local error", "residual", "uniform". None: curvature, and arclength for "distribute".
             guess: a solution to start from, on any grid; None for the guess that was stated.
             parameters: values by name, the nominal ones where none is given.
+            tolerance: largest miss and path violation, over the scales, and cost error, relative to max(1, |J|), of
+                the replay of a solution that is called OPTIMAL. None: 1e-6 for "refine", and 1e-3 on nodes whose number
+                is given.
 
         Returns:
-            The solution; ``solution.ok`` says whether it is one, its ``status`` why not. An adaptive solution that
-            replays worse than the uniform one has the status REFUSED and the uniform one's arrays.
+            The solution; ``solution.ok`` says whether it is one, its ``status`` why not: CONVERGED where the programme
+            is solved but its replay is not within the tolerance, which the message says figure by figure. An adaptive
+            solution that replays worse than the uniform one has the status REFUSED and the uniform one's arrays.
 
         Raises:
             ProblemError: for a problem that is not complete or contradicts itself, fewer than two nodes, an unknown
@@ -430,7 +438,7 @@ class OptimalControlProblem:
         if not isinstance(parameters, Mapping | None):
             raise ProblemError(f"{self.name}: parameters = {parameters!r:.80}; allowed: values by name")
         values = problem.values(**(parameters or {}))
-        return solve_by(problem, nodes, method, monitor, guess=guess, parameters=values)
+        return solve_by(problem, nodes, method, monitor, guess=guess, parameters=values, tolerance=tolerance)
 
     def functions(self) -> ProblemFunctions:
         """The problem as compiled functions, checked.

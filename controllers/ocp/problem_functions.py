@@ -18,6 +18,13 @@ from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table
 from mathnavi.sim.interfaces.signals import Array
 
+DURATION_LIMITS = (1e-3, 1e9)
+"""[s] limits of a free final time for which none are stated: for the search, no solution ends there"""
+
+
+DURATION_LIMITS = (1e-3, 1e9)
+"""[s] limits of a free final time for which none are stated: for the search, no solution ends there"""
+
 
 class Interval(NamedTuple):
     """Lower and upper limits, arrays of one shape (n,), infinite where there is none; equal where a value is fixed."""

@@ -9,6 +9,7 @@ grows beyond 1e4, each interval is integrated from its own node instead, and the
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
 from functools import lru_cache
@@ -19,9 +20,10 @@ from scipy.integrate import solve_ivp
 
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.residual import local_errors
-from mathnavi.controllers.ocp.solution import ReplayResult, Solution
+from mathnavi.controllers.ocp.solution import Outcome, ReplayResult, Solution
 from mathnavi.controllers.ocp.transcriptions.scheme import weights
 from mathnavi.models.buffered_function import BufferedFunction
+from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 ILL_POSED = 1e4
@@ -37,19 +39,43 @@ _OVERFLOW = 1e100
 _TERMS = 16  # of a Taylor series at a norm of at most 1/2: below rounding
 
 
-def replayed(solution: Solution) -> Solution:
-    """The solution with its ``ReplayResult`` and the time that took; a solve that failed is returned as it is.
+def replayed(solution: Solution, tolerance: float = GIVEN_NODES) -> Solution:
+    """The solution with its ``ReplayResult``, judged; a solve that failed is returned as it is.
+
+    OPTIMAL is a solution whose miss, path violation and cost error are each within the ``tolerance``; another one is
+    CONVERGED, and its message says which are not.
 
     From x(0), with x' = f(x, sat(u(t)), t; p), u(t) as the scheme interpolates it and sat() its bounds; interval by
     interval where the scaled transition matrix of the linearised flow has a norm ||Φ(T, 0)|| beyond ``ILL_POSED``.
     """
-    if not solution.ok:
+    if not solution.solved:
         return solution
     began = time.perf_counter()
     growth = _growth(solution)
     found = _replay(solution, by_intervals=not growth <= ILL_POSED)
     errors = local_errors(solution) if len(solution.scheme.points) > 1 else None
-    return solution.with_replay(found, errors, 1e3 * (time.perf_counter() - began))
+    return judged(solution.with_replay(found, errors, 1e3 * (time.perf_counter() - began)), tolerance)
+
+
+def judged(solution: Solution, tolerance: float) -> Solution:
+    """A solved solution with a replay, with the status and the message that a tolerance of its figures gives it.
+
+    ProblemError for a tolerance that is not finite and positive.
+    """
+    check_tolerance(tolerance)
+    assert solution.replay is not None
+    figures = solution.replay.figures
+    excess = {name: value for name, value in figures.items() if not value <= tolerance}
+    shown = ", ".join(f"{name} {value:.2g}" for name, value in (excess or figures).items())
+    message = f"{'not ' if excess else ''}within {tolerance:g} when it is replayed: {shown}"
+    status = Outcome.CONVERGED if excess else Outcome.OPTIMAL
+    return dataclasses.replace(solution, status=status, message=message, tolerance=tolerance)
+
+
+def check_tolerance(tolerance: float) -> None:
+    """Raise ProblemError for a tolerance that is not finite and positive."""
+    if not (isinstance(tolerance, (int, float)) and math.isfinite(tolerance) and tolerance > 0.0):
+        raise ProblemError(f"tolerance = {tolerance!r}; allowed: a finite value > 0")
 
 
 def _replay(solution: Solution, *, by_intervals: bool) -> ReplayResult:
@@ -163,7 +189,7 @@ def _control(solution: Solution, i: int, count: int) -> Array:
 
 def _excess(values: Array, lower: Array, upper: Array, scale: Array) -> float:
     over = np.maximum(np.maximum(lower - values, values - upper), 0.0) / scale
-    return float(over.max(initial=0.0))
+    return float(np.nan_to_num(over, nan=np.inf).max(initial=0.0))
 
 
 def _growth(solution: Solution) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
+import math
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from functools import cached_property
@@ -76,9 +77,14 @@ class ReplayResult:
     by_intervals: bool  # open loop is ill-posed, so each interval was re-integrated from its own node
 
     @property
+    def figures(self) -> dict[str, float]:
+        """The figures that a solution is judged by: miss, path violation and cost error."""
+        return {"miss": self.miss, "path violation": self.path_violation, "cost error": self.cost_error}
+
+    @property
     def error(self) -> float:
-        """The largest of miss, path violation and cost error: at most a tolerance where the solution is accurate."""
-        return max(self.miss, self.path_violation, self.cost_error)
+        """The largest of the figures: at most a tolerance where the solution is accurate."""
+        return max(self.figures.values())
 
     @property
     def rows(self) -> list[Row]:
@@ -100,8 +106,9 @@ class ReplayResult:
 class Solution:
     """Solution of a transcribed problem: states x_i at N nodes, controls at the scheme's points, the final time T.
 
-    ``status`` says how the solve ended, ``ok`` whether this is a solution: of a failed solve the arrays hold the
-    solver's last iterate. Values are in the problem's units, times in s since the start.
+    ``status`` says how the solve ended and ``ok`` whether this solves the problem to the tolerance that was asked for;
+    of a failed solve the arrays hold the solver's last iterate. Values are in the problem's units, times in s since the
+    start.
     """
 
     problem: ProblemFunctions
@@ -123,11 +130,17 @@ class Solution:
     method: str = "direct"
     replay: ReplayResult | None = None
     interval_errors: Array | None = None  # (N - 1,) local error η of each interval, over the states' scales
+    tolerance: float = math.nan  # of miss, path violation and cost error of the replay, that the status was judged by
 
     @property
     def ok(self) -> bool:
-        """True if this is a solution of the transcribed problem."""
-        return self.status in (Outcome.OPTIMAL, Outcome.REFUSED)
+        """True if this is a solution of the problem: solved, and within the tolerance when it is replayed."""
+        return self.solved and self.replay is not None and self.replay.error <= self.tolerance
+
+    @property
+    def solved(self) -> bool:
+        """True if this is a solution of the transcribed programme, however accurate that is."""
+        return self.status in (Outcome.OPTIMAL, Outcome.CONVERGED, Outcome.REFUSED)
 
     @property
     def headline(self) -> str:

@@ -21,16 +21,18 @@ from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
 from mathnavi.controllers.ocp.finite import not_finite
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths
 from mathnavi.controllers.ocp.multipliers import NamedValues
-from mathnavi.controllers.ocp.nlp import programme
+from mathnavi.controllers.ocp.nlp import bounded_controls, fractions_between, programme, variation
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.controllers.ocp.unbounded import unbounded
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 FIXED = Fixed()
 DEFAULT = Options()
 _BEFORE_THE_END = 1.0 - 1e-10
+_MAY_BE_UNBOUNDED = (Outcome.CONVERGED, Outcome.UNBOUNDED, Outcome.LIMIT, Outcome.FAILED)
 
 
 class Transcription:
@@ -101,6 +103,9 @@ class Transcription:
         if (1 if arcs is None else len(arcs)) != self.layout.arcs:
             raise ProblemError(f"arcs: {arcs}; allowed: the {self.layout.arcs} of this transcription")
         shares = None
+        smoothing = np.zeros((self.nodes - 1, self.layout.smoothed))
+        if arcs is not None and arcs.smoothing is not None:
+            smoothing = arcs.smoothing[arcs.of_interval]
         if self.layout.moving:
             known = p
         elif arcs is None or len(arcs) == 1:
@@ -109,12 +114,22 @@ class Transcription:
             arcs.check(where)
             shares = arcs.shares(where)
             known = np.concatenate([p, starts(shares).ravel(), shares.ravel()])
+        known = np.concatenate([known, smoothing.ravel()])
         x_0 = self._unknowns(guess, where, p, arcs)
         answer = self.solver.solve(x_0, known, bounds=None if arcs is None else self._bounds(arcs))
         if answer.status is Outcome.NOT_FINITE:
             answer = self._explained(answer, x_0, where, p)
         cost = answer.cost if self._functional is None else answer.cost - float(self._functional(answer.x, known))
-        return self._read(answer, where, p, known, shares, cost)
+        found = self._read(answer, where, p, known, shares, cost)
+        if smoothing.any():  # it is no part of J
+            u = found.u / self.problem.control_scale
+            added = np.einsum("kl,ikm,ilm,im->", variation(self.scheme), u, u, smoothing)
+            found = dataclasses.replace(found, cost=found.cost - float(added))
+        if answer.status in _MAY_BE_UNBOUNDED:
+            u, diverged = np.concatenate(list(found.u)), answer.status is Outcome.UNBOUNDED
+            if why := unbounded(self.problem, found.x, u, found.duration, diverged=diverged):
+                found = dataclasses.replace(found, status=Outcome.UNBOUNDED, message=why)
+        return found
 
     def _explained(self, answer: SolverAnswer, x_0: Array, grid: Grid, p: Array) -> SolverAnswer:
         """The answer of a solve that met NaN or infinity, with what was not finite at the guess."""
@@ -125,15 +140,29 @@ class Transcription:
         found = not_finite(self.problem, z[:, :nx], u, grid.nodes * duration, p)
         return dataclasses.replace(answer, message=found or answer.message)
 
-    def _bounds(self, arcs: Arcs) -> tuple[Array, Array]:
-        """Bounds on the scaled unknowns, the controls' those of their arcs."""
-        layout, count, points = self.layout, self.nodes - 1, self.layout.own_points
+    def _bounds(self, arcs: Arcs) -> tuple[Array, Array, Array, Array]:
+        """Bounds on the scaled unknowns and the rows, those of controls and path constraints by their arcs."""
+        layout, problem, programme = self.layout, self.problem, self.programme
+        count, points, nd = self.nodes - 1, self.layout.own_points, len(self.problem.path_bounds.lower)
         first, stage = layout.state_size, layout.state_size + layout.input_size
-        bounds = self.programme.x_lower.copy(), self.programme.x_upper.copy()
-        for limits, own in zip(bounds, arcs.control_bounds, strict=True):
-            held = np.tile((own / self.problem.control_scale)[arcs.of_interval], (1, points))
-            limits[: count * stage].reshape(count, stage)[:, first : first + points * self.problem.nu] = held
-        return bounds
+        unknowns, rows = (
+            (programme.x_lower.copy(), programme.x_upper.copy()),
+            (
+                programme.lower.copy(),
+                programme.upper.copy(),
+            ),
+        )
+        for limits, own in zip(unknowns, arcs.control_bounds, strict=True):
+            held = np.tile((own / problem.control_scale)[arcs.of_interval], (1, points))
+            limits[: count * stage].reshape(count, stage)[:, first : first + points * problem.nu] = held
+        bounded = bounded_controls(problem)
+        fixed = (arcs.control_bounds.lower == arcs.control_bounds.upper)[:, bounded][arcs.of_interval]
+        fixed = np.tile(fixed, (1, len(fractions_between(self.scheme))))  # what is held needs no bounds in between
+        between = programme.held_rows[:, programme.held_rows.shape[1] - fixed.shape[1] :][fixed]
+        for limits, own, free in zip(rows, arcs.path_bounds, (-np.inf, np.inf), strict=True):
+            limits[programme.held_rows[:, : points * nd]] = np.tile(own[arcs.of_interval], (1, points))
+            limits[between] = free
+        return *unknowns, *rows
 
     def _read(
         self, answer: SolverAnswer, grid: Grid, p: Array, known: Array, shares: Array | None, cost: float

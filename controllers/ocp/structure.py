@@ -27,18 +27,38 @@ _SAME = 1e-3  # [of the mean interval] boundaries that are as near are one
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """Boundaries (A - 1,) between arcs, fractions of T, and on each arc which bound holds each control."""
+    """Boundaries (A - 1,) between arcs, fractions of T, and on each arc what holds each control.
+
+    ``edges`` are the fractions of T at which a constraint on the states alone begins or ends to hold. They are no
+    boundaries: an unknown node there would move to where the constraint, which holds at points, can be overrun.
+    """
 
     boundaries: Array
-    held: Integers  # (A, nu): -1 at the lower bound, 1 at the upper, 0 free
+    held: Integers  # (A, nu + nd): bounds of controls, path constraints; -1 the lower limit, 1 the upper, 0 neither
+    edges: Array
 
     def __len__(self) -> int:
         return len(self.held)
 
-    def control_bounds(self, problem: ProblemFunctions) -> Interval:
-        """Bounds (A, nu) of the controls on each arc, equal where one is held."""
-        lower, upper = problem.control_bounds
-        return Interval(np.where(self.held > 0, upper, lower), np.where(self.held < 0, lower, upper))
+    def limits(self, problem: ProblemFunctions) -> tuple[Interval, Interval]:
+        """Limits of controls (A, nu) and path constraints (A, nd) on each arc, equal where they are held."""
+        own, path = self.held[:, : problem.nu], self.held[:, problem.nu :]
+        return tuple(
+            Interval(np.where(held > 0, upper, lower), np.where(held < 0, lower, upper))
+            for held, (lower, upper) in ((own, problem.control_bounds), (path, problem.path_bounds))
+        )  # type: ignore[return-value]
+
+    def without_arcs_below(self, length: float) -> Structure:
+        """The structure without arcs shorter than ``length``, a fraction of T; neighbours that are equal become one."""
+        ends = np.concatenate([[0.0], self.boundaries, [1.0]])
+        boundaries, held = [], []
+        for start, end, own in zip(ends[:-1], ends[1:], self.held, strict=True):
+            if end - start < length or (held and np.array_equal(held[-1], own)):
+                continue
+            if held:
+                boundaries.append(start)
+            held.append(own)
+        return Structure(np.array(boundaries), np.array(held), self.edges)
 
     def same(self, other: Structure) -> bool:
         """True if the arcs of both hold the same controls in the same order."""
@@ -47,24 +67,44 @@ class Structure:
 
 def structure(solution: Solution) -> Structure:
     """Structure of a solution."""
-    problem, k = solution.problem, len(solution.scheme.points)
-    tau, multipliers = (solution.point_times / solution.duration).ravel(), solution.multipliers.controls.values
-    linear = linear_controls(problem)
-    codes, boundaries = [], []
+    problem, k, nodes = solution.problem, len(solution.scheme.points), solution.grid.nodes
+    tau, of = (solution.point_times / solution.duration).ravel(), solution.multipliers
+    linear, mixed, path = linear_controls(problem), mixed_constraints(problem), _path_values(solution)
+    pure = _active_constraints(solution, path, mixed)
+    overlaid = np.any(pure, axis=0) if pure else np.zeros(len(tau), dtype=bool)
+    codes = []
     for j in range(problem.nu):
         bounds = problem.control_bounds.lower[j], problem.control_bounds.upper[j]
-        u = solution.u[:, :, j].ravel()
-        multiplier = multipliers[:, :, j].ravel()
-        code, ends = _control_runs(u, multiplier, bounds, problem.control_scale[j], linear=bool(linear[j]), k=k)
-        switches = _between(tau, ends, solution.grid.nodes)
-        codes.append((code, switches))
-        boundaries.append(switches)
-    constraints = [_constraint_runs(tau, active, solution.grid.nodes) for active in _active_constraints(solution)]
-    every = _apart(np.concatenate([*boundaries, np.empty(0)]), solution.nodes)
-    # Where every control is held anyway, a constraint that begins to hold changes nothing.
-    moves = [at for at in np.concatenate([*constraints, np.empty(0)]) if not _held(codes, np.array([at])).all()]
-    every = _apart(np.concatenate([every, moves]), solution.nodes)
-    return Structure(every, _held(codes, 0.5 * (np.append(0.0, every) + np.append(every, 1.0))))
+        values, multiplier = solution.u[:, :, j].ravel(), of.controls.values[:, :, j].ravel()
+        scale = problem.control_scale[j]
+        code, last = _runs_held(values, multiplier, bounds, scale, overlaid, linear=bool(linear[j]), k=k)
+        codes.append((code, _between(tau, last, nodes)))
+    for j in range(path.shape[1]):
+        bounds = problem.path_bounds.lower[j], problem.path_bounds.upper[j]
+        code, last = np.zeros(1, dtype=np.int64), np.empty(0, dtype=np.int64)
+        if mixed[j] and bounds[0] < bounds[1]:
+            code, last = _runs_held(
+                path[:, j], of.path.values[:, :, j].ravel(), bounds, 1.0, overlaid, linear=False, k=k
+            )
+        codes.append((code, _between(tau, last, nodes)))
+    boundaries = _apart(np.concatenate([*(switches for _, switches in codes), np.empty(0)]), solution.nodes)
+    edges = [_edges(tau, active, nodes) for active in pure]
+    held = _held(codes, 0.5 * (np.append(0.0, boundaries) + np.append(boundaries, 1.0)))
+    return Structure(boundaries, held, np.sort(np.concatenate([*edges, np.empty(0)])))
+
+
+@lru_cache(maxsize=64)
+def mixed_constraints(problem: ProblemFunctions) -> NDArray[np.bool_]:
+    """Path constraints (nd,) that depend on a control."""
+    mixed = np.zeros(len(problem.path_bounds.lower), dtype=bool)
+    mixed[problem.path.jac_sparsity(0, 1).row()] = True
+    return mixed
+
+
+def without_structure(problem: ProblemFunctions) -> Structure:
+    """The structure of a single arc, on which nothing is held."""
+    held = np.zeros((1, problem.nu + len(problem.path_bounds.lower)), dtype=np.int64)
+    return Structure(np.empty(0), held, np.empty(0))
 
 
 def _apart(boundaries: Array, nodes: int) -> Array:
@@ -89,18 +129,29 @@ def linear_controls(problem: ProblemFunctions) -> NDArray[np.bool_]:
     return np.array([not ca.depends_on(ca.vec(slopes[:, j]), u[j]) for j in range(problem.nu)], dtype=bool)
 
 
-def _control_runs(
-    u: Array, multiplier: Array, bounds: tuple[float, float], scale: float, *, linear: bool, k: int
+def _runs_held(
+    u: Array,
+    multiplier: Array,
+    bounds: tuple[float, float],
+    scale: float,
+    overlaid: NDArray[np.bool_],
+    *,
+    linear: bool,
+    k: int,
 ) -> tuple[Integers, Integers]:
-    """Codes (r,) of the runs of one control, and the last points (r - 1,) of all but the last run."""
+    """Codes (r,) of the runs of one control or constraint, and the last points (r - 1,) of all but the last run.
+
+    Where a constraint on the states is ``overlaid`` (points,), the multipliers of both are not unique, and say nothing.
+    """
     lower, upper = bounds
     extent = upper - lower if np.isfinite(upper - lower) else scale
     code = np.where(u >= upper - _AT_BOUND * extent, 1, np.where(u <= lower + _AT_BOUND * extent, -1, 0))
     weak = _WEAK * np.abs(multiplier).max(initial=0.0)
+    code[(code * multiplier < -weak) & ~overlaid] = 0  # held against its will
     starts, ends, values = _runs(code)
     # A run of one interval or less whose multiplier is weak, or of the wrong sign, does not rest on its bound.
     for start, end, value in zip(starts, ends, values, strict=True):
-        if value and (value * multiplier[start:end]).max(initial=0.0) <= weak:
+        if value and (value * multiplier[start:end]).max() <= weak and not overlaid[start:end].any():
             code[start:end] = 0
     if linear:
         _calm(code, k + 1)
@@ -144,15 +195,18 @@ def _between(tau: Array, last: Integers, nodes: Array) -> Array:
     return np.where(node < tau[last + 1], node, 0.5 * (tau[last] + tau[last + 1]))
 
 
-def _active_constraints(solution: Solution) -> list[NDArray[np.bool_]]:
-    """Activity (points,) of each path constraint and each bound of a state that is touched somewhere."""
+def _active_constraints(solution: Solution, path: Array, mixed: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
+    """Activity (points,) of each bound of a state, and each constraint on states alone, that is felt somewhere.
+
+    ``path`` (points, nd) are the values of the path constraints, ``mixed`` (nd,) marks those that depend on a control.
+    """
     problem, of = solution.problem, solution.multipliers
-    x, u = solution.inner.reshape(-1, problem.nx), solution.u.reshape(-1, problem.nu)
+    x = solution.inner.reshape(-1, problem.nx)
     weak = _WEAK * max(abs(solution.cost), _WEAK) / solution.duration
     found = []
     for values, (lower, upper), scale, multipliers in (
         (x, problem.state_bounds, problem.state_scale, of.states.values),
-        (_path_values(solution, x, u), problem.path_bounds, np.ones(len(problem.path_bounds.lower)), of.path.values),
+        (path[:, ~mixed], [side[~mixed] for side in problem.path_bounds], 1.0, of.path.values[:, :, ~mixed]),
     ):
         felt = np.abs(multipliers.reshape(len(x), -1)) * scale > weak
         for touched in (values - lower <= _TOUCHING * scale, upper - values <= _TOUCHING * scale):
@@ -164,14 +218,15 @@ def _active_constraints(solution: Solution) -> list[NDArray[np.bool_]]:
     return found
 
 
-def _path_values(solution: Solution, x: Array, u: Array) -> Array:
-    points = np.array(solution.scheme.points)
-    t = (solution.t[:-1, None] + points * np.diff(solution.t)[:, None]).ravel()
+def _path_values(solution: Solution) -> Array:
+    """Values (points, nd) of the path constraints at the scheme's points."""
+    problem, t = solution.problem, solution.point_times.ravel()
+    x, u = solution.inner.reshape(len(t), problem.nx), solution.u.reshape(len(t), problem.nu)
     p = np.tile(solution.parameters[:, None], (1, len(t)))
-    return np.array(solution.problem.path.map(len(t))(x.T, u.T, t[None, :], p).full().T)
+    return np.array(problem.path.map(len(t))(x.T, u.T, t[None, :], p).full().T)
 
 
-def _constraint_runs(tau: Array, active: NDArray[np.bool_], nodes: Array) -> Array:
+def _edges(tau: Array, active: NDArray[np.bool_], nodes: Array) -> Array:
     """Fractions of T at which a constraint begins or ends to hold; the one point of a touch."""
     starts, ends, values = _runs(active.astype(np.int64))
     last, touches = [], []

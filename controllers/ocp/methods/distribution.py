@@ -45,7 +45,8 @@ def distribute(
         guess: a solution to start from, on any grid; None for the problem's own guess.
         parameters: (np,) values of the problem's parameters; None for the nominal ones.
         options: solver and its own tolerance.
-        tolerance: figures of a replay that are good enough, however good those of the uniform solution are.
+        tolerance: largest miss, path violation and cost error of the replay of a solution that is called OPTIMAL, and
+            which the gate lets pass however good those of the uniform solution are.
 
     Returns:
         The solution with its replay, or the uniform one with the status REFUSED where that replays better.
@@ -55,13 +56,15 @@ def distribute(
     """
     if not distribution.moving:
         raise ProblemError(f"distribution = {distribution!r} fixes the nodes; allowed: one that moves them")
-    first = solve(problem, nodes, scheme=scheme, guess=guess, parameters=parameters, options=options)
-    if not first.ok:
+    first = solve(
+        problem, nodes, scheme=scheme, guess=guess, parameters=parameters, options=options, tolerance=tolerance
+    )
+    if not first.solved:
         return first
     made = transcription(problem, scheme, nodes, distribution, options)
     monitor = getattr(distribution, "monitor", None)
     grid = redistributed(first, nodes, monitor) if isinstance(monitor, Monitor) else first.grid
-    second = replayed(made.solve(first, grid, parameters))
+    second = replayed(made.solve(first, grid, parameters), tolerance)
     second = dataclasses.replace(second, timing=second.timing + first.timing)
     return gated(second, first, f"in the programme: {described(distribution)}", tolerance)
 

@@ -14,9 +14,6 @@ from mathnavi.controllers.ocp.solution import Outcome, ReplayResult, Solution
 WORSE = 3.0
 """times the uniform solution's, a figure is worse: what a third fewer nodes cost a method of fourth order"""
 
-FIGURES = {"miss": "miss", "path violation": "path_violation", "cost error": "cost_error"}
-"""figures of a replay that are compared, with the attributes of ``ReplayResult``"""
-
 
 def gated(adaptive: Solution, uniform: Solution, method: str, tolerance: float) -> Solution:
     """Compare replays: the adaptive solution under its method's name, or the uniform one with the status REFUSED.
@@ -27,12 +24,12 @@ def gated(adaptive: Solution, uniform: Solution, method: str, tolerance: float) 
     adaptive solution's message says so.
     """
     timing = adaptive.timing
-    if not uniform.ok or uniform.replay is None:
-        if not adaptive.ok:
+    if not uniform.solved or uniform.replay is None:
+        if not adaptive.solved:
             return dataclasses.replace(uniform, method=method, timing=timing)
         message = f"{adaptive.message}; not gated, for the uniform solve failed: {uniform.status.value}"
         return dataclasses.replace(adaptive, message=message, method=method, timing=timing)
-    if not adaptive.ok or adaptive.replay is None:
+    if not adaptive.solved or adaptive.replay is None:
         reason = f"{method}: {adaptive.status.value} ({adaptive.message})"
     elif worse := worse_figures(adaptive.replay, uniform.replay, tolerance):
         reason = f"{method}: replays with a {'; a '.join(worse)}"
@@ -44,8 +41,7 @@ def gated(adaptive: Solution, uniform: Solution, method: str, tolerance: float) 
 def worse_figures(adaptive: ReplayResult, uniform: ReplayResult, tolerance: float) -> list[str]:
     """The figures by which an adaptive solution replays worse, with both values."""
     found = []
-    for name, attribute in FIGURES.items():
-        own, other = getattr(adaptive, attribute), getattr(uniform, attribute)
+    for (name, own), other in zip(adaptive.figures.items(), uniform.figures.values(), strict=True):
         if not own <= max(tolerance, WORSE * other):
             found.append(f"{name} of {own:.3g}, uniform with {other:.3g}")
     return found

@@ -25,13 +25,16 @@ from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
+REFINED = 1e-6
+"""tolerance of a refinement, of local errors and of the replay"""
+
 
 def refine(
     problem: ProblemFunctions,
     nodes: int = 6,
     *,
     most_nodes: int = 60,
-    tolerance: float = 1e-6,
+    tolerance: float = REFINED,
     scheme: Scheme = HERMITE_SIMPSON,
     guess: Solution | None = None,
     parameters: Array | None = None,
@@ -68,21 +71,25 @@ def refine(
     while True:
         current = transcription(problem, scheme, len(grid), FIXED, options).solve(current, grid, parameters)
         timing += current.timing
-        if not current.ok:
+        if not current.solved:
             return dataclasses.replace(current, method="refinement", timing=timing)
         errors = local_errors(current)
         if errors.max() <= tolerance or current.nodes >= most_nodes:
             break
         grid = split(grid, _parts(errors, tolerance, len(scheme.points) + 1, most_nodes - len(grid)))
     reached = "at most" if errors.max() <= tolerance else "still"
-    message = f"local error {reached} {errors.max():.2g} on {current.nodes} nodes"
-    refined = replayed(dataclasses.replace(current, method="refinement", message=message, timing=timing))
-    if refined.replay is not None and refined.replay.error <= tolerance:
+    refined = replayed(dataclasses.replace(current, method="refinement", timing=timing), tolerance)
+    message = f"local error {reached} {errors.max():.2g} on {current.nodes} nodes; {refined.message}"
+    refined = dataclasses.replace(refined, message=message)
+    if refined.ok:
         return refined
-    even = solve(problem, refined.nodes, scheme=scheme, guess=refined, parameters=parameters, options=options)
+    even = solve(
+        problem, refined.nodes, scheme=scheme, guess=refined, parameters=parameters, options=options,
+        tolerance=tolerance,
+    )  # fmt: skip
     spent = even.timing.build_ms + even.timing.solve_ms + even.timing.replay_ms
     refined = dataclasses.replace(refined, timing=refined.timing + Timing(gate_ms=spent))
-    return gated(refined, even, "refinement", tolerance) if even.ok else refined
+    return gated(refined, even, "refinement", tolerance) if even.solved else refined
 
 
 def _parts(errors: Array, tolerance: float, power: int, spare: int) -> list[int]:

@@ -127,7 +127,7 @@ def attempts(name: str, nodes: int, exhaustive: bool) -> list[dict[str, Any]]:
 
 def _row(name: str, method: str, solution: Solution) -> dict[str, Any]:
     known, replay = PROBLEMS[name], solution.replay
-    passed = solution.status is Outcome.OPTIMAL and replay is not None
+    passed = solution.status in (Outcome.OPTIMAL, Outcome.CONVERGED) and replay is not None
     error = known.error(solution.cost)
     error_replayed = known.error(replay.cost) if replay is not None else math.nan
     intervals, inside = solution.nodes - 1, solution.scheme.interior
@@ -169,7 +169,7 @@ def _first_reached(tried: Sequence[dict[str, Any]]) -> dict[str, Any]:
 def _excess(row: Mapping[str, Any]) -> float:
     """The larger error over the tolerance; infinite without a solution that the gate passed."""
     excess = float(np.max([row["error"], row["error_replayed"]])) / row["tolerance"]  # NaN if either is
-    return excess if row["status"] == "optimal" and math.isfinite(excess) else math.inf
+    return excess if row["status"] in ("optimal", "converged") and math.isfinite(excess) else math.inf
 
 
 def _claim(best: Mapping[str, Mapping[str, Any]], reached: Sequence[str], config: OcpProblemsConfig) -> Claim:

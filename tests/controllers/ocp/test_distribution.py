@@ -46,7 +46,7 @@ def coasting(longest: float) -> ProblemFunctions:
 @pytest.mark.parametrize(("epsilon", "step"), [(0.1, 0.1), (0.3, 0.3), (0.6, 0.6), (0.9, 0.6), (5.0, 0.6)])
 def test_example_b1_is_the_equidistant_receding_horizon(epsilon: float, step: float) -> None:
     solution = transcription(coasting(6.0), Euler(), 11, EquidistantHorizon(epsilon)).solve()
-    assert solution.ok
+    assert solution.solved
     assert np.allclose(np.diff(solution.t), step, rtol=1e-4)
 
 
@@ -89,7 +89,7 @@ def test_free_nodes_are_exploited_and_refused(distribution: Free | FrontLoaded, 
     even = solve(problem, 20, scheme=scheme)
     solution = distribute(problem, 20, distribution, scheme=scheme)
     assert solution.status is Outcome.REFUSED
-    assert solution.ok
+    assert solution.solved
     assert solution.cost == pytest.approx(even.cost, abs=1e-9)
     assert np.allclose(solution.grid.nodes, even.grid.nodes)
     assert "replays with" in solution.message

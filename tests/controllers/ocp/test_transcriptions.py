@@ -70,7 +70,7 @@ def test_the_error_of_the_end_falls_with_the_order_of_the_scheme(scheme: Scheme)
     errors, costs = [], []
     for intervals in (coarse, fine):
         solution = solve(problem, intervals + 1, scheme=scheme)
-        assert solution.ok
+        assert solution.solved
         errors.append(np.abs(solution.x[-1] - truth[:2]).max())
         costs.append(abs(solution.cost - truth[2] - truth[1]))
     assert 2 ** (scheme.order - 0.75) < errors[0] / errors[1] < 2 ** (scheme.order + 1.5)
@@ -142,7 +142,7 @@ def test_lagrange_weights_reproduce_polynomials(degree: int) -> None:
 
 @schemes
 def test_two_nodes_are_enough(scheme: Scheme) -> None:
-    assert solve(linear_quadratic(), uniform(2), scheme=scheme).ok
+    assert solve(linear_quadratic(), uniform(2), scheme=scheme).solved
 
 
 @schemes

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from benchmarks.ocp_references.collocation import Arc, Reference, collocate, gauss, radau
+from benchmarks.ocp_references.collocation import Arc, Reference, collocate, radau
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems import alp_rider as alp
 from mathnavi.controllers.ocp.problems import bunt as bunt_problem
+from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)
@@ -22,20 +23,21 @@ class Chain:
     uniform: tuple[int, ...] = (20,)  # intervals of Radau IIA of three points, one grid after the other
     moving: bool = True  # widths are unknowns
 
-    def optima(self, problem: ProblemFunctions) -> tuple[float, float]:
-        """J by Radau IIA and by Gauss and Legendre; NoReferenceError where either does not converge."""
-        guess: Reference | None = None
+    def guess(self, problem: ProblemFunctions) -> Reference | None:
+        """The optimum on the uniform grids; None without one. NoReferenceError where a solve does not converge."""
+        found: Reference | None = None
         for intervals in self.uniform:
-            grid = [Arc(1.0, intervals=intervals)]
-            guess = collocate(problem, grid, radau(3), guess, moving=False, tolerance=1e-8)
-        by_radau = collocate(problem, self.arcs, radau(self.radau), guess, moving=self.moving)
-        by_gauss = collocate(problem, self.arcs, gauss(self.gauss), guess, moving=self.moving)
-        return by_radau.cost, by_gauss.cost
+            found = collocate(problem, [Arc(1.0, intervals=intervals)], radau(3), found, moving=False, tolerance=1e-8)
+        return found
+
+    def optimum(self, problem: ProblemFunctions, points: Array, guess: Reference | None) -> float:
+        """J on the arcs with these points in an interval; NoReferenceError where the solve does not converge."""
+        return collocate(problem, self.arcs, points, guess, moving=self.moving).cost
 
 
-def smooth(intervals: int, **other: int) -> Chain:
+def smooth(intervals: int, uniform: tuple[int, ...] = (20,)) -> Chain:
     """One arc, of equal intervals."""
-    return Chain((Arc(1.0, intervals=intervals),), moving=False, **other)
+    return Chain((Arc(1.0, intervals=intervals),), uniform=uniform, moving=False)
 
 
 def bunt_load(x: ca.SX, u: ca.SX, t: ca.SX) -> ca.SX:
@@ -121,6 +123,10 @@ CHAINS: dict[str, Chain] = {
     "maximum range": smooth(20),
     "orbit raising": smooth(40, uniform=(30,)),
     "cart-pole": smooth(30),
+    "missile, SM": smooth(24),
+    "missile, SM2": smooth(24),
+    "missile, SM3": smooth(24),
+    "missile, FAST": smooth(24),
     "stirred tank": smooth(12),
     "hanging chain": smooth(20),
     "double integrator, time": Chain((Arc(0.5, {"u": 1.0}, intervals=2), Arc(0.5, {"u": -1.0}, intervals=2))),

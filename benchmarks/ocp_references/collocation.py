@@ -121,7 +121,7 @@ def collocate(
     g_lower: list[Array] = []
     g_upper: list[Array] = []
 
-    def unknown(name: str, start: Array, bounds: tuple[Array, Array], scale: Array) -> ca.SX:
+    def unknown(name: str, start: Array, bounds: Sequence[Array], scale: Array) -> ca.SX:
         symbol = ca.SX.sym(name, len(start))
         w.append(symbol)
         w_0.append(np.clip(start, *bounds) / scale)
@@ -147,7 +147,7 @@ def collocate(
         T = ca.sum1(d)
         require(T / T_0, np.array([shortest / T_0]), np.array([longest / T_0]))
     state_at, control_at = _guesses(problem, guess)
-    x = unknown("x", state_at(0.0), tuple(problem.state_bounds), problem.state_scale)  # type: ignore[arg-type]
+    x = unknown("x", state_at(0.0), problem.state_bounds, problem.state_scale)
     require(problem.initial(x, p), *problem.initial_bounds)
     cost, t = ca.SX(0), ca.SX(0)
     times, states, controls = [], [], []
@@ -170,7 +170,7 @@ def collocate(
             for j, c in enumerate(points):
                 now = t + c * h
                 u = sum((basis[j, i] * values[i] for i in range(len(at))), ca.SX(0))
-                y = unknown("X", state_at(tau + c * h_0), tuple(problem.state_bounds), problem.state_scale)  # type: ignore[arg-type]
+                y = unknown("X", state_at(tau + c * h_0), problem.state_bounds, problem.state_scale)
                 f.append(problem.dynamics(y, u, now, p))
                 L.append(problem.running_cost(y, u, now, p))
                 X.append(y)
@@ -191,7 +191,7 @@ def collocate(
             if points[-1] == 1.0:
                 x = X[-1]
             else:
-                x = unknown("x", state_at(tau), tuple(problem.state_bounds), problem.state_scale)  # type: ignore[arg-type]
+                x = unknown("x", state_at(tau), problem.state_bounds, problem.state_scale)
                 require((reached - x) / ca.DM(problem.state_scale), np.zeros(nx), np.zeros(nx))
     require(problem.final(x, T, p), *problem.final_bounds)
     cost += problem.terminal_cost(x, T, p)

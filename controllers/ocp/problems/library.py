@@ -88,8 +88,8 @@ PROBLEMS: dict[str, KnownOptimum] = {
     "Bryson-Denham, L = 0.1": KnownOptimum(
         partial(bryson_denham, 0.1), 4.4444444444, "4 / (9 L), Bryson and Ho", "state-constrained"
     ),
-    "hypersensitive": KnownOptimum(hypersensitive, 3.3620571, "exact for large T; GPOPS-II manual", "smooth"),
-    "hypersensitive, short": KnownOptimum(hypersensitive_short, 1.3308069, "exact", "smooth"),
+    "hypersensitive": KnownOptimum(hypersensitive, 3.3620569049, "exact for large T; GPOPS-II manual", "smooth"),
+    "hypersensitive, short": KnownOptimum(hypersensitive_short, 1.3308069049, "exact", "smooth"),
     "linear hypersensitive": KnownOptimum(linear_hypersensitive, 1.6730939784, "Rao and Mease", "smooth"),
     "double integrator, energy": KnownOptimum(double_integrator_energy, 6.0, "analytic", "smooth"),
     "double integrator, energy, v(T) free": KnownOptimum(
@@ -130,7 +130,7 @@ PROBLEMS: dict[str, KnownOptimum] = {
 KNOWN.update({name: known.problem for name, known in PROBLEMS.items()})  # to be solved by their names
 
 MISSILES: dict[str, KnownOptimum] = {
-    f"missile, {name}": KnownOptimum(partial(missile, name), optimum.cost, "independent code, N = 301", "smooth")
+    f"missile, {name}": KnownOptimum(partial(missile, name), optimum.cost, "computed, two discretisations", "smooth")
     for name, optimum in OPTIMA.items()
 }
 """the thesis' own design study (B.4), whose objective the thesis leaves open"""

@@ -24,14 +24,21 @@ NlpPlugin = Literal["ipopt", "fatrop"]
 
 
 class Outcome(Enum):
-    """How a solve ended; the value is the message for the user."""
+    """How a solve ended; the value is the message for the user.
 
-    OPTIMAL = "a local optimum of the transcribed problem"
+    A solver itself says no more than ``CONVERGED``: whether the solution of a transcribed programme solves the problem,
+    its replay in the true dynamics has to show.
+    """
+
+    OPTIMAL = "a local optimum, within the tolerance when it is replayed"
+    CONVERGED = "the programme is solved, but not shown to be accurate"
+    REFUSED = "the adaptive solution replays worse than the uniform one, which is returned in its place"
+    UNBOUNDED = "nothing that was stated bounds the solution"
     INFEASIBLE = "the solver found no feasible point"
-    LIMIT = "the solver stopped at its limit of iterations"
+    OVERDETERMINED = "there are more equations than unknowns"
+    LIMIT = "the solver stopped at its limit of iterations or of time"
     NOT_FINITE = "the problem or its guess holds NaN or infinity"
     FAILED = "the solver gave up"
-    REFUSED = "the adaptive solution replays worse than the uniform one, which is returned in its place"
 
 
 _REASONS = {  # return_status of IPOPT
@@ -40,6 +47,8 @@ _REASONS = {  # return_status of IPOPT
     "Maximum_CpuTime_Exceeded": Outcome.LIMIT,
     "Invalid_Number_Detected": Outcome.NOT_FINITE,
     "Restoration_Failed": Outcome.INFEASIBLE,
+    "Diverging_Iterates": Outcome.UNBOUNDED,
+    "Not_Enough_Degrees_Of_Freedom": Outcome.OVERDETERMINED,
 }
 IPOPT_WARM_START: Mapping[str, Any] = {
     "warm_start_init_point": "yes",
@@ -132,5 +141,5 @@ class NlpSolver:
             return NlpReport(Outcome.FAILED, str(error).strip().splitlines()[-1], None)
         statistics = self._evaluate.stats()
         message = str(statistics["return_status"])
-        outcome = Outcome.OPTIMAL if statistics["success"] else _REASONS.get(message, Outcome.FAILED)
+        outcome = Outcome.CONVERGED if statistics["success"] else _REASONS.get(message, Outcome.FAILED)
         return NlpReport(outcome, message, int(statistics["iter_count"]))

@@ -349,7 +349,7 @@ class _Solver:
         if report.iterations is None:  # the solver raised an exception
             self._forget()
             return report.message
-        if not (report.outcome is Outcome.OPTIMAL and np.isfinite(x).all()):
+        if not (report.outcome is Outcome.CONVERGED and np.isfinite(x).all()):
             self._forget()
             return f"{report.message} after {report.iterations} iterations"
         self._in["lam_x0"][:], self._in["lam_g0"][:] = self._out["lam_x"], self._out["lam_g"]

@@ -55,8 +55,8 @@ class SolverAnswer:
 
     @property
     def ok(self) -> bool:
-        """True if the status is that of a solution."""
-        return self.status is Outcome.OPTIMAL
+        """True if the programme is solved."""
+        return self.status is Outcome.CONVERGED
 
 
 class NumericalSolver:
@@ -67,26 +67,37 @@ class NumericalSolver:
         self._name = options.backend
         self._solver = _solver(nlp, options)
         self._in, self._out = self._solver.inputs, self._solver.outputs
-        for name, limits in (("lbx", nlp.x_lower), ("ubx", nlp.x_upper), ("lbg", nlp.lower), ("ubg", nlp.upper)):
-            self._in[name][:] = limits
+        self._bounds = nlp.x_lower, nlp.x_upper, nlp.lower, nlp.upper
 
-    def solve(self, x_0: Array, known: Array, multipliers: tuple[Array, Array] | None = None) -> SolverAnswer:
+    def solve(
+        self,
+        x_0: Array,
+        known: Array,
+        multipliers: tuple[Array, Array] | None = None,
+        bounds: tuple[Array, Array, Array, Array] | None = None,
+    ) -> SolverAnswer:
         """Solve from a guess; failure of any kind is in the answer's status.
 
         Args:
             x_0: (n,) guess of the scaled unknowns.
             known: (np,) or, on a fixed grid, (np + N - 1,) the programme's parameters p, then the relative widths D.
             multipliers: guesses of those of the bounds (n,) and of the rows (m,); None for zeros.
+            bounds: lower and upper bounds (n,) of the scaled unknowns and (m,) of the rows; None for the programme's.
         """
         began = time.perf_counter()
         if not (np.isfinite(x_0).all() and np.isfinite(known).all()):
             return self._failed(Outcome.NOT_FINITE, Outcome.NOT_FINITE.value, x_0, began)
         self._in["x0"][:], self._in["p"][:] = x_0, known
+        limits = self._bounds if bounds is None else bounds
+        for name, values in zip(("lbx", "ubx", "lbg", "ubg"), limits, strict=True):
+            self._in[name][:] = values
         self._in["lam_x0"][:], self._in["lam_g0"][:] = (0.0, 0.0) if multipliers is None else multipliers
         report = self._solver.solve()
         if report.iterations is None:
             reason = f"{self._name} raised an exception: {_last_words(report.message)}"
             return self._failed(report.outcome, reason, x_0, began)
+        if report.outcome is Outcome.OVERDETERMINED:
+            return self._failed(report.outcome, report.message, x_0, began)
         out = {name: array.copy() for name, array in self._out.items()}
         if not all(np.isfinite(out[name]).all() for name in ("x", "f", "g")):  # FATROP calls even that a success
             return self._failed(Outcome.NOT_FINITE, Outcome.NOT_FINITE.value, x_0, began)

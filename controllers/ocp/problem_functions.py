@@ -7,12 +7,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 from typing import NamedTuple
 
 import casadi as ca
 
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
+
+DURATION_LIMITS = (1e-3, 1e9)
+"""[s] limits of a free final time for which none are stated: for the search, no solution ends there"""
+
+
+DURATION_LIMITS = (1e-3, 1e9)
+"""[s] limits of a free final time for which none are stated: for the search, no solution ends there"""
 
 
 class Interval(NamedTuple):
@@ -44,6 +52,9 @@ class ProblemFunctions:
     path_bounds: Interval  # (nd,)
     initial_bounds: Interval  # (ni,)
     final_bounds: Interval  # (ns,)
+    path_names: tuple[str, ...]  # nd texts or names of the constraints
+    initial_names: tuple[str, ...]  # ni
+    final_names: tuple[str, ...]  # ns
     duration_bounds: tuple[float, float]  # [s] equal for a fixed T
     state_scale: Array  # (nx,)
     control_scale: Array  # (nu,)
@@ -78,7 +89,15 @@ class ProblemFunctions:
             if name not in self.parameters:
                 known = ", ".join(self.parameters) or "none"
                 raise ProblemError(f"{self.name}: parameter {name!r} is not known; allowed: {known}")
-            if not math.isfinite(value):
+            if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
                 raise ProblemError(f"{self.name}: parameter {name} = {value!r}; allowed: a finite number")
             values[self.parameters.index(name)] = value
         return values
+
+
+def check_problem(problem: object) -> None:
+    """Raise ProblemError for a problem that is no ``ProblemFunctions``, an ``OptimalControlProblem`` itself for one."""
+    if not isinstance(problem, ProblemFunctions):
+        raise ProblemError(
+            f"problem = {problem!r:.120}; allowed: ProblemFunctions, OptimalControlProblem.functions() for one"
+        )

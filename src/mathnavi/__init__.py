@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mathnavi.controllers.ocp.monitors import Monitor
     from mathnavi.controllers.ocp.problems.library import OptimalControlProblem
+    from mathnavi.controllers.ocp.saved_solution import load_solution
     from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
     from mathnavi.models.field.curve import Curve, ellipse
     from mathnavi.models.manifold.constant_curvature import flat_space as EuclideanSpace  # noqa: N812
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
         PluginError,
         ProblemError,
         RunFolderError,
+        SolutionFileError,
         StoreError,
         TerrainError,
     )
@@ -84,6 +86,7 @@ _PLACES = {
     # optimal control
     "OptimalControlProblem": "controllers.ocp.problems.library",  # which enters the problems of the literature
     "Monitor": "controllers.ocp.monitors",
+    "load_solution": "controllers.ocp.saved_solution",
     # terrain
     "load_terrain": "models.terrain.library",
     "import_terrain": "models.terrain.dem:import_dem",
@@ -104,6 +107,7 @@ _PLACES = {
     "PluginError": "sim.interfaces.errors",
     "ProblemError": "sim.interfaces.errors",
     "RunFolderError": "sim.interfaces.errors",
+    "SolutionFileError": "sim.interfaces.errors",
     "StoreError": "sim.interfaces.errors",
     "TerrainError": "sim.interfaces.errors",
 }
@@ -136,6 +140,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "wall_through",
     "OptimalControlProblem",
     "Monitor",
+    "load_solution",
     "load_terrain",
     "import_terrain",
     "HeightField",
@@ -153,6 +158,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "PluginError",
     "ProblemError",
     "RunFolderError",
+    "SolutionFileError",
     "StoreError",
     "TerrainError",
 ]

@@ -43,7 +43,7 @@ def adaptive(uniform: Solution) -> Solution:
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_the_optimum_is_the_same(backend: Backend, uniform: Solution) -> None:
     found = solution(backend, Fixed(), uniform)
-    assert found.ok, found.message
+    assert found.solved, found.message
     assert found.cost == pytest.approx(uniform.cost, rel=1e-7)
     np.testing.assert_allclose(
         found.u / found.problem.control_scale, uniform.u / uniform.problem.control_scale, atol=1e-4
@@ -54,7 +54,7 @@ def test_the_optimum_is_the_same(backend: Backend, uniform: Solution) -> None:
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_so_is_the_grid_where_the_nodes_are_unknowns(backend: Backend, uniform: Solution, adaptive: Solution) -> None:
     found = solution(backend, Equidistributed(), uniform)
-    assert found.ok, found.message
+    assert found.solved, found.message
     assert found.cost == pytest.approx(adaptive.cost, rel=1e-6)
     np.testing.assert_allclose(found.grid.nodes, adaptive.grid.nodes, atol=1e-4)
     assert np.ptp(np.diff(found.grid.nodes)) > 0.01

@@ -51,7 +51,7 @@ def test_a_guess_is_finite_and_within_the_bounds(name: str) -> None:
 @pytest.mark.parametrize("name", EASY)
 def test_refinement_reaches_the_optimum(name: str) -> None:
     solution = refine(ALL[name].problem())
-    assert solution.status is Outcome.OPTIMAL
+    assert solution.status in (Outcome.OPTIMAL, Outcome.CONVERGED)
     assert solution.nodes <= 60
     assert solution.replay is not None
     assert ALL[name].error(solution.cost) <= ALL[name].tolerance

@@ -13,7 +13,8 @@ With H = L + λ'f, minimised, path constraints d with multipliers μ and states 
 
 A control in which H is linear has a switching function H_u. Where that vanishes over an arc, the minimum says nothing
 of the control; judged there is d(H_u)/dt = 0 and, of a single such control, -∂/∂u d²(H_u)/dt² >= 0 (Kelley). Whatever
-cannot be judged is listed by name with its reason. A residual is over the size of the terms that it is a sum of.
+cannot be judged is listed by name with its reason. A residual is over the size of the terms that it is a sum of; that
+of a differential equation is the mean over time by which the integrated right side leaves the left.
 """
 
 from __future__ import annotations
@@ -119,7 +120,7 @@ def check_pontryagin(solution: Solution, *, tolerance: float = TOLERANCE) -> Pon
         ProblemError: for a solve that failed and a scheme of one point, whose control is held: the conditions then hold
             in the mean of an interval only.
     """
-    if not solution.ok:
+    if not solution.solved:
         raise ProblemError(f"the solution of {solution.problem.name} failed: {solution.status.value}")
     if len(solution.scheme.points) < 2:
         raise ProblemError(f"scheme = {solution.scheme.name} holds its control; allowed: a collocation scheme")
@@ -206,7 +207,7 @@ class _Judge:
         ends = integral_weights(self.solution.scheme.points, np.array([0.5, 1.0]))
         d = np.diff(self.solution.t)
         early = np.where(np.abs(points - 0.5) < 1e-12, 0.5, points < 0.5)
-        first = np.einsum("n,k,nk...->n...", d, ends[0], smooth) + np.einsum("k,nk...->n...", early, atoms)
+        first: Array = np.einsum("n,k,nk...->n...", d, ends[0], smooth) + np.einsum("k,nk...->n...", early, atoms)
         whole = np.einsum("n,k,nk...->n...", d, ends[1], smooth) + atoms.sum(axis=1)
         return first, whole - first
 
@@ -217,19 +218,23 @@ class _Judge:
     @property
     def _middle(self) -> Array:
         """Costates (N - 1, nx) in the middle of every interval."""
-        return np.einsum("k,nkm->nm", weights(self.solution.scheme.points, np.array([0.5]))[0], self.costates)
+        basis = weights(self.solution.scheme.points, np.array([0.5]))[0]
+        middle: Array = np.einsum("k,nkm->nm", basis, self.costates)
+        return middle
 
     @property
     def _costate_size(self) -> Array:
         """Size (nx,) of each costate; one that vanishes is measured by the others."""
         scaled = np.abs(self.costates).max(axis=(0, 1)) * self.problem.state_scale
-        return np.maximum(scaled, max(1e-3 * float(scaled.max(initial=0.0)), _SMALL)) / self.problem.state_scale
+        least = max(1e-3 * float(scaled.max(initial=0.0)), _SMALL)
+        size: Array = np.maximum(scaled, least) / self.problem.state_scale
+        return size
 
     def _adjoint(self) -> Condition:
         first, second = self._forces()
         defect = np.diff(self._middle, axis=0) + second[:-1] + first[1:]
         drift = np.vstack([np.zeros(self.problem.nx), np.cumsum(defect, axis=0)])
-        apart = np.abs(drift - np.median(drift, axis=0)).max(axis=0)
+        apart = self.solution.grid.widths @ np.abs(drift - np.median(drift, axis=0))
         return self._judged("adjoint", float((apart / self._costate_size).max(initial=0.0)))
 
     # the control
@@ -283,10 +288,10 @@ class _Judge:
         """First interval, and the one after the last, of every arc on which a switching function vanishes."""
         switching = np.abs(self.switching[:, :, j])
         small = (switching <= _SINGULAR * max(float(switching.max()), _SMALL)).all(axis=1)
-        inside = ~(self.at_lower | self.at_upper)[:, :, j].all(axis=1)
-        ends = np.flatnonzero(np.diff(np.concatenate([[False], small, [False]]).astype(int)))
+        inside = ~(self.at_lower[:, :, j] | self.at_upper[:, :, j]).all(axis=1)
+        ends = np.flatnonzero(np.diff(np.concatenate([[False], small & inside, [False]]).astype(int)))
         for first, last in zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True):
-            if last - first >= _LEAST_ARC and inside[first:last].mean() >= 0.5:  # not just many nodes at a switch
+            if last - first >= _LEAST_ARC:
                 yield first, last
 
     def _singular(self, j: int, first: int, last: int, several: bool) -> Iterator[Condition]:
@@ -338,7 +343,7 @@ class _Judge:
         first, second = self._halves(self.H_t, np.zeros_like(self.H_t))
         gained = np.concatenate([[0.0], np.cumsum(second[:-1] + first[1:])])
         drift = mean - gained
-        return float(np.abs(drift - np.median(drift)).max()) / self.H_size
+        return float(self.solution.grid.widths @ np.abs(drift - np.median(drift))) / self.H_size
 
     def _ends(self) -> Iterator[Condition]:
         s, problem, p, m = self.solution, self.problem, self.solution.parameters, self.solution.multipliers
@@ -387,10 +392,11 @@ class _Judge:
         problem = self.problem
         depends = np.array(ca.DM(problem.dynamics.jac_sparsity(0, 1), 1.0).full(), bool).reshape(problem.nx, problem.nu)
         on_bound = self._on_bound.all(axis=1)
+        pressed: Flags = np.logical_or(self.at_lower, self.at_upper).all(axis=1)
         for i, name in enumerate(problem.states):
             moving = depends[i]
             if moving.any():
-                there = on_bound[:, i] & (self.at_lower | self.at_upper).all(axis=1)[:, moving].all(axis=1)
+                there = on_bound[:, i] & pressed[:, moving].all(axis=1)
                 if there.any():
                     held = ", ".join(u for u, on in zip(problem.controls, moving, strict=True) if on)
                     why = f"{name} and {held} are on their bounds at once: only the sum of what holds them is known"

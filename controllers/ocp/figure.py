@@ -62,7 +62,6 @@ class SolutionView(Protocol):
     def headline(self) -> str: ...
     def state(self, t: Array) -> Array: ...
     def control(self, t: Array) -> Array: ...
-    def costate(self, t: Array) -> Array: ...
 
 
 def solution_figure(solution: SolutionView, names: Sequence[str] = ()) -> Figure:
@@ -72,7 +71,8 @@ def solution_figure(solution: SolutionView, names: Sequence[str] = ()) -> Figure
     """
     problem, m = solution.problem, solution.multipliers
     t = dense_times(solution.t)
-    x, u, costates = solution.state(t), solution.control(t), solution.costate(t)
+    x, u = solution.state(t), solution.control(t)
+    times, costates = solution.point_times, m.dynamics.values
     p = np.tile(solution.parameters[:, None], (1, len(t)))
     d = np.array(problem.path.map(len(t))(x.T, u.T, t[None, :], p).full()).T if m.path.names else np.empty((len(t), 0))
     kinds = (
@@ -93,11 +93,11 @@ def solution_figure(solution: SolutionView, names: Sequence[str] = ()) -> Figure
             _nodes(left, solution, t, values[:, k], colour)
             _limits(left, limits, k, values[:, k])
             if kind is kinds[0]:
-                _curve(right, t, costates[:, k], DUAL, f"costate of {kind_names[k]}")
+                _curve(right, times.ravel(), costates[..., k].ravel(), DUAL, f"costate of {kind_names[k]}")
             else:
                 of = "the bounds of " if kind is kinds[1] else ""
-                _multiplier(right, solution.point_times, limits, multipliers, k, of)
-            least = ACTIVE * float(np.abs(costates[:, k]).max()) if kind is kinds[0] else LEAST_IMPULSE
+                _multiplier(right, times, limits, multipliers, k, of)
+            least = ACTIVE * float(np.abs(costates[..., k]).max()) if kind is kinds[0] else LEAST_IMPULSE
             impulses = _impulses(solution, multipliers, k, least)
             for axes in (left, right):
                 _held(axes, solution, multipliers.values[..., k], impulses)

@@ -41,6 +41,7 @@ _MARGIN = 0.1  # of the tolerance that the defects, and a change of J, may take
 _MOST_ARCS = 30
 _MOST_VISITS = 2  # to the same structure, before the rounds stay with it
 _SMOOTHING = 1e-2  # first weight ρ, over |J|
+_JITTER = 1e-4  # of that weight for a control that J or the dynamics bend: it would jitter in a narrow interval
 _LEAST = 1e-3  # of the tolerance, the defects are asked to be
 _ROUNDING = 1e-9  # relative change of J that the solver's own tolerance leaves
 
@@ -61,15 +62,19 @@ class _Plan:
         known = self.structure
         ends = np.searchsorted(self.grid.nodes, np.append(known.boundaries, 1.0) - 1e-12)
         intervals = tuple(int(n) for n in np.diff(np.append(0, ends)))
-        free = (linear_controls(problem) | self.every) & (known.held[:, : problem.nu] == 0)
-        arcs = Arcs(intervals, *known.limits(problem), np.where(free, self.smoothing, 0.0))
+        weights = np.where(known.held[:, : problem.nu] == 0, self.weights(problem), 0.0)
+        arcs = Arcs(intervals, *known.limits(problem), weights)
         made = transcription(problem, RadauIIA(self.count), len(self.grid), FIXED, options, len(known))
         return unwound(made.solve(guess, self.grid, parameters, arcs))
 
     def added(self, solution: Solution) -> float:
         """What the smoothing adds to J: J is at most as much above its least value."""
-        u, smoothed = solution.u / solution.problem.control_scale, linear_controls(solution.problem) | self.every
-        return self.smoothing * float(np.einsum("kl,ikm,ilm->m", variation(solution.scheme), u, u)[smoothed].sum())
+        u = solution.u / solution.problem.control_scale
+        return float(self.weights(solution.problem) @ np.einsum("kl,ikm,ilm->m", variation(solution.scheme), u, u))
+
+    def weights(self, problem: ProblemFunctions) -> Array:
+        """Weights ρ (nu,) of the variation of each control where it is free."""
+        return self.smoothing * np.where(linear_controls(problem) | self.every, 1.0, _JITTER)
 
     def placed(self, solution: Solution) -> Structure:
         """The structure with its boundaries where a solution put them, without arcs that became as good as nothing."""

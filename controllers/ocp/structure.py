@@ -209,7 +209,7 @@ def _active_constraints(solution: Solution, path: Array, mixed: NDArray[np.bool_
     found = []
     for values, (lower, upper), scale, multipliers in (
         (x, problem.state_bounds, problem.state_scale, of.states.values),
-        (path[:, ~mixed], [side[~mixed] for side in problem.path_bounds], 1.0, of.path.values[:, :, ~mixed]),
+        (path[:, ~mixed], _of(problem.path_bounds, ~mixed), np.ones(1), of.path.values[:, :, ~mixed]),
     ):
         felt = np.abs(multipliers.reshape(len(x), -1)) * scale > weak
         for touched in (values - lower <= _TOUCHING * scale, upper - values <= _TOUCHING * scale):
@@ -219,6 +219,10 @@ def _active_constraints(solution: Solution, path: Array, mixed: NDArray[np.bool_
                 if not fixed and (column & strong).any()
             ]
     return found
+
+
+def _of(limits: Interval, chosen: NDArray[np.bool_]) -> Interval:
+    return Interval(limits.lower[chosen], limits.upper[chosen])
 
 
 def _path_values(solution: Solution) -> Array:

@@ -17,6 +17,7 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_p
 from mathnavi.controllers.ocp.replay import GIVEN_NODES
 from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solver import DEFAULT, Options
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
@@ -44,6 +45,7 @@ def solve_by(
     *,
     guess: Solution | None,
     parameters: Array,
+    options: Options = DEFAULT,
     tolerance: float | None = None,
 ) -> Solution:
     """Solve a problem by one of the methods: "hp" by Radau collocation, the others by Hermite-Simpson's.
@@ -57,6 +59,7 @@ def solve_by(
             ``MONITORS``; None for the method's own, curvature and arclength.
         guess: a solution to start from, on any grid; None for the problem's own guess.
         parameters: (np,) values of the problem's parameters.
+        options: solver and tolerance.
         tolerance: largest figures of the replay of a solution that is called OPTIMAL; None for the method's own.
 
     Returns:
@@ -81,17 +84,27 @@ def solve_by(
     if method in _DEFAULT_MONITORS:
         chosen = _DEFAULT_MONITORS[method] if monitor is None else _monitor(monitor)
         if method == "redistribute":
-            return redistribute(problem, nodes, chosen, guess=guess, parameters=parameters, tolerance=within)
+            return redistribute(
+                problem, nodes, chosen, guess=guess, parameters=parameters, options=options, tolerance=within
+            )
         distribution = Equidistributed(chosen, chosen.epsilon)
-        return distribute(problem, nodes, distribution, guess=guess, parameters=parameters, tolerance=within)
+        return distribute(
+            problem, nodes, distribution, guess=guess, parameters=parameters, options=options, tolerance=within
+        )
     if monitor is not None:
         takers = ", ".join(_DEFAULT_MONITORS)
         raise ProblemError(f"monitor: method = {method!r} takes none; allowed: a monitor with method {takers}")
     if method == "refine":
         return refine(
-            problem, min(_FIRST_NODES, nodes), most_nodes=nodes, guess=guess, parameters=parameters, tolerance=within
+            problem,
+            min(_FIRST_NODES, nodes),
+            most_nodes=nodes,
+            guess=guess,
+            parameters=parameters,
+            options=options,
+            tolerance=within,
         )
-    return solve(problem, nodes, guess=guess, parameters=parameters, tolerance=within)
+    return solve(problem, nodes, guess=guess, parameters=parameters, options=options, tolerance=within)
 
 
 def _monitor(monitor: Monitor | str) -> Monitor:

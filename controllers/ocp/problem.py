@@ -44,9 +44,6 @@ from mathnavi.controllers.ocp.statement import Duration, Parameter, Statement
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import ProblemError
 
-NODES = 40
-"""nodes of a solution by default"""
-
 KNOWN: dict[str, Callable[[], ProblemFunctions]] = {}
 """problems with a known optimum by name, which ``mathnavi.controllers.ocp.problems.library`` enters"""
 
@@ -399,19 +396,23 @@ class OptimalControlProblem:
 
     def solve(
         self,
-        nodes: int = NODES,
+        nodes: int | None = None,
         *,
-        method: Method = "direct",
+        method: Method = "auto",
         monitor: Monitor | str | None = None,
         guess: Solution | None = None,
         parameters: Mapping[str, float] | None = None,
         tolerance: float | None = None,
     ) -> Solution:
-        """Solve the problem by Hermite-Simpson collocation and replay the solution through its own dynamics.
+        """Solve the problem by collocation and replay the solution through its own dynamics.
 
         Args:
-            nodes: number N of nodes, for ``refine`` the most that it may use.
-            method: "direct", uniform nodes; "redistribute", nodes moved between two solves to where the monitor
+            nodes: number N of nodes, for "hp" and "refine" the most that they may use. None: as many as the tolerance
+                needs for "auto" and "hp", 40 for the others.
+            method: "auto", the one that suits the problem, which the message names: "direct" where a number of nodes is
+                given, otherwise "hp", and "refine" where that falls short; "hp", Radau collocation with points, nodes
+                and switching times added until the replay is within the tolerance; by Hermite-Simpson collocation
+                "direct", uniform nodes; "redistribute", nodes moved between two solves to where the monitor
                 function is large; "distribute", nodes that are unknowns of the programme, (B.1), and hold the monitor
                 function in equal shares; "refine", nodes added where the local error is.
             monitor: monitor function w of "redistribute" and "distribute", or the name of one: "arclength",
@@ -419,8 +420,8 @@ class OptimalControlProblem:
             guess: a solution to start from, on any grid; None for the guess that was stated.
             parameters: values by name, the nominal ones where none is given.
             tolerance: largest miss and path violation, over the scales, and cost error, relative to max(1, |J|), of
-                the replay of a solution that is called OPTIMAL. None: 1e-6 for "refine", and 1e-3 on nodes whose number
-                is given.
+                the replay of a solution that is called OPTIMAL. None: 1e-6 for "hp" and "refine", and 1e-3 on nodes
+                whose number is given.
 
         Returns:
             The solution; ``solution.ok`` says whether it is one, its ``status`` why not: CONVERGED where the programme

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from mathnavi.controllers.ocp.distribution import Equidistributed
 from mathnavi.controllers.ocp.grid import check_nodes
+from mathnavi.controllers.ocp.methods.automatic import automatic
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.methods.distribution import distribute
+from mathnavi.controllers.ocp.methods.hp import MOST_NODES, TOLERANCE, hp
 from mathnavi.controllers.ocp.methods.redistribution import redistribute
 from mathnavi.controllers.ocp.methods.refinement import REFINED, refine
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
@@ -19,9 +21,13 @@ from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
-Method = Literal["direct", "redistribute", "distribute", "refine"]
-"""``direct``: uniform nodes; ``redistribute``: nodes moved between two solves; ``distribute``: nodes that are unknowns
-of the programme, (B.1); ``refine``: nodes added where the local error is"""
+Method = Literal["auto", "hp", "direct", "redistribute", "distribute", "refine"]
+"""``auto``: what suits the problem; ``hp``: points, nodes and switching times until the replay is within the tolerance;
+``direct``: uniform nodes; ``redistribute``: nodes moved between two solves; ``distribute``: nodes that are unknowns of
+the programme, (B.1); ``refine``: nodes added where the local error is"""
+
+NODES = 40
+"""nodes of a solution, where a method needs their number and none is given"""
 
 MONITORS = {monitor.name: monitor for monitor in (ARCLENGTH, CURVATURE, LOCAL_ERROR, RESIDUAL, UNIFORM)}
 """monitor functions by name"""
@@ -32,7 +38,7 @@ _FIRST_NODES = 6  # of a refinement
 
 def solve_by(
     problem: ProblemFunctions,
-    nodes: int,
+    nodes: int | None,
     method: Method,
     monitor: Monitor | str | None,
     *,
@@ -40,11 +46,12 @@ def solve_by(
     parameters: Array,
     tolerance: float | None = None,
 ) -> Solution:
-    """Solve a problem by one of the methods, with Hermite-Simpson collocation.
+    """Solve a problem by one of the methods: "hp" by Radau collocation, the others by Hermite-Simpson's.
 
     Args:
         problem: the problem as compiled functions.
-        nodes: N, for ``refine`` the most that it may use.
+        nodes: N, for ``hp`` and ``refine`` the most that they may use; None for as many as ``auto`` and ``hp`` need,
+            and for ``NODES``.
         method: see ``Method``.
         monitor: the monitor function that ``redistribute`` and ``distribute`` equidistribute, or its name in
             ``MONITORS``; None for the method's own, curvature and arclength.
@@ -60,9 +67,16 @@ def solve_by(
             and for a monitor without a measure where the nodes are unknowns.
     """
     check_problem(problem)
-    check_nodes(nodes)
+    if nodes is not None:
+        check_nodes(nodes)
     if method not in get_args(Method):
         raise ProblemError(f"method = {method!r}; {allowed_for(str(method), get_args(Method))}")
+    if method in ("auto", "hp") and monitor is None:
+        options: dict[str, Any] = {"guess": guess, "parameters": parameters}
+        if method == "auto":
+            return automatic(problem, nodes, tolerance=tolerance, **options)
+        return hp(problem, nodes or MOST_NODES, tolerance=TOLERANCE if tolerance is None else tolerance, **options)
+    nodes = NODES if nodes is None else nodes
     within = tolerance if tolerance is not None else REFINED if method == "refine" else GIVEN_NODES
     if method in _DEFAULT_MONITORS:
         chosen = _DEFAULT_MONITORS[method] if monitor is None else _monitor(monitor)

@@ -64,7 +64,8 @@ def meshed(
         return with_boundaries(solution.grid, structure.boundaries), count + 1
     order = 2 * count
     parts = np.where(large, np.ceil((np.minimum(errors.own, 1.0) / each) ** (1.0 / order)), 1.0)
-    parts = np.where(large, np.clip(parts, 2, _MOST_PARTS), 1).astype(int)
+    most = np.where(errors.own > _ASYMPTOTIC, 2, _MOST_PARTS)
+    parts = np.where(large, np.clip(parts, 2, most), 1).astype(int)
     parts[violated] = np.maximum(parts[violated], 2)
     if not (large.any() or violated.any()):
         parts[:] = 2

@@ -170,9 +170,9 @@ def test_every_monitor_is_known_by_its_name(name: str) -> None:
 @pytest.mark.parametrize(
     ("options", "named"),
     [
-        ({"method": "refined"}, "method = 'refined'; did you mean refine? allowed: direct, redistribute, distribute"),
-        ({"method": None}, "method = None; allowed: direct"),
-        ({"monitor": OWN}, "method = 'direct' takes none; allowed: a monitor with method redistribute, distribute"),
+        ({"method": "refined"}, "method = 'refined'; did you mean refine? allowed: auto, hp, direct, redistribute"),
+        ({"method": None}, "method = None; allowed: auto, hp, direct"),
+        ({"monitor": OWN}, "method = 'auto' takes none; allowed: a monitor with method redistribute, distribute"),
         ({"method": "refine", "monitor": "curvature"}, "method = 'refine' takes none"),
         ({"method": "redistribute", "monitor": "curvatur"}, "did you mean curvature? allowed: arclength, curvature"),
         ({"method": "redistribute", "monitor": 3}, "monitor = 3; allowed: arclength"),

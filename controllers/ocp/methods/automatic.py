@@ -1,0 +1,91 @@
+"""The method that a problem gets where none is asked for: hp refinement, or what flies better where that falls short.
+
+With a number of nodes it is one solve on as many uniform ones, for who gives it has decided. Without, hp refinement is
+tried first: it finds switches and singular arcs, adds points where the solution is smooth and ends at the tolerance.
+Where its replay is not within the tolerance, or the solver gives up, h-refinement by Hermite-Simpson's scheme, whose
+controls are continuous, is tried from the problem's own guess, and the better replay is returned. The message says
+what was chosen, and why.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.hp import TOLERANCE, hp
+from mathnavi.controllers.ocp.methods.refinement import refine
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.replay import GIVEN_NODES
+from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.structure import linear_controls
+from mathnavi.sim.interfaces.signals import Array
+
+_HOPELESS = (Outcome.UNBOUNDED, Outcome.OVERDETERMINED, Outcome.NOT_FINITE)  # whatever the method
+
+
+def automatic(
+    problem: ProblemFunctions,
+    nodes: int | None = None,
+    *,
+    guess: Solution | None = None,
+    parameters: Array | None = None,
+    tolerance: float | None = None,
+) -> Solution:
+    """Solve a problem by the method that suits it; the solution's message says which, and why.
+
+    Args:
+        problem: the problem as compiled functions.
+        nodes: number N of uniform nodes; None for as many as the tolerance needs.
+        guess: a solution to start from, on any grid; None for the problem's own guess.
+        parameters: (np,) values of the problem's parameters; None for the nominal ones.
+        tolerance: largest figures of the replay of a solution that is called OPTIMAL; None for 1e-3 on a given number
+            of nodes, and 1e-6 otherwise.
+
+    Returns:
+        The solution with its replay; failure is in its status.
+
+    Raises:
+        ProblemError: for fewer than two nodes, a tolerance that is not positive, and parameters or a guess that do not
+            fit the problem.
+    """
+    if nodes is not None:
+        within = GIVEN_NODES if tolerance is None else tolerance
+        return solve(problem, nodes, guess=guess, parameters=parameters, tolerance=within)
+    within = TOLERANCE if tolerance is None else tolerance
+    first = hp(problem, guess=guess, parameters=parameters, tolerance=within)
+    if first.status is Outcome.OPTIMAL:
+        return _named(first, f"hp, for {_reason(problem)}: {first.message}")
+    if first.status in _HOPELESS:
+        return first
+    second = refine(problem, guess=guess, parameters=parameters, tolerance=within)
+    chosen, other = (first, second) if _error(first) <= _error(second) else (second, first)
+    timing = first.timing + second.timing
+    said = f"{chosen.method}, for {other.method} {_shown(other)}: {chosen.message}"
+    return _named(dataclasses.replace(chosen, timing=timing), said)
+
+
+def _named(solution: Solution, message: str) -> Solution:
+    return dataclasses.replace(solution, message=message)
+
+
+def _reason(problem: ProblemFunctions) -> str:
+    """What hp refinement is good for in this problem."""
+    bounded = np.isfinite(problem.control_bounds.lower) | np.isfinite(problem.control_bounds.upper)
+    linear = [name for name, is_linear in zip(problem.controls, linear_controls(problem), strict=True) if is_linear]
+    if linear:
+        return f"{', '.join(linear)} may switch or be singular"
+    if bounded.any() or len(problem.path_bounds.lower):
+        return "bounds may hold on arcs"
+    return "the solution is smooth"
+
+
+def _error(solution: Solution) -> float:
+    """Largest figure of the replay; infinite where nothing was solved."""
+    return solution.replay.error if solution.solved and solution.replay is not None else math.inf
+
+
+def _shown(solution: Solution) -> str:
+    return f"replays with {_error(solution):.2g}" if solution.solved else f"failed ({solution.status.value})"

@@ -94,7 +94,7 @@ class OcpProblems:
     """Optimal control problems with known optima, by every adaptive method."""
 
     Config = OcpProblemsConfig
-    quick = OcpProblemsConfig(exhaustive=False)
+    quick = OcpProblemsConfig(problems=16, exhaustive=False)
     title = "Problems with known optima"
     on_terrain = False
 

@@ -187,7 +187,9 @@ CHAINS: dict[str, Chain] = {
     ),
     "Bryson-Denham": Chain((Arc(1 / 3), Arc(1 / 3, {"u": 0.0}), Arc(1 / 3))),
     "Bryson-Denham, L = 0.1": Chain((Arc(0.3), Arc(0.4, {"u": 0.0}), Arc(0.3))),
-    "stc1": Chain((Arc(0.29, intervals=6), Arc(0.41, {}, along_parabola, on_parabola, 2), Arc(0.3, intervals=6))),
+    "stc1": Chain(
+        (Arc(0.29, intervals=10), Arc(0.41, {}, along_parabola, on_parabola, 2), Arc(0.3, intervals=10)), uniform=(40,)
+    ),
     "van der Pol": Chain(
         (Arc(0.0156, intervals=3), Arc(0.1246, {"u": 0.75}, intervals=6), Arc(0.8598, intervals=25)), uniform=(60,)
     ),

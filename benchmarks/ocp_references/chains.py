@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import casadi as ca
 
 from benchmarks.ocp_references.collocation import Arc, Reference, collocate, radau
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.problems import alp_rider as alp
 from mathnavi.controllers.ocp.problems import bunt as bunt_problem
 from mathnavi.sim.interfaces.signals import Array
 
@@ -62,31 +62,17 @@ def along_parabola(x: ca.SX, u: ca.SX, t: ca.SX) -> ca.SX:
     return u[0] - x[1] - 16 * (t - 0.5)
 
 
-def above_landscape(x: ca.SX, t: ca.SX) -> ca.SX:
-    """The alp rider on the ground: |x|^2 is the landscape's height."""
-    peaks = sum((height * ca.exp(-b * (t - a) ** 2) for height, a, b in alp.PEAKS), ca.SX(0.01))
-    return (ca.sumsqr(x) - peaks) / 2
-
-
-def along_landscape(x: ca.SX, u: ca.SX, t: ca.SX) -> ca.SX:
-    """The controls that keep it there: the rate of what ``above_landscape`` returns vanishes."""
-    x1, x2, x3, x4 = ca.vertsplit(x)
-    u1, u2 = ca.vertsplit(u)
-    rate = ca.dot(
-        x,
-        ca.vertcat(
-            -10 * x1 + u1 + u2, -2 * x2 + u1 + 2 * u2, -3 * x3 + 5 * x4 + u1 - u2, 5 * x3 - 3 * x4 + u1 + 3 * u2
-        ),
-    )
-    return rate + sum((height * b * (t - a) * ca.exp(-b * (t - a) ** 2) for height, a, b in alp.PEAKS), ca.SX(0))
-
-
 def _layers(duration: float) -> Chain:
     """The hypersensitive problem: finer towards its ends."""
     widths = ((1.0, 20), (3.0, 20), (12.0, 24))  # [s], intervals
     rest = duration - 2 * sum(width for width, _ in widths)
     arcs = [Arc(width, intervals=n) for width, n in widths]
     return Chain((*arcs, Arc(rest, intervals=12), *reversed(arcs)), moving=False)
+
+
+def _graded(starts: tuple[tuple[float, int], ...]) -> tuple[Arc, ...]:
+    """Arcs from where they start [s], with their intervals; the last start is the end."""
+    return tuple(Arc(end - start, intervals=n) for (start, n), (end, _) in pairwise(starts))
 
 
 def _crane(width: float, u1: float | None, u2: float, intervals: int) -> Arc:
@@ -107,6 +93,12 @@ def _torques(width: float, **u: float) -> Arc:
 
 LEAST, ZERO, MOST = -0.80865, 0.0, 0.71265  # u2 of the crane: x5 falls, stays on its bound, rises
 RISE, FULL = 2.83374, 3.5  # u1 of the crane, the thrust of Goddard's rocket
+
+ALP_RIDER = (
+    (0.0, 8), (0.012, 6), (0.05, 6), (0.34, 20), (0.4, 24), (2.6, 14), (2.9, 30), (5.6, 14), (5.95, 40), (9.65, 12),
+    (9.95, 44), (14.6, 14), (14.95, 36), (18.4, 16), (18.46, 12), (19.8, 8), (19.95, 14), (20.0, 0),
+)  # fmt: skip
+"""finer at both ends, where the constraint begins and ends to bind, and at the foot of every peak: layers of 0.01 s"""
 
 CHAINS: dict[str, Chain] = {
     "brachistochrone": smooth(12),
@@ -195,7 +187,9 @@ CHAINS: dict[str, Chain] = {
     ),
     "Bryson-Denham": Chain((Arc(1 / 3), Arc(1 / 3, {"u": 0.0}), Arc(1 / 3))),
     "Bryson-Denham, L = 0.1": Chain((Arc(0.3), Arc(0.4, {"u": 0.0}), Arc(0.3))),
-    "stc1": Chain((Arc(0.29, intervals=6), Arc(0.41, {}, along_parabola, on_parabola, 2), Arc(0.3, intervals=6))),
+    "stc1": Chain(
+        (Arc(0.29, intervals=10), Arc(0.41, {}, along_parabola, on_parabola, 2), Arc(0.3, intervals=10)), uniform=(40,)
+    ),
     "van der Pol": Chain(
         (Arc(0.0156, intervals=3), Arc(0.1246, {"u": 0.75}, intervals=6), Arc(0.8598, intervals=25)), uniform=(60,)
     ),
@@ -208,10 +202,7 @@ CHAINS: dict[str, Chain] = {
         )
     ),
     "bunt": Chain((Arc(0.75, {"F": 6000.0}, intervals=20), Arc(0.25, {"F": 6000.0}, bunt_load, intervals=10)), gauss=6),
-    "alp rider": Chain(
-        (Arc(0.0165, intervals=8), Arc(0.906, {}, along_landscape, above_landscape, 150), Arc(0.0775, intervals=12)),
-        radau=5, uniform=(20, 80, 160),
-    ),
+    "alp rider": Chain(_graded(ALP_RIDER), radau=5, gauss=4, uniform=(20, 80, 160), moving=False),
     "hang glider": Chain(
         (Arc(0.162, intervals=24), Arc(0.1, {"c": 1.4}, intervals=12), Arc(0.738, intervals=80)),
         radau=6, gauss=6, uniform=(60,),

@@ -95,7 +95,6 @@ def collocate(
     guess: Reference | None = None,
     moving: bool = True,
     tolerance: float = 1e-11,
-    options: Mapping[str, object] | None = None,
 ) -> Reference:
     """The optimum on a chain of arcs.
 
@@ -106,7 +105,6 @@ def collocate(
         guess: another optimum to start from; None for the problem's own guess.
         moving: take the widths for unknowns; if not, the arcs keep their proportions.
         tolerance: of IPOPT.
-        options: more of IPOPT's.
 
     Raises:
         NoReferenceError: without a solution.
@@ -211,7 +209,6 @@ def collocate(
             "ipopt.print_level": 0,
             "ipopt.sb": "yes",
             "print_time": False,
-            **(options or {}),
         },
     )
     answer = solver(

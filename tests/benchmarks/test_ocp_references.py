@@ -25,7 +25,7 @@ def test_the_library_has_what_is_known_on_paper(name: str) -> None:
     assert known.error(known.sign * CLOSED_FORMS[name]()) < AGREEMENT
 
 
-@pytest.mark.parametrize("name", ["lunar landing", "singular regulator", "van der Pol, time"])
+@pytest.mark.parametrize("name", ["lunar landing", "singular regulator"])
 def test_two_computations_agree(name: str) -> None:
     assert agreement(name).holds
 

@@ -117,13 +117,13 @@ PROBLEMS: dict[str, KnownOptimum] = {
     "fishing": KnownOptimum(fishing, 1.3440811995, "Sager", "singular"),
     "stirred tank": KnownOptimum(stirred_tank, 0.13309573050, "Lapidus and Luus", "smooth"),
     "hanging chain": KnownOptimum(hanging_chain, 5.0684801110, "COPS 3", "smooth"),
-    "hang glider": KnownOptimum(hang_glider, 1248.03104, "Bulirsch et al.; COPS 3", "smooth", "x(T)", sign=-1.0),
+    "hang glider": KnownOptimum(hang_glider, 1248.031025, "Bulirsch et al.; COPS 3", "smooth", "x(T)", sign=-1.0),
     "van der Pol": KnownOptimum(van_der_pol, 3.1749818268, "JModelica, which prints 3.1761958", "smooth"),
     "Rayleigh": KnownOptimum(rayleigh, 44.804444893, "SOS", "state-constrained"),
     "cart-pole": KnownOptimum(cart_pole, 58.807667458, "Kelly 2017", "smooth"),
     "tumour": KnownOptimum(tumour, 7571.6700384, "GPOPS-II manual, SOS", "bang-bang", "p(T)", tolerance=1e-3),
     "free-flying robot": KnownOptimum(free_flying_robot, 7.9101470511, "SOS", "bang-bang"),
-    "alp rider": KnownOptimum(alp_rider, 2030.8559, "Betts", "state-constrained", tolerance=1e-3),
+    "alp rider": KnownOptimum(alp_rider, 2030.8545621, "Betts", "state-constrained", tolerance=1e-3),
 }
 """the problems of the literature by name"""
 

@@ -106,13 +106,13 @@ class NumericalSolver:
             ended = report.outcome is Outcome.LIMIT
             reason = f"{self._name} {report.message if ended else f'gave up: {_last_words(report.message)}'}"
             return self._failed(report.outcome, reason, x_0, began)
-        if report.outcome is Outcome.OVERDETERMINED:
-            return self._failed(report.outcome, report.message, x_0, began)
         if report.message == "Invalid_Option":
             wrong = (
                 f"linear_solver = {self._linear_solver!r} is not in this build of IPOPT, or the log cannot be written"
             )
             return self._failed(Outcome.FAILED, wrong, x_0, began)
+        if report.outcome is Outcome.OVERDETERMINED:
+            return self._failed(report.outcome, report.message, x_0, began)
         out = {name: array.copy() for name, array in self._out.items()}
         if not all(np.isfinite(out[name]).all() for name in ("x", "f", "g")):  # FATROP calls even that a success
             last = out["x"] if np.isfinite(out["x"]).all() else x_0

@@ -66,7 +66,7 @@ class MultiPhaseSolution:
         for name, phase in self.phases.items():
             begin = self.start_times[name]
             lines.append((f"phase {name}", f"{begin:.6g} to {begin + phase.duration:.6g}", "s"))
-        return short_table(f"{self.name}, {self.stacked.method}: {self.status.value}", lines)
+        return f"{short_table(f'{self.name}, {self.stacked.method}: {self.status.value}', lines)}\n  {self.message}"
 
 
 def phase_solution(stacked: Solution, name: str, phase: Statement, elapsed: float) -> tuple[Solution, float]:

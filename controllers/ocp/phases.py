@@ -32,10 +32,10 @@ from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_st
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.phase_solutions import MultiPhaseSolution, phase_solution
-from mathnavi.controllers.ocp.problem import NODES, Numbers, OptimalControlProblem
+from mathnavi.controllers.ocp.problem import Numbers, OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
-from mathnavi.controllers.ocp.solver import DEFAULT, Options
+from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.statement import Duration, Parameter, Statement, Variable
 from mathnavi.sim.interfaces.errors import ProblemError
 
@@ -125,15 +125,16 @@ class MultiPhaseProblem:
 
     def solve(
         self,
-        nodes: int = NODES,
+        nodes: int | None = None,
         *,
-        method: Method = "direct",
+        method: Method = "auto",
         monitor: Monitor | str | None = None,
         guess: MultiPhaseSolution | None = None,
         parameters: Mapping[str, Numbers] | None = None,
-        options: Options = DEFAULT,
+        tolerance: float | None = None,
+        options: Options | None = None,
     ) -> MultiPhaseSolution:
-        """Solve all phases together, each on ``nodes`` nodes at the same fractions of its duration.
+        """Solve all phases together, on nodes at the same fractions of their durations.
 
         Arguments and errors are those of ``OptimalControlProblem.solve``, ``guess`` a solution of this problem.
         """
@@ -142,7 +143,9 @@ class MultiPhaseProblem:
         if guess is not None and not isinstance(guess, MultiPhaseSolution):
             raise ProblemError(f"{self.name}: guess = {guess!r:.80}; allowed: a MultiPhaseSolution")
         start = None if guess is None else guess.stacked
-        stacked = solve_by(problem, nodes, method, monitor, guess=start, parameters=values, options=options)
+        stacked = solve_by(
+            problem, nodes, method, monitor, guess=start, parameters=values, tolerance=tolerance, options=options
+        )
         return self._unstacked(stacked)
 
     def __repr__(self) -> str:

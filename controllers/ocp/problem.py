@@ -40,7 +40,7 @@ from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, ProblemFunctions
 from mathnavi.controllers.ocp.problem_table import duration_row, limit_rows
 from mathnavi.controllers.ocp.solution import Solution
-from mathnavi.controllers.ocp.solver import DEFAULT, Options
+from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.statement import Duration, Statement
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import ProblemError
@@ -360,8 +360,8 @@ class OptimalControlProblem:
         monitor: Monitor | str | None = None,
         guess: Solution | None = None,
         parameters: Mapping[str, Numbers] | None = None,
-        options: Options = DEFAULT,
         tolerance: float | None = None,
+        options: Options | None = None,
     ) -> Solution:
         """Solve the problem by collocation and replay the solution through its own dynamics.
 
@@ -378,10 +378,10 @@ class OptimalControlProblem:
                 "curvature", "local error", "residual", "uniform". None: curvature, and arclength for "distribute".
             guess: a solution to start from, on any grid; None for the guess that was stated.
             parameters: values by name, the nominal ones where none is given.
-            options: NLP solver and its own tolerance, and what of it is printed or logged.
             tolerance: largest miss and path violation, over the scales, and cost error, relative to max(1, |J|), of
                 the replay of a solution that is called OPTIMAL. None: 1e-6 for "hp" and "refine", and 1e-3 on nodes
                 whose number is given.
+            options: NLP solver with its own tolerance, and what of it is printed or logged; None for the method's.
 
         Returns:
             The solution; ``solution.ok`` says whether it is one, its ``status`` why not: CONVERGED where the programme
@@ -395,7 +395,7 @@ class OptimalControlProblem:
         problem = self.functions()
         values = problem.values_by_name(parameters)
         return solve_by(
-            problem, nodes, method, monitor, guess=guess, parameters=values, options=options, tolerance=tolerance
+            problem, nodes, method, monitor, guess=guess, parameters=values, tolerance=tolerance, options=options
         )
 
     def functions(self) -> ProblemFunctions:

@@ -37,7 +37,7 @@ def test_another_solver_of_the_same_programme_finds_the_same(options: dict[str, 
 def test_the_log_has_a_line_for_each_iteration(method: str, tmp_path: Path) -> None:
     log = tmp_path / "ipopt.log"
     found = solved(method, log=str(log))
-    assert found.ok
+    assert found.status in (Outcome.OPTIMAL, Outcome.CONVERGED)
     assert "Number of Iterations" in log.read_text()
     if method == "direct":
         assert f"Number of Iterations....: {found.iterations}" in log.read_text()

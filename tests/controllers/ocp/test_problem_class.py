@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.hp import hp
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
@@ -133,9 +134,9 @@ def least_fuel(cost: Callable[[OptimalControlProblem, ca.SX], ca.SX]) -> Optimal
     "cost", [lambda ocp, u: ocp.absolute(u), lambda ocp, u: ocp.largest(u, -u), lambda ocp, u: ocp.largest([u, -u])]
 )
 def test_a_kink_is_split(cost: Callable[[OptimalControlProblem, ca.SX], ca.SX]) -> None:
-    found = least_fuel(cost).solve(41)
+    found = hp(least_fuel(cost).functions())
     assert found.ok
-    assert found.cost == pytest.approx(2.0 * (1.0 - math.sqrt(0.5)), rel=2e-3)
+    assert found.cost == pytest.approx(2.0 * (1.0 - math.sqrt(0.5)), rel=1e-6)
 
 
 def test_a_kink_in_a_running_cost_is_announced() -> None:

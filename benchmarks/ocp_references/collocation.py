@@ -1,8 +1,10 @@
 """Collocation on arcs whose lengths are unknowns: the optimum of a problem whose control jumps, to ten digits.
 
-The horizon is a chain of arcs a = 1 ... A, each of width d_a >= 0 and of equal intervals. On an arc a control is held at a
-value, follows from an equation that holds there, or is free; so it is smooth inside every arc, and what jumps, jumps
-where two arcs meet. In every interval of width d the dynamics hold at the k points of an implicit Runge-Kutta method,
+The horizon is a chain of arcs a = 1 ... A, each of width d_a > 0 and of equal intervals. On an arc a control is held
+at a value, follows from an equation that holds there, or is free; so it is smooth inside every arc, and what jumps,
+jumps where two arcs meet. On a singular arc a control with a value at each point would exploit the errors of the
+quadrature: there it is a polynomial of lower degree. In every interval of width d the dynamics hold at the k points of
+an implicit Runge-Kutta method,
 
     X_j = x_0 + d Σ_i A_ji f(X_i, u_i),      x_1 = x_0 + d Σ_i b_i f(X_i, u_i),      J = Σ d Σ_i b_i L(X_i, u_i) + Psi,
 
@@ -24,8 +26,11 @@ from mathnavi.sim.interfaces.signals import Array
 Equation = Callable[[ca.SX, ca.SX, ca.SX], ca.SX]
 """(x, u, t) -> expressions that vanish along an arc"""
 
+Entry = Callable[[ca.SX, ca.SX], ca.SX]
+"""(x, t) -> expressions that vanish where an arc begins"""
 
-class ReferenceError_(RuntimeError):
+
+class NoReferenceError(RuntimeError):
     """A reference that did not converge."""
 
 
@@ -33,10 +38,12 @@ class ReferenceError_(RuntimeError):
 class Arc:
     """A part of the horizon on which every control is smooth."""
 
-    width: float  # guess, as a fraction of T
+    width: float  # guess, as a fraction of T; what is found lies between half and twice of it
     held: Mapping[str, float] = field(default_factory=dict)  # controls by name
     equation: Equation | None = None
+    entry: Entry | None = None
     intervals: int = 4
+    degree: int | None = None  # of free controls in an interval; None: a value at each point of the method
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,15 +71,19 @@ def gauss(k: int) -> Array:
     return 0.5 * (np.polynomial.legendre.leggauss(k)[0] + 1.0)
 
 
+def lagrange(c: Array, at: Array) -> Array:
+    """Lagrange's basis l_i (n, k) on the points c at n places."""
+    k = len(c)
+    return np.array([[np.prod([(s - c[m]) / (c[i] - c[m]) for m in range(k) if m != i]) for i in range(k)] for s in at])
+
+
 def coefficients(c: Array) -> tuple[Array, Array]:
     """A (k, k) and b (k,) of the collocation method with points c: A_ji = ∫_0^c_j l_i, b_i = ∫_0^1 l_i."""
     k = len(c)
     nodes, share = np.polynomial.legendre.leggauss(k)
 
     def integrals(to: float) -> Array:
-        at = 0.5 * to * (nodes + 1.0)
-        basis = np.array([[np.prod([(s - c[m]) / (c[i] - c[m]) for m in range(k) if m != i]) for i in range(k)] for s in at])
-        return np.asarray(0.5 * to * share @ basis)
+        return np.asarray(0.5 * to * share @ lagrange(c, 0.5 * to * (nodes + 1.0)))
 
     return np.array([integrals(each) for each in c]), integrals(1.0)
 
@@ -82,9 +93,8 @@ def collocate(
     arcs: Sequence[Arc],
     points: Array,
     guess: Reference | None = None,
-    fixed_widths: bool = False,
+    moving: bool = True,
     tolerance: float = 1e-11,
-    options: Mapping[str, object] | None = None,
 ) -> Reference:
     """The optimum on a chain of arcs.
 
@@ -93,15 +103,14 @@ def collocate(
         arcs: the chain.
         points: points c of the method in an interval.
         guess: another optimum to start from; None for the problem's own guess.
-        fixed_widths: keep the arcs' widths in proportion.
+        moving: take the widths for unknowns; if not, the arcs keep their proportions.
         tolerance: of IPOPT.
-        options: more of IPOPT's.
 
     Raises:
-        ReferenceError_: without a solution.
+        NoReferenceError: without a solution.
     """
     A, b = coefficients(points)
-    nx, nu, p = problem.nx, problem.nu, ca.DM(problem.nominal)
+    nx, p = problem.nx, ca.DM(problem.nominal)
     w: list[ca.SX] = []
     w_0: list[Array] = []
     lower: list[Array] = []
@@ -110,7 +119,7 @@ def collocate(
     g_lower: list[Array] = []
     g_upper: list[Array] = []
 
-    def unknown(name: str, start: Array, bounds: tuple[Array, Array], scale: Array) -> ca.SX:
+    def unknown(name: str, start: Array, bounds: Sequence[Array], scale: Array) -> ca.SX:
         symbol = ca.SX.sym(name, len(start))
         w.append(symbol)
         w_0.append(np.clip(start, *bounds) / scale)
@@ -127,41 +136,46 @@ def collocate(
     T_0 = guess.duration if guess is not None else problem.guess_duration
     shares = np.array([arc.width for arc in arcs])
     starts = shares / shares.sum() * T_0
-    if fixed_widths:
+    if not moving:
         T = unknown("T", np.array([T_0]), (np.array([shortest]), np.array([longest])), np.array([T_0]))
         d = T * ca.DM(shares / shares.sum())
     else:
-        ends = np.zeros(len(arcs)), np.full(len(arcs), longest)
+        ends = 0.5 * starts, 2.0 * starts
         d = unknown("d", starts, ends, np.full(len(arcs), T_0))
         T = ca.sum1(d)
         require(T / T_0, np.array([shortest / T_0]), np.array([longest / T_0]))
     state_at, control_at = _guesses(problem, guess)
-    x = unknown("x", state_at(0.0), tuple(problem.state_bounds), problem.state_scale)  # type: ignore[arg-type]
+    x = unknown("x", state_at(0.0), problem.state_bounds, problem.state_scale)
     require(problem.initial(x, p), *problem.initial_bounds)
     cost, t = ca.SX(0), ca.SX(0)
     times, states, controls = [], [], []
     tau = 0.0  # fraction of T, in the guess
-    for arc, share in zip(arcs, shares / shares.sum(), strict=True):
-        index = arcs.index(arc)
+    for index, (arc, share) in enumerate(zip(arcs, shares / shares.sum(), strict=True)):
         h, h_0 = d[index] / arc.intervals, share / arc.intervals
+        if arc.entry is not None:
+            rows = arc.entry(x, t)
+            require(rows, np.zeros(rows.numel()), np.zeros(rows.numel()))
         for _ in range(arc.intervals):
             f: list[ca.SX] = []
             X: list[ca.SX] = []
             L: list[ca.SX] = []
-            for c in points:
+            at = points if arc.degree is None else gauss(arc.degree + 1)
+            low, high = (np.array(side, float) for side in problem.control_bounds)
+            for name, value in arc.held.items():
+                low[problem.controls.index(name)] = high[problem.controls.index(name)] = value
+            values = [unknown("u", control_at(tau + c * h_0), (low, high), problem.control_scale) for c in at]
+            basis = lagrange(at, points)
+            for j, c in enumerate(points):
                 now = t + c * h
-                low, high = (np.array(side, float) for side in problem.control_bounds)
-                for name, value in arc.held.items():
-                    low[problem.controls.index(name)] = high[problem.controls.index(name)] = value
-                u = unknown("u", control_at(tau + c * h_0), (low, high), problem.control_scale)
-                y = unknown("X", state_at(tau + c * h_0), tuple(problem.state_bounds), problem.state_scale)  # type: ignore[arg-type]
+                u = sum((basis[j, i] * values[i] for i in range(len(at))), ca.SX(0))
+                y = unknown("X", state_at(tau + c * h_0), problem.state_bounds, problem.state_scale)
                 f.append(problem.dynamics(y, u, now, p))
                 L.append(problem.running_cost(y, u, now, p))
                 X.append(y)
                 if arc.equation is not None:
                     rows = arc.equation(y, u, now)
                     require(rows, np.zeros(rows.numel()), np.zeros(rows.numel()))
-                if problem.path_bounds.lower.size:
+                elif problem.path_bounds.lower.size:
                     require(problem.path(y, u, now, p), *problem.path_bounds)
                 times.append(now)
                 states.append(y)
@@ -175,7 +189,7 @@ def collocate(
             if points[-1] == 1.0:
                 x = X[-1]
             else:
-                x = unknown("x", state_at(tau), tuple(problem.state_bounds), problem.state_scale)  # type: ignore[arg-type]
+                x = unknown("x", state_at(tau), problem.state_bounds, problem.state_scale)
                 require((reached - x) / ca.DM(problem.state_scale), np.zeros(nx), np.zeros(nx))
     require(problem.final(x, T, p), *problem.final_bounds)
     cost += problem.terminal_cost(x, T, p)
@@ -195,7 +209,6 @@ def collocate(
             "ipopt.print_level": 0,
             "ipopt.sb": "yes",
             "print_time": False,
-            **(options or {}),
         },
     )
     answer = solver(
@@ -204,13 +217,15 @@ def collocate(
     )  # fmt: skip
     message = solver.stats()["return_status"]
     if message not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
-        raise ReferenceError_(f"{problem.name}: {message}")
+        raise NoReferenceError(f"{problem.name}: {message}")
     read = ca.Function("read", [every], [T, d, ca.vertcat(*times), ca.horzcat(*states).T, ca.horzcat(*controls).T])
     T_v, d_v, t_v, x_v, u_v = (np.array(each) for each in read(answer["x"]))
     return Reference(float(answer["f"]), T_v.item(), d_v.ravel(), t_v.ravel(), x_v, u_v, message)
 
 
-def _guesses(problem: ProblemFunctions, guess: Reference | None) -> tuple[Callable[[float], Array], Callable[[float], Array]]:
+def _guesses(
+    problem: ProblemFunctions, guess: Reference | None
+) -> tuple[Callable[[float], Array], Callable[[float], Array]]:
     """States and controls at a fraction of T."""
     if guess is None:
         at, x, u = problem.guess_times, problem.guess_states, problem.guess_controls

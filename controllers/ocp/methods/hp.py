@@ -30,7 +30,7 @@ from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.winding import unwound
 from mathnavi.sim.interfaces.signals import Array
 
-OPTIONS = Options(tolerance=1e-11)
+OPTIONS = Options(tolerance=1e-11, iterations=1500)
 """tighter than that of other methods: what is compared from round to round is J"""
 TOLERANCE = 1e-6
 MOST_NODES = 200
@@ -41,6 +41,8 @@ _MARGIN = 0.1  # of the tolerance that the defects, and a change of J, may take
 _MOST_ARCS = 30
 _MOST_VISITS = 2  # to the same structure, before the rounds stay with it
 _SMOOTHING = 1e-2  # first weight ρ, over |J|
+_JITTER = 1e-4  # of that weight for a control that J or the dynamics bend: it would jitter in a narrow interval
+_MOST_BENT = 4  # rounds in which only a violated constraint asks for nodes
 _LEAST = 1e-3  # of the tolerance, the defects are asked to be
 _ROUNDING = 1e-9  # relative change of J that the solver's own tolerance leaves
 
@@ -61,15 +63,19 @@ class _Plan:
         known = self.structure
         ends = np.searchsorted(self.grid.nodes, np.append(known.boundaries, 1.0) - 1e-12)
         intervals = tuple(int(n) for n in np.diff(np.append(0, ends)))
-        free = (linear_controls(problem) | self.every) & (known.held[:, : problem.nu] == 0)
-        arcs = Arcs(intervals, *known.limits(problem), np.where(free, self.smoothing, 0.0))
+        weights = np.where(known.held[:, : problem.nu] == 0, self.weights(problem), 0.0)
+        arcs = Arcs(intervals, *known.limits(problem), weights)
         made = transcription(problem, RadauIIA(self.count), len(self.grid), FIXED, options, len(known))
         return unwound(made.solve(guess, self.grid, parameters, arcs))
 
     def added(self, solution: Solution) -> float:
         """What the smoothing adds to J: J is at most as much above its least value."""
-        u, smoothed = solution.u / solution.problem.control_scale, linear_controls(solution.problem) | self.every
-        return self.smoothing * float(np.einsum("kl,ikm,ilm->m", variation(solution.scheme), u, u)[smoothed].sum())
+        u = solution.u / solution.problem.control_scale
+        return float(self.weights(solution.problem) @ np.einsum("kl,ikm,ilm->m", variation(solution.scheme), u, u))
+
+    def weights(self, problem: ProblemFunctions) -> Array:
+        """Weights ρ (nu,) of the variation of each control where it is free."""
+        return self.smoothing * np.where(linear_controls(problem) | self.every, 1.0, _JITTER)
 
     def placed(self, solution: Solution) -> Structure:
         """The structure with its boundaries where a solution put them, without arcs that became as good as nothing."""
@@ -108,22 +114,25 @@ def hp(
     plan, current = _first(problem, most_nodes, guess, parameters, options)
     if not current.solved:
         return dataclasses.replace(current, method="hp")
-    allowed, change, visited, free = _MARGIN * tolerance, math.inf, [plan.structure], False
+    allowed, change, visited, free, bent = _MARGIN * tolerance, math.inf, [plan.structure], False, 0
     for number in range(_ROUNDS):
         errors, seen, own = interval_errors(current, defects(current)), structure(current), plan.placed(current)
         visits = sum(seen.same(other) for other in visited)
         settled = free or seen.same(own) or visits >= _MOST_VISITS or len(seen) > _MOST_ARCS
         small = errors.total <= allowed and errors.path.max() <= VIOLATION * allowed
         smooth = plan.added(current) <= tolerance * abs(current.cost)
-        if settled and small and smooth and change <= max(allowed, _ROUNDING):
+        fair = small or (errors.total <= allowed and bent >= _MOST_BENT)
+        bent += int(errors.total <= allowed and not small)
+        if settled and fair and smooth and change <= max(allowed, _ROUNDING):
             result = replayed(current, tolerance)
-            if result.replay is None or result.replay.error <= tolerance or allowed < _LEAST * tolerance:
+            if not small or result.replay is None or result.replay.error <= tolerance or allowed < _LEAST * tolerance:
                 break
             allowed *= max(_LEAST, 0.3 * tolerance / result.replay.error)  # the true dynamics amplify the defects
         rho = plan.smoothing if number else _SMOOTHING * abs(current.cost)
         if settled:
-            rho *= 0.1 if small and not smooth else 1.0
-            following = _Plan(*meshed(current, own, errors, allowed, most_nodes), own, rho, plan.every)
+            rho *= 0.1 if fair and not smooth else 1.0
+            mesh = meshed(current, own, errors, allowed, most_nodes, hard=plan.every)
+            following = _Plan(*mesh, own, rho, plan.every)
         else:
             following = _Plan(with_boundaries(current.grid, seen.boundaries), plan.count, seen, rho, plan.every)
         found, following = _next(problem, plan, following, current, parameters, options)

@@ -22,17 +22,17 @@ from mathnavi.sim.interfaces.errors import ProblemError
 
 @dataclass(frozen=True)
 class Optimum:
-    """Optimal cost and final time, by an independent computation."""
+    """Optimal cost and final time (``python -m benchmarks.ocp_references``)."""
 
     cost: float  # J*
     duration: float  # [s] T*
 
 
 OPTIMA = {
-    "SM": Optimum(13.01471, 8.06965),
-    "SM2": Optimum(11.541173, 8.271096),
-    "SM3": Optimum(10.733142, 8.0139),
-    "FAST": Optimum(11.358341, 4.50558),
+    "SM": Optimum(13.0147119, 8.06965),
+    "SM2": Optimum(11.54117311, 8.271096),
+    "SM3": Optimum(10.73314171, 8.0139),
+    "FAST": Optimum(11.35834097, 4.50558),
 }
 
 

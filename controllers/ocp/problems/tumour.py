@@ -4,7 +4,8 @@
                                  0 <= u <= 75,   ∫ u dt <= 15,   T <= 5,   (p, q)(0) = (p̄ / 2, p̄ / 4)
 
 p is the tumour's volume, q what its vessels can carry [mm^3], t in days, p̄ = ((b - μ) / d)^(3/2) where both rest. The
-optimum p(T)* = 7571.6784 (manuals of GPOPS-II and SOS) gives all it may, then along a singular arc, then nothing.
+optimum gives the drug as fast as it may and then nothing: p(T)* = 7571.6700. The 7571.6784 in the manuals of GPOPS-II
+and SOS comes from a grid that does not resolve the switch.
 """
 
 from __future__ import annotations

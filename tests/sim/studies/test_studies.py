@@ -73,7 +73,7 @@ CLAIMS = {
     "guarantees": {"guarantee.peers"},
     "safety-filter": {"guarantee.filter"},
     "flight-grids": {"flight.stretched"},
-    "ocp-problems": {"ocp.all"},
+    "ocp-problems": {"ocp.all", "ocp.collection", "ocp.statuses"},
     "missile-nodes": {
         *("missile.indirect", "missile.redistribute", "missile.equidistribute", "missile.gate"),
         *("B.more-accurate", "B.no-extra-time", "B.arclength-best", "B.minimum-at-25"),

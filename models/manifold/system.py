@@ -8,7 +8,7 @@ it is always possible to move terms between the two. A state is (x, v), one afte
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -58,6 +58,28 @@ class LagrangianSystem(Protocol):
     def flow(self, state: Array, u: Array, h: float) -> Array:
         """State (size + vector_size,) after h [s] from ``state`` with u (nu,) held; ``integrate`` for one."""
         ...
+
+
+@runtime_checkable
+class SteppedSystem(LagrangianSystem, Protocol):
+    """A system whose steps are taken as a whole where forces at their ends are not enough, as of a stiff servo."""
+
+    @property
+    def implicit(self) -> bool:
+        """True where steps have to be taken as a whole."""
+        ...
+
+    def step(self, x: Array, v: Array, u: Array, h: float, delta: Array | None = None) -> tuple[Array, Array]:
+        """State x (size,), v (vector_size,) after h [s] from (x, v) with u (nu,) held.
+
+        ``delta`` (vector_size,) is an acceleration that the model lacks. Raises ArithmeticError where it leads nowhere.
+        """
+        ...
+
+
+def stepped(system: LagrangianSystem) -> SteppedSystem | None:
+    """Return the system if its steps have to be taken as a whole, else None."""
+    return system if isinstance(system, SteppedSystem) and system.implicit else None
 
 
 def integrate(system: LagrangianSystem, state: Array, u: Array, h: float) -> Array:

@@ -147,7 +147,8 @@ BAD = [
     ("arm-velocity", ["--mechanism", "nosuch"], "mechanism = 'nosuch'; allowed"),
     ("arm-velocity", ["--load", "0"], "load = 0.0"),
     ("arm-velocity", ["--estimator.curvature", "matched"], "curvature = 'matched'"),
-    ("arm-velocity", ["--mechanism", "dm_control:humanoid"], "allowed"),
+    ("arm-velocity", ["--mechanism", "dm_control:humanoid"], "21 inputs that move 21 of its 27 dimensions; allowed"),
+    ("arm-velocity", ["--estimator.tuning", "innovations", "--estimator.damping", "2"], "tuning = 'innovations' with"),
     ("attitude-tracking", ["--planner.k-p", "0"], "k-p = 0.0"),
     ("attitude-tracking", ["--inertia", "-1"], "inertia = -1.0"),
 ]

@@ -8,6 +8,7 @@ it is always possible to move terms between the two. A state is (x, v), one afte
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -74,6 +75,38 @@ class SteppedSystem(LagrangianSystem, Protocol):
 
         ``delta`` (vector_size,) is an acceleration that the model lacks. Raises ArithmeticError where it leads nowhere.
         """
+        ...
+
+
+@dataclass(frozen=True)
+class AffineInputs:
+    """D_t v = without + effect u at one state."""
+
+    without: Array  # (n,)
+    effect: Array  # (n, nu)
+    least: Array  # (nu,)
+    most: Array  # (nu,)
+
+
+class AffineInputLaw(Protocol):
+    """Affine inputs by the state."""
+
+    def __call__(self, x: Array, v: Array) -> AffineInputs:
+        """Return what the inputs do at x (size,), v (vector_size,)."""
+        ...
+
+
+@runtime_checkable
+class ActuatedSystem(LagrangianSystem, Protocol):
+    """A system that knows the laws of its actuators."""
+
+    @property
+    def coupled(self) -> int:
+        """Dimensions that follow others by a constraint and need no input."""
+        ...
+
+    def affine_inputs(self) -> AffineInputLaw | None:
+        """Affine inputs; None where a probe of the force shows all there is to know."""
         ...
 
 

@@ -9,17 +9,19 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from mathnavi.models.manifold.system import integrate
+from mathnavi.models.manifold.system import AffineInputLaw, integrate
 from mathnavi.models.mechanism import forces
+from mathnavi.models.mechanism.actuation import Actuation
 from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.models.mechanism.implicit_step import ImplicitStep, needs_implicit_step
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.joint_states import SLIDE, state_names
+from mathnavi.sim.interfaces.joint_states import HINGE, SLIDE, state_names
 from mathnavi.sim.interfaces.signals import Array
 
 _FIXED, _UNBIASED = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_NONE)
 _AFFINE = int(mujoco.mjtGain.mjGAIN_AFFINE), int(mujoco.mjtBias.mjBIAS_AFFINE)
+_JOINT_EQUALITY = int(mujoco.mjtEq.mjEQ_JOINT)
 _JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 
 
@@ -48,16 +50,16 @@ class MechanismSystem:
         if found := [what for what, is_so in wrong.items() if is_so]:
             raise ValueError(f"model = one with {', '.join(found)}; allowed: actuators without dynamics of their own")
         self._model = copy.copy(model)
-        self._data = data = mujoco.MjData(self._model)
-        self._at = forces.Actuated(
-            self._model._address, data._address, data.qpos, data.qvel, data.ctrl, data.qfrc_passive, data.qfrc_actuator
-        )
+        self._data = mujoco.MjData(self._model)
+        self._at = forces.actuated(self._model, self._data)
         self.states = state_names(model, range(model.njnt))
         self.inputs = tuple(_input_name(model, i) for i in range(model.nu))
         self.constant, self.amplitude = self._given("constant", constant), self._given("amplitude", amplitude)
         self.velocity_dependent = _depends_on_velocity(model)
         self.implicit = needs_implicit_step(model)
         self._step = ImplicitStep(model)
+        # joints that follow others
+        self.coupled = int((model.eq_type[model.eq_active0 > 0] == _JOINT_EQUALITY).sum())
 
     def __reduce__(self) -> tuple[type[MechanismSystem], tuple[mujoco.MjModel, tuple[float, ...], tuple[float, ...]]]:
         """A copy has memory of its own: addresses do not outlive what they are in."""
@@ -81,6 +83,23 @@ class MechanismSystem:
         Raises FloatingPointError for a state that is not finite or faster than any mechanism.
         """
         return self._step(x, v, u, h, delta)
+
+    @property
+    def joint_ranges(self) -> Array:
+        """Least and greatest positions (2, nq) [m, rad] that limits leave; infinite where there are none."""
+        ranges = np.tile([[-np.inf], [np.inf]], (1, self.manifold.size))
+        for j in np.flatnonzero(self._model.jnt_limited):
+            if self._model.jnt_type[j] in (SLIDE, HINGE):
+                ranges[:, self._model.jnt_qposadr[j]] = self._model.jnt_range[j]
+        return ranges
+
+    def affine_inputs(self) -> AffineInputLaw | None:
+        """Inputs by the actuators' transmission and bias; None where all are motors, whose controls are forces.
+
+        Raises FieldError for muscles and actuators with a law of the user's.
+        """
+        motors = (self._model.actuator_biastype == _UNBIASED) & (self._model.actuator_gaintype == _FIXED)
+        return None if motors.all() else Actuation(self._model)
 
     def _given(self, name: str, values: Sequence[float]) -> tuple[float, ...]:
         n = len(self.inputs)

@@ -32,9 +32,7 @@ class Actuation:
         )
         if not known.all():
             names = [model.actuator(int(i)).name or str(i) for i in np.flatnonzero(~known)]
-            raise FieldError(
-                f"actuators = {', '.join(names)}; allowed for tracking: fixed or affine laws"
-            )
+            raise FieldError(f"actuators = {', '.join(names)}; allowed for tracking: fixed or affine laws")
         self._model = copy.copy(model)
         self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
         self._data = mujoco.MjData(self._model)

@@ -27,6 +27,7 @@ import numpy as np
 
 from mathnavi.models.mechanism.files import files_digest
 from mathnavi.models.mechanism.geometry import checked
+from mathnavi.models.mechanism.menagerie import PREFIX, menagerie_file
 from mathnavi.models.mechanism.names import MechanismName, ServoArmName
 from mathnavi.models.vehicle_names import check_vehicle_name
 from mathnavi.sim.interfaces.errors import FieldError
@@ -40,10 +41,12 @@ _BELOW = 0.1  # of a mechanism's extent that the floor is beneath it, if it reac
 
 
 def file_of(mechanism: MechanismName | str | Path) -> Path:
-    """MJCF file of a mechanism: by name, of dm_control's suite, or at a path.
+    """MJCF file of a mechanism: by name, of dm_control's suite, of MuJoCo Menagerie, or at a path.
 
     Raises FieldError if there is none.
     """
+    if str(mechanism).startswith(PREFIX):
+        return menagerie_file(str(mechanism))
     names = (*get_args(MechanismName), *get_args(ServoArmName))
     own = {name: _HERE / f"{name.replace('-', '_')}.xml" for name in names}
     suite = {f"{_SUITE}{file.stem}": file for file in (Path(dm_control.__file__).parent / "suite").glob("*.xml")}
@@ -51,7 +54,8 @@ def file_of(mechanism: MechanismName | str | Path) -> Path:
     if not path.is_file():
         raise FieldError(
             f"mechanism = {str(mechanism)!r}; allowed: {', '.join(own)}, {_SUITE}NAME of its suite "
-            f"({', '.join(sorted(file.stem for file in suite.values()))}), or the path of an MJCF file"
+            f"({', '.join(sorted(file.stem for file in suite.values()))}), {PREFIX}NAME of MuJoCo Menagerie, or the "
+            "path of an MJCF file"
         )
     return path
 

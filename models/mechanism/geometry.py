@@ -74,8 +74,9 @@ class MechanismManifold:
 
     @property
     def origin(self) -> Array:
-        """Reference configuration qpos0 (nq,) of the model."""
-        return np.array(self._model.qpos0, dtype=np.float64)
+        """Reference configuration (nq,) of the model: that of its first keyframe, or qpos0."""
+        model = self._model
+        return np.array(model.key_qpos[0] if model.nkey else model.qpos0, dtype=np.float64)
 
     def check(self, p: Array) -> Array:
         """Return p (nq,) with its quaternions normalised.

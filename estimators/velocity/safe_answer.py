@@ -38,7 +38,8 @@ class SafeAnswer:
         self._mission, self._manifold = mission, mission.system.manifold
         self._differences = Differences(_CUTOFF / mission.period, timeout, mission)
         self._window = max(_WINDOW, _FEWEST * mission.period)
-        self._clear()
+        self._past: deque[tuple[float, Array]] = deque()  # (h, displacements (2, n), read and estimated) of the window
+        self._T, self._sums = 0.0, np.zeros((2, self._manifold.dimension))  # over it
         self._y: Array | None = None  # the last reading
         self._scale = 0.0  # s
         self._proven = False  # whether the estimate was ever trusted
@@ -106,7 +107,7 @@ class SafeAnswer:
 
     def _clear(self) -> None:
         """Forget the window."""
-        self._past: deque[tuple[float, Array]] = deque()  # (h, displacements (2, n), read and estimated)
+        self._past.clear()
         self._T, self._sums = 0.0, np.zeros((2, self._manifold.dimension))
 
     def _trust(self, trusted: bool) -> None:

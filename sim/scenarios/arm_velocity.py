@@ -55,7 +55,7 @@ class ArmVelocityConfig(LagrangianFields):
     load: Annotated[float, Interval(ge=0.01, le=100.0), FINITE] = 1.0
     """mass of the last link, times what the observer believes"""
     start: Annotated[NumberList, FINITE_NUMBERS] = ()
-    """position and velocity at the start, as the state has them; if not given, the model's first keyframe or own position"""
+    """position and velocity at the start, as the state has them; else the first keyframe or qpos0, at rest"""
 
 
 class ArmVelocity:

@@ -10,12 +10,13 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 def chain(joints: str, extra: str = "", option: str = "") -> mujoco.MjModel:
-    """One body for each letter: s, h or b; ``option`` and what else is in the file as MJCF."""
+    """One body for each letter: s, h, b or, the first one, f; ``option`` and what else is in the file as MJCF."""
     kinds = {"s": 'type="slide" axis="1 .2 0"', "h": 'axis="{} {} .3"', "b": 'type="ball"'}
     text, end = "", ""
     for k, kind in enumerate(joints):
-        axis = kinds[kind].format(k % 2, 1 - k % 2)
-        text += f'<body pos=".05 0 .3"><joint name="joint_{k}" {axis} armature=".01"/>'
+        axis = kinds.get(kind, "").format(k % 2, 1 - k % 2)
+        joint = f'<joint name="joint_{k}" {axis} armature=".01"/>' if kind != "f" else '<freejoint name="joint_0"/>'
+        text += f'<body pos=".05 0 .3">{joint}'
         text += '<geom type="capsule" fromto="0 .03 0 .1 0 .3" size=".05" contype="0" conaffinity="0"/>'
         end += "</body>"
     body = f"<mujoco><option {option}/><worldbody>{text}{end}</worldbody>{extra}</mujoco>"

@@ -10,6 +10,7 @@ from mathnavi.controllers.intrinsic.law import TrackingGains
 from mathnavi.controllers.intrinsic.loop import IntrinsicTracker, ReferencePlanner
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.mechanism.geometry import MechanismManifold
+from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.sim.interfaces.angles import Radians
 from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
@@ -17,6 +18,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 _FASTEST = 100.0  # [rad/s]
 _LARGEST = 10.0  # [rad, m]
+_SHARE = 0.45  # of a joint's range
 _SPREAD = 0.37  # of the frequency, by which the last joint's is above the first one's
 
 
@@ -45,23 +47,34 @@ class JointTracking:
         manifold = mission.system.manifold
         if not isinstance(manifold, MechanismManifold) or manifold.size != manifold.dimension:
             raise ValueError(f"controller = joint_tracking on {manifold.name}; allowed: on slides and hinges")
-        reference = JointReference(config, manifold, mission.period)
+        system = mission.system
+        ranges = system.joint_ranges if isinstance(system, MechanismSystem) else None
+        reference = JointReference(config, manifold, mission.period, ranges)
         gains = TrackingGains(config.k_p, config.k_d)
         return ReferencePlanner(reference, mission), IntrinsicTracker(gains, mission)
 
 
 class JointReference:
-    """q_r = q_0 + amplitude sin(w_i t), from where the model has its joints at rest."""
+    """q_r = q_0 + amplitude sin(w_i t), from where the model has its joints at rest, as far as their limits allow.
 
-    def __init__(self, config: JointTrackingConfig, manifold: MechanismManifold, period: float) -> None:
+    A joint with limits moves by at most 0.45 of its range, about the nearest place to q_0 where it has that much room.
+    """
+
+    def __init__(
+        self, config: JointTrackingConfig, manifold: MechanismManifold, period: float, ranges: Array | None = None
+    ) -> None:
+        """``ranges`` (2, n) of the joints' positions; no limits if not given."""
         n = manifold.dimension
-        self._manifold, self._period, self._amplitude = manifold, period, config.amplitude
+        self._manifold, self._period = manifold, period
+        least, most = (-np.inf, np.inf) if ranges is None else ranges
+        self._amplitude = np.minimum(config.amplitude, _SHARE * (most - least)) * np.ones(n)
+        self._middle = np.clip(manifold.origin, least + self._amplitude, most - self._amplitude)
         self._w = config.frequency * (1.0 + _SPREAD * np.arange(n) / max(1, n - 1))
 
     def state(self, k: int) -> Array:
         """State (q_r, q_r') (2 n,) at the k-th period of the mission."""
         turned = self._w * (k * self._period)
-        q = self._manifold.origin + self._amplitude * np.sin(turned)
+        q = self._middle + self._amplitude * np.sin(turned)
         return np.concatenate([q, self._amplitude * self._w * np.cos(turned)])
 
     def acceleration(self, k: int) -> Array:

@@ -4,8 +4,9 @@
 
 under which e'' + k_d e' + k_p e = 0 to first order: without its last term, in which v_r is transported to x, geodesics
 beside each other would part by the Jacobi equation, e'' + R(e, v_r) v_r = 0, where the curvature is negative. The input
-u is that for which the system's force is this: force is affine in u within the inputs' ranges, and of systems with as
-many inputs as dimensions invertible.
+u is that for which the system's force is this, as near to it as the inputs' ranges allow: force is affine in u, and of
+systems with an input for each dimension invertible. Servos are inverted by their own laws, ``ActuatedSystem``; one that
+has no effect is left at 0.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from mathnavi.models.manifold.manifold import CutLocusError
-from mathnavi.models.manifold.system import LagrangianSystem
+from mathnavi.models.manifold.system import ActuatedSystem, LagrangianSystem
 from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.signals import Array
 
@@ -36,17 +37,26 @@ class InverseForce:
         manifold, inputs = system.manifold, system.inputs
         n = manifold.dimension
         self._system, self._none, self._probes = system, np.zeros(len(inputs)), _PROBE * np.eye(len(inputs))
-        effect = self._effect(manifold.origin, np.zeros(manifold.vector_size))[1]
+        actuated = system if isinstance(system, ActuatedSystem) else None
+        self._affine = None if actuated is None else actuated.affine_inputs()
+        coupled = 0 if actuated is None else actuated.coupled
+        origin, rest = manifold.origin, np.zeros(manifold.vector_size)
+        effect = self._effect(origin, rest)[1] if self._affine is None else self._affine(origin, rest).effect
         values = np.linalg.svd(effect, compute_uv=False)
         moved = int((values > _SINGULAR * values[0]).sum()) if inputs else 0
-        if (len(inputs), moved) != (n, n):
+        if moved < n - coupled or (self._affine is None and len(inputs) != n):
             raise ValueError(
                 f"{manifold.name}: {len(inputs)} inputs that move {moved} of its {n} dimensions; allowed for tracking: "
                 "one for each"
             )
 
     def __call__(self, x: Array, v: Array, wanted: Array) -> Array:
-        """u (nu,) with force(x, v, u) = ``wanted``, a tangent vector at x."""
+        """u (nu,) with force(x, v, u) = ``wanted``, a tangent vector at x, as nearly as the ranges allow."""
+        if self._affine is not None:
+            law = self._affine(x, v)
+            missing = self._system.manifold.components(x, wanted) - law.without
+            u = np.linalg.lstsq(law.effect, missing, rcond=_SINGULAR)[0]
+            return np.asarray(np.clip(u, law.least, law.most), dtype=np.float64)
         without, effect = self._effect(x, v)
         u = np.linalg.solve(effect, self._system.manifold.components(x, wanted) - without)
         return np.asarray(u, dtype=np.float64)

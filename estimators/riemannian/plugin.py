@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Le
 
 from mathnavi.estimators.riemannian.gains import CurvatureName, GainName, IntrinsicGains
 from mathnavi.estimators.riemannian.sampled import SampledIntrinsicObserver
+from mathnavi.estimators.riemannian.tuning import BandwidthTuning
 from mathnavi.estimators.velocity.position_observer import PositionObserver
-from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
+from mathnavi.estimators.velocity.readings import (
+    OutlierCounter,
+    SpeedGate,
+    innovation,
+    reading_variance,
+    rounding_steps,
+)
+from mathnavi.estimators.velocity.safe_answer import SafeAnswer
 from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.system import stepped
 from mathnavi.sim.interfaces.bounds import Positive, PositiveFraction, configuration
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
@@ -19,14 +28,18 @@ from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array
 
 _FASTEST = 1e4  # [1/s]
+_BANDWIDTH = 10.0  # [1/s] where none is given and it is not tuned
 
 
 @configuration
 class RiemannianObserverConfig:
     """Fields of ``--estimator``."""
 
-    bandwidth: Annotated[Positive, Le(_FASTEST)] = 10.0
-    """omega of the constant gains A = 2 zeta omega and B = omega^2 [1/s]"""
+    bandwidth: Annotated[Positive, Le(_FASTEST)] | None = None
+    """omega of the constant gains A = 2 zeta omega and B = omega^2; tuned or 10 if not given [1/s]"""
+    tuning: Literal["auto", "innovations", "none"] = "auto"
+    """whether bandwidths follow the innovations; auto: where none is given and the model has servos, damping, limits,
+    contacts or friction"""
     damping: Positive = 1.0
     """zeta"""
     gains: GainName = "constant"
@@ -34,18 +47,32 @@ class RiemannianObserverConfig:
     curvature: CurvatureName = "minus-one"
     """C: -1, that of Theorem D.2, none or 1"""
     disturbance: bool = False
-    """whether a force that the model lacks is estimated too, and transported"""
+    """whether a force that the model lacks is estimated too, and transported; always where bandwidths are tuned"""
     share: PositiveFraction = 0.9
     """of the injectivity radius, within which readings are used"""
     timeout: Positive = 0.5
     """without a usable reading after which the estimate is lost [s]"""
 
     def __post_init__(self) -> None:
-        if self.disturbance and (self.gains != "constant" or self.damping != 1.0):
+        special = self.gains != "constant" or self.damping != 1.0
+        if self.disturbance and special:
             raise FieldError(
                 f"disturbance = True with gains = {self.gains} and damping = {self.damping:g}; allowed: with constant "
                 "gains and damping = 1"
             )
+        if self.tuning == "innovations" and (special or self.bandwidth is not None):
+            raise FieldError(
+                f"tuning = 'innovations' with gains = {self.gains}, damping = {self.damping:g} and bandwidth = "
+                f"{self.bandwidth}; allowed: with constant gains, damping = 1 and no bandwidth"
+            )
+
+    def tuned(self, mission: LagrangianMission) -> bool:
+        """True if bandwidths follow the innovations of this mission."""
+        if self.tuning != "auto":
+            return self.tuning == "innovations"
+        special = self.gains != "constant" or self.damping != 1.0
+        may_err = mission.system.velocity_dependent or stepped(mission.system) is not None
+        return may_err and self.bandwidth is None and not special
 
 
 class RiemannianObserver:
@@ -57,9 +84,12 @@ class RiemannianObserver:
     def build(config: RiemannianObserverConfig, mission: LagrangianMission) -> PositionObserver:
         """Build the estimator of one run.
 
-        Raises FieldError for the matched C where the curvature is not the same everywhere.
+        Raises FieldError for the matched C where the curvature is not the same everywhere, and for a tuning where
+        vectors are not stored as their components.
         """
-        return PositionObserver(_Intrinsic(config, mission), mission, config.timeout)
+        judged = config.tuned(mission) or stepped(mission.system) is not None
+        safe = SafeAnswer(mission, config.timeout) if judged else None
+        return PositionObserver(_Intrinsic(config, mission), mission, config.timeout, safe)
 
     @staticmethod
     def sensors(config: RiemannianObserverConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
@@ -103,11 +133,16 @@ class _Intrinsic:
                 f"curvature = 'matched' on {manifold.name}; allowed where the curvature is not constant: minus-one, "
                 "none, plus-one"
             )
+        self._tuned = config.tuned(mission)
+        if self._tuned and manifold.vector_size != manifold.dimension:
+            raise FieldError(f"tuning = 'innovations' on {manifold.name}; allowed: on mechanisms and attitudes")
         kappa = manifold.kappa or 0.0
         self._config, self._mission, self._manifold = config, mission, manifold
-        self._gains = IntrinsicGains(config.bandwidth, config.damping, config.gains, config.curvature, kappa)
+        omega = config.bandwidth or _BANDWIDTH
+        self._gains = IntrinsicGains(omega, config.damping, config.gains, config.curvature, kappa)
         self._observer: SampledIntrinsicObserver | None = None
         self._distance = np.nan
+        self._tuning: BandwidthTuning | None = None
 
     @property
     def state(self) -> Array:
@@ -116,17 +151,25 @@ class _Intrinsic:
 
     @property
     def extra(self) -> dict[str, Array]:
-        """The distance between the last reading and what was predicted of it, and the disturbance."""
+        """The distance between the last reading and what was predicted of it, the disturbance and the bandwidths."""
         delta = None if self._observer is None else self._observer.delta
         nothing = np.zeros(self._manifold.vector_size)
-        return {"innovation": np.array([self._distance]), "disturbance": nothing if delta is None else delta}
+        found = {"innovation": np.array([self._distance]), "disturbance": nothing if delta is None else delta}
+        if not self._tuned:
+            return found
+        omega = np.full(self._manifold.dimension, np.nan) if self._tuning is None else self._tuning.omega
+        return {**found, "bandwidth": omega}
 
     def start(self, y: Array) -> None:
         config = self._config
         self._distance, self._since, self._y = 0.0, 0.0, y  # the last reading that was used, and how old it is [s]
         self._gate, self._outlier_counter = SpeedGate(self._mission, y), OutlierCounter()
+        mission, disturbed = self._mission, config.disturbance or self._tuned
+        if self._tuned:
+            variance, steps = reading_variance(mission, y), rounding_steps(mission, y)
+            self._tuning = BandwidthTuning(mission.period, variance, steps)
         self._observer = SampledIntrinsicObserver(
-            self._mission.system, self._gains, y, disturbed=config.disturbance, share=config.share
+            mission.system, self._gains, y, disturbed=disturbed, share=config.share, tuning=self._tuning
         )
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:

@@ -18,6 +18,9 @@ time h, as after a gap in the readings, is made that small. With a disturbance d
 lacks, which is transported as the velocity is, there are three poles at rho = e^(-omega h):
 
     alpha = 1 - rho^3,  beta = 3/2 (1 - rho)^2 (1 + rho) / h,  delta = delta^- + gamma L,  gamma = (1 - rho)^3 / h^2.
+
+With a ``tuning`` each component has an omega of its own, see ``tuning``. A system whose steps are taken as a whole,
+``SteppedSystem``, is predicted by them, the disturbance included: (xi^-, eta^-) is where it comes to from (xi, eta).
 """
 
 from __future__ import annotations
@@ -27,8 +30,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mathnavi.estimators.riemannian.gains import IntrinsicGains
+from mathnavi.estimators.riemannian.tuning import BandwidthTuning
 from mathnavi.models.manifold.manifold import is_beyond
-from mathnavi.models.manifold.system import LagrangianSystem
+from mathnavi.models.manifold.system import LagrangianSystem, stepped
 from mathnavi.sim.interfaces.signals import Array
 
 _LARGEST = 0.5  # of |L| that the curvature term moves xi by within h
@@ -53,8 +57,11 @@ class SampledIntrinsicObserver:
         *,
         disturbed: bool = False,
         share: float = 1.0,
+        tuning: BandwidthTuning | None = None,
     ) -> None:
+        """``disturbed`` goes with a ``tuning``."""
         self._system, self._manifold, self._gains = system, system.manifold, gains
+        self._stepped, self._tuning = stepped(system), tuning
         self._share = share  # of the injectivity radius that a reading may be away
         self.xi = system.manifold.check(start)
         self.eta = np.zeros(system.manifold.vector_size)
@@ -66,6 +73,11 @@ class SampledIntrinsicObserver:
         read.
         """
         manifold, before = self._manifold, self.xi
+        if self._stepped is not None:
+            self.xi, self.eta = self._stepped.step(before, self.eta, u, h, self.delta)
+            if self.delta is not None:
+                self.delta = manifold.transport(before, self.xi, self.delta)
+            return
         F = self._force(self._measured, u)
         after = manifold.exp(before, h * self.eta + (0.5 * h * h) * F)
         half = manifold.transport(before, after, self.eta + (0.5 * h) * F)
@@ -85,8 +97,12 @@ class SampledIntrinsicObserver:
             self._measured = None
             return Innovation(theta, accepted=False)
         L = manifold.log(before, y)
-        gamma = 0.0
-        if self.delta is None:
+        alpha: float | Array
+        beta: float | Array
+        gamma: float | Array = 0.0
+        if self._tuning is not None:
+            alpha, beta, gamma = self._tuning.weights(L, self.eta, h)
+        elif self.delta is None:
             alpha, beta = self._gains.weights(theta, h)
         else:
             alpha, beta, gamma = self._gains.disturbed_weights(h)

@@ -2,7 +2,8 @@
 
 It predicts to each reading, conditions on it, and predicts to the time of the estimate. A law whose step leads nowhere,
 beyond what its coordinates cover or out of all bounds, keeps the last finite state and is lost; it starts again at the
-next reading.
+next reading. With a ``SafeAnswer`` the readings judge the estimate, and differences of them take over from one that
+they contradict; both changes are events.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.estimators.velocity.readings import usable
+from mathnavi.estimators.velocity.safe_answer import SafeAnswer
 from mathnavi.models.manifold.manifold import CutLocusError
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.tolerances import TIME_TOLERANCE
@@ -53,7 +55,9 @@ class VelocityLaw(Protocol):
 class PositionObserver:
     """Readings to (x, v); before the first one x is the manifold's origin."""
 
-    def __init__(self, law: VelocityLaw, mission: LagrangianMission, timeout: float) -> None:
+    def __init__(
+        self, law: VelocityLaw, mission: LagrangianMission, timeout: float, safe_answer: SafeAnswer | None = None
+    ) -> None:
         """``timeout`` [s] without a reading that could be used, after which the estimate is lost."""
         self.period = mission.period
         self._law, self._manifold = law, mission.system.manifold
@@ -62,6 +66,7 @@ class PositionObserver:
         self._t: float | None = None  # [s] of the law's state; None before it is started
         self._refused, self._restarts = 0, 0
         self._extra = dict(law.extra)
+        self._safe_answer = safe_answer
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (size + vector_size,) at t [s] from the readings since the last call, ``command`` (nu,) held in
@@ -77,22 +82,43 @@ class PositionObserver:
         self._move(t, command)
         counts = {"refused": np.array([float(self._refused)]), "restarts": np.array([float(self._restarts)])}
         extra = {name: values.copy() for name, values in self._extra.items()}
-        return Estimate(t, self._x.copy(), None, self._status(t), {**extra, **counts})
+        safe, t_read = self._safe_answer, self._timeout_monitor.t
+        by_differences = safe is not None and not safe.trusted and t_read > -math.inf
+        x = safe.state(t - t_read) if safe is not None and by_differences else self._x.copy()
+        return Estimate(t, x, None, self._status(t), {**extra, **counts})
+
+    def events(self) -> list[tuple[str, str]]:
+        """Return the kinds and messages of what has happened since the last call."""
+        return [] if self._safe_answer is None else self._safe_answer.events()
 
     def _read(self, t: float, y: Array, u: Array) -> None:
         self._move(t, u, y)
+        if self._safe_answer is None:
+            self._take(t, y)
+            return
+        before = self._timeout_monitor.t
+        fresh = self._take(t, y)
+        if self._timeout_monitor.t == t:  # the reading was used
+            h = t - before if math.isfinite(before) else 0.0
+            self._safe_answer.read(y, h, None if fresh or self._t is None else self._x)
+        if self._safe_answer.ran_away:
+            self._t = None
+
+    def _take(self, t: float, y: Array) -> bool:
+        """Condition the law on a reading; True if it is started at it."""
         if self._t is None:
             self._restarts += self._timeout_monitor.t > -math.inf
             self._t = t
             self._timeout_monitor.note(t)
             self._try(lambda: self._law.start(y))
-            return
+            return True
         if t < self._t - TIME_TOLERANCE:  # it comes late: a newer one has been used
-            return
+            return False
         used: list[bool] = []
         self._try(lambda: used.append(self._law.correct(y, t - self._timeout_monitor.t)))
         self._timeout_monitor.note(t, used == [True])
         self._refused += used == [False]
+        return False
 
     def _move(self, t: float, u: Array, y: Array | None = None) -> None:
         """From the law's time to t [s] with u (nu,) held, at which there is a reading y or none."""
@@ -114,5 +140,7 @@ class PositionObserver:
             self._t = None
 
     def _status(self, t: float) -> Status:
-        status = self._timeout_monitor.status(t)
+        status, safe = self._timeout_monitor.status(t), self._safe_answer
+        if safe is not None and status is Status.OK and self._t is not None:
+            return safe.status
         return status if self._t is not None or status is Status.INITIALISING else Status.LOST

@@ -47,18 +47,28 @@ def innovation(manifold: Manifold, x: Array, y: Array) -> Array | None:
 
 def reading_variance(mission: LagrangianMission, y: Array) -> Array:
     """Variances (n,) [rad^2, m^2] of the coordinates of a reading near y (size,): that of the noise and that of
-    rounding.
-
-    The latter is a twelfth of the square of a step; how large a step is in the coordinates is seen by rounding.
+    rounding, a twelfth of the square of a step.
     """
     manifold, reading = mission.system.manifold, mission.reading
     noise = np.full(manifold.dimension, reading.noise**2)
-    if not reading.resolution:
-        return noise
+    return noise + _rounding_variance(mission, y) if reading.resolution else noise
+
+
+def rounding_steps(mission: LagrangianMission, y: Array) -> Array:
+    """Steps (n,) [rad, m] to which the coordinates of a reading near y (size,) are rounded; 0 without encoders."""
+    if not mission.reading.resolution:
+        return np.zeros(mission.system.manifold.dimension)
+    steps: Array = np.sqrt(12.0 * _rounding_variance(mission, y))
+    return steps
+
+
+def _rounding_variance(mission: LagrangianMission, y: Array) -> Array:
+    """Variances (n,) [rad^2, m^2] of the rounding of readings that are spread evenly about y (size,)."""
+    manifold, reading = mission.system.manifold, mission.reading
     spread = np.outer(np.arange(_PROBES) * _GOLDEN % 1.0 - 0.5, np.ones(manifold.dimension))
     exact = [manifold.point(y, c) for c in spread]
     moved = [manifold.coordinates(p, manifold.rounded(p, reading.resolution)) for p in exact]
-    variance: Array = noise + np.mean(np.square(moved), axis=0)
+    variance: Array = np.mean(np.square(moved), axis=0)
     return variance
 
 

@@ -8,7 +8,8 @@ it is always possible to move terms between the two. A state is (x, v), one afte
 
 from __future__ import annotations
 
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -58,6 +59,60 @@ class LagrangianSystem(Protocol):
     def flow(self, state: Array, u: Array, h: float) -> Array:
         """State (size + vector_size,) after h [s] from ``state`` with u (nu,) held; ``integrate`` for one."""
         ...
+
+
+@runtime_checkable
+class SteppedSystem(LagrangianSystem, Protocol):
+    """A system whose steps are taken as a whole where forces at their ends are not enough, as of a stiff servo."""
+
+    @property
+    def implicit(self) -> bool:
+        """True where steps have to be taken as a whole."""
+        ...
+
+    def step(self, x: Array, v: Array, u: Array, h: float, delta: Array | None = None) -> tuple[Array, Array]:
+        """State x (size,), v (vector_size,) after h [s] from (x, v) with u (nu,) held.
+
+        ``delta`` (vector_size,) is an acceleration that the model lacks. Raises ArithmeticError where it leads nowhere.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class AffineInputs:
+    """D_t v = without + effect u at one state."""
+
+    without: Array  # (n,)
+    effect: Array  # (n, nu)
+    least: Array  # (nu,)
+    most: Array  # (nu,)
+
+
+class AffineInputLaw(Protocol):
+    """Affine inputs by the state."""
+
+    def __call__(self, x: Array, v: Array) -> AffineInputs:
+        """Return what the inputs do at x (size,), v (vector_size,)."""
+        ...
+
+
+@runtime_checkable
+class ActuatedSystem(LagrangianSystem, Protocol):
+    """A system that knows the laws of its actuators."""
+
+    @property
+    def coupled(self) -> int:
+        """Dimensions that follow others by a constraint and need no input."""
+        ...
+
+    def affine_inputs(self) -> AffineInputLaw | None:
+        """Affine inputs; None where a probe of the force shows all there is to know."""
+        ...
+
+
+def stepped(system: LagrangianSystem) -> SteppedSystem | None:
+    """Return the system if its steps have to be taken as a whole, else None."""
+    return system if isinstance(system, SteppedSystem) and system.implicit else None
 
 
 def integrate(system: LagrangianSystem, state: Array, u: Array, h: float) -> Array:

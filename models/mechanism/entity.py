@@ -5,7 +5,12 @@
     two-link         two hinges in a vertical plane
     seven-joint      an arm of seven hinges
 
-all with a torque motor on each joint, on the ball joint one about each axis of the body.
+with a torque motor on each joint, on the ball joint one about each axis of the body, and arms with stiff position
+servos, limits, damping, armature and friction:
+
+    servo-six        six hinges
+    servo-seven      seven hinges, with links of little inertia
+    servo-gripper    seven hinges and two fingers, coupled, which one servo drives by a tendon
 """
 
 from __future__ import annotations
@@ -22,10 +27,12 @@ import numpy as np
 
 from mathnavi.models.mechanism.files import files_digest
 from mathnavi.models.mechanism.geometry import checked
-from mathnavi.models.mechanism.names import MechanismName
+from mathnavi.models.mechanism.menagerie import PREFIX, menagerie_file
+from mathnavi.models.mechanism.names import MechanismName, ServoArmName
 from mathnavi.models.vehicle_names import check_vehicle_name
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.input_files import InputFile
+from mathnavi.sim.interfaces.joint_states import FREE
 from mathnavi.sim.interfaces.reading.mechanisms import read_spec
 
 _HERE = Path(__file__).parent
@@ -34,17 +41,21 @@ _BELOW = 0.1  # of a mechanism's extent that the floor is beneath it, if it reac
 
 
 def file_of(mechanism: MechanismName | str | Path) -> Path:
-    """MJCF file of a mechanism: by name, of dm_control's suite, or at a path.
+    """MJCF file of a mechanism: by name, of dm_control's suite, of MuJoCo Menagerie, or at a path.
 
     Raises FieldError if there is none.
     """
-    own = {name: _HERE / f"{name.replace('-', '_')}.xml" for name in get_args(MechanismName)}
+    if str(mechanism).startswith(PREFIX):
+        return menagerie_file(str(mechanism))
+    names = (*get_args(MechanismName), *get_args(ServoArmName))
+    own = {name: _HERE / f"{name.replace('-', '_')}.xml" for name in names}
     suite = {f"{_SUITE}{file.stem}": file for file in (Path(dm_control.__file__).parent / "suite").glob("*.xml")}
     path = (own | suite).get(str(mechanism), Path(mechanism))
     if not path.is_file():
         raise FieldError(
             f"mechanism = {str(mechanism)!r}; allowed: {', '.join(own)}, {_SUITE}NAME of its suite "
-            f"({', '.join(sorted(file.stem for file in suite.values()))}), or the path of an MJCF file"
+            f"({', '.join(sorted(file.stem for file in suite.values()))}), {PREFIX}NAME of MuJoCo Menagerie, or the "
+            "path of an MJCF file"
         )
     return path
 
@@ -104,7 +115,11 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
         arena.delete(arena.geom("floor"))
     else:
         arena.geom("floor").pos = (0.0, 0.0, _floor(alone))
-    arena.worldbody.add_frame().attach_body(own.worldbody, f"{name}/", "")
+    frame = arena.worldbody.add_frame()
+    if (alone.jnt_type == FREE).any():  # they are allowed on top of the world only
+        arena.attach(own, prefix=f"{name}/", frame=frame)
+    else:
+        frame.attach_body(own.worldbody, f"{name}/", "")
     return arena
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
 from numba import njit
 
@@ -27,6 +28,13 @@ class Actuated(NamedTuple):
     ctrl: Array  # (nu,)
     passive: Array  # (nv,) qfrc_passive
     actuated: Array  # (nv,) qfrc_actuator
+
+
+def actuated(model: mujoco.MjModel, data: mujoco.MjData) -> Actuated:
+    """A model and its memory as compiled code takes them; both have to outlive the result."""
+    return Actuated(
+        model._address, data._address, data.qpos, data.qvel, data.ctrl, data.qfrc_passive, data.qfrc_actuator
+    )
 
 
 @njit(cache=True)

@@ -1,7 +1,8 @@
 """The configurations of a mechanism that MuJoCo can load, with its mass matrix as the metric: g = M(q).
 
 A point is qpos (nq,), a tangent vector a qvel (nv,): rates of slides [m/s] and hinges [rad/s], and of a ball joint,
-the position of which is a unit quaternion, the rate [rad/s] in the frame of the body it carries. Nothing but inverse
+the position of which is a unit quaternion, the rate [rad/s] in the frame of the body it carries; a free joint is three
+slides along the axes of the world and a ball. Nothing but inverse
 dynamics is asked of MuJoCo (``kernels``): no derivative of M is needed for the Levi-Civita connection. The thesis
 leaves open how to go on where no closed form is known (D.6); here, with d = q - p in the joints,
 
@@ -23,11 +24,9 @@ import mujoco
 import numpy as np
 
 from mathnavi.models.mechanism import kernels
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.joint_states import BALL, SLIDE, quaternions, with_unit_quaternions
+from mathnavi.sim.interfaces.joint_states import BALL, FREE, SLIDE, quaternions, with_unit_quaternions
 from mathnavi.sim.interfaces.signals import Array
 
-_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 _SINGULAR = 1e-12  # least eigenvalue of M, of the greatest, with its diagonal scaled to 1
 
 
@@ -43,7 +42,8 @@ class MechanismManifold:
         self._model.opt.gravity[:] = 0.0
         self._data = mujoco.MjData(self._model)
         joints = range(model.njnt)
-        balls = [int(model.jnt_dofadr[j]) for j in joints if model.jnt_type[j] == BALL]
+        rates = {BALL: 0, FREE: 3}  # velocities of a joint before those of its attitude
+        balls = [int(model.jnt_dofadr[j]) + rates[int(model.jnt_type[j])] for j in joints if model.jnt_type[j] in rates]
         self._quaternions = quaternions(model, joints)
         data = self._data
         self._at = kernels.Mechanism(
@@ -56,7 +56,12 @@ class MechanismManifold:
         self.name = f"the mechanism of the joints {', '.join(names)}"
         self.injectivity_radius = _half_turn(M, balls)
         self._slides = np.array(
-            [int(model.jnt_qposadr[j]) for j in joints if model.jnt_type[j] == SLIDE], dtype=np.intp
+            [
+                int(model.jnt_qposadr[j]) + k
+                for j in joints
+                for k in range({SLIDE: 1, FREE: 3}.get(int(model.jnt_type[j]), 0))
+            ],
+            dtype=np.intp,
         )
 
     def __reduce__(self) -> tuple[type[MechanismManifold], tuple[mujoco.MjModel]]:
@@ -69,8 +74,9 @@ class MechanismManifold:
 
     @property
     def origin(self) -> Array:
-        """Reference configuration qpos0 (nq,) of the model."""
-        return np.array(self._model.qpos0, dtype=np.float64)
+        """Reference configuration (nq,) of the model: that of its first keyframe, or qpos0."""
+        model = self._model
+        return np.array(model.key_qpos[0] if model.nkey else model.qpos0, dtype=np.float64)
 
     def check(self, p: Array) -> Array:
         """Return p (nq,) with its quaternions normalised.
@@ -147,23 +153,27 @@ class MechanismManifold:
     def rounded(self, p: Array, bits: int) -> Array:
         """Round p (nq,) to 2 pi / 2^bits [rad] of a hinge and 1 / 2^bits [m] of a slide.
 
-        Raises FieldError where there are ball joints, unless ``bits`` is 0.
+        The position of a free joint is read as of three slides; a quaternion has components of pi / 2^bits, a turn of
+        2 pi / 2^bits [rad], and is brought to length 1 again.
         """
         if not bits:
             return p.copy()
-        if self._quaternions:
-            raise FieldError(f"resolution = {bits!r}; allowed for ball joints, which have no encoders: 0")
         unit = np.full(self.size, 2.0 * math.pi / 2.0**bits)
         unit[self._slides] = 1.0 / 2.0**bits
-        return unit * np.round(p / unit)
+        for each in self._quaternions:
+            unit[each] *= 0.5
+        q = unit * np.round(p / unit)
+        for each in self._quaternions:
+            q[each] /= np.linalg.norm(q[each])
+        return q
 
 
 def checked(model: mujoco.MjModel) -> mujoco.MjModel:
-    """A copy of a model of slides, hinges and balls.
+    """A copy of a model of slides, hinges, balls and free joints.
 
-    Raises ValueError, which names all that is not allowed: no joints, free joints, equality constraints, armature that
-    depends on the configuration (of tendons, or of actuators that move anything but a slide or a hinge), or a mass
-    matrix that is not positive definite at qpos0.
+    Raises ValueError, which names all that is not allowed: no joints, armature that depends on the configuration (of
+    tendons, or of actuators that move anything but a slide or a hinge), or a mass matrix that is not positive definite
+    at qpos0. Equality constraints are forces, no part of the metric.
     """
     single = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
     geared = [
@@ -173,8 +183,6 @@ def checked(model: mujoco.MjModel) -> mujoco.MjModel:
     ]
     wrong = {
         "no joints": model.njnt == 0,
-        "free joints": bool((model.jnt_type == _FREE).any()),
-        "equality constraints": model.neq > 0,
         "armature of tendons": bool(np.any(model.tendon_armature)),
         "armature of actuators that do not move one slide or hinge": bool(geared),
     }
@@ -182,9 +190,7 @@ def checked(model: mujoco.MjModel) -> mujoco.MjModel:
     if not found and not _is_positive(mass_matrix(model, mujoco.MjData(model))):
         found = ["a mass matrix that is not positive definite at qpos0"]
     if found:
-        raise ValueError(
-            f"model = one with {', '.join(found)}; allowed: slides, hinges and balls, each of which moves mass"
-        )
+        raise ValueError(f"model = one with {', '.join(found)}; allowed: joints, each of which moves mass")
     return copy.copy(model)
 
 

@@ -9,16 +9,19 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from mathnavi.models.manifold.system import integrate
+from mathnavi.models.manifold.system import AffineInputLaw, integrate
 from mathnavi.models.mechanism import forces
+from mathnavi.models.mechanism.actuation import Actuation
 from mathnavi.models.mechanism.geometry import MechanismManifold
+from mathnavi.models.mechanism.implicit_step import ImplicitStep, needs_implicit_step
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.joint_states import SLIDE, state_names
+from mathnavi.sim.interfaces.joint_states import HINGE, SLIDE, state_names
 from mathnavi.sim.interfaces.signals import Array
 
 _FIXED, _UNBIASED = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_NONE)
 _AFFINE = int(mujoco.mjtGain.mjGAIN_AFFINE), int(mujoco.mjtBias.mjBIAS_AFFINE)
+_JOINT_EQUALITY = int(mujoco.mjtEq.mjEQ_JOINT)
 _JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 
 
@@ -26,8 +29,10 @@ class MechanismSystem:
     """A ``LagrangianSystem`` of a model of slides, hinges and balls, with the state (qpos, qvel) and the input ctrl.
 
     Actuators are MuJoCo's, of any kind that has no state of its own, and act within their ranges of control and force;
-    springs, dampers, tendons, gravity compensation and the drag of a medium are MuJoCo's too. What MuJoCo treats as a
-    constraint is not modelled: contacts, limits of joints and tendons, and friction loss.
+    springs, dampers, tendons, gravity compensation and the drag of a medium are MuJoCo's too. ``force`` is without what
+    MuJoCo treats as a constraint: contacts, limits of joints and tendons, friction loss and equalities. Where the model
+    has any of these, servos, drag or stiff damping, ``implicit`` is true, and ``flow`` and ``step`` are MuJoCo's own
+    implicit step, with the forces of the constraints; see ``implicit_step``.
 
     Raises ValueError for what ``geometry.checked`` refuses, for actuators with a state, a delay or a plug-in, for
     flexible parts, and for a ``constant`` or ``amplitude`` that is not one finite number for each input; zero if not
@@ -45,14 +50,16 @@ class MechanismSystem:
         if found := [what for what, is_so in wrong.items() if is_so]:
             raise ValueError(f"model = one with {', '.join(found)}; allowed: actuators without dynamics of their own")
         self._model = copy.copy(model)
-        self._data = data = mujoco.MjData(self._model)
-        self._at = forces.Actuated(
-            self._model._address, data._address, data.qpos, data.qvel, data.ctrl, data.qfrc_passive, data.qfrc_actuator
-        )
+        self._data = mujoco.MjData(self._model)
+        self._at = forces.actuated(self._model, self._data)
         self.states = state_names(model, range(model.njnt))
         self.inputs = tuple(_input_name(model, i) for i in range(model.nu))
         self.constant, self.amplitude = self._given("constant", constant), self._given("amplitude", amplitude)
         self.velocity_dependent = _depends_on_velocity(model)
+        self.implicit = needs_implicit_step(model)
+        self._step = ImplicitStep(model)
+        # joints that follow others
+        self.coupled = int((model.eq_type[model.eq_active0 > 0] == _JOINT_EQUALITY).sum())
 
     def __reduce__(self) -> tuple[type[MechanismSystem], tuple[mujoco.MjModel, tuple[float, ...], tuple[float, ...]]]:
         """A copy has memory of its own: addresses do not outlive what they are in."""
@@ -65,7 +72,34 @@ class MechanismSystem:
 
     def flow(self, state: Array, u: Array, h: float) -> Array:
         """State (nq + nv,) after h [s] from ``state`` with the controls u (nu,) held."""
-        return integrate(self, state, u, h)
+        if not self.implicit:
+            return integrate(self, state, u, h)
+        n = self.manifold.size
+        return np.concatenate(self._step(state[:n], state[n:], u, h))
+
+    def step(self, x: Array, v: Array, u: Array, h: float, delta: Array | None = None) -> tuple[Array, Array]:
+        """State x (nq,), v (nv,) after h [s] with u (nu,) and the missing acceleration delta (nv,) held.
+
+        Raises FloatingPointError for a state that is not finite or faster than any mechanism.
+        """
+        return self._step(x, v, u, h, delta)
+
+    @property
+    def joint_ranges(self) -> Array:
+        """Least and greatest positions (2, nq) [m, rad] that limits leave; infinite where there are none."""
+        ranges = np.tile([[-np.inf], [np.inf]], (1, self.manifold.size))
+        for j in np.flatnonzero(self._model.jnt_limited):
+            if self._model.jnt_type[j] in (SLIDE, HINGE):
+                ranges[:, self._model.jnt_qposadr[j]] = self._model.jnt_range[j]
+        return ranges
+
+    def affine_inputs(self) -> AffineInputLaw | None:
+        """Inputs by the actuators' transmission and bias; None where all are motors, whose controls are forces.
+
+        Raises FieldError for muscles and actuators with a law of the user's.
+        """
+        motors = (self._model.actuator_biastype == _UNBIASED) & (self._model.actuator_gaintype == _FIXED)
+        return None if motors.all() else Actuation(self._model)
 
     def _given(self, name: str, values: Sequence[float]) -> tuple[float, ...]:
         n = len(self.inputs)

@@ -125,6 +125,7 @@ class AgentRunner:
             self.estimate = replace(self.estimate, status=Status.LOST)
         if complaint and self.estimating:
             self.record.event(t, "estimate-unusable", complaint)
+        self._record_events(t, self.agent.estimator)
         self.estimating = not complaint
         if self.estimate is not None:
             self.record.estimate(self.estimate)
@@ -231,6 +232,12 @@ class AgentRunner:
         for note in plan.notes:
             self.record.event(t, note, message)
 
+    def _record_events(self, t: float, part: object) -> None:
+        """Record what a part of the agent has to report, if it reports anything."""
+        events = getattr(part, "events", None)
+        for kind, message in () if events is None else events():
+            self.record.event(t, kind, message)
+
     def _track(self, t: float, estimate: Estimate, plan: Plan) -> None:
         try:
             command = np.asarray(self.agent.tracker.command(t, estimate, plan), dtype=float)
@@ -239,9 +246,7 @@ class AgentRunner:
             complaint = "" if usable else f"{command!r}"
         except (Exception, SystemExit) as error:
             usable, complaint = False, f"{type(error).__name__}: {error}"
-        events = getattr(self.agent.tracker, "events", None)
-        for kind, message in () if events is None else events():
-            self.record.event(t, kind, message)
+        self._record_events(t, self.agent.tracker)
         if usable:
             self.command = command
         elif self.usable:

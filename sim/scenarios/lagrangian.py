@@ -115,13 +115,16 @@ def finished(case: LagrangianCase, t: float, truths: Mapping[str, Array]) -> boo
 def summarise(
     case: LagrangianCase, fields: LagrangianFields, seed: int, recording: Recording, wall_seconds: float
 ) -> tuple[dict[str, Any], bool]:
-    """The summary, and whether the velocity was found and the run did not end early."""
+    """The summary, and whether the velocity was found, the run did not end early, and a plan was ever flown."""
     figures = lagrangian_summary(recording, case.vehicle, case.manifold, fields.settled, seed, wall_seconds)
     if case.figures is not None:
         figures |= case.figures(recording, case.vehicle, case.manifold, fields.settled)
     figures["escaped"] = bool(recording.t[-1] < fields.duration - 0.5 * TICK)
+    agent = recording.agents[case.vehicle]
+    figures |= {"replans": agent.requests, "plans_adopted": len(agent.plans)}
     whole, found = Requirement("escaped", most=False), Requirement("velocity_rms", most=fields.tolerance)
-    return evaluate(figures, [whole, found, *case.requirements])
+    planned = [Requirement("plans_adopted", least=1)] if agent.requests else []  # not asked: commanded from outside
+    return evaluate(figures, [whole, found, *planned, *case.requirements])
 
 
 def _velocity_cost(case: LagrangianCase) -> StageCost:

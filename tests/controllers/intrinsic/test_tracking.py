@@ -19,6 +19,7 @@ from mathnavi.models.manifold.systems import PointSystem, RigidBody, linear
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.sim.interfaces.signals import Array, Estimate, PlanRequest, Status
+from tests.mechanisms import chain
 
 GEARED = """<mujoco><worldbody><body><joint name="hinge" axis="0 1 0"/><geom size=".1" pos=".3 0 0"/></body></worldbody>
 <actuator><motor joint="hinge" gear="100" ctrllimited="true" ctrlrange="-.2 .2"/></actuator></mujoco>"""
@@ -129,3 +130,30 @@ def test_inputs_that_do_not_suffice_are_refused() -> None:
 def test_gains_and_references_that_are_none_are_refused(fields: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=f"{next(iter(fields))} = .*; allowed"):
         AttitudeTracking.Config(**fields)
+
+
+@pytest.mark.parametrize("name", ["servo-six", "servo-gripper"])
+def test_servos_are_inverted_by_their_own_law_and_no_saturation_stops_a_plan(name: str) -> None:
+    """At 2 rad from its set point a servo is saturated: a probe of its input would find no effect."""
+    mission = LagrangianMission(MechanismSystem(build_model(name)))
+    system, n = mission.system, mission.system.manifold.size
+    inverse, x, v = InverseForce(system), np.full(n, 0.02), np.full(n, 0.01)
+    u = np.full(len(system.inputs), 0.021)
+    assert inverse(x, v, system.force(x, v, u)) == pytest.approx(u, abs=1e-9)
+    ranges = np.array([[-3.0, 3.0] if "six" in name else [-2.0, 2.0]] * 6).T
+    far = np.concatenate([ranges[1], x[6:]])
+    saturated = inverse(far, 30.0 + 0.0 * v, np.zeros(n))
+    assert np.isfinite(saturated).all()
+    assert (np.abs(saturated[:6]) <= ranges[1]).all()
+    planner, _ = JointTracking.build(JointTracking.Config(), mission)
+    plan = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, np.zeros(2 * n)), None))
+    assert plan.ok, plan.message
+    limited = system.joint_ranges
+    assert (plan.x[:, :n] >= limited[0]).all()
+    assert (plan.x[:, :n] <= limited[1]).all()
+
+
+def test_an_actuator_with_a_law_of_the_user_s_is_refused_by_name() -> None:
+    other = '<actuator><general name="odd" joint="joint_0" gaintype="user"/></actuator>'
+    with pytest.raises(ValueError, match="actuators = odd; allowed for tracking"):
+        InverseForce(MechanismSystem(chain("h", other)))

@@ -84,8 +84,21 @@ def test_what_has_no_name_in_a_file_gets_one(tmp_path: Path) -> None:
     assert plant.state_names("it")[0] == "position_joint_0_ [rad]"
 
 
+def test_a_floating_base_stays_on_top_of_the_world_and_falls(tmp_path: Path) -> None:
+    free = tmp_path / "free.xml"
+    free.write_text(
+        "<mujoco><worldbody><body name='base'><freejoint/><geom size='.1'/><body><joint axis='0 1 0'/>"
+        "<geom size='.1' pos='.2 0 0'/></body></body></worldbody></mujoco>"
+    )
+    model = build_model(free, name="it")
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert (model.nq, model.nv, model.joint(0).name) == (8, 7, "it/joint_0")
+    assert data.qacc[2] == pytest.approx(-9.81)
+
+
 def test_what_is_no_mechanism_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"mechanism = 'octopus'; allowed: rigid-body, .*path of an MJCF file"):
+    with pytest.raises(ValueError, match=r"mechanism = 'octopus'; allowed: rigid-body, .*path *of an MJCF file"):
         build_model("octopus")
     broken = tmp_path / "broken.xml"
     broken.write_text("<mujoco><worldbody><body><joint/></body></worldbody></mujoco>")
@@ -94,9 +107,9 @@ def test_what_is_no_mechanism_is_refused(tmp_path: Path) -> None:
     broken.write_text("not a model")
     with pytest.raises(ValueError, match=r"mechanism = .*broken\.xml.*; allowed: an MJCF file that MuJoCo can read"):
         build_model(broken)
-    free = tmp_path / "free.xml"
-    free.write_text("<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>")
-    with pytest.raises(ValueError, match="free joints; allowed"):
-        build_model(free)
+    static = tmp_path / "static.xml"
+    static.write_text("<mujoco><worldbody><geom size='.1'/></worldbody></mujoco>")
+    with pytest.raises(ValueError, match="no joints; allowed"):
+        build_model(static)
     with pytest.raises(ValueError, match="vehicle name"):
         build_model("two-link", name="a/b")

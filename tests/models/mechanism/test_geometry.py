@@ -18,11 +18,11 @@ from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.sim.interfaces.signals import Array
 from tests.mechanisms import chain, somewhere
 
-CHAINS = ("hh", "shh", "hhhhhhh", "b", "hb", "bsb")
+CHAINS = ("hh", "shh", "hhhhhhh", "b", "hb", "bsb", "fhb")
 
 
 def bracket(manifold: MechanismManifold, u: Array, w: Array) -> Array:
-    """u x w of each ball joint, by numpy."""
+    """u x w of each ball joint, and of the attitude of each free joint, by numpy."""
     turned = np.zeros(manifold.dimension)
     for k in manifold._at.balls:
         turned[k : k + 3] = np.cross(u[k : k + 3], w[k : k + 3])
@@ -207,8 +207,18 @@ def test_encoders_round_turns_and_metres() -> None:
     assert (np.abs(rounded - p) <= 0.5 * step).all()
     np.testing.assert_allclose(rounded / step, np.round(rounded / step), atol=1e-9)
     np.testing.assert_array_equal(manifold.rounded(p, 0), p)
-    with pytest.raises(ValueError, match=r"resolution = 14; allowed .*ball"):
-        MechanismManifold(chain("hb")).rounded(np.array([0.0, 1.0, 0.0, 0.0, 0.0]), 14)
+
+
+def test_a_full_pose_is_rounded_as_encoders_are() -> None:
+    model, rng = chain("fb"), np.random.default_rng(12)
+    manifold = MechanismManifold(model)
+    p = somewhere(manifold, model, rng)
+    rounded = manifold.rounded(p, 14)
+    off = np.abs(manifold.coordinates(p, rounded))
+    assert (off[:3] <= 0.5 / 2.0**14).all()
+    assert (off[3:] <= 2.0 * np.pi / 2.0**14).all()
+    assert off.all()
+    np.testing.assert_array_equal(manifold.check(rounded), rounded)
 
 
 def test_a_chart_is_undone_by_its_inverse() -> None:
@@ -251,7 +261,6 @@ def test_a_vector_of_another_size_is_refused() -> None:
 
 TENDON = '<tendon><fixed name="t" armature="1"><joint joint="joint_0" coef="1"/></fixed></tendon>'
 REFUSED = {
-    "free joints": "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>",
     "no joints": "<mujoco><worldbody><geom size='.1'/></worldbody></mujoco>",
     "not positive definite": "<mujoco><worldbody><body><joint axis='1 0 0'/><joint axis='1 0 0'/><geom size='.1'/>"
     "</body></worldbody></mujoco>",
@@ -260,20 +269,19 @@ REFUSED = {
 
 @pytest.mark.parametrize(("reason", "text"), REFUSED.items())
 def test_what_is_no_mechanism_is_refused(reason: str, text: str) -> None:
-    with pytest.raises(ValueError, match=f"model = one with .*{reason}.*; allowed: slides, hinges and balls"):
+    with pytest.raises(ValueError, match=f"model = one with .*{reason}.*; allowed: joints, each of which moves mass"):
         MechanismManifold(mujoco.MjModel.from_xml_string(text))
 
 
 @pytest.mark.parametrize(
     ("reason", "extra"),
     [
-        ("equality constraints", '<equality><joint joint1="joint_0" joint2="joint_1"/></equality>'),
         ("armature of tendons", TENDON),
         ("armature of actuators", '<actuator><motor joint="joint_2" gear="1 0 0" armature="1"/></actuator>'),
     ],
 )
 def test_what_ties_joints_together_is_refused(reason: str, extra: str) -> None:
-    with pytest.raises(ValueError, match=f"model = one with {reason}.*; allowed: slides, hinges and balls"):
+    with pytest.raises(ValueError, match=f"model = one with {reason}.*; allowed: joints, each of which moves mass"):
         MechanismManifold(chain("hhb", extra))
 
 

@@ -10,10 +10,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from mathnavi.controllers.intrinsic.loop import ReferencePlanner
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.sensors import PositionQuality
 from mathnavi.sim.commands.cli import main
-from mathnavi.sim.interfaces.signals import Status
+from mathnavi.sim.interfaces.signals import Plan, Status
 from mathnavi.sim.metrics.lagrangian import VelocityErrors, errors_of
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.scenarios.arm_velocity import ArmVelocity, ArmVelocityConfig
@@ -52,6 +53,20 @@ def test_a_mechanism_is_observed_and_kept_on_its_reference() -> None:
     assert outcome.recording.truths["mechanism"][-1] == pytest.approx(
         plan.x[int(np.argmin(np.abs(plan.t - outcome.recording.t[-1])))], abs=0.05
     )
+
+
+def test_an_arm_with_servos_is_observed_and_kept_on_its_reference() -> None:
+    outcome = ArmVelocity.build(ArmVelocityConfig(mechanism="servo-six", duration=0.8, settled=0.4, load=1.5), 0).run()
+    assert outcome.success, outcome.summary
+    assert outcome.summary["plans_adopted"] == 8
+    assert outcome.summary["speed_max"] > 0.5
+
+
+def test_a_run_without_a_plan_did_not_do_what_it_should(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ReferencePlanner, "plan", lambda self, request: Plan.failure(Status.RAISED, "no plan"))
+    outcome = ArmVelocity.build(ArmVelocityConfig(duration=0.2, settled=0.1), 0).run()
+    assert not outcome.success
+    assert "plans adopted 0 < 1" in outcome.summary["shortfall"]
 
 
 def test_a_body_is_brought_to_its_reference_without_a_gyro() -> None:
@@ -147,7 +162,8 @@ BAD = [
     ("arm-velocity", ["--mechanism", "nosuch"], "mechanism = 'nosuch'; allowed"),
     ("arm-velocity", ["--load", "0"], "load = 0.0"),
     ("arm-velocity", ["--estimator.curvature", "matched"], "curvature = 'matched'"),
-    ("arm-velocity", ["--mechanism", "dm_control:humanoid"], "allowed"),
+    ("arm-velocity", ["--mechanism", "dm_control:humanoid"], "joint_tracking on .*; allowed: on slides and hinges"),
+    ("arm-velocity", ["--estimator.tuning", "innovations", "--estimator.damping", "2"], "tuning = 'innovations' with"),
     ("attitude-tracking", ["--planner.k-p", "0"], "k-p = 0.0"),
     ("attitude-tracking", ["--inertia", "-1"], "inertia = -1.0"),
 ]

@@ -1,0 +1,59 @@
+"""Bandwidths that tune themselves from the innovations, one for each component of a tangent vector.
+
+The weights of three poles at rho = e^(-omega h), as ``sampled`` states them, are right where the innovations L are
+white: if omega is too low they last as long as the model's error does, if it is too high the observer follows the noise
+and they alternate. Whiteness is judged over the observer's own time 1 / omega,
+
+    z = rho z + (1 - rho) L,    s = mean of L^2 over 50 ms,    r = z^2 / (s (1 - rho) / (1 + rho) N),
+
+the mean of r being 1 of white innovations, whatever their variance, and omega follows
+
+    d log omega = g (1 - rho) (r - 1),                                 g = 0.15, r at most 31.
+
+So neither the noise nor the disturbance has to be known. Readings that are rounded to steps of size Delta are no white
+noise where a step takes N = Delta / |eta h| > 1 readings to cross; z^2 is allowed that much more, and s is at least
+Delta^2 / 12 with the variance of the noise, as the mission declares both.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mathnavi.sim.interfaces.signals import Array
+
+_RATE = 0.15  # g
+_LARGEST = 31.0  # r
+_MEMORY = 0.05  # [s] of the mean of L^2
+_OUTLYING = 9.0  # times that mean, beyond which L^2 counts no more
+_START, _MOST = 0.1, 1.0  # omega h
+_LEAST = 1.0  # [1/s] omega
+
+
+def disturbed_weights(omega: float | Array, h: float) -> tuple[Array, Array, Array]:
+    """Weights alpha, beta [1/s] and gamma [1/s^2] of three poles at rho = e^(-omega h), h [s]."""
+    rho, left = np.exp(-omega * h), -np.expm1(-omega * h)
+    return 1.0 - rho**3, 1.5 * left**2 * (1.0 + rho) / h, left**3 / h**2
+
+
+class BandwidthTuning:
+    """omega (n,) of an observer of readings with variances (n,) [rad^2, m^2], rounded to ``steps`` (n,) [rad, m]."""
+
+    def __init__(self, period: float, variance: Array, steps: Array) -> None:
+        """``period`` [s] of the readings."""
+        self._least, self._most, self._steps = np.maximum(variance, 1e-24), _MOST / period, steps
+        self.omega = np.full(len(variance), max(_START / period, _LEAST))
+        self._z, self._s = np.zeros(len(variance)), self._least.copy()
+
+    def weights(self, L: Array, rate: Array, h: float) -> tuple[Array, Array, Array]:
+        """Follow an innovation L (n,), h [s] after the one before, at the estimated rate (n,); return the weights."""
+        rho = np.exp(-self.omega * h)
+        self._z = rho * self._z + (1.0 - rho) * L
+        kept = math.exp(-h / _MEMORY)
+        self._s = np.maximum(kept * self._s + (1.0 - kept) * np.minimum(L * L, _OUTLYING * self._s), self._least)
+        crossing = np.maximum(1.0, self._steps / np.maximum(np.abs(rate) * h, 1e-12))
+        white = self._s * np.minimum(1.0, (1.0 - rho) / (1.0 + rho) * crossing)
+        r = np.minimum(self._z**2 / white, _LARGEST)
+        self.omega = np.clip(self.omega * np.exp(_RATE * (1.0 - rho) * (r - 1.0)), _LEAST, self._most)
+        return disturbed_weights(self.omega, h)

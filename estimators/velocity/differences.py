@@ -1,0 +1,78 @@
+"""The law of ``filtered_differences``: the velocity without a model, from differences of readings.
+
+    w_k = (y_k - y_{k-1}) / h,        v = Butterworth's low-pass of second order of w,
+
+y_k - y_{k-1} being the coordinates of y_k about y_{k-1}. Where readings are missing h is the whole time between those
+that are there, and the filter is given w once for each period of it. It filters the components of the vector as it is
+stored, ambient on a curved space, where those in a frame would jump with it, and what is tangent of them is v.
+Positions are the newest reading, moved on with v while it is old, but not beyond the time after which it is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.signal import butter, sosfilt
+
+from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.sim.interfaces.signals import NOTHING, Array
+
+_ORDER = 2
+
+
+class Differences:
+    """A ``VelocityLaw``."""
+
+    extra: Mapping[str, Array] = NOTHING
+
+    def __init__(self, cutoff: float, timeout: float, mission: LagrangianMission) -> None:
+        """``cutoff`` [Hz], 0 for none; ``timeout`` [s] over which positions are moved on, at most."""
+        self._mission, self._manifold = mission, mission.system.manifold
+        self._timeout = timeout
+        self._sos = butter(_ORDER, cutoff, output="sos", fs=1.0 / mission.period) if cutoff else None
+
+    @property
+    def state(self) -> Array:
+        """State (size + vector_size,) (x, v)."""
+        return self.after(self._age)
+
+    def after(self, age: float) -> Array:
+        """State (size + vector_size,) an ``age`` [s] after the newest reading."""
+        manifold = self._manifold
+        w = manifold.components(self._y, self._w)
+        x = manifold.point(self._y, min(age, self._timeout) * w) if age else self._y
+        return np.concatenate([x, manifold.vector(x, manifold.components(x, self._w))])
+
+    def start(self, y: Array) -> None:
+        """Start at the point y (size,) with v = 0."""
+        self._y, self._age = y, 0.0  # [s] since the newest reading
+        self._w = np.zeros(self._manifold.vector_size)
+        self._memory = np.zeros((_ORDER // 2, 2, self._manifold.vector_size))  # of the filter
+        self._gate, self._outlier_counter = SpeedGate(self._mission, y), OutlierCounter()
+
+    def predict(self, h: float, u: Array, y: Array | None) -> None:
+        """Let h [s] pass."""
+        self._age += h
+
+    def correct(self, y: Array, h: float) -> bool:
+        """Take a reading y (size,), h [s] after the last that was used; True if it was used."""
+        moved = innovation(self._manifold, self._y, y)
+        good = moved is not None and self._gate.passes(self._y, moved, h)
+        if not self._outlier_counter.admits(good):
+            return False
+        if moved is None or not good or h > self._timeout:  # a difference over that would say nothing of v
+            self.start(y)
+            return True
+        self._w = self._filtered(self._manifold.vector(self._y, moved / h), max(1, round(h / self._mission.period)))
+        self._y, self._age = y, 0.0
+        return True
+
+    def _filtered(self, w: Array, periods: int) -> Array:
+        """What the filter says at the end of so many periods of a difference w (vector_size,)."""
+        if self._sos is None:
+            return w
+        out, self._memory = sosfilt(self._sos, np.tile(w, (periods, 1)), axis=0, zi=self._memory)
+        last: Array = out[-1]
+        return last

@@ -1,0 +1,124 @@
+"""Filtered differences of the readings in place of an estimate that the readings contradict.
+
+Over a window of T = 50 ms the estimated rates v^ have to add up to what the readings moved by, whatever the model says:
+
+    |sum h v^ - sum (y_k - y_{k-1})| / T  <=  s / 2 + 6 sqrt(2) |sigma| / T,
+
+s being the highest mean rate over such windows, forgotten with a time constant of 1 s, and sigma the standard
+deviations of a reading. Before this has held for once the estimate is initialising. Where it does not hold any more the
+estimate is lost, and the answer is the newest reading with Butterworth's low-pass of the differences. Rates that add up
+to more than twice s have run away.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from mathnavi.estimators.velocity.differences import Differences
+from mathnavi.estimators.velocity.readings import innovation, reading_variance
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.signals import Array, Status
+
+_WINDOW = 0.05  # [s] T
+_FEWEST = 4  # readings of a window
+_MEMORY = 1.0  # [s]
+_SHARE, _RUN_AWAY = 0.5, 2.0  # of s
+_DEVIATIONS = 6.0 * math.sqrt(2.0)
+_CUTOFF = 0.08  # of the rate of the readings
+
+
+class SafeAnswer:
+    """Differences of the readings beside an observer, and the judgement of which of the two is answered."""
+
+    def __init__(self, mission: LagrangianMission, timeout: float) -> None:
+        self._mission, self._manifold = mission, mission.system.manifold
+        self._differences = Differences(_CUTOFF / mission.period, timeout, mission)
+        self._window = max(_WINDOW, _FEWEST * mission.period)
+        self._past: deque[tuple[float, Array]] = deque()  # (h, displacements (2, n), read and estimated) of the window
+        self._T, self._sums = 0.0, np.zeros((2, self._manifold.dimension))  # over it
+        self._y: Array | None = None  # the last reading
+        self._scale = 0.0  # s
+        self._proven = False  # whether the estimate was ever trusted
+        self.trusted = False  # whether the observer's estimate is to be answered
+        self.ran_away = False  # whether its rates are those of no motion that was read
+        self._events: list[tuple[str, str]] = []
+
+    @property
+    def status(self) -> Status:
+        """Status of an estimate that has its readings."""
+        if self.trusted:
+            return Status.OK
+        return Status.LOST if self._proven else Status.INITIALISING
+
+    def events(self) -> list[tuple[str, str]]:
+        """Return the kinds and messages of what has happened since the last call."""
+        found, self._events = self._events, []
+        return found
+
+    def state(self, age: float) -> Array:
+        """State (size + vector_size,) by the differences, an ``age`` [s] after the newest reading."""
+        return self._differences.after(age)
+
+    def read(self, y: Array, h: float, estimate: Array | None) -> None:
+        """Take a reading y (size,), h [s] after the one before; judge the estimate (size + vector_size,) at it.
+
+        None stands for an observer that starts at this reading.
+        """
+        self.ran_away = False
+        moved = None if self._y is None else innovation(self._manifold, self._y, y)
+        if self._y is None or moved is None or not self._differences.correct(y, h):
+            self._begin(y)
+            return
+        self._y = y
+        if estimate is None:
+            self._clear()
+            self._trust(False)
+            return
+        x, v = estimate[: self._manifold.size], estimate[self._manifold.size :]
+        self._past.append((h, np.stack([moved, h * self._manifold.components(x, v)])))
+        self._T, self._sums = self._T + h, self._sums + self._past[-1][1]
+        while self._T - self._past[0][0] >= self._window - TIME_TOLERANCE:
+            oldest = self._past.popleft()
+            self._T, self._sums = self._T - oldest[0], self._sums - oldest[1]
+        if self._window - TIME_TOLERANCE <= self._T:
+            self._judge(h)
+
+    def _begin(self, y: Array) -> None:
+        """Start at a reading that nothing before it explains."""
+        self._differences.start(y)
+        self._y = y
+        self._clear()
+        self._noise = _DEVIATIONS * float(np.sqrt(reading_variance(self._mission, y).sum()))
+
+    def _judge(self, h: float) -> None:
+        """Judge the estimate by the window that ends with the newest reading, h [s] after the one before."""
+        T = self._T
+        moved, summed = self._sums / T
+        self._scale = max(float(np.linalg.norm(moved)), self._scale * math.exp(-h / _MEMORY))
+        noise = self._noise / T
+        self._trust(bool(np.linalg.norm(summed - moved) <= _SHARE * self._scale + noise))
+        self.ran_away = not float(np.linalg.norm(summed)) <= _RUN_AWAY * self._scale + noise
+        if self.ran_away:
+            self._clear()
+
+    def _clear(self) -> None:
+        """Forget the window."""
+        self._past.clear()
+        self._T, self._sums = 0.0, np.zeros((2, self._manifold.dimension))
+
+    def _trust(self, trusted: bool) -> None:
+        if self._proven and trusted != self.trusted:
+            self._events.append(
+                ("estimate-recovered", "the estimated rates are those of the readings again")
+                if trusted
+                else (
+                    "estimate-diverged",
+                    "the estimated rates are not those of the readings, whose differences are answered",
+                )
+            )
+        self.trusted = trusted
+        self._proven = self._proven or trusted

@@ -30,7 +30,7 @@ from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.winding import unwound
 from mathnavi.sim.interfaces.signals import Array
 
-OPTIONS = Options(tolerance=1e-11, iterations=1500)
+OPTIONS = Options(tolerance=1e-11)
 """tighter than that of other methods: what is compared from round to round is J"""
 TOLERANCE = 1e-6
 MOST_NODES = 200
@@ -99,7 +99,7 @@ def hp(
         problem: the problem as compiled functions.
         most_nodes: limit of the number of nodes.
         tolerance: allowed sum of the intervals' defects, over the states' scales, and relative error of J.
-        guess: a solution to start from, on any grid; None for the problem's own guess.
+        guess: a solution to start from, with its grid; None for the problem's own guess on a uniform one.
         parameters: (np,) values of the problem's parameters; None for the nominal ones.
         options: solver and its tolerance.
 
@@ -115,6 +115,7 @@ def hp(
     if not current.solved:
         return dataclasses.replace(current, method="hp")
     allowed, change, visited, free, bent = _MARGIN * tolerance, math.inf, [plan.structure], False, 0
+    failures = 0
     for number in range(_ROUNDS):
         errors, seen, own = interval_errors(current, defects(current)), structure(current), plan.placed(current)
         visits = sum(seen.same(other) for other in visited)
@@ -135,9 +136,10 @@ def hp(
             following = _Plan(*mesh, own, rho, plan.every)
         else:
             following = _Plan(with_boundaries(current.grid, seen.boundaries), plan.count, seen, rho, plan.every)
-        found, following = _next(problem, plan, following, current, parameters, options)
+        found, following, smooth_start = _next(problem, plan, following, current, parameters, options)
+        failures += int(not smooth_start)
         current = dataclasses.replace(current, timing=current.timing + found.timing)
-        if not found.solved:
+        if not found.solved or failures > 1:
             break
         free = free or len(following.structure) == 1 < max(len(own), len(seen))
         change = abs(found.cost - current.cost) / max(abs(found.cost), TINY)
@@ -153,10 +155,16 @@ def hp(
 def _first(
     problem: ProblemFunctions, most_nodes: int, guess: Solution | None, parameters: Array | None, options: Options
 ) -> tuple[_Plan, Solution]:
-    """The first grid that the solver manages, and its solution; the last one's if it manages none."""
+    """The first grid that the solver manages, and its solution; the last one's if it manages none.
+
+    It is that of the guess, or a uniform one.
+    """
     timing, smoothing = Timing(), _SMOOTHING if linear_controls(problem).any() else 0.0
-    for nodes, count in _STARTS:
-        plan = _Plan(uniform(min(nodes, most_nodes)), count, without_structure(problem), smoothing)
+    starts = [(uniform(min(nodes, most_nodes)), count) for nodes, count in _STARTS]
+    if guess is not None and len(guess.grid) <= most_nodes:
+        starts.insert(0, (guess.grid, _STARTS[0][1]))
+    for grid, count in starts:
+        plan = _Plan(grid, count, without_structure(problem), smoothing)
         found = plan.solved(problem, guess, parameters, options)
         timing += found.timing
         if found.solved:
@@ -171,10 +179,11 @@ def _next(
     current: Solution,
     parameters: Array | None,
     options: Options,
-) -> tuple[Solution, _Plan]:
+) -> tuple[Solution, _Plan, bool]:
     """The solution of the following plan; where the solver fails, of one that asks for less.
 
-    That is the same plan with all controls smoothed, no arcs, or the last mesh with a point more.
+    That is the same plan with all controls smoothed, no arcs, or the last mesh with a point more. The last result is
+    True if the first try was enough.
     """
     timing, weight, without = Timing(), _SMOOTHING * abs(current.cost), without_structure(problem)
     nodes = with_boundaries(current.grid, following.structure.boundaries)
@@ -189,7 +198,7 @@ def _next(
         timing += found.timing
         if found.solved:
             break
-    return dataclasses.replace(found, timing=timing), each
+    return dataclasses.replace(found, timing=timing), each, each is following
 
 
 def _mesh(plan: _Plan) -> tuple[int, int]:

@@ -98,7 +98,7 @@ def phase_solution(stacked: Solution, name: str, phase: Statement, elapsed: floa
         replay=None,
     )
     cost = _running_cost(view) + float(problem.terminal_cost(x[-1], duration, view.parameters))
-    return replayed(dataclasses.replace(view, cost=cost)), begin
+    return replayed(dataclasses.replace(view, cost=cost), stacked.tolerance), begin
 
 
 def _running_cost(view: Solution) -> float:

@@ -21,10 +21,6 @@ DURATION_LIMITS = (1e-3, 1e9)
 """[s] limits of a free final time for which none are stated: for the search, no solution ends there"""
 
 
-DURATION_LIMITS = (1e-3, 1e9)
-"""[s] limits of a free final time for which none are stated: for the search, no solution ends there"""
-
-
 class Interval(NamedTuple):
     """Lower and upper limits, arrays of one shape (n,), infinite where there is none; equal where a value is fixed."""
 

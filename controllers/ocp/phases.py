@@ -193,9 +193,11 @@ class MultiPhaseProblem:
             if (why := unbounded(phase.problem, phase.x, np.concatenate(list(phase.u)), phase.duration, diverged=False))
         ]
         if stacked.solved and unlimited:
-            how = {"status": Outcome.UNBOUNDED, "message": "; ".join(unlimited)}
-            stacked = dataclasses.replace(stacked, **how)
-            phases = {name: dataclasses.replace(phase, **how) for name, phase in phases.items()}
+            stacked, *views = (
+                dataclasses.replace(solution, status=Outcome.UNBOUNDED, message="; ".join(unlimited))
+                for solution in (stacked, *phases.values())
+            )
+            phases = dict(zip(phases, views, strict=True))
         return MultiPhaseSolution(self.name, stacked, phases, start_times)
 
 

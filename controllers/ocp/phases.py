@@ -34,9 +34,10 @@ from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.phase_solutions import MultiPhaseSolution, phase_solution
 from mathnavi.controllers.ocp.problem import Numbers, OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solution import Outcome, Solution
 from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.statement import Duration, Parameter, Statement, Variable
+from mathnavi.controllers.ocp.unbounded import unbounded
 from mathnavi.sim.interfaces.errors import ProblemError
 
 
@@ -83,6 +84,8 @@ class MultiPhaseProblem:
     ) -> None:
         """Let the states that two phases share by name go on from the end of one to the start of the other.
 
+        A state that the other phase starts itself, an integral for one, is left alone.
+
         Args:
             before: phase whose end is meant.
             after: phase whose start is meant.
@@ -94,7 +97,12 @@ class MultiPhaseProblem:
         self._check_own(before, after)
         jumps = dict(jumps or {})
         own = {v.name: v.symbol for v in before.statement.states}
-        shared = [v for v in after.statement.states if v.name in own and not v.name.endswith("(0)")]
+        left_alone = after.statement.starts
+        shared = [
+            v
+            for v in after.statement.states
+            if v.name in own and v.name not in left_alone and not v.name.endswith("(0)")
+        ]
         names = [v.name for v in shared]
         where = f"{self.name}: {before.name} to {after.name}"
         if not names:
@@ -179,6 +187,17 @@ class MultiPhaseProblem:
         for name, phase in self._phases.items():
             phases[name], start_times[name] = phase_solution(stacked, name, phase.statement, elapsed)
             elapsed = start_times[name] + phases[name].duration
+        unlimited = [
+            f"phase {name}: {why}"
+            for name, phase in phases.items()
+            if (why := unbounded(phase.problem, phase.x, np.concatenate(list(phase.u)), phase.duration, diverged=False))
+        ]
+        if stacked.solved and unlimited:
+            stacked, *views = (
+                dataclasses.replace(solution, status=Outcome.UNBOUNDED, message="; ".join(unlimited))
+                for solution in (stacked, *phases.values())
+            )
+            phases = dict(zip(phases, views, strict=True))
         return MultiPhaseSolution(self.name, stacked, phases, start_times)
 
 

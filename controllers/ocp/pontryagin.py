@@ -391,8 +391,8 @@ class _Judge:
         """States that stay on a bound because every control that moves them is on one of its own."""
         problem = self.problem
         depends = np.array(ca.DM(problem.dynamics.jac_sparsity(0, 1), 1.0).full(), bool).reshape(problem.nx, problem.nu)
-        on_bound = self._on_bound.all(axis=1)
-        pressed: Flags = np.logical_or(self.at_lower, self.at_upper).all(axis=1)
+        on_bound: Flags = np.asarray(self._on_bound.all(axis=1))
+        pressed: Flags = np.asarray((self.at_lower | self.at_upper).all(axis=1))
         for i, name in enumerate(problem.states):
             moving = depends[i]
             if moving.any():

@@ -202,15 +202,17 @@ def _between(tau: Array, last: Integers, nodes: Array) -> Array:
 def _active_constraints(solution: Solution, path: Array, mixed: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
     """Activity (points,) of each bound of a state, and each constraint on states alone, that is felt somewhere.
 
-    ``path`` (points, nd) are the values of the path constraints, ``mixed`` (nd,) marks those that hold like bounds of controls.
+    ``path`` (points, nd) are the values of the path constraints, ``mixed`` (nd,) marks those that hold like bounds of
+    controls.
     """
     problem, of = solution.problem, solution.multipliers
     x = solution.inner.reshape(-1, problem.nx)
     weak = _WEAK * max(abs(solution.cost), _WEAK) / solution.duration
     found = []
+    pure = ~mixed
     for values, (lower, upper), scale, multipliers in (
         (x, problem.state_bounds, problem.state_scale, of.states.values),
-        (path[:, ~mixed], _of(problem.path_bounds, ~mixed), np.ones(1), of.path.values[:, :, ~mixed]),
+        (path[:, pure], _of(problem.path_bounds, pure), np.ones(1), of.path.values[:, :, pure]),
     ):
         felt = np.abs(multipliers.reshape(len(x), -1)) * scale > weak
         for touched in (values - lower <= _TOUCHING * scale, upper - values <= _TOUCHING * scale):

@@ -30,7 +30,7 @@ from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.winding import unwound
 from mathnavi.sim.interfaces.signals import Array
 
-OPTIONS = Options(tolerance=1e-11, iterations=1500)
+OPTIONS = Options(tolerance=1e-11)
 """tighter than that of other methods: what is compared from round to round is J"""
 TOLERANCE = 1e-6
 MOST_NODES = 200
@@ -99,7 +99,7 @@ def hp(
         problem: the problem as compiled functions.
         most_nodes: limit of the number of nodes.
         tolerance: allowed sum of the intervals' defects, over the states' scales, and relative error of J.
-        guess: a solution to start from, on any grid; None for the problem's own guess.
+        guess: a solution to start from, with its grid; None for the problem's own guess on a uniform one.
         parameters: (np,) values of the problem's parameters; None for the nominal ones.
         options: solver and its tolerance.
 
@@ -115,29 +115,33 @@ def hp(
     if not current.solved:
         return dataclasses.replace(current, method="hp")
     allowed, change, visited, free, bent = _MARGIN * tolerance, math.inf, [plan.structure], False, 0
+    failures = 0
     for number in range(_ROUNDS):
         errors, seen, own = interval_errors(current, defects(current)), structure(current), plan.placed(current)
         visits = sum(seen.same(other) for other in visited)
-        settled = free or seen.same(own) or visits >= _MOST_VISITS or len(seen) > _MOST_ARCS
+        settled = free or seen.same(own) or visits >= _MOST_VISITS or len(seen) > min(_MOST_ARCS, most_nodes - 1)
         small = errors.total <= allowed and errors.path.max() <= VIOLATION * allowed
         smooth = plan.added(current) <= tolerance * abs(current.cost)
         fair = small or (errors.total <= allowed and bent >= _MOST_BENT)
         bent += int(errors.total <= allowed and not small)
         if settled and fair and smooth and change <= max(allowed, _ROUNDING):
-            result = replayed(current, tolerance)
-            if not small or result.replay is None or result.replay.error <= tolerance or allowed < _LEAST * tolerance:
+            current = replayed(current, tolerance)
+            error = math.inf if current.replay is None else current.replay.error
+            if not small or error <= tolerance or allowed < _LEAST * tolerance:
                 break
-            allowed *= max(_LEAST, 0.3 * tolerance / result.replay.error)  # the true dynamics amplify the defects
+            allowed *= max(_LEAST, 0.3 * tolerance / error)  # the true dynamics amplify the defects
         rho = plan.smoothing if number else _SMOOTHING * abs(current.cost)
         if settled:
             rho *= 0.1 if fair and not smooth else 1.0
             mesh = meshed(current, own, errors, allowed, most_nodes, hard=plan.every)
             following = _Plan(*mesh, own, rho, plan.every)
         else:
-            following = _Plan(with_boundaries(current.grid, seen.boundaries), plan.count, seen, rho, plan.every)
-        found, following = _next(problem, plan, following, current, parameters, options)
+            grid = with_boundaries(current.grid, seen.boundaries, most_nodes)
+            following = _Plan(grid, plan.count, seen, rho, plan.every)
+        found, following, smooth_start = _next(problem, plan, following, current, parameters, options)
+        failures += int(not smooth_start)
         current = dataclasses.replace(current, timing=current.timing + found.timing)
-        if not found.solved:
+        if not found.solved or failures > 1:
             break
         free = free or len(following.structure) == 1 < max(len(own), len(seen))
         change = abs(found.cost - current.cost) / max(abs(found.cost), TINY)
@@ -146,17 +150,24 @@ def hp(
         visited.append(plan.structure)
         if full:
             break
-    result = replayed(current, tolerance)
-    return dataclasses.replace(result, method="hp", message=f"{_described(plan)}; {result.message}")
+    if current.replay is None:
+        current = replayed(current, tolerance)
+    return dataclasses.replace(current, method="hp", message=f"{_described(plan)}; {current.message}")
 
 
 def _first(
     problem: ProblemFunctions, most_nodes: int, guess: Solution | None, parameters: Array | None, options: Options
 ) -> tuple[_Plan, Solution]:
-    """The first grid that the solver manages, and its solution; the last one's if it manages none."""
+    """The first grid that the solver manages, and its solution; the last one's if it manages none.
+
+    It is that of the guess, or a uniform one.
+    """
     timing, smoothing = Timing(), _SMOOTHING if linear_controls(problem).any() else 0.0
-    for nodes, count in _STARTS:
-        plan = _Plan(uniform(min(nodes, most_nodes)), count, without_structure(problem), smoothing)
+    starts = [(uniform(min(nodes, most_nodes)), count) for nodes, count in _STARTS]
+    if guess is not None and len(guess.grid) <= most_nodes:
+        starts.insert(0, (guess.grid, _STARTS[0][1]))
+    for grid, count in starts:
+        plan = _Plan(grid, count, without_structure(problem), smoothing)
         found = plan.solved(problem, guess, parameters, options)
         timing += found.timing
         if found.solved:
@@ -171,13 +182,14 @@ def _next(
     current: Solution,
     parameters: Array | None,
     options: Options,
-) -> tuple[Solution, _Plan]:
+) -> tuple[Solution, _Plan, bool]:
     """The solution of the following plan; where the solver fails, of one that asks for less.
 
-    That is the same plan with all controls smoothed, no arcs, or the last mesh with a point more.
+    That is the same plan with all controls smoothed, no arcs, or the last mesh with a point more. The last result is
+    True if the first try was enough.
     """
     timing, weight, without = Timing(), _SMOOTHING * abs(current.cost), without_structure(problem)
-    nodes = with_boundaries(current.grid, following.structure.boundaries)
+    nodes = with_boundaries(current.grid, following.structure.boundaries, len(current.grid))
     tries = (
         following,
         dataclasses.replace(following, smoothing=weight, every=True),
@@ -189,7 +201,7 @@ def _next(
         timing += found.timing
         if found.solved:
             break
-    return dataclasses.replace(found, timing=timing), each
+    return dataclasses.replace(found, timing=timing), each, each is following
 
 
 def _mesh(plan: _Plan) -> tuple[int, int]:

@@ -89,7 +89,7 @@ def test_where_it_falls_short_the_better_replay_is_returned(monkeypatch: pytest.
 
     monkeypatch.setattr(module, "hp", short)
     found = automatic(PROBLEMS["hypersensitive, short"].problem())
-    assert found.method == "refinement"
+    assert found.method == "redistribution, residual"
     assert "for hp replays with" in found.message
 
 

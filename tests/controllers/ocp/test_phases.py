@@ -13,6 +13,7 @@ import pytest
 
 from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.solution import Outcome
 from mathnavi.sim.interfaces.errors import ProblemError
 
 Begin = Callable[[OptimalControlProblem], Any]
@@ -115,6 +116,30 @@ def test_time_goes_on_from_phase_to_phase() -> None:
     assert found["b"]["x"][-1] == pytest.approx(math.sin(2.5) - math.sin(0.5))
     assert found.start_times == {"a": 0.5, "b": 1.5}
     assert found["b"].replay.miss < 1e-7  # type: ignore[union-attr]
+
+
+def test_integrals_of_two_phases_have_the_same_name_and_are_not_linked() -> None:
+    problem = MultiPhaseProblem("integrals")
+    a, b = problem.phase("a"), problem.phase("b")
+    for phase in (a, b):
+        x = phase.state("x")
+        phase.duration(1.0)
+        phase.dynamics(x, 1.0)
+        phase.integral(x)
+    a.start(a.statement.states[0].symbol, 0.0)
+    problem.link(a, b)
+    found = problem.solve(5)
+    assert found["a"]["integral 1"][[0, -1]] == pytest.approx([0.0, 0.5])
+    assert found["b"]["integral 1"][[0, -1]] == pytest.approx([0.0, 1.5])
+
+
+def test_a_phase_whose_duration_nothing_limits_is_unbounded() -> None:
+    problem, _, b = cut(lambda a: a.duration(0.5), lambda b: b.free_duration(guess=1.0))
+    b.statement.terminal = -b.statement.final_time
+    found = problem.solve()
+    assert {found.status, found["a"].status, found["b"].status} == {Outcome.UNBOUNDED}
+    assert not found.ok
+    assert "phase b: T ends at 1e+09 s, its default upper limit" in found.message
 
 
 @pytest.mark.parametrize("method", ["redistribute", "refine"])

@@ -328,6 +328,8 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[
     for row in between:  # the control there, over its scale: a polynomial may leave the bounds that its points keep
         u = sum((w * u / problem.control_scale for w, u in zip(row, U, strict=True)), ca.SX.zeros(nu))
         along.append(u[bounded_controls(problem), :])
+    if between:
+        along.append(problem.path(x_0, u_0, t, p)[mixed_constraints(problem), :])
     kept = z[nx : nx + layout.durations + layout.constants, :]
     flow = [interval.flow / problem.state_scale, kept]
     if layout.moving:
@@ -355,6 +357,11 @@ def bounded_states(problem: ProblemFunctions) -> list[int]:
     """Indices of the states with a finite bound along the path."""
     lower, upper = problem.state_bounds
     return np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)).tolist()
+
+
+def mixed_constraints(problem: ProblemFunctions) -> list[int]:
+    """Indices of the path constraints that depend on a control."""
+    return sorted(set(problem.path.jac_sparsity(0, 1).row()))
 
 
 def bounded_controls(problem: ProblemFunctions) -> list[int]:
@@ -395,10 +402,14 @@ def _along_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) -> tu
 
 
 def _bounds_between(problem: ProblemFunctions, scheme: Scheme) -> tuple[Array, Array]:
-    """Limits of the controls over their scales at ``fractions_between``, one fraction after the other."""
+    """Limits of the controls over their scales at ``fractions_between``, then of mixed constraints at the start."""
     count, bounded = len(fractions_between(scheme)), bounded_controls(problem)
-    lower, upper = ((side / problem.control_scale)[bounded] for side in problem.control_bounds)
-    return np.tile(lower, count), np.tile(upper, count)
+    mixed = mixed_constraints(problem) if count else []
+    lower, upper = (
+        np.concatenate([np.tile((side / problem.control_scale)[bounded], count), path[mixed]])
+        for side, path in zip(problem.control_bounds, problem.path_bounds, strict=True)
+    )
+    return lower, upper
 
 
 def _sample_mesh(problem: ProblemFunctions) -> Mesh:

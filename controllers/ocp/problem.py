@@ -410,11 +410,11 @@ class OptimalControlProblem:
             nodes: number N of nodes, for "hp" and "refine" the most that they may use. None: as many as the tolerance
                 needs for "auto" and "hp", 40 for the others.
             method: "auto", the one that suits the problem, which the message names: "direct" where a number of nodes is
-                given, otherwise "hp", and "refine" where that falls short; "hp", Radau collocation with points, nodes
-                and switching times added until the replay is within the tolerance; by Hermite-Simpson collocation
-                "direct", uniform nodes; "redistribute", nodes moved between two solves to where the monitor
-                function is large; "distribute", nodes that are unknowns of the programme, (B.1), and hold the monitor
-                function in equal shares; "refine", nodes added where the local error is.
+                given, otherwise "hp", from a redistribution's solution where the stated guess is too poor; "hp", Radau
+                collocation with points, nodes and switching times added until the replay is within the tolerance; by
+                Hermite-Simpson collocation "direct", uniform nodes; "redistribute", nodes moved between two solves to
+                where the monitor function is large; "distribute", nodes that are unknowns of the programme, (B.1), and
+                hold the monitor function in equal shares; "refine", nodes added where the local error is.
             monitor: monitor function w of "redistribute" and "distribute", or the name of one: "arclength",
                 "curvature", "local error", "residual", "uniform". None: curvature, and arclength for "distribute".
             guess: a solution to start from, on any grid; None for the guess that was stated.

@@ -21,7 +21,7 @@ from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
 from mathnavi.controllers.ocp.finite import not_finite
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths
 from mathnavi.controllers.ocp.multipliers import NamedValues
-from mathnavi.controllers.ocp.nlp import bounded_controls, fractions_between, programme, variation
+from mathnavi.controllers.ocp.nlp import bounded_controls, fractions_between, mixed_constraints, programme, variation
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
@@ -157,7 +157,9 @@ class Transcription:
             limits[: count * stage].reshape(count, stage)[:, first : first + points * problem.nu] = held
         bounded = bounded_controls(problem)
         fixed = (arcs.control_bounds.lower == arcs.control_bounds.upper)[:, bounded][arcs.of_interval]
-        fixed = np.tile(fixed, (1, len(fractions_between(self.scheme))))  # what is held needs no bounds in between
+        path = (arcs.path_bounds.lower == arcs.path_bounds.upper)[:, mixed_constraints(problem)][arcs.of_interval]
+        many = len(fractions_between(self.scheme))  # what is held needs no bounds in between
+        fixed = np.hstack([np.tile(fixed, (1, many)), path[:, : path.shape[1] * min(1, many)]])
         between = programme.held_rows[:, programme.held_rows.shape[1] - fixed.shape[1] :][fixed]
         for limits, own, free in zip(rows, arcs.path_bounds, (-np.inf, np.inf), strict=True):
             limits[programme.held_rows[:, : points * nd]] = np.tile(own[arcs.of_interval], (1, points))

@@ -69,7 +69,8 @@ def structure(solution: Solution) -> Structure:
     """Structure of a solution."""
     problem, k, nodes = solution.problem, len(solution.scheme.points), solution.grid.nodes
     tau, of = (solution.point_times / solution.duration).ravel(), solution.multipliers
-    linear, mixed, path = linear_controls(problem), mixed_constraints(problem), _path_values(solution)
+    linear, path = linear_controls(problem), _path_values(solution)
+    mixed = switching_constraints(problem)
     pure = _active_constraints(solution, path, mixed)
     overlaid = np.any(pure, axis=0) if pure else np.zeros(len(tau), dtype=bool)
     codes = []
@@ -94,11 +95,13 @@ def structure(solution: Solution) -> Structure:
 
 
 @lru_cache(maxsize=64)
-def mixed_constraints(problem: ProblemFunctions) -> NDArray[np.bool_]:
-    """Path constraints (nd,) that depend on a control."""
-    mixed = np.zeros(len(problem.path_bounds.lower), dtype=bool)
-    mixed[problem.path.jac_sparsity(0, 1).row()] = True
-    return mixed
+def switching_constraints(problem: ProblemFunctions) -> NDArray[np.bool_]:
+    """Path constraints (nd,) on controls that all enter linearly: they hold like bounds of these controls.
+
+    Of a control that does not, a constraint makes a kink where it begins to hold, and that moves as smoothly as it.
+    """
+    depends = np.array(ca.DM(problem.path.jac_sparsity(0, 1), 1.0).full(), dtype=bool).reshape(-1, problem.nu)
+    return np.asarray(depends.any(axis=1) & ~depends[:, ~linear_controls(problem)].any(axis=1))
 
 
 def without_structure(problem: ProblemFunctions) -> Structure:
@@ -198,15 +201,17 @@ def _between(tau: Array, last: Integers, nodes: Array) -> Array:
 def _active_constraints(solution: Solution, path: Array, mixed: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
     """Activity (points,) of each bound of a state, and each constraint on states alone, that is felt somewhere.
 
-    ``path`` (points, nd) are the values of the path constraints, ``mixed`` (nd,) marks those that depend on a control.
+    ``path`` (points, nd) are the values of the path constraints, ``mixed`` (nd,) marks those that hold like bounds of
+    controls.
     """
     problem, of = solution.problem, solution.multipliers
     x = solution.inner.reshape(-1, problem.nx)
     weak = _WEAK * max(abs(solution.cost), _WEAK) / solution.duration
     found = []
+    pure = ~mixed
     for values, (lower, upper), scale, multipliers in (
         (x, problem.state_bounds, problem.state_scale, of.states.values),
-        (path[:, ~mixed], [side[~mixed] for side in problem.path_bounds], 1.0, of.path.values[:, :, ~mixed]),
+        (path[:, pure], _of(problem.path_bounds, pure), np.ones(1), of.path.values[:, :, pure]),
     ):
         felt = np.abs(multipliers.reshape(len(x), -1)) * scale > weak
         for touched in (values - lower <= _TOUCHING * scale, upper - values <= _TOUCHING * scale):
@@ -216,6 +221,10 @@ def _active_constraints(solution: Solution, path: Array, mixed: NDArray[np.bool_
                 if not fixed and (column & strong).any()
             ]
     return found
+
+
+def _of(limits: Interval, chosen: NDArray[np.bool_]) -> Interval:
+    return Interval(limits.lower[chosen], limits.upper[chosen])
 
 
 def _path_values(solution: Solution) -> Array:

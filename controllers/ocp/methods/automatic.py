@@ -2,9 +2,9 @@
 
 With a number of nodes it is one solve on as many uniform ones, for who gives it has decided. Without, hp refinement is
 tried first: it finds switches and singular arcs, adds points where the solution is smooth and ends at the tolerance.
-Where its replay is not within the tolerance, or the solver gives up, h-refinement by Hermite-Simpson's scheme, whose
-controls are continuous, is tried from the problem's own guess, and the better replay is returned. The message says
-what was chosen, and why.
+Where its replay is not within the tolerance, or the solver gives up, the problem is solved by Hermite-Simpson's scheme,
+whose controls are continuous, on nodes that are moved, round by round, to where the residual is; then hp refinement
+goes on from there. The best replay is returned. The message says what was chosen, and why.
 """
 
 from __future__ import annotations
@@ -16,13 +16,15 @@ import numpy as np
 
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.methods.hp import TOLERANCE, hp
-from mathnavi.controllers.ocp.methods.refinement import refine
+from mathnavi.controllers.ocp.methods.redistribution import redistribute
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import GIVEN_NODES
-from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.residual import RESIDUAL
+from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing
 from mathnavi.controllers.ocp.structure import linear_controls
 from mathnavi.sim.interfaces.signals import Array
 
+_NODES, _ROUNDS = 60, 5  # of the redistribution
 _HOPELESS = (Outcome.UNBOUNDED, Outcome.OVERDETERMINED, Outcome.NOT_FINITE)  # whatever the method
 
 
@@ -60,11 +62,16 @@ def automatic(
         return _named(first, f"hp, for {_reason(problem)}: {first.message}")
     if first.status in _HOPELESS:
         return first
-    second = refine(problem, guess=guess, parameters=parameters, tolerance=within)
-    chosen, other = (first, second) if _error(first) <= _error(second) else (second, first)
-    timing = first.timing + second.timing
-    said = f"{chosen.method}, for {other.method} {_shown(other)}: {chosen.message}"
-    return _named(dataclasses.replace(chosen, timing=timing), said)
+    moved = redistribute(
+        problem, _NODES, RESIDUAL, rounds=_ROUNDS, guess=guess, parameters=parameters, tolerance=within
+    )
+    found = [first, moved]
+    if moved.solved:
+        found.append(hp(problem, guess=moved, parameters=parameters, tolerance=within))
+    chosen = min(found, key=_error)
+    others = ", ".join(f"{each.method} {_shown(each)}" for each in found if each is not chosen)
+    spent = sum((each.timing for each in found), Timing())
+    return _named(dataclasses.replace(chosen, timing=spent), f"{chosen.method}, for {others}: {chosen.message}")
 
 
 def _named(solution: Solution, message: str) -> Solution:

@@ -41,6 +41,8 @@ _MARGIN = 0.1  # of the tolerance that the defects, and a change of J, may take
 _MOST_ARCS = 30
 _MOST_VISITS = 2  # to the same structure, before the rounds stay with it
 _SMOOTHING = 1e-2  # first weight ρ, over |J|
+_JITTER = 1e-4  # of that weight for a control that J or the dynamics bend: it would jitter in a narrow interval
+_MOST_BENT = 4  # rounds in which only a violated constraint asks for nodes
 _LEAST = 1e-3  # of the tolerance, the defects are asked to be
 _ROUNDING = 1e-9  # relative change of J that the solver's own tolerance leaves
 
@@ -61,15 +63,19 @@ class _Plan:
         known = self.structure
         ends = np.searchsorted(self.grid.nodes, np.append(known.boundaries, 1.0) - 1e-12)
         intervals = tuple(int(n) for n in np.diff(np.append(0, ends)))
-        free = (linear_controls(problem) | self.every) & (known.held[:, : problem.nu] == 0)
-        arcs = Arcs(intervals, *known.limits(problem), np.where(free, self.smoothing, 0.0))
+        weights = np.where(known.held[:, : problem.nu] == 0, self.weights(problem), 0.0)
+        arcs = Arcs(intervals, *known.limits(problem), weights)
         made = transcription(problem, RadauIIA(self.count), len(self.grid), FIXED, options, len(known))
         return unwound(made.solve(guess, self.grid, parameters, arcs))
 
     def added(self, solution: Solution) -> float:
         """What the smoothing adds to J: J is at most as much above its least value."""
-        u, smoothed = solution.u / solution.problem.control_scale, linear_controls(solution.problem) | self.every
-        return self.smoothing * float(np.einsum("kl,ikm,ilm->m", variation(solution.scheme), u, u)[smoothed].sum())
+        u = solution.u / solution.problem.control_scale
+        return float(self.weights(solution.problem) @ np.einsum("kl,ikm,ilm->m", variation(solution.scheme), u, u))
+
+    def weights(self, problem: ProblemFunctions) -> Array:
+        """Weights ρ (nu,) of the variation of each control where it is free."""
+        return self.smoothing * np.where(linear_controls(problem) | self.every, 1.0, _JITTER)
 
     def placed(self, solution: Solution) -> Structure:
         """The structure with its boundaries where a solution put them, without arcs that became as good as nothing."""
@@ -93,7 +99,7 @@ def hp(
         problem: the problem as compiled functions.
         most_nodes: limit of the number of nodes.
         tolerance: allowed sum of the intervals' defects, over the states' scales, and relative error of J.
-        guess: a solution to start from, on any grid; None for the problem's own guess.
+        guess: a solution to start from, with its grid; None for the problem's own guess on a uniform one.
         parameters: (np,) values of the problem's parameters; None for the nominal ones.
         options: solver and its tolerance.
 
@@ -108,27 +114,32 @@ def hp(
     plan, current = _first(problem, most_nodes, guess, parameters, options)
     if not current.solved:
         return dataclasses.replace(current, method="hp")
-    allowed, change, visited, free = _MARGIN * tolerance, math.inf, [plan.structure], False
+    allowed, change, visited, free, bent = _MARGIN * tolerance, math.inf, [plan.structure], False, 0
+    failures = 0
     for number in range(_ROUNDS):
         errors, seen, own = interval_errors(current, defects(current)), structure(current), plan.placed(current)
         visits = sum(seen.same(other) for other in visited)
         settled = free or seen.same(own) or visits >= _MOST_VISITS or len(seen) > _MOST_ARCS
         small = errors.total <= allowed and errors.path.max() <= VIOLATION * allowed
         smooth = plan.added(current) <= tolerance * abs(current.cost)
-        if settled and small and smooth and change <= max(allowed, _ROUNDING):
+        fair = small or (errors.total <= allowed and bent >= _MOST_BENT)
+        bent += int(errors.total <= allowed and not small)
+        if settled and fair and smooth and change <= max(allowed, _ROUNDING):
             result = replayed(current, tolerance)
-            if result.replay is None or result.replay.error <= tolerance or allowed < _LEAST * tolerance:
+            if not small or result.replay is None or result.replay.error <= tolerance or allowed < _LEAST * tolerance:
                 break
             allowed *= max(_LEAST, 0.3 * tolerance / result.replay.error)  # the true dynamics amplify the defects
         rho = plan.smoothing if number else _SMOOTHING * abs(current.cost)
         if settled:
-            rho *= 0.1 if small and not smooth else 1.0
-            following = _Plan(*meshed(current, own, errors, allowed, most_nodes), own, rho, plan.every)
+            rho *= 0.1 if fair and not smooth else 1.0
+            mesh = meshed(current, own, errors, allowed, most_nodes, hard=plan.every)
+            following = _Plan(*mesh, own, rho, plan.every)
         else:
             following = _Plan(with_boundaries(current.grid, seen.boundaries), plan.count, seen, rho, plan.every)
-        found, following = _next(problem, plan, following, current, parameters, options)
+        found, following, smooth_start = _next(problem, plan, following, current, parameters, options)
+        failures += int(not smooth_start)
         current = dataclasses.replace(current, timing=current.timing + found.timing)
-        if not found.solved:
+        if not found.solved or failures > 1:
             break
         free = free or len(following.structure) == 1 < max(len(own), len(seen))
         change = abs(found.cost - current.cost) / max(abs(found.cost), TINY)
@@ -144,10 +155,16 @@ def hp(
 def _first(
     problem: ProblemFunctions, most_nodes: int, guess: Solution | None, parameters: Array | None, options: Options
 ) -> tuple[_Plan, Solution]:
-    """The first grid that the solver manages, and its solution; the last one's if it manages none."""
+    """The first grid that the solver manages, and its solution; the last one's if it manages none.
+
+    It is that of the guess, or a uniform one.
+    """
     timing, smoothing = Timing(), _SMOOTHING if linear_controls(problem).any() else 0.0
-    for nodes, count in _STARTS:
-        plan = _Plan(uniform(min(nodes, most_nodes)), count, without_structure(problem), smoothing)
+    starts = [(uniform(min(nodes, most_nodes)), count) for nodes, count in _STARTS]
+    if guess is not None and len(guess.grid) <= most_nodes:
+        starts.insert(0, (guess.grid, _STARTS[0][1]))
+    for grid, count in starts:
+        plan = _Plan(grid, count, without_structure(problem), smoothing)
         found = plan.solved(problem, guess, parameters, options)
         timing += found.timing
         if found.solved:
@@ -162,10 +179,11 @@ def _next(
     current: Solution,
     parameters: Array | None,
     options: Options,
-) -> tuple[Solution, _Plan]:
+) -> tuple[Solution, _Plan, bool]:
     """The solution of the following plan; where the solver fails, of one that asks for less.
 
-    That is the same plan with all controls smoothed, no arcs, or the last mesh with a point more.
+    That is the same plan with all controls smoothed, no arcs, or the last mesh with a point more. The last result is
+    True if the first try was enough.
     """
     timing, weight, without = Timing(), _SMOOTHING * abs(current.cost), without_structure(problem)
     nodes = with_boundaries(current.grid, following.structure.boundaries)
@@ -180,7 +198,7 @@ def _next(
         timing += found.timing
         if found.solved:
             break
-    return dataclasses.replace(found, timing=timing), each
+    return dataclasses.replace(found, timing=timing), each, each is following
 
 
 def _mesh(plan: _Plan) -> tuple[int, int]:

@@ -46,7 +46,7 @@ def interval_errors(solution: Solution, found: Defects) -> Errors:
 
 
 def meshed(
-    solution: Solution, structure: Structure, errors: Errors, allowed: float, most_nodes: int
+    solution: Solution, structure: Structure, errors: Errors, allowed: float, most_nodes: int, *, hard: bool
 ) -> tuple[Grid, int]:
     """Grid and number of points of the next round, with the boundaries of a structure among its nodes.
 
@@ -56,16 +56,18 @@ def meshed(
         errors: of the solution's intervals.
         allowed: sum of the intervals' own errors that may stay, and a fifth of the largest violation.
         most_nodes: limit of the number of nodes.
+        hard: True if a solve failed before: the mesh grows more slowly.
     """
     count, nodes, widths = len(solution.scheme.points), solution.grid.nodes, solution.grid.widths
     each = allowed / len(widths)
     large, violated = errors.own > each, errors.path > VIOLATION * allowed
-    if not violated.any() and errors.total < _ASYMPTOTIC and count < MOST_COUNT and not 0.0 < large.mean() <= 0.5:
+    everywhere, asymptotic = not 0.0 < large.mean() <= 0.5, errors.total < _ASYMPTOTIC
+    if count < MOST_COUNT and ((everywhere and asymptotic and not violated.any()) or len(nodes) >= most_nodes):
         return with_boundaries(solution.grid, structure.boundaries), count + 1
+    both = everywhere and not asymptotic and count < MOST_COUNT  # two parts with a point more each, for want of both
     order = 2 * count
     parts = np.where(large, np.ceil((np.minimum(errors.own, 1.0) / each) ** (1.0 / order)), 1.0)
-    most = np.where(errors.own > _ASYMPTOTIC, 2, _MOST_PARTS)
-    parts = np.where(large, np.clip(parts, 2, most), 1).astype(int)
+    parts = np.where(large, np.clip(parts, 2, 2 if hard or both else _MOST_PARTS), 1).astype(int)
     parts[violated] = np.maximum(parts[violated], 2)
     if not (large.any() or violated.any()):
         parts[:] = 2
@@ -84,7 +86,7 @@ def meshed(
         i = int(np.searchsorted(nodes, start + 1e-15, side="right")) - 1
         n = granted[i] if end - start <= 1.0000001 * widths[i] else 1
         pieces.append(np.linspace(start, end, n + 1)[:-1])
-    return with_boundaries(Grid(np.append(np.concatenate(pieces), 1.0)), structure.boundaries), count
+    return with_boundaries(Grid(np.append(np.concatenate(pieces), 1.0)), structure.boundaries), count + int(both)
 
 
 def _without_idle(nodes: Array, own: Array, parts: Array, each: float, boundaries: Array, order: int) -> Array:

@@ -1,0 +1,99 @@
+"""hp refinement reaches its tolerance on every kind of problem, or says that it did not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from mathnavi.controllers.ocp.methods.automatic import automatic
+from mathnavi.controllers.ocp.methods.hp import hp
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.problems.library import PROBLEMS
+from mathnavi.controllers.ocp.solution import Outcome
+from tests.controllers.ocp.test_arcs import to_rest
+
+KINDS = (
+    "brachistochrone",
+    "double integrator, time",
+    "lunar landing",
+    "Bryson-Denham, L = 0.1",
+    "Goddard",
+    "catalyst mixing",
+    "hypersensitive, short",
+    "maximum range",
+    "robot arm",
+)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_the_cost_and_its_replay_are_those_of_the_literature(name: str) -> None:
+    known = PROBLEMS[name]
+    found = hp(known.problem())
+    assert found.status is Outcome.OPTIMAL, found.message
+    assert found.replay is not None
+    assert known.error(found.cost) <= known.precision
+    assert known.error(found.replay.cost) <= known.precision
+
+
+def test_a_singular_arc_does_not_ring() -> None:
+    found = hp(to_rest())
+    assert found.replay is not None
+    assert found.replay.cost == pytest.approx(1.0 / 24.0, rel=1e-6)
+    t = np.linspace(0.0, 1.0, 101)
+    assert np.abs(found.control(t[t < 0.49])[:, 0] + 1.0).max() < 1e-6
+    assert np.abs(found.control(t[t > 0.51])).max() < 1e-2
+    assert "2 arcs" in found.message
+
+
+def test_too_few_nodes_are_not_called_optimal() -> None:
+    found = hp(PROBLEMS["hypersensitive, short"].problem(), 5)
+    assert found.status is Outcome.CONVERGED
+    assert found.nodes <= 5
+    assert "not within 1e-06" in found.message
+
+
+def test_a_tolerance_is_reached_with_no_more_nodes_than_it_needs() -> None:
+    problem = PROBLEMS["hypersensitive, short"].problem()
+    loose, tight = (hp(problem, tolerance=tolerance) for tolerance in (1e-3, 1e-7))
+    assert loose.status is tight.status is Outcome.OPTIMAL
+    assert loose.nodes < tight.nodes
+
+
+def test_what_no_method_solves_is_a_status() -> None:
+    ocp = OptimalControlProblem("out of reach")
+    x, u = ocp.state("x"), ocp.control("u", lower=-1.0, upper=1.0)
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(x, u)
+    ocp.start(x, 0.0)
+    ocp.end(x, 5.0)
+    found = ocp.solve()
+    assert not found.solved
+    assert found.message
+
+
+def test_the_choice_is_named_with_its_reason() -> None:
+    assert automatic(to_rest()).message.startswith("hp, for u may switch or be singular: ")
+    assert automatic(PROBLEMS["target line"].problem()).message.startswith("hp, for the solution is smooth: ")
+    assert automatic(PROBLEMS["target line"].problem(), 9).method == "direct"
+
+
+def test_where_it_falls_short_the_better_replay_is_returned(monkeypatch: pytest.MonkeyPatch) -> None:
+    from mathnavi.controllers.ocp.methods import automatic as module
+
+    def short(problem: ProblemFunctions, **options: object) -> object:
+        return hp(problem, 4, tolerance=1e-6)
+
+    monkeypatch.setattr(module, "hp", short)
+    found = automatic(PROBLEMS["hypersensitive, short"].problem())
+    assert found.method == "redistribution, residual"
+    assert "for hp replays with" in found.message
+
+
+@pytest.mark.parametrize("wrong", [{"tolerance": 0.0}, {"tolerance": math.nan}, {"most_nodes": 1}])
+def test_limits_that_are_none_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="allowed"):
+        hp(to_rest(), **wrong)  # type: ignore[arg-type]

@@ -60,7 +60,7 @@ class KnownOptimum:
     source: str
     kind: Kind
     quantity: str = "J"
-    tolerance: float = 1e-4  # relative: how near one should come
+    tolerance: float = 1e-4  # relative: how near a method of few nodes should come
     sign: float = 1.0  # J over the quantity: -1 where that is to be greatest
     origin: float = 0.0  # of the quantity, where what matters is the distance from it
 

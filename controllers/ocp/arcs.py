@@ -40,7 +40,7 @@ class Arcs:
     @property
     def of_interval(self) -> Integers:
         """Index (N - 1,) of the arc that each interval belongs to."""
-        return np.repeat(np.arange(len(self)), self.intervals)
+        return np.repeat(np.arange(len(self), dtype=np.int64), self.intervals)
 
     def check(self, grid: Grid) -> None:
         """Raise ProblemError for a grid with another number of intervals."""
@@ -49,7 +49,7 @@ class Arcs:
 
     def lengths(self, grid: Grid) -> Array:
         """Lengths (A,) of the arcs on a grid, fractions of T."""
-        return np.bincount(self.of_interval, grid.widths, minlength=len(self))
+        return np.bincount(self.of_interval, grid.widths, minlength=len(self)).astype(float)
 
     def shares(self, grid: Grid) -> Array:
         """Shares W (N - 1, A) of each interval in the arcs."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from annotated_types import Ge, Le
 
 from mathnavi.controllers.nlp_solver import (
     IPOPT_WARM_START,
@@ -22,14 +23,17 @@ from mathnavi.sim.interfaces.bounds import Count, Probability, configuration
 from mathnavi.sim.interfaces.signals import Array
 
 Backend = Literal["ipopt", "fatrop", "fatrop-compiled", "ipopt-compiled"]
+LinearSolver = Literal["mumps", "spral", "ma27", "ma57", "ma77", "ma86", "ma97", "pardiso"]
+Hessian = Literal["exact", "limited-memory"]
 
 _FATROP_WARM = {"mu_init": 1e-5}
+_LOGGED = 5  # print level of a log: a line each iteration
 _RESULTS = ("x", "f", "g", "lam_x", "lam_g")
 
 
 @configuration
 class Options:
-    """Options of a solve: the NLP solver, its tolerance, its limit of iterations and its start.
+    """Options of a solve: the NLP solver, its tolerance, its limit of iterations and its start; of IPOPT some more.
 
     FATROP raises its regularisation without end on some problems without a feasible point: it may not return, whatever
     the limit of iterations. Use IPOPT where there may be no feasible point.
@@ -39,6 +43,10 @@ class Options:
     tolerance: Probability = 1e-9  # of the scaled optimality conditions
     iterations: Count = 500
     warm: bool = False  # True if guesses are near solutions: start close to the bounds, with a small barrier
+    linear_solver: LinearSolver = "mumps"  # of IPOPT; those but MUMPS and SPRAL need a library of their own
+    hessian: Hessian = "exact"  # of IPOPT
+    print_level: Annotated[int, Ge(0), Le(12)] = 0  # of IPOPT's lines on standard output, 5 for one each iteration
+    log: str | None = None  # file of IPOPT's own log, a line each iteration; overwritten by each solve
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +72,7 @@ class NumericalSolver:
 
     def __init__(self, nlp: Programme, options: Options) -> None:
         """Build the solver, and compile its functions for the compiled back ends."""
-        self._name = options.backend
+        self._name, self._linear_solver = options.backend, options.linear_solver
         self._solver = _solver(nlp, options)
         self._in, self._out = self._solver.inputs, self._solver.outputs
         self._bounds = nlp.x_lower, nlp.x_upper, nlp.lower, nlp.upper
@@ -96,6 +104,11 @@ class NumericalSolver:
         if report.iterations is None:
             reason = f"{self._name} raised an exception: {_last_words(report.message)}"
             return self._failed(report.outcome, reason, x_0, began)
+        if report.message == "Invalid_Option":
+            wrong = (
+                f"linear_solver = {self._linear_solver!r} is not in this build of IPOPT, or the log cannot be written"
+            )
+            return self._failed(Outcome.FAILED, wrong, x_0, began)
         if report.outcome is Outcome.OVERDETERMINED:
             return self._failed(report.outcome, report.message, x_0, began)
         out = {name: array.copy() for name, array in self._out.items()}
@@ -121,10 +134,24 @@ def _last_words(message: str) -> str:
     return message.rpartition("] ")[2].rpartition(": ")[2]
 
 
+def _own(options: Options) -> dict[str, Any]:
+    """IPOPT's own options, those that differ from its defaults."""
+    own: dict[str, Any] = {}
+    if options.linear_solver != "mumps":
+        own["linear_solver"] = options.linear_solver
+    if options.hessian != "exact":
+        own["hessian_approximation"] = options.hessian
+    if options.print_level:
+        own["print_level"] = options.print_level
+    if options.log is not None:
+        own |= {"output_file": options.log, "file_print_level": _LOGGED}
+    return own
+
+
 def _solver(nlp: Programme, options: Options) -> NlpSolver:
     plugin: NlpPlugin = "ipopt" if options.backend.startswith("ipopt") else "fatrop"
     if plugin == "ipopt":
-        more = {"honor_original_bounds": "yes"} | (dict(IPOPT_WARM_START) if options.warm else {})
+        more = {"honor_original_bounds": "yes"} | (dict(IPOPT_WARM_START) if options.warm else {}) | _own(options)
         settings = ipopt_settings(options.tolerance, options.iterations, more)
     else:
         n, layout = nlp.layout.nodes - 1, nlp.layout

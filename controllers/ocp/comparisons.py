@@ -170,7 +170,7 @@ def _spread(where: str, limit: Any, size: int) -> list[ca.SX | None]:
     elements = scalars(expression(where, limit))
     if len(elements) not in (1, size):
         raise ProblemError(f"{where}: {len(elements)} limits of {size} expressions; allowed: one, or {size}")
-    return elements * size if len(elements) == 1 else elements
+    return [*elements] if len(elements) == size else [*elements] * size
 
 
 def _operation(element: ca.SX) -> int | None:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mathnavi.controllers.ocp.solution import Solution, along
-from mathnavi.controllers.ocp.transcriptions.scheme import integral_weights, weights
+from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre, integral_weights, weights
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
@@ -37,7 +37,7 @@ def defects(solution: Solution) -> Defects:
     problem, points, d = solution.problem, solution.scheme.points, np.diff(solution.t)
     if len(points) < 2:
         raise ProblemError(f"scheme = {solution.scheme.name} has no polynomial; allowed: a collocation scheme")
-    abscissae, share = np.polynomial.legendre.leggauss(_POINTS)
+    abscissae, share = gauss_legendre(_POINTS)
     c, b = 0.5 * (abscissae + 1.0), 0.5 * share
     basis, steps = weights(points, c), integral_weights(points, c)
     onwards = integral_weights(tuple(c.tolist()), c)
@@ -71,7 +71,7 @@ def _violations(solution: Solution, x: Array, u: Array, t: Array) -> Array:
     problem, p = solution.problem, np.tile(solution.parameters[:, None], (1, len(t)))
     path = np.array(problem.path.map(len(t))(x.T, u.T, t[None, :], p).full().T)
     limits = [np.where(np.isfinite(side), np.abs(side), 0.0) for side in problem.path_bounds]
-    found = np.zeros(len(t))
+    found: Array = np.zeros(len(t))
     for values, (lower, upper), scale in (
         (x, problem.state_bounds, problem.state_scale),
         (path, problem.path_bounds, np.maximum(1.0, np.maximum(*limits))),

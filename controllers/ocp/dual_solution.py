@@ -77,13 +77,13 @@ def multipliers_of(nlp: Programme, answer: Answer) -> Multipliers:
         path=NamedValues(distinct(problem.path_names), of_path / one),
         states=NamedValues(problem.states, of_states / node),
         controls=NamedValues(problem.controls, of_controls / one),
-        initial=NamedValues(_short(problem.initial_names, "start of "), answer.rows[nlp.initial_rows]),
-        final=NamedValues(_short(problem.final_names, "end of "), answer.rows[nlp.final_rows[:ns]]),
+        initial=NamedValues(own_names(problem.initial_names, "start of "), answer.rows[nlp.initial_rows]),
+        final=NamedValues(own_names(problem.final_names, "end of "), answer.rows[nlp.final_rows[:ns]]),
         duration=_of_duration(nlp, z, answer.rows),
     )
 
 
-def _short(names: tuple[str, ...], beginning: str) -> tuple[str, ...]:
+def own_names(names: tuple[str, ...], beginning: str) -> tuple[str, ...]:
     """Names without their beginning: a condition at one end is called by its state."""
     return distinct([name.removeprefix(beginning) for name in names])
 

@@ -28,7 +28,7 @@ def expression(where: str, value: Any) -> ca.SX:
     made = _converted(value)
     if made is None:
         raise ProblemError(f"{where} = {value!r:.80}; allowed: an SX expression, a number or a sequence of these")
-    if any(element.is_constant() and math.isnan(float(element)) for element in _nodes(made)):
+    if any(math.isnan(value) for value in _constants(made)):
         raise ProblemError(
             f"{where} = {made}: NaN; allowed: finite numbers, and functions of CasADi: math.sin(x) of a symbol is NaN, "
             "casadi.sin(x) is not"
@@ -49,7 +49,8 @@ def column(symbols: Iterable[ca.SX]) -> ca.SX:
 
 def check_symbols(where: str, made: ca.SX, known: ca.SX) -> None:
     """Raise ProblemError where an expression depends on a symbol that is not among the known ones."""
-    strangers = [s for s in ca.symvar(made) if not ca.depends_on(s, known)]
+    own = {s.element_hash() for s in ca.symvar(known)}
+    strangers = [s for s in ca.symvar(made) if s.element_hash() not in own]
     if strangers:
         allowed = ", ".join(s.name() for s in ca.symvar(known)) or "none"
         twins = {s.name() for s in ca.symvar(known)} & {s.name() for s in strangers}
@@ -86,21 +87,20 @@ def kinks(made: ca.SX) -> list[str]:
 
 def _converted(value: Any) -> ca.SX | None:
     if isinstance(value, (list, tuple)):
-        parts = [_converted(each) for each in value]
-        return None if any(part is None for part in parts) or not parts else ca.vertcat(*parts)
+        parts = [part for each in value if (part := _converted(each)) is not None]
+        return ca.vertcat(*parts) if parts and len(parts) == len(value) else None
     if isinstance(value, np.ndarray) and value.dtype == object:
         return _converted(value.tolist())
     if isinstance(value, bool) or not isinstance(value, (ca.SX, ca.DM, np.ndarray, numbers.Real)):
         return None
     try:
-        return ca.SX(value)
+        return ca.SX(float(value) if isinstance(value, numbers.Real) else value)
     except (NotImplementedError, TypeError):
         return None
 
 
-def _nodes(made: ca.SX) -> list[ca.SX]:
-    """The constants in an expression, each once."""
+def _constants(made: ca.SX) -> list[float]:
+    """The numbers in an expression."""
     function = ca.Function("e", ca.symvar(made), [made])
     count = function.n_instructions()
-    constants = [function.instruction_constant(k) for k in range(count) if function.instruction_id(k) == ca.OP_CONST]
-    return [ca.SX(value) for value in constants]
+    return [function.instruction_constant(k) for k in range(count) if function.instruction_id(k) == ca.OP_CONST]

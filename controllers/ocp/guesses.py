@@ -125,7 +125,7 @@ def _array(where: str, value: Any) -> Array:
     try:
         if isinstance(value, (str, bytes, Mapping)):
             raise TypeError
-        return np.asarray(value, float)
+        return np.array(value, float)  # a copy: the caller may write to its own
     except (TypeError, ValueError, RuntimeError):
         raise ProblemError(f"{where} = {value!r:.80}; allowed: finite numbers, or a function of time") from None
 

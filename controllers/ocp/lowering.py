@@ -127,11 +127,13 @@ def _start(statement: Statement, guess: Array) -> Array:
 
 def _scales(statement: Statement, variables: list[Variable], guess: Array) -> Array:
     """Scales (n,), those that are stated or the automatic ones."""
-    scales = []
+    scales = list[float]()
     for variable, values in zip(variables, guess.T, strict=True):
         ends = [stated.get(variable.name) for stated in (statement.starts, statement.ends)]
         known = [value_of(end, 0.0) for end in ends]
         automatic = automatic_scale(values, known, variable.lower, variable.upper)
+        if isinstance(variable.guess, Derived) and variable.guess.start_of:
+            automatic = scales[[v.name for v in variables].index(variable.guess.start_of)]
         scales.append(automatic if variable.scale is None else variable.scale)
     return np.array(scales, float)
 
@@ -182,8 +184,18 @@ def _check_equations(statement: Statement) -> None:
 
 
 def _independent(equations: list[Row], unknown: ca.SX) -> int:
-    """Number of equations that the unknowns can meet at once, whatever their numbers: the structural rank."""
-    return int(ca.sprank(ca.jacobian(_column(equations), unknown))) if equations else 0
+    """Number of equations that the unknowns can meet at once: the rank of their slopes at a point in general position.
+
+    The structural rank where they are not defined there.
+    """
+    if not equations:
+        return 0
+    slopes = ca.jacobian(_column(equations), unknown)
+    symbols = ca.vertcat(*ca.symvar(ca.veccat(slopes, unknown)))
+    values = np.array(ca.Function("slopes", [symbols], [ca.densify(slopes)])(np.cos(1.0 + np.arange(symbols.numel()))))
+    if not np.isfinite(values).all():
+        return int(ca.sprank(slopes))
+    return int(np.linalg.matrix_rank(values))
 
 
 def _names(unknown: ca.SX) -> str:

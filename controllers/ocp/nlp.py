@@ -25,7 +25,7 @@ from mathnavi.controllers.ocp.distribution import NodeDistribution
 from mathnavi.controllers.ocp.mesh import Mesh
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.stagewise import Assembly, Block
-from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, weights
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, gauss_legendre, weights
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array, Integers
 
@@ -236,7 +236,7 @@ def variation(scheme: Scheme) -> Array:
 
     The line's own slope counts for a thousandth.
     """
-    abscissae, share = np.polynomial.legendre.leggauss(len(scheme.points))
+    abscissae, share = gauss_legendre(len(scheme.points))
     basis, b = weights(scheme.points, 0.5 * (abscissae + 1.0)), 0.5 * share
     slope = np.outer(abscissae, (b * abscissae) @ basis / (b @ abscissae**2))
     bent = basis - b @ basis - slope

@@ -25,7 +25,6 @@ a free start time. A problem is stated call by call, and solved:
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -33,14 +32,15 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.comparisons import Row, bounded, rows, zero_limits
-from mathnavi.controllers.ocp.expressions import check_symbols, column, expression, kinks, number, scalars
-from mathnavi.controllers.ocp.guesses import Derived, Guess, Simulation, Values, components, start_values
+from mathnavi.controllers.ocp.expressions import column, expression, number
+from mathnavi.controllers.ocp.guesses import Derived, Guess, Sampled, Simulation, Values, start_values
 from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_start
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
-from mathnavi.controllers.ocp.statement import Duration, Parameter, Statement
+from mathnavi.controllers.ocp.solver import Options
+from mathnavi.controllers.ocp.statement import Duration, Statement
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import ProblemError
 
@@ -74,7 +74,8 @@ class OptimalControlProblem:
             raise ProblemError(f"name = {name!r:.80}; allowed: a text")
         self.name = name
         self.statement = Statement(name)
-        self._stated, self._integrals = False, 0
+        self._integrals = 0
+        self._compiled: tuple[list[object], ProblemFunctions] | None = None
 
     @property
     def t(self) -> ca.SX:
@@ -116,32 +117,28 @@ class OptimalControlProblem:
         """Declare a control, or a vector of them; returns its symbol. Arguments and errors are those of ``state``."""
         return self.statement.declare("control", name, size, lower, upper, scale, guess)
 
-    def parameter(self, name: str, nominal: float) -> ca.SX:
-        """Declare a parameter p, known at each solve, with its nominal value; returns its symbol ().
+    def parameter(self, name: str, nominal: Numbers) -> ca.SX:
+        """Declare a parameter p, known at each solve, with its nominal value, or a vector; returns its symbol.
 
         ProblemError for a name that is taken and a value that is not finite.
         """
-        self.statement.check_name(name)
-        if not math.isfinite(value := number(f"{self.name}: parameter {name}", nominal)):
-            raise ProblemError(f"{self.name}: parameter {name} = {nominal!r}; allowed: a finite number")
-        symbol = ca.SX.sym(name)
-        self.statement.parameters.append(Parameter(name, symbol, value))
-        return symbol
+        return self.statement.declare_parameter(name, nominal)
 
     def unknown(
         self,
         name: str,
+        size: int = 1,
         *,
-        lower: float = -math.inf,
-        upper: float = math.inf,
-        scale: float | None = None,
-        guess: float = 0.0,
+        lower: Numbers = -math.inf,
+        upper: Numbers = math.inf,
+        scale: Numbers | None = None,
+        guess: Numbers = 0.0,
     ) -> ca.SX:
-        """Declare a constant that is to be found, a state that does not change; returns its symbol ().
+        """Declare a constant that is to be found, or a vector, a state that does not change; returns its symbol.
 
         Arguments and errors are those of ``state``.
         """
-        symbol = self.state(name, lower=lower, upper=upper, scale=scale, guess=guess)
+        symbol = self.state(name, size, lower=lower, upper=upper, scale=scale, guess=guess)
         self.dynamics(symbol, 0.0)
         return symbol
 
@@ -160,15 +157,7 @@ class OptimalControlProblem:
 
         ProblemError unless 0 < lower <= guess <= upper <= 1e9 s, and if it is given twice.
         """
-        guess, lower, upper = (number(f"{self.name}: duration", value) for value in (guess, lower, upper))
-        if not (0.0 < lower <= guess <= upper <= DURATION_LIMITS[1]):
-            raise ProblemError(
-                f"{self.name}: duration: lower = {lower!r}, guess = {guess!r}, upper = {upper!r}; "
-                f"allowed: 0 < lower <= guess <= upper <= {DURATION_LIMITS[1]:g} s"
-            )
-        if self.statement.duration is not None:
-            raise ProblemError(f"{self.name}: the duration is given twice; allowed: once")
-        self.statement.duration = Duration(guess, lower, upper)
+        self.statement.set_duration(guess, lower, upper)
         return self.statement.final_time
 
     def start_time(self, value: float) -> None:
@@ -191,42 +180,14 @@ class OptimalControlProblem:
 
         A cost with a kink, |u| for one, is announced by a warning: ``absolute`` and ``largest`` split it.
         """
-        if self._stated:
-            raise ProblemError(f"{self.name}: minimise() is called twice; allowed: once, with both parts of J")
-        s = self.statement
-        made = []
-        for what, cost, known in (("running", running, s.along), ("terminal", terminal, s.at_end)):
-            value = expression(f"{self.name}: the {what} cost", cost)
-            if value.numel() != 1:
-                raise ProblemError(f"{self.name}: the {what} cost has shape {value.shape}; allowed: one")
-            check_symbols(f"{self.name}: the {what} cost", value, ca.vertcat(*known))
-            if bent := kinks(value):
-                warnings.warn(
-                    f"{self.name}: the {what} cost has a kink ({', '.join(bent)}), where a solver may stop early; "
-                    "absolute() and largest() split it",
-                    stacklevel=2,
-                )
-            made.append(value)
-        self._stated = True
-        s.running, s.terminal = made
+        self.statement.set_cost(running, terminal)
 
     def dynamics(self, state: ca.SX, rate: Expression) -> None:
         """State the dynamics x' = rate [1/s] of one state or of several, (n, 1) each.
 
         ProblemError for no state, a second rate, another shape and symbols of another problem.
         """
-        s = self.statement
-        variables = self.statement.find(state, "dynamics")
-        where = f"{self.name}: dynamics of {', '.join(v.name for v in variables)}"
-        made = expression(where, rate)
-        if made.numel() != len(variables) and not (made.numel() == 1 and made.is_constant()):
-            raise ProblemError(f"{where} have shape {made.shape}; allowed: {len(variables)}, one for each state")
-        rates = scalars(made) if made.numel() == len(variables) else [made] * len(variables)
-        for variable, each in zip(variables, rates, strict=True):
-            check_symbols(where, each, ca.vertcat(*s.along))
-            if variable.name in s.rates:
-                raise ProblemError(f"{self.name}: dynamics of {variable.name} are given twice; allowed: once")
-            s.rates[variable.name] = each
+        self.statement.set_rates(state, rate)
 
     # constraints
 
@@ -247,7 +208,7 @@ class OptimalControlProblem:
                 self.statement.tighten(variable, row)
 
     def start(self, state: ca.SX, value: Expression) -> None:
-        """Start at x(0) = value, a number or an expression of parameters, for one state or several.
+        """Start at x(0) = value, a number or an expression of parameters and states, for one state or several.
 
         ProblemError for no state, a second start, and a value outside the state's bounds.
         """
@@ -262,7 +223,7 @@ class OptimalControlProblem:
         s.initial += rows(where, constraint, *zero_limits(constraint, lower, upper), name, known=s.at_start)
 
     def end(self, state: ca.SX, value: Expression) -> None:
-        """End at x(T) = value, a number or an expression of T and parameters, for one state or several.
+        """End at x(T) = value, a number or an expression of T, parameters and states, for one state or several.
 
         ProblemError for no state, a second end, and a value outside the state's bounds.
         """
@@ -352,13 +313,7 @@ class OptimalControlProblem:
             values: as the class says; with ``times`` (k,) or (k, n).
             times: [s] since the start, increasing; None where the values are spread evenly over [0, T].
         """
-        symbols = scalars(expression(f"{self.name}: guess", variable))
-        variables = [v for symbol in symbols if (v := self.statement.variable(symbol)) is not None]
-        if len(variables) < len(symbols):
-            raise ProblemError(f"{self.name}: guess of {variable}; allowed: {', '.join(self.statement.variable_names)}")
-        where = f"{self.name}: {', '.join(v.name for v in variables)}"
-        for each, guess in zip(variables, components(where, values, len(variables), times), strict=True):
-            each.guess = guess
+        self.statement.set_guess(variable, values, times)
 
     def guess_from(self, solution: Solution) -> None:
         """Guess every variable that a solution has under the same name, and T, as they are there."""
@@ -401,8 +356,9 @@ class OptimalControlProblem:
         method: Method = "auto",
         monitor: Monitor | str | None = None,
         guess: Solution | None = None,
-        parameters: Mapping[str, float] | None = None,
+        parameters: Mapping[str, Numbers] | None = None,
         tolerance: float | None = None,
+        options: Options | None = None,
     ) -> Solution:
         """Solve the problem by collocation and replay the solution through its own dynamics.
 
@@ -422,6 +378,7 @@ class OptimalControlProblem:
             tolerance: largest miss and path violation, over the scales, and cost error, relative to max(1, |J|), of
                 the replay of a solution that is called OPTIMAL. None: 1e-6 for "hp" and "refine", and 1e-3 on nodes
                 whose number is given.
+            options: NLP solver with its own tolerance, and what of it is printed or logged; None for the method's.
 
         Returns:
             The solution; ``solution.ok`` says whether it is one, its ``status`` why not: CONVERGED where the programme
@@ -433,17 +390,22 @@ class OptimalControlProblem:
                 method, monitor or parameter, and a monitor that its method cannot take.
         """
         problem = self.functions()
-        if not isinstance(parameters, Mapping | None):
-            raise ProblemError(f"{self.name}: parameters = {parameters!r:.80}; allowed: values by name")
-        values = problem.values(**(parameters or {}))
-        return solve_by(problem, nodes, method, monitor, guess=guess, parameters=values, tolerance=tolerance)
+        values = problem.values_by_name(parameters)
+        return solve_by(
+            problem, nodes, method, monitor, guess=guess, parameters=values, tolerance=tolerance, options=options
+        )
 
     def functions(self) -> ProblemFunctions:
-        """The problem as compiled functions, checked.
+        """The problem as compiled functions, checked; the same ones until something else is stated.
 
         Raises ProblemError where something is missing or contradicts itself, naming it.
         """
-        return functions_of(self.statement) if self.statement.states else self._of_the_literature()
+        if not self.statement.states:
+            return self._of_the_literature()
+        parts = self.statement.parts
+        if self._compiled is None or not _same(parts, self._compiled[0]):
+            self._compiled = parts, functions_of(self.statement)
+        return self._compiled[1]
 
     def __repr__(self) -> str:
         states, controls = ([v.name for v in each] for each in (self.statement.states, self.statement.controls))
@@ -457,3 +419,10 @@ class OptimalControlProblem:
             known = allowed_for(self.name, list(KNOWN))
             raise ProblemError(f"{self.name}: no state is declared, and no problem with a known optimum; {known}")
         return KNOWN[self.name]()
+
+
+def _same(parts: list[object], others: list[object]) -> bool:
+    """True if nothing was stated in between; a guess that is a function may give other values each time."""
+    if len(parts) != len(others) or any(isinstance(part, Sampled) for part in parts):
+        return False
+    return all(part is other for part, other in zip(parts, others, strict=True))

@@ -17,7 +17,7 @@ import numpy as np
 
 from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.solution import Solution, along
-from mathnavi.controllers.ocp.transcriptions.scheme import integral_weights, weights
+from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre, integral_weights, weights
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
@@ -53,7 +53,7 @@ def _residuals(solution: Solution) -> tuple[Array, Array]:
         raise ProblemError(
             f"scheme = {solution.scheme.name} has no polynomial to integrate; allowed: a collocation scheme"
         )
-    abscissae, share = np.polynomial.legendre.leggauss(_POINTS)
+    abscissae, share = gauss_legendre(_POINTS)
     fractions = 0.5 * (abscissae + 1.0)
     basis, steps = weights(points, fractions), integral_weights(points, fractions)
     t = solution.t[:-1, None] + fractions * d[:, None]

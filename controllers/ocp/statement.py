@@ -4,6 +4,8 @@ scalar."""
 from __future__ import annotations
 
 import math
+import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -11,10 +13,12 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.comparisons import Row
-from mathnavi.controllers.ocp.expressions import check_symbols, column, expression, numbers_of, scalars
+from mathnavi.controllers.ocp.expressions import check_symbols, column, expression, kinks, number, numbers_of, scalars
 from mathnavi.controllers.ocp.guesses import Component, Simulation, components
-from mathnavi.controllers.ocp.problem_functions import Interval
+from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, Interval
 from mathnavi.sim.interfaces.errors import ProblemError
+
+_ROUNDING = 1e-12  # relative, by which a value may be outside a bound that it was meant to be on
 
 
 @dataclass
@@ -29,7 +33,7 @@ class Variable:
     guess: Component
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Parameter:
     """A parameter p, known at each solve."""
 
@@ -71,8 +75,17 @@ class Statement:
     final: list[Row] = field(default_factory=list)
     starts: dict[str, ca.SX] = field(default_factory=dict)  # x(0) by state, of those that have one value
     ends: dict[str, ca.SX] = field(default_factory=dict)  # x(T) likewise
+    has_cost: bool = False
     duration: Duration | None = None
     simulation: Simulation | None = None
+
+    @property
+    def parts(self) -> list[object]:
+        """All that is stated, part by part; none of them is ever changed, only replaced."""
+        variables = (*self.states, *self.controls)
+        own = [part for v in variables for part in (v.symbol, v.lower, v.upper, v.scale, v.guess)]
+        rest = (self.start_time, self.running, self.terminal, self.duration, self.simulation)
+        return [*own, *self.parameters, *self.rates.values(), *self.path, *self.initial, *self.final, *rest]
 
     @property
     def x(self) -> ca.SX:
@@ -128,6 +141,77 @@ class Statement:
         among += [Variable(*each) for each in zip(names, symbols, lowers, uppers, scales, guesses, strict=True)]
         return column(symbols)
 
+    def set_cost(self, running: Any, terminal: Any) -> None:
+        """Set L and Psi; ProblemError for a second time and for what is no scalar of their symbols."""
+        if self.has_cost:
+            raise ProblemError(f"{self.name}: minimise() is called twice; allowed: once, with both parts of J")
+        made = []
+        for what, cost, known in (("running", running, self.along), ("terminal", terminal, self.at_end)):
+            value = expression(f"{self.name}: the {what} cost", cost)
+            if value.numel() != 1:
+                raise ProblemError(f"{self.name}: the {what} cost has shape {value.shape}; allowed: one")
+            check_symbols(f"{self.name}: the {what} cost", value, ca.vertcat(*known))
+            if bent := kinks(value):
+                warnings.warn(
+                    f"{self.name}: the {what} cost has a kink ({', '.join(bent)}), where a solver may stop early; "
+                    "absolute() and largest() split it",
+                    stacklevel=3,
+                )
+            made.append(value)
+        self.has_cost = True
+        self.running, self.terminal = made
+
+    def set_rates(self, states: Any, rate: Any) -> None:
+        """Set x' of states (n, 1); ProblemError for no state, a second rate and another shape."""
+        variables = self.find(states, "dynamics")
+        where = f"{self.name}: dynamics of {', '.join(v.name for v in variables)}"
+        made = expression(where, rate)
+        if made.numel() != len(variables) and not (made.numel() == 1 and made.is_constant()):
+            raise ProblemError(f"{where} have shape {made.shape}; allowed: {len(variables)}, one for each state")
+        rates = scalars(made) if made.numel() == len(variables) else [made] * len(variables)
+        for variable, each in zip(variables, rates, strict=True):
+            check_symbols(where, each, ca.vertcat(*self.along))
+            if variable.name in self.rates:
+                raise ProblemError(f"{self.name}: dynamics of {variable.name} are given twice; allowed: once")
+            self.rates[variable.name] = each
+
+    def set_duration(self, guess: Any, lower: Any, upper: Any) -> None:
+        """Set guess and limits [s] of T; ProblemError unless they are in order, and for a second time."""
+        guess, lower, upper = (number(f"{self.name}: duration", value) for value in (guess, lower, upper))
+        if not (0.0 < lower <= guess <= upper <= DURATION_LIMITS[1]):
+            raise ProblemError(
+                f"{self.name}: duration: lower = {lower!r}, guess = {guess!r}, upper = {upper!r}; "
+                f"allowed: 0 < lower <= guess <= upper <= {DURATION_LIMITS[1]:g} s"
+            )
+        if self.duration is not None:
+            raise ProblemError(f"{self.name}: the duration is given twice; allowed: once")
+        self.duration = Duration(guess, lower, upper)
+
+    def declare_parameter(self, name: str, nominal: Any) -> ca.SX:
+        """Declare a parameter, or a vector of them; returns its symbol.
+
+        ProblemError for a name that is taken and what is no number.
+        """
+        self.check_name(name)
+        size = 1 if isinstance(nominal, (str, Mapping)) else max(1, int(np.size(nominal)))
+        values = numbers_of(f"{self.name}: parameter {name}", nominal, size)
+        if not np.isfinite(values).all():
+            raise ProblemError(f"{self.name}: parameter {name} = {nominal!r}; allowed: finite numbers")
+        names = [name] if np.ndim(nominal) == 0 else [f"{name}[{k}]" for k in range(size)]
+        made = [Parameter(each, ca.SX.sym(each), value) for each, value in zip(names, values, strict=True)]
+        self.parameters += made
+        return column(each.symbol for each in made)
+
+    def set_guess(self, symbol: Any, values: Any, times: Any) -> None:
+        """Set the guess of variables (n, 1); ProblemError for what is none of them, and for no guess."""
+        symbols = scalars(expression(f"{self.name}: guess", symbol))
+        variables = [v for each in symbols if (v := self.variable(each)) is not None]
+        if len(variables) < len(symbols):
+            raise ProblemError(f"{self.name}: guess of {symbol}; allowed: {', '.join(self.variable_names)}")
+        where = f"{self.name}: {', '.join(v.name for v in variables)}"
+        for each, guess in zip(variables, components(where, values, len(variables), times), strict=True):
+            each.guess = guess
+
     def check_name(self, name: str) -> None:
         """Raise ProblemError for a name that is empty or taken."""
         taken = self.names
@@ -159,7 +243,7 @@ class Statement:
         ProblemError for no state, a second value, and a value outside the state's bounds.
         """
         pinned, among = (self.starts, self.initial) if where == "start" else (self.ends, self.final)
-        known = self.p if where == "start" else ca.vertcat(self.final_time, self.p)
+        known = ca.vertcat(*(self.at_start if where == "start" else self.at_end))
         variables = self.find(states, where)
         made = expression(f"{self.name}: {where} of {states}", value)
         if made.numel() not in (1, len(variables)):
@@ -177,7 +261,8 @@ class Statement:
             among.append(Row(variable.symbol - each, 0.0, 0.0, label))
 
     def _check_inside(self, variable: Variable, label: str, value: ca.SX) -> None:
-        if value.is_constant() and not variable.lower <= float(value) <= variable.upper:
+        rounding = _ROUNDING * abs(float(value)) if value.is_constant() else 0.0
+        if value.is_constant() and not variable.lower - rounding <= float(value) <= variable.upper + rounding:
             raise ProblemError(
                 f"{self.name}: {label} = {value}, outside its bounds; allowed: {variable.lower:g} to {variable.upper:g}"
             )
@@ -199,7 +284,7 @@ class Statement:
     @property
     def names(self) -> list[str]:
         """Names of the states, controls and parameters."""
-        return [each.name for each in (*self.states, *self.controls, *self.parameters)]
+        return [*self.variable_names, *(parameter.name for parameter in self.parameters)]
 
 
 def limits(rows: list[Row]) -> Interval:

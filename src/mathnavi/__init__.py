@@ -16,7 +16,9 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mathnavi.controllers.ocp.backend import Options as SolverOptions
     from mathnavi.controllers.ocp.monitors import Monitor
+    from mathnavi.controllers.ocp.phases import MultiPhaseProblem
     from mathnavi.controllers.ocp.problems.library import OptimalControlProblem
     from mathnavi.controllers.ocp.saved_solution import load_solution
     from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
@@ -85,7 +87,9 @@ _PLACES = {
     "wall_through": "sim.scripting.localisation",
     # optimal control
     "OptimalControlProblem": "controllers.ocp.problems.library",  # which enters the problems of the literature
+    "MultiPhaseProblem": "controllers.ocp.phases",
     "Monitor": "controllers.ocp.monitors",
+    "SolverOptions": "controllers.ocp.backend:Options",
     "load_solution": "controllers.ocp.saved_solution",
     # terrain
     "load_terrain": "models.terrain.library",
@@ -139,7 +143,9 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "ellipse",
     "wall_through",
     "OptimalControlProblem",
+    "MultiPhaseProblem",
     "Monitor",
+    "SolverOptions",
     "load_solution",
     "load_terrain",
     "import_terrain",

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import GIVEN_NODES
 from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing
+from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.structure import linear_controls
 from mathnavi.sim.interfaces.signals import Array
 
@@ -35,6 +37,7 @@ def automatic(
     guess: Solution | None = None,
     parameters: Array | None = None,
     tolerance: float | None = None,
+    options: Options | None = None,
 ) -> Solution:
     """Solve a problem by the method that suits it; the solution's message says which, and why.
 
@@ -45,6 +48,7 @@ def automatic(
         parameters: (np,) values of the problem's parameters; None for the nominal ones.
         tolerance: largest figures of the replay of a solution that is called OPTIMAL; None for 1e-3 on a given number
             of nodes, and 1e-6 otherwise.
+        options: solver and its own tolerance; None for each method's own.
 
     Returns:
         The solution with its replay; failure is in its status.
@@ -53,21 +57,22 @@ def automatic(
         ProblemError: for fewer than two nodes, a tolerance that is not positive, and parameters or a guess that do not
             fit the problem.
     """
+    given: dict[str, Any] = {"guess": guess, "parameters": parameters}
+    if options is not None:
+        given["options"] = options
     if nodes is not None:
         within = GIVEN_NODES if tolerance is None else tolerance
-        return solve(problem, nodes, guess=guess, parameters=parameters, tolerance=within)
+        return solve(problem, nodes, tolerance=within, **given)
     within = TOLERANCE if tolerance is None else tolerance
-    first = hp(problem, guess=guess, parameters=parameters, tolerance=within)
+    first = hp(problem, tolerance=within, **given)
     if first.status is Outcome.OPTIMAL:
         return _named(first, f"hp, for {_reason(problem)}: {first.message}")
     if first.status in _HOPELESS:
         return first
-    moved = redistribute(
-        problem, _NODES, RESIDUAL, rounds=_ROUNDS, guess=guess, parameters=parameters, tolerance=within
-    )
+    moved = redistribute(problem, _NODES, RESIDUAL, rounds=_ROUNDS, tolerance=within, **given)
     found = [first, moved]
     if moved.solved:
-        found.append(hp(problem, guess=moved, parameters=parameters, tolerance=within))
+        found.append(hp(problem, tolerance=within, **(given | {"guess": moved})))
     chosen = min(found, key=_error)
     others = ", ".join(f"{each.method} {_shown(each)}" for each in found if each is not chosen)
     spent = sum((each.timing for each in found), Timing())

@@ -17,6 +17,7 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_p
 from mathnavi.controllers.ocp.replay import GIVEN_NODES
 from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solver import Options
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
@@ -45,6 +46,7 @@ def solve_by(
     guess: Solution | None,
     parameters: Array,
     tolerance: float | None = None,
+    options: Options | None = None,
 ) -> Solution:
     """Solve a problem by one of the methods: "hp" by Radau collocation, the others by Hermite-Simpson's.
 
@@ -58,6 +60,7 @@ def solve_by(
         guess: a solution to start from, on any grid; None for the problem's own guess.
         parameters: (np,) values of the problem's parameters.
         tolerance: largest figures of the replay of a solution that is called OPTIMAL; None for the method's own.
+        options: solver and its own tolerance; None for the method's own.
 
     Returns:
         The solution with its replay. Failure is in its status, and so is an adaptive grid that the gate refused.
@@ -71,27 +74,33 @@ def solve_by(
         check_nodes(nodes)
     if method not in get_args(Method):
         raise ProblemError(f"method = {method!r}; {allowed_for(str(method), get_args(Method))}")
+    given: dict[str, Any] = {"guess": guess, "parameters": parameters}
+    if options is not None:
+        given["options"] = options
     if method in ("auto", "hp") and monitor is None:
-        options: dict[str, Any] = {"guess": guess, "parameters": parameters}
         if method == "auto":
-            return automatic(problem, nodes, tolerance=tolerance, **options)
-        return hp(problem, nodes or MOST_NODES, tolerance=TOLERANCE if tolerance is None else tolerance, **options)
+            return automatic(problem, nodes, tolerance=tolerance, **given)
+        return hp(problem, nodes or MOST_NODES, tolerance=TOLERANCE if tolerance is None else tolerance, **given)
     nodes = NODES if nodes is None else nodes
     within = tolerance if tolerance is not None else REFINED if method == "refine" else GIVEN_NODES
     if method in _DEFAULT_MONITORS:
         chosen = _DEFAULT_MONITORS[method] if monitor is None else _monitor(monitor)
         if method == "redistribute":
-            return redistribute(problem, nodes, chosen, guess=guess, parameters=parameters, tolerance=within)
+            return redistribute(problem, nodes, chosen, tolerance=within, **given)
         distribution = Equidistributed(chosen, chosen.epsilon)
-        return distribute(problem, nodes, distribution, guess=guess, parameters=parameters, tolerance=within)
+        return distribute(problem, nodes, distribution, tolerance=within, **given)
     if monitor is not None:
         takers = ", ".join(_DEFAULT_MONITORS)
         raise ProblemError(f"monitor: method = {method!r} takes none; allowed: a monitor with method {takers}")
     if method == "refine":
         return refine(
-            problem, min(_FIRST_NODES, nodes), most_nodes=nodes, guess=guess, parameters=parameters, tolerance=within
+            problem,
+            min(_FIRST_NODES, nodes),
+            most_nodes=nodes,
+            tolerance=within,
+            **given,
         )
-    return solve(problem, nodes, guess=guess, parameters=parameters, tolerance=within)
+    return solve(problem, nodes, tolerance=within, **given)
 
 
 def _monitor(monitor: Monitor | str) -> Monitor:

@@ -119,23 +119,25 @@ def hp(
     for number in range(_ROUNDS):
         errors, seen, own = interval_errors(current, defects(current)), structure(current), plan.placed(current)
         visits = sum(seen.same(other) for other in visited)
-        settled = free or seen.same(own) or visits >= _MOST_VISITS or len(seen) > _MOST_ARCS
+        settled = free or seen.same(own) or visits >= _MOST_VISITS or len(seen) > min(_MOST_ARCS, most_nodes - 1)
         small = errors.total <= allowed and errors.path.max() <= VIOLATION * allowed
         smooth = plan.added(current) <= tolerance * abs(current.cost)
         fair = small or (errors.total <= allowed and bent >= _MOST_BENT)
         bent += int(errors.total <= allowed and not small)
         if settled and fair and smooth and change <= max(allowed, _ROUNDING):
-            result = replayed(current, tolerance)
-            if not small or result.replay is None or result.replay.error <= tolerance or allowed < _LEAST * tolerance:
+            current = replayed(current, tolerance)
+            error = math.inf if current.replay is None else current.replay.error
+            if not small or error <= tolerance or allowed < _LEAST * tolerance:
                 break
-            allowed *= max(_LEAST, 0.3 * tolerance / result.replay.error)  # the true dynamics amplify the defects
+            allowed *= max(_LEAST, 0.3 * tolerance / error)  # the true dynamics amplify the defects
         rho = plan.smoothing if number else _SMOOTHING * abs(current.cost)
         if settled:
             rho *= 0.1 if fair and not smooth else 1.0
             mesh = meshed(current, own, errors, allowed, most_nodes, hard=plan.every)
             following = _Plan(*mesh, own, rho, plan.every)
         else:
-            following = _Plan(with_boundaries(current.grid, seen.boundaries), plan.count, seen, rho, plan.every)
+            grid = with_boundaries(current.grid, seen.boundaries, most_nodes)
+            following = _Plan(grid, plan.count, seen, rho, plan.every)
         found, following, smooth_start = _next(problem, plan, following, current, parameters, options)
         failures += int(not smooth_start)
         current = dataclasses.replace(current, timing=current.timing + found.timing)
@@ -148,8 +150,9 @@ def hp(
         visited.append(plan.structure)
         if full:
             break
-    result = replayed(current, tolerance)
-    return dataclasses.replace(result, method="hp", message=f"{_described(plan)}; {result.message}")
+    if current.replay is None:
+        current = replayed(current, tolerance)
+    return dataclasses.replace(current, method="hp", message=f"{_described(plan)}; {current.message}")
 
 
 def _first(
@@ -186,7 +189,7 @@ def _next(
     True if the first try was enough.
     """
     timing, weight, without = Timing(), _SMOOTHING * abs(current.cost), without_structure(problem)
-    nodes = with_boundaries(current.grid, following.structure.boundaries)
+    nodes = with_boundaries(current.grid, following.structure.boundaries, len(current.grid))
     tries = (
         following,
         dataclasses.replace(following, smoothing=weight, every=True),

@@ -63,7 +63,7 @@ def meshed(
     large, violated = errors.own > each, errors.path > VIOLATION * allowed
     everywhere, asymptotic = not 0.0 < large.mean() <= 0.5, errors.total < _ASYMPTOTIC
     if count < MOST_COUNT and ((everywhere and asymptotic and not violated.any()) or len(nodes) >= most_nodes):
-        return with_boundaries(solution.grid, structure.boundaries), count + 1
+        return with_boundaries(solution.grid, structure.boundaries, most_nodes), count + 1
     both = everywhere and not asymptotic and count < MOST_COUNT  # two parts with a point more each, for want of both
     order = 2 * count
     parts = np.where(large, np.ceil((np.minimum(errors.own, 1.0) / each) ** (1.0 / order)), 1.0)
@@ -86,7 +86,8 @@ def meshed(
         i = int(np.searchsorted(nodes, start + 1e-15, side="right")) - 1
         n = granted[i] if end - start <= 1.0000001 * widths[i] else 1
         pieces.append(np.linspace(start, end, n + 1)[:-1])
-    return with_boundaries(Grid(np.append(np.concatenate(pieces), 1.0)), structure.boundaries), count + int(both)
+    grid = Grid(np.append(np.concatenate(pieces), 1.0))
+    return with_boundaries(grid, structure.boundaries, most_nodes), count + int(both)
 
 
 def _without_idle(nodes: Array, own: Array, parts: Array, each: float, boundaries: Array, order: int) -> Array:
@@ -103,12 +104,14 @@ def _without_idle(nodes: Array, own: Array, parts: Array, each: float, boundarie
     return nodes[keep]
 
 
-def with_boundaries(grid: Grid, boundaries: Array) -> Grid:
-    """The grid with a node at each boundary, in the place of those that are too near."""
+def with_boundaries(grid: Grid, boundaries: Array, most_nodes: int) -> Grid:
+    """The grid with a node at each boundary, in the place of those that are too near or, in all, too many."""
     if not len(boundaries):
         return grid
     nodes = grid.nodes[1:-1]
     width = np.minimum(grid.widths[1:], grid.widths[:-1])
     distance = np.abs(nodes[:, None] - boundaries).min(axis=1)
-    nodes = nodes[distance > _KEPT * width]
+    nodes, distance = nodes[distance > _KEPT * width], distance[distance > _KEPT * width]
+    spare = max(0, most_nodes - 2 - len(boundaries))
+    nodes = nodes[np.sort(np.argsort(-distance, kind="stable")[:spare])]
     return Grid(np.unique(np.concatenate([[0.0], nodes, boundaries, [1.0]])))

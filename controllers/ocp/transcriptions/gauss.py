@@ -11,11 +11,10 @@ from functools import cached_property
 from typing import Annotated
 
 import casadi as ca
-import numpy as np
 from annotated_types import Ge, Le
 
 from mathnavi.controllers.ocp.transcriptions.collocation import collocated
-from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Rates
+from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Rates, gauss_legendre
 from mathnavi.sim.interfaces.bounds import configuration
 
 
@@ -49,7 +48,7 @@ class GaussLegendre:
     @cached_property
     def points(self) -> tuple[float, ...]:
         """Gauss points (k,) c_j, fractions of the interval."""
-        return tuple((0.5 * (1.0 + np.polynomial.legendre.leggauss(self.count)[0])).tolist())
+        return tuple((0.5 * (1.0 + gauss_legendre(self.count)[0])).tolist())
 
     def interval(
         self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX

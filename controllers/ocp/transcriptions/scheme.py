@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import casadi as ca
@@ -104,10 +105,16 @@ def integral_weights(points: tuple[float, ...], to: Array) -> Array:
 
     Gauss-Legendre quadrature, exact for these polynomials.
     """
-    nodes, share = np.polynomial.legendre.leggauss(len(points) // 2 + 1)
+    nodes, share = gauss_legendre(len(points) // 2 + 1)
     basis = _basis(points, (0.5 * to[:, None] * (nodes + 1.0)).ravel()).reshape(len(to), len(nodes), len(points))
     integrals: Array = 0.5 * to[:, None] * np.einsum("g,ngk->nk", share, basis)
     return integrals
+
+
+@lru_cache(maxsize=64)
+def gauss_legendre(count: int) -> tuple[Array, Array]:
+    """Zeros (k,) of Legendre's polynomial P_k on [-1, 1], k = ``count``, and the weights (k,) of their quadrature."""
+    return np.polynomial.legendre.leggauss(count)
 
 
 def _basis(points: tuple[float, ...], at: Array) -> Array:

@@ -81,7 +81,7 @@ OTHER = ca.SX.sym("x")
         (lambda ocp, x, u: [ocp.start(x, 0), ocp.start(x, 1)], "start of x = 1, and = 0 before; allowed: one value"),
         (lambda ocp, x, u: [ocp.end(x, 0), ocp.end(x, 1)], "end of x = 1, and = 0 before; allowed: one value"),
         (lambda ocp, x, u: ocp.constrain(x >= 3), "lower = 3.0, upper = 2.0; allowed: lower <= upper"),
-        (lambda ocp, x, u: ocp.start(x, u), "start of x depends on u, which is not among its symbols; allowed: k"),
+        (lambda ocp, x, u: ocp.start(x, u), "start of x depends on u, which is not among its symbols; allowed: x"),
         (lambda ocp, x, u: ocp.start(u, 0), "start: u is not a state; allowed: ['x', 'y[0]', 'y[1]']"),
         (lambda ocp, x, u: ocp.guess(x**2, 1.0), "guess of sq(x); allowed: x, y[0], y[1], u"),
         (lambda ocp, x, u: ocp.guess(x, [1, 2], times=[1, 0]), "times of the guess = [1.0, 0.0]; allowed: 2"),

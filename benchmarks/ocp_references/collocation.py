@@ -205,7 +205,7 @@ def collocate(
             "ipopt.compl_inf_tol": 1e-11,
             "ipopt.bound_relax_factor": 0.0,
             "ipopt.fixed_variable_treatment": "make_parameter",
-            "ipopt.max_iter": 3000,
+            "ipopt.max_iter": 1000,
             "ipopt.print_level": 0,
             "ipopt.sb": "yes",
             "print_time": False,

@@ -49,8 +49,7 @@ class Arcs:
 
     def lengths(self, grid: Grid) -> Array:
         """Lengths (A,) of the arcs on a grid, fractions of T."""
-        lengths: Array = np.bincount(self.of_interval, grid.widths, minlength=len(self))
-        return lengths
+        return np.bincount(self.of_interval, grid.widths, minlength=len(self)).astype(float)
 
     def shares(self, grid: Grid) -> Array:
         """Shares W (N - 1, A) of each interval in the arcs."""

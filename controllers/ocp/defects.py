@@ -71,7 +71,7 @@ def _violations(solution: Solution, x: Array, u: Array, t: Array) -> Array:
     problem, p = solution.problem, np.tile(solution.parameters[:, None], (1, len(t)))
     path = np.array(problem.path.map(len(t))(x.T, u.T, t[None, :], p).full().T)
     limits = [np.where(np.isfinite(side), np.abs(side), 0.0) for side in problem.path_bounds]
-    found = np.zeros(len(t))
+    found: Array = np.zeros(len(t))
     for values, (lower, upper), scale in (
         (x, problem.state_bounds, problem.state_scale),
         (path, problem.path_bounds, np.maximum(1.0, np.maximum(*limits))),

@@ -51,7 +51,8 @@ class Structure:
     def without_arcs_below(self, length: float) -> Structure:
         """The structure without arcs shorter than ``length``, a fraction of T; neighbours that are equal become one."""
         ends = np.concatenate([[0.0], self.boundaries, [1.0]])
-        boundaries, held = [], []
+        boundaries: list[float] = []
+        held: list[Integers] = []
         for start, end, own in zip(ends[:-1], ends[1:], self.held, strict=True):
             if end - start < length or (held and np.array_equal(held[-1], own)):
                 continue

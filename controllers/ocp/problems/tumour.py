@@ -27,10 +27,10 @@ def tumour() -> ProblemFunctions:
     p_bar = ((B - MU) / D) ** 1.5  # [mm^3]
     ocp = OptimalControlProblem("tumour")
 
-    p = ocp.state("p", lower=1.0, upper=p_bar, scale=1e4, guess=(p_bar / 2, 7500.0))
-    q = ocp.state("q", lower=1.0, upper=p_bar, scale=1e4, guess=(p_bar / 4, 2500.0))
+    p = ocp.state("p", lower=1.0, upper=p_bar, scale=1e4, guess=(p_bar / 2, p_bar / 2))
+    q = ocp.state("q", lower=1.0, upper=p_bar, scale=1e4, guess=(p_bar / 4, p_bar / 4))
     given = ocp.state("given", upper=MOST_DRUG, scale=10.0, guess=(0.0, MOST_DRUG))  # ∫ u dt
-    u = ocp.control("u", lower=0.0, upper=MOST_DOSE, scale=50.0, guess=(MOST_DOSE, 0.0))
+    u = ocp.control("u", lower=0.0, upper=MOST_DOSE, scale=50.0, guess=(MOST_DOSE, MOST_DOSE))
     ocp.free_duration(guess=1.0, lower=0.1, upper=5.0)
 
     ocp.minimise(terminal=p)

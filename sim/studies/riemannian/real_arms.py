@@ -162,8 +162,8 @@ class RealArms:
         return StudyResult(
             summary=(
                 f"Encoders of {BITS} bits at 1 kHz; a sine of {SHOWN_AT:g} rad/s on every actuator. The observer has "
-                f"no setting. Rivals are tuned on another run, at {TUNED_AT:g} rad/s and with the load that is believed. "
-                f"Error: root mean square of |qvel^ - qvel| from {BEGIN:g} s on, while an estimator is not lost.",
+                f"no setting. Rivals are tuned on another run, at {TUNED_AT:g} rad/s, with the load that is believed."
+                f" Error: root mean square of |qvel^ - qvel| from {BEGIN:g} s on, while an estimator is not lost.",
             ),
             rows=[
                 {"case": e.case, "estimator": e.estimator, "error": e.error, "setting": e.setting, "lost": e.lost,

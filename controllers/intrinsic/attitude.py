@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated
 
 import numpy as np
@@ -10,6 +11,7 @@ from mathnavi.controllers.intrinsic.law import TrackingGains
 from mathnavi.controllers.intrinsic.loop import IntrinsicTracker, ReferencePlanner
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.sim.interfaces.angles import Radians
 from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
@@ -41,11 +43,15 @@ class AttitudeTracking:
 
     @staticmethod
     def build(config: AttitudeTrackingConfig, mission: LagrangianMission) -> tuple[Planner, Tracker]:
-        """ValueError for a mission whose configurations are not attitudes."""
+        """ValueError for a mission whose configurations are not attitudes, of any inertia."""
         manifold = mission.system.manifold
-        if not isinstance(manifold, Attitude):
-            raise ValueError(f"controller = attitude_tracking on {manifold.name}; allowed: on {Attitude.name}")
-        reference = AttitudeReference(config.rate, config.frequency, mission.period)
+        one_ball = isinstance(manifold, MechanismManifold) and (manifold.size, manifold.dimension) == (4, 3)
+        if not (isinstance(manifold, Attitude) or one_ball):
+            raise ValueError(
+                f"controller = attitude_tracking on {manifold.name}; allowed: on {Attitude.name} or one ball joint"
+            )
+        christoffel = manifold.christoffel if isinstance(manifold, MechanismManifold) else None
+        reference = AttitudeReference(config.rate, config.frequency, mission.period, christoffel)
         gains = TrackingGains(config.k_p, config.k_d)
         return ReferencePlanner(reference, mission), IntrinsicTracker(gains, mission)
 
@@ -56,7 +62,15 @@ class AttitudeReference:
     Over a period the attitude turns by the rate in the middle of it.
     """
 
-    def __init__(self, rate: float, frequency: float, period: float) -> None:
+    def __init__(
+        self,
+        rate: float,
+        frequency: float,
+        period: float,
+        christoffel: Callable[[Array, Array, Array], Array] | None = None,
+    ) -> None:
+        """``christoffel`` Gamma(u, w) (3,) at an attitude, of a body whose inertia is not the same about every axis."""
+        self._christoffel = christoffel
         self._rate, self._frequencies, self._period = rate, frequency * _RATIOS, period
         self._manifold = Attitude()
         self._attitudes = [self._manifold.origin]
@@ -69,9 +83,16 @@ class AttitudeReference:
         return np.concatenate([self._attitudes[k], self._omega(k * self._period)])
 
     def acceleration(self, k: int) -> Array:
-        """Angular acceleration omega_r' (3,) [rad/s^2] at the k-th period."""
+        """Covariant acceleration omega_r' + Gamma(omega_r, omega_r) (3,) [rad/s^2] at the k-th period.
+
+        Gamma(omega, omega) is zero where the inertia is the same about every axis.
+        """
         turned: Array = np.cos(self._frequencies * (k * self._period) + _PHASES)
-        return self._rate * self._frequencies * turned
+        rate: Array = self._rate * self._frequencies * turned
+        if self._christoffel is None:
+            return rate
+        state = self.state(k)
+        return rate + self._christoffel(state[:4], state[4:], state[4:])
 
     def _omega(self, t: float) -> Array:
         omega: Array = self._rate * np.sin(self._frequencies * t + _PHASES)

@@ -13,12 +13,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from mathnavi.models.manifold.manifold import CutLocusError
+from mathnavi.models.manifold.manifold import CutLocusError, Manifold
 from mathnavi.models.manifold.system import ActuatedSystem, LagrangianSystem
 from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.signals import Array
 
 _SINGULAR = 1e-9  # of the largest singular value of the inputs' effect
+_ASIDE = 1e-6  # by which a reference is moved that no shortest way leads to
 _PROBE = 1e-3  # of each input, that its effect is seen by: within the ranges that actuators may have
 
 
@@ -74,17 +75,34 @@ def wanted_force(
 ) -> Array:
     """D_t v at an estimate (x, v) after a reference (x_r, v_r) that the input ``feedforward`` (nu,) keeps on its way.
 
-    Half a turn away from the reference, where no way back is the shortest, the velocity only is damped.
+    Half a turn away from the reference, where two ways back are equally short, one of them is taken.
     """
     manifold = system.manifold
     n = manifold.size
-    x, v, x_r, v_r = state[:n], state[n:], reference[:n], reference[n:]
-    try:
-        error = manifold.log(x, x_r)
-        a = manifold.transport(x_r, x, system.force(x_r, v_r, feedforward))
-        v_there = manifold.transport(x_r, x, v_r)
-    except CutLocusError:
-        return -gains.k_d * v
+    x, v = state[:n], state[n:]
+    x_r, v_r = _reachable(manifold, x, reference[:n], reference[n:])
+    error = manifold.log(x, x_r)
+    a = manifold.transport(x_r, x, system.force(x_r, v_r, feedforward))
+    v_there = manifold.transport(x_r, x, v_r)
     # manifold.curvature is R(v, e) v = -R(e, v) v.
     wanted: Array = a + gains.k_p * error + gains.k_d * (v_there - v) + manifold.curvature(x, v_there, error)
     return wanted
+
+
+def _reachable(manifold: Manifold, x: Array, x_r: Array, v_r: Array) -> tuple[Array, Array]:
+    """Reference (x_r, v_r), or one beside it to which a shortest way leads from x (size,), where none leads to it.
+
+    Raises CutLocusError if there is none beside it either.
+    """
+    try:
+        manifold.log(x, x_r)
+    except CutLocusError:
+        for axis in np.eye(manifold.dimension):
+            beside = manifold.exp(x_r, manifold.vector(x_r, _ASIDE * axis))
+            try:
+                manifold.log(x, beside)
+            except CutLocusError:
+                continue
+            return beside, manifold.transport(x_r, beside, v_r)
+        raise
+    return x_r, v_r

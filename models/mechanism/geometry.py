@@ -34,7 +34,7 @@ class MechanismManifold:
     """A ``Manifold``. What a model has beside inertia, gravity for one, does not matter here.
 
     The angles of hinges are not wrapped: a turn leads to another point. Raises ValueError for a model that is no
-    mechanism of slides, hinges and balls, see ``checked``.
+    mechanism, see ``checked``.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:

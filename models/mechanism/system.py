@@ -26,7 +26,7 @@ _JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 
 
 class MechanismSystem:
-    """A ``LagrangianSystem`` of a model of slides, hinges and balls, with the state (qpos, qvel) and the input ctrl.
+    """A ``LagrangianSystem`` of a model whose joints each move mass, with the state (qpos, qvel) and the input ctrl.
 
     Actuators are MuJoCo's, of any kind that has no state of its own, and act within their ranges of control and force;
     springs, dampers, tendons, gravity compensation and the drag of a medium are MuJoCo's too. ``force`` is without what

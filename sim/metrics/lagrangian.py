@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.manifold import CutLocusError, Manifold
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
@@ -139,12 +140,12 @@ def lagrangian_summary(
 
 def angles_to_reference(recording: Recording, name: str, manifold: Manifold) -> Array:
     """(n,) [rad] the angle from a body to the reference at each sample; infinite before the first plan."""
-    truth, n = recording.truths[name], manifold.size
+    truth, n, attitudes = recording.truths[name], manifold.size, Attitude()
     reference = _reference(recording, name, truth.shape[1])
     known = [bool(np.isfinite(row).all()) for row in reference]
     return np.array(
         [
-            2.0 * manifold.distance(row[:n], wanted[:n]) if is_known else math.inf
+            2.0 * attitudes.distance(row[:n], wanted[:n]) if is_known else math.inf
             for row, wanted, is_known in zip(truth, reference, known, strict=True)
         ]
     )

@@ -13,12 +13,18 @@ from typing import Annotated
 import numpy as np
 
 from mathnavi.controllers.intrinsic.attitude import AttitudeReference, AttitudeTrackingConfig
+from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.constant_curvature import sphere
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.models.manifold.systems import RigidBody
+from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.sim.interfaces.angles import Radians
-from mathnavi.sim.interfaces.bounds import configuration
+from mathnavi.sim.interfaces.bounds import FINITE_NUMBERS, configuration
+from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.lagrangian import tracking_figures
 from mathnavi.sim.plugin.registry import PluginSpec
@@ -34,7 +40,7 @@ from mathnavi.sim.scenarios.lagrangian import (
     velocity_errors,
 )
 from mathnavi.sim.scenarios.requirements import Requirement
-from mathnavi.sim.scenarios.sphere_observer import Inertia, SphereObserverConfig, rigid_body_plant
+from mathnavi.sim.scenarios.sphere_observer import Inertia, SphereObserverConfig, rigid_body, rigid_body_plant
 from mathnavi.sim.scenarios.task import Sample, StageCost
 
 VEHICLE = "body"
@@ -55,9 +61,26 @@ class AttitudeTrackingFields(LagrangianFields):
     speed: Annotated[float, Radians(0.0, 100.0, unit="rad/s")] = 0.0
     """at the start [rad/s]; attitude and axis are drawn"""
     inertia: Inertia = SphereObserverConfig.inertia
-    """of the body [kg m^2]"""
+    """of the body, about every axis [kg m^2]"""
+    principal_inertia: Annotated[NumberList, FINITE_NUMBERS] = ()
+    """about each of its three axes, in place of the inertia; none greater than the sum of the others [kg m^2]"""
     attitude_tolerance: Annotated[float, Radians(0.0, math.pi, open_low=True)] = 0.1
     """root mean square of the angle to the reference after that [rad]"""
+
+    def __post_init__(self) -> None:
+        LagrangianFields.__post_init__(self)
+        moments = self.principal_inertia
+        for value in moments:
+            check(value, "principal_inertia", 1e-6, 1e6)
+        if moments and (len(moments) != 3 or 2.0 * max(moments) > sum(moments)):
+            raise FieldError(
+                f"principal_inertia = {moments!r}; allowed: three moments, none greater than the sum of the others"
+            )
+
+    @property
+    def moments(self) -> float | tuple[float, ...]:
+        """Inertia [kg m^2] about every axis, or about each."""
+        return tuple(self.principal_inertia) or self.inertia
 
 
 class AttitudeTrackingScenario:
@@ -82,7 +105,7 @@ class AttitudeTrackingScenario:
         mission = _mission(config)
         start = checked_speed(_drawn_start(config, parts.streams["draws"]), mission)
         stack = parts.stack(mission)
-        plant = rigid_body_plant(VEHICLE, start, stack.sensors, config.inertia, parts.streams["sensing"])
+        plant = rigid_body_plant(VEHICLE, start, stack.sensors, config.moments, parts.streams["sensing"])
         record = SpaceRecord(**recorded_as(mission, config), space="body")
         requirement = Requirement("attitude_rms_rad", most=config.attitude_tolerance)
         cost = _angle_to_reference(parts.controller, mission)
@@ -101,7 +124,7 @@ class AttitudeTrackingScenario:
 
 def _angle_to_reference(controller: PluginSpec, mission: LagrangianMission) -> StageCost | None:
     """L = theta^2 at the end of a step, theta [rad] the angle to the reference; None where the controller has none."""
-    tracking, manifold = controller.config, mission.system.manifold
+    tracking, manifold = controller.config, Attitude()
     if not isinstance(tracking, AttitudeTrackingConfig):
         return None
     reference = AttitudeReference(tracking.rate, tracking.frequency, mission.period)
@@ -121,4 +144,7 @@ def _drawn_start(config: AttitudeTrackingFields, rng: np.random.Generator) -> Ar
 
 
 def _mission(config: AttitudeTrackingFields) -> LagrangianMission:
-    return LagrangianMission(RigidBody(config.inertia), config.reading, config.period, config.speed_max)
+    system: LagrangianSystem = RigidBody(config.inertia)
+    if config.principal_inertia:
+        system = MechanismSystem(rigid_body(VEHICLE, config.moments))
+    return LagrangianMission(system, config.reading, config.period, config.speed_max)

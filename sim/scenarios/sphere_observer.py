@@ -140,14 +140,19 @@ def _start(config: SphereObserverConfig, mission: LagrangianMission, rng: np.ran
 
 
 def rigid_body_plant(
-    name: str, start: Array, sensors: tuple[Sensor, ...], inertia: float, rng: np.random.Generator
+    name: str,
+    start: Array,
+    sensors: tuple[Sensor, ...],
+    inertia: float | tuple[float, ...],
+    rng: np.random.Generator,
 ) -> MujocoPlant:
-    """The rigid body in MuJoCo, with the inertia [kg m^2] about every axis."""
-    return MujocoPlant(_rigid_body(name, inertia), {name: VehicleSetup(start, sensors)}, rng)
+    """The rigid body in MuJoCo, with the inertia [kg m^2] about every axis, or about each of its three."""
+    return MujocoPlant(rigid_body(name, inertia), {name: VehicleSetup(start, sensors)}, rng)
 
 
 @lru_cache(maxsize=4)
-def _rigid_body(name: str, inertia: float) -> mujoco.MjModel:
+def rigid_body(name: str, inertia: float | tuple[float, ...]) -> mujoco.MjModel:
+    """The compiled rigid body with the inertia [kg m^2] about every axis, or about each of its three."""
     spec = build_spec("rigid-body", name=name)
-    spec.body(f"{name}/body").inertia = (inertia, inertia, inertia)
+    spec.body(f"{name}/body").inertia = inertia if isinstance(inertia, tuple) else (inertia, inertia, inertia)
     return spec.compile()

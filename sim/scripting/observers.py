@@ -159,8 +159,8 @@ class IntrinsicObserver(LagrangianObserver):
 class VelocityObserver(LagrangianObserver):
     """The joint velocities of a mechanism from its encoders, with its mass matrix as the metric (D.6).
 
-    ``mechanism`` is the path of an MJCF file of slides, hinges and balls, a name ("two-link", "dm_control:acrobot"), or
-    a ``mujoco.MjModel``. y is qpos (nq,) [m, rad], u is ctrl (nu,), the velocity is qvel (nv,) [m/s, rad/s].
+    ``mechanism`` is the path of an MJCF file, a name ("two-link", "dm_control:acrobot", "menagerie:NAME"), or a
+    ``mujoco.MjModel``. y is qpos (nq,) [m, rad], u is ctrl (nu,), the velocity is qvel (nv,) [m/s, rad/s].
 
     ``method`` is a plug-in: riemannian_observer, high_gain, lagrangian_ekf, lagrangian_ukf or filtered_differences, and
     ``fields`` are its own. ``noise`` [rad, m] and ``speed_max`` as of an ``IntrinsicObserver``.

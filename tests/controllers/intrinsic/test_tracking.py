@@ -84,10 +84,35 @@ def test_an_input_is_found_within_the_range_of_its_actuator(tmp_path: Path) -> N
     assert InverseForce(system)(x, v, system.force(x, v, u)) == pytest.approx(u)
 
 
-def test_half_a_turn_away_the_rate_is_damped() -> None:
-    state = np.array([0.0, 1.0, 0.0, 0.0, 0.3, -0.2, 0.1])
-    rest = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    assert wanted_force(BODY, GAINS, state, rest, np.zeros(3)) == pytest.approx(-6.0 * state[4:])
+@pytest.mark.parametrize("axis", range(3))
+def test_from_exactly_half_a_turn_away_one_of_the_two_ways_is_taken(axis: int) -> None:
+    rest, x = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), np.zeros(7)
+    x[1 + axis] = 1.0
+    inverse = InverseForce(BODY)
+    for _ in range(600):
+        x = BODY.flow(x, inverse(x[:4], x[4:], wanted_force(BODY, GAINS, x, rest, np.zeros(3))), H)
+    assert abs(x[0]) == pytest.approx(1.0, abs=1e-5)
+
+
+@pytest.mark.parametrize("angle", [1.0, 3.0])
+def test_a_body_with_a_full_inertia_finds_the_reference(angle: float, tmp_path: Path) -> None:
+    path = tmp_path / "body.xml"
+    motors = "".join(f'<motor joint="ball" gear="{gear}"/>' for gear in ("1 0 0", "0 1 0", "0 0 1"))
+    path.write_text(
+        '<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="ball" type="ball"/>'
+        '<inertial pos="0 0 0" mass="1" fullinertia="0.02 0.05 0.055 0.005 -0.004 0.003"/></body></worldbody>'
+        f"<actuator>{motors}</actuator></mujoco>"
+    )
+    mission = LagrangianMission(MechanismSystem(build_model(path)), period=H)
+    planner, tracker = AttitudeTracking.build(AttitudeTracking.Config(), mission)
+    c, s = math.cos(0.5 * angle), math.sin(0.5 * angle) / math.sqrt(3.0)
+    x = np.array([c, s, -s, s, 0.0, 0.0, 0.0])
+    for begin in range(0, 800, 100):
+        plan = planner.plan(PlanRequest(begin * H, begin * H, Estimate(0.0, x), None))
+        assert plan.ok, plan.message
+        for k in range(begin, begin + 100):
+            x = mission.system.flow(x, tracker.command(k * H, Estimate(k * H, x), plan), H)
+    assert x[:4] @ plan.x[100][:4] == pytest.approx(math.copysign(1.0, x[:4] @ plan.x[100][:4]), abs=1e-4)
 
 
 def test_a_mechanism_keeps_its_reference() -> None:

@@ -76,6 +76,12 @@ def test_a_body_is_brought_to_its_reference_without_a_gyro() -> None:
     assert 0.5 < outcome.summary["settled_at_s"] < 3.0
 
 
+def test_a_body_with_three_moments_of_inertia_is_brought_to_its_reference() -> None:
+    config = AttitudeTrackingFields(duration=4.0, settled=3.0, principal_inertia=(0.01, 0.05, 0.055))
+    outcome = AttitudeTrackingScenario.build(config, 3).run()
+    assert outcome.success, outcome.summary
+
+
 def test_without_readings_the_estimate_is_lost_and_finite() -> None:
     outcome = flown(reading=PositionQuality(dropout=0.999), duration=3.0)
     estimates = outcome.recording.agents[VEHICLE].estimates
@@ -166,6 +172,7 @@ BAD = [
     ("arm-velocity", ["--estimator.tuning", "innovations", "--estimator.damping", "2"], "tuning = 'innovations' with"),
     ("attitude-tracking", ["--planner.k-p", "0"], "k-p = 0.0"),
     ("attitude-tracking", ["--inertia", "-1"], "inertia = -1.0"),
+    ("attitude-tracking", ["--principal-inertia", "1", "1", "3"], "three moments, none greater"),
 ]
 
 

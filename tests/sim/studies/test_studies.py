@@ -56,6 +56,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "consensus": {"sizes": 1, "seeds": 1, "vehicles": 4},
     "attitude": {"seeds": 1, "others": 1, "seconds": 1},
     "mechanisms": {"own": 1, "suite": 1, "values": 1, "seconds": 1},
+    "real-arms": {"cases": 1, "values": 1, "seconds": 2},
     "range-convergence": {"seeds": 1, "peers": 1, "drives": 1, "repetitions": 1, "seconds": 1},
     "range-observer": {"starts": 1, "drives": 1, "states": 2, "seconds": 1},
     "hunt": {"missions": 4, "tries": 4, "draws": 4, "repeats": 1},
@@ -108,6 +109,7 @@ CLAIMS = {
         *("riemannian.mechanisms", "riemannian.model-error", "riemannian.cost", "riemannian.menagerie"),
         "D.prohibitive",
     },
+    "real-arms": {"real-arms.best", "real-arms.honest"},
     "range-convergence": {"range.global", "range.bank", "range.nonconvex", "range.diffdrive", "range.consistency"},
     "range-observer": {
         *(

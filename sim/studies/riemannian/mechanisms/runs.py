@@ -61,6 +61,7 @@ class MechanismMotion:
     load: float = 1.0
     tracked: bool = True  # joints to and fro; else every actuator is given a sine
     seed: int = 0
+    amplitude: float = 1.0  # of the sine, where every actuator is given one
 
 
 @cache
@@ -74,7 +75,7 @@ def recorded(motion: MechanismMotion) -> tuple[LagrangianMission, list[RecordedC
     if not motion.tracked:
         controller = "input_signal"
         inputs = len(believed(ArmVelocityConfig(mechanism=motion.mechanism)).system.inputs)
-        fields["planner.amplitude"] = (1.0,) * inputs
+        fields["planner.amplitude"] = (motion.amplitude,) * inputs
     flight = trial("arm-velocity", motion.seed, controller=controller, fields=fields)
     return believed(flight.config), recorded_calls(flight.build().run().recording, VEHICLE, POSITION)
 

@@ -255,6 +255,7 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> _Part:
     )
     owned = list(zip(interval.states, U, scheme.points, strict=True))[: layout.own_points]
     along = [problem.path(x, u, t + c * d, p) for x, u, c in owned]
+    along += [problem.path(x, U[0], t + c * d, p) for c, x in interval.between]
     along += [x[bounded_states(problem), :] for x in interval.states[1:-1] if scheme.interior == 0]
     along.append(distribution.constraints(mesh, constants))
     kept = z[nx : nx + int(layout.free_duration) + layout.constants, :]
@@ -263,7 +264,7 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> _Part:
         flow.append(z[-1] + relative / count)
     inner = interval.inner / np.tile(problem.state_scale, scheme.interior) if scheme.interior else ca.SX(0, 1)
     gap, held = z_next - ca.vertcat(*flow), ca.vertcat(*along)
-    lower, upper = _along_bounds(layout, distribution)
+    lower, upper = _along_bounds(layout, distribution, layout.own_points + len(interval.between))
     equations = np.zeros(gap.numel() + inner.numel())
     return _Part(
         v=ca.vertcat(z, w, z_next, u_next),
@@ -281,8 +282,8 @@ def bounded_states(problem: ProblemFunctions) -> list[int]:
     return np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)).tolist()
 
 
-def _along_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[Array, Array]:
-    """Limits of the path constraints of an interval, in the order of the stage function.
+def _along_bounds(layout: ProgrammeLayout, distribution: NodeDistribution, points: int) -> tuple[Array, Array]:
+    """Limits of the path constraints of an interval at so many points, in the order of the stage function.
 
     States at nodes and interior states are unknowns and bounded as such; a midpoint that is an expression is not.
     """
@@ -291,7 +292,7 @@ def _along_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) -> tu
     hidden = max(0, len(scheme.points) - 2) if scheme.interior == 0 else 0
     vanishing = np.zeros(distribution.constraints(_sample_mesh(problem), ca.SX.zeros(distribution.constants)).numel())
     lower, upper = (
-        np.concatenate([np.tile(path, layout.own_points), np.tile(states[bounded], hidden), vanishing])
+        np.concatenate([np.tile(path, points), np.tile(states[bounded], hidden), vanishing])
         for path, states in zip(problem.path_bounds, problem.state_bounds, strict=True)
     )
     return lower, upper

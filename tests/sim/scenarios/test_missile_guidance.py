@@ -139,7 +139,10 @@ def test_a_flight_takes_at_most_twice_the_planned_time(calm: RunResult) -> None:
 
 
 def test_a_mission_without_a_first_plan_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"target = .*no first plan: .*700 m is too far.*allowed"):
+    with pytest.raises(
+        ValueError,
+        match=r"target = .*out of reach: no first plan: .*700 m is too far.*allowed: at most 4.. m away on this line",
+    ):
         fly(controller=glide(reach=500.0))
     with pytest.raises(ValueError, match=r"target = .*allowed: 300 s"):
         fly(target=(40_000.0, 0.0, 0.0))
@@ -170,7 +173,7 @@ def test_what_leads_out_of_the_plane_is_refused_there_and_not_in_space(expected:
         ("target", lambda: MissileGuidanceConfig(target=(0.0, 0.0, 10.0))),
         ("target", lambda: MissileGuidanceConfig(target=(math.nan, 0.0, 0.0))),
         ("aspect_angle", lambda: MissileGuidanceConfig(aspect_angle=-100.0)),
-        ("start_heading", lambda: MissileGuidanceConfig(dimension="spatial", start_heading=90.0)),
+        ("start_heading", lambda: MissileGuidanceConfig(dimension="spatial", start_heading=190.0)),
         ("target_change", lambda: MissileGuidanceConfig(target_change=((-1.0, 0.0, 0.0, 0.0),))),
         ("target_told", lambda: MissileGuidanceConfig(target_told=-1.0)),
         ("control_rate", lambda: MissileGuidanceConfig(control_rate=300.0)),
@@ -183,6 +186,7 @@ def test_what_leads_out_of_the_plane_is_refused_there_and_not_in_space(expected:
         ("gust.force_limit", lambda: MissileGust(force_limit=0.0)),
         ("actuator.normal", lambda: Thrusters(normal=0.0)),
         ("actuator.delay", lambda: Thrusters(delay=0.0015)),
+        ("actuator.declared_delay", lambda: Thrusters(declared_delay=0.0015)),
         ("noise.angle", lambda: MissileNoise(angle=-1.0)),
         ("noise.dropout_rate", lambda: MissileNoise(dropout_rate=1.5)),
         ("faults.late_plan_rate", lambda: MissileFaults(late_plan_rate=-0.1)),

@@ -4,9 +4,9 @@ With the declared delay delta and the inputs u that were commanded in the last d
 
     x^(t + delta) = x^(t) + ∫_t^(t + delta) f(x, u(s - delta) + d^) ds,
 
-f the declared body and d^ the disturbance of the input where the estimator observes it. The autopilot inside steers this
-state to the plan at t + delta (a Smith predictor with the nonlinear model). What the prediction lacks, for a body that
-is not as declared, is seen delta later; it is filtered and added to the next ones.
+f the declared body and d^ the disturbance of the input where the estimator observes it. The autopilot inside steers
+this state to the plan at t + delta (a Smith predictor with the nonlinear model). What the prediction lacks, for a body
+that is not as declared, is seen delta later; it is filtered and added to the next ones.
 """
 
 from __future__ import annotations

@@ -87,8 +87,9 @@ class PitchAndYaw:
         distribution: NodeDistribution,
         clearance: float,
     ) -> None:
-        """Plans within ``limits`` that keep ``clearance`` [m] over the ground; the inputs flown may come up to ``most``,
-        the limits of the thrusters.
+        """Plans within ``limits`` that keep ``clearance`` [m] over the ground.
+
+        The inputs flown may come up to ``most``, the limits of the thrusters.
         """
         self._case, self._body, self._nodes = case, body, np.linspace(0.0, 1.0, nodes)
         self._weights, self._most = weights(case), np.array(most)

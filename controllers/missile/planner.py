@@ -80,28 +80,30 @@ class MissilePlanner:
         if found.remark:
             plan = dataclasses.replace(plan, notes=("planned-as-one",), message=found.remark)
         if self._remark:
-            plan = dataclasses.replace(
-                plan, notes=(*plan.notes, "backend"), message=f"{self._remark}; {plan.message}".rstrip("; ")
-            )
+            message = "; ".join(filter(None, (self._remark, plan.message)))
+            plan = dataclasses.replace(plan, notes=(*plan.notes, "backend"), message=message)
             self._remark = ""
         return plan
 
     def _leading(self, t: float, start: Array, current: Plan | None) -> MissileTrajectory:
-        """The flight from ``start`` (nx,) at t [s] under the inputs that will be on their way then: the thrusters are late
-        by ``input_delay``, so that no command from t on acts before. A missile without a plan has given none.
+        """The flight from ``start`` (nx,) at t [s] under the inputs that will be on their way then.
+
+        The thrusters are late by ``input_delay``: no command from t on acts before. A missile without a plan has given
+        none.
         """
         mission, delay = self._mission, self._mission.input_delay
-        inner = np.empty(0) if current is None else current.t[(current.t > t) & (current.t < t + delay)] - t
+        inner = np.empty(0)
+        if current is not None:
+            within = (current.t > t + TIME_TOLERANCE) & (current.t < t + delay - TIME_TOLERANCE)
+            inner = current.t[within] - t
         breaks = np.concatenate([[0.0], inner, [delay]]) if delay > 0.0 else np.zeros(1)
         u = np.zeros((len(breaks) - 1, mission.coordinates.input_size))
         if current is not None:
             for k, begin in enumerate(breaks[:-1].tolist()):
                 u[k] = mission.coordinates.input_at(current, t + begin)
         x = flown(start, breaks, u, mission.coordinates, mission.body)
-        rates = 0.5 * sum(
-            mission.case.running_cost(mission.coordinates, ends, u, mission.body) for ends in (x[:-1], x[1:])
-        )
-        return MissileTrajectory(breaks, x, u, float(np.diff(breaks) @ rates))
+        begin, end = (mission.case.running_cost(mission.coordinates, ends, u, mission.body) for ends in (x[:-1], x[1:]))
+        return MissileTrajectory(breaks, x, u, float(0.5 * np.diff(breaks) @ (begin + end)))
 
     def _listen(self, messages: Sequence[Message]) -> None:
         for message in messages:

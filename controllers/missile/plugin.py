@@ -31,7 +31,7 @@ SpatialName = Literal["pitch-and-yaw", "joint"]
 _FASTEST = 0.2  # bandwidth times control period
 _PER_DELAY = 0.5  # bandwidth times declared delay: faster, a delay 20 % off or a wrong mass makes it unstable
 _MOST_NODES = 200
-_MOST_CLEARANCE = 100.0
+_HIGHEST = 100.0  # [m] of a clearance
 
 
 @configuration
@@ -57,9 +57,7 @@ class MissileConfig:
     none; or always as one problem"""
     reserve: Annotated[float, Within(Interval(ge=0.0, lt=1.0), allowed="0 <= reserve < 1")] = 0.1
     """share of the thrusters' limits that is left to the autopilot"""
-    clearance: Annotated[float, Within(Interval(ge=0.0, le=_MOST_CLEARANCE), allowed=f"0 to {_MOST_CLEARANCE:g} m")] = (
-        5.0
-    )
+    clearance: Annotated[float, Within(Interval(ge=0.0, le=_HIGHEST), allowed=f"0 to {_HIGHEST:g} m")] = 5.0
     """height that plans keep over the ground, but near the target [m]"""
     backend: BackendName = "auto"
     """solver; auto is FATROP, compiled where there is a C compiler named cc"""

@@ -14,8 +14,8 @@ A plan stays above the ground, z_e = 0. With the distance r ahead to the target 
 
     -z_e >= -delta + r^2 / (r^2 + R^2) (h + delta - (h + delta - h_0)^+ exp(-t / t_r)),
 
-so h is kept but near the target, and regained from a start that is lower, h_0 < h. The constraint holds at the nodes and
-in the middle between them (``MultipleShooting``); ``lowest_height`` measures what is left between those.
+so h is kept but near the target, and regained from a start that is lower, h_0 < h. The constraint holds at the nodes
+and in the middle between them (``MultipleShooting``); ``lowest_height`` measures what is left between those.
 """
 
 from __future__ import annotations

@@ -2,10 +2,10 @@
 
 A missile that does not roll has the attitude R_y(theta) R_z(psi), which is singular where the nose points along Y, at
 psi = +-90 degrees. The axis Y is a choice. A flight surely takes three directions, the nose d_0 at the start, the line
-d_1 from the start to the target and the nose d_2 at the target; they are at the angles psi_i = asin(d_i . Y) to the plane
-X, Z. The azimuth A of X is that with
+d_1 from the start to the target and the nose d_2 at the target; they are at the angles psi_i = asin(d_i . Y) to the
+plane X, Z. The azimuth A of X is that with
 
-    min max(|psi_0| - 50°, |psi_1|, |psi_2|),      Y(A) = (-sin A, cos A, 0),      d_0 . X(A) >= 0,
+    min max(|psi_0| - 50°, |psi_1|, |psi_2|),      Y = (-sin A, cos A, 0),      |psi_0| <= 80°,      d_0 . X > 0,
 
 for a flight leaves the yaw of its start soon, and its planners of pitch and yaw need a line near their plane. The world
 itself, A = 0, is kept where it has at most 30 degrees.
@@ -24,6 +24,8 @@ Point = tuple[float, float, float]
 
 GOOD, LEFT_SOON = math.radians(30.0), math.radians(50.0)
 """[rad] of yaw with which the frame of the world is kept, and that counts less at the start"""
+MOST_AT_START = math.radians(80.0)
+"""[rad] of yaw at the start"""
 _ROUND_OFF = 1e-9
 
 
@@ -35,8 +37,10 @@ class MissionFrame:
 
     @staticmethod
     def of(heading: float, start: Point, target: Point, aspect_angle: float, *, planar: bool) -> MissionFrame:
-        """The frame of a level start at ``heading`` [deg], to the left, for a target that is hit at ``aspect_angle`` [deg]
-        over the horizontal and azimuth 0; places are those of the world. A ``planar`` flight keeps the plane x, z.
+        """The frame of a level start at ``heading`` [deg] to the left; places are those of the world.
+
+        The target is hit at ``aspect_angle`` [deg] over the horizontal and azimuth 0. A ``planar`` flight keeps the plane
+        x, z.
         """
         h, a = math.radians(heading), math.radians(aspect_angle)
         line = np.array(target) - np.array(start)
@@ -49,7 +53,9 @@ class MissionFrame:
             ]
         )
         frames = [MissionFrame(azimuth) for azimuth in ((0, 180) if planar else range(-179, 181))]
-        upright = [frame for frame in frames if float(frame.axes[0] @ directions[0]) >= -_ROUND_OFF]
+        upright = [
+            frame for frame in frames if float(frame.axes[0] @ directions[0]) >= math.cos(MOST_AT_START) - _ROUND_OFF
+        ]
         world = MissionFrame()
         if world in upright and world._worst(directions) <= GOOD + _ROUND_OFF:
             return world

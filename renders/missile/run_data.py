@@ -1,4 +1,7 @@
-"""A finished missile run as pictures need it: path, plans and target in the world's frame (x ahead, y left, z up), turned by its azimuth."""
+"""A finished missile run as pictures need it: path, plans and target in the world's frame (x ahead, y left, z up).
+
+The world is turned by the azimuth of the run (``mathnavi.models.missile.mission_frame``).
+"""
 
 from __future__ import annotations
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 # The summary's figures as they are read, for every table that shows them.
 SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
-    "impact": ("hit", "hit_ground", "miss_m", "aspect_error_deg", "path_angle_error_deg", "impact_speed_m_s", "impact_time_s"),
+    "impact": (
+        "hit", "hit_ground", "miss_m", "aspect_error_deg", "path_angle_error_deg", "impact_speed_m_s", "impact_time_s",
+    ),
     "estimate": (
         "converged", "position_rms_m", "heading_rms_deg", "convergence_time_s", "position_error_max_m",
         "heading_error_max_deg", "nees_mean", "observable", "lost_ranges", "initialising_s", "lost_s",

@@ -3,8 +3,8 @@
     sensors -> estimator -> faults(planner) -> autopilot -> limited, late thrusters -> MuJoCo
 
 The user's frame is that of the world: x ahead, y to the left, z up. The mission, estimates and plans are in the thesis'
-(z down, y to the right, velocities in the body frame), and X_e is turned off x where a heading, or a target aside, would
-lead to the singular attitude (``mathnavi.models.missile.mission_frame``); so are truth and pictures.
+(z down, y to the right, velocities in the body frame), and X_e is turned off x where a heading, or a target aside,
+would lead to the singular attitude (``mathnavi.models.missile.mission_frame``); so are truth and pictures.
 """
 
 from __future__ import annotations
@@ -212,7 +212,7 @@ def _plan_from_start(mission: MissileMission, controller: PluginSpec) -> Plan:
 
 
 def _reach(mission: MissileMission, controller: PluginSpec) -> str:
-    """How far a target that moves as this one does may be on the line to it, by first plans for nearer and farther ones."""
+    """How far a target that moves like this one may be on the line to it, by first plans for nearer and farther ones."""
     start = mission.coordinates.place(mission.start_state)
     line = np.array(mission.target.place) - start
     distance = float(np.linalg.norm(line))

@@ -3,8 +3,8 @@
 The thesis stops at the reference trajectory and assumes an autopilot. Here the plan is flown: open loop, by feedback
 linearisation with an integral term, and by a time-varying linear-quadratic regulator; with a plan once and for all or
 with a new one ten times a second; against a body that is heavier than declared, weak thrusters, wind, limits, delay,
-noise, and a target that moves; and in space with everything drawn at random. The miss is the closest approach to the true target, the aspect error that of the nose
-then.
+noise, and a target that moves; and in space with everything drawn at random. The miss is the closest approach to the
+true target, the aspect error that of the nose then.
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.controllers.missile.plugin import MissileController
 from mathnavi.estimators.missile_kalman import MissileKalman
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.closed_loop import RunResult
@@ -195,3 +196,30 @@ def test_what_leads_out_of_the_plane_is_refused_there_and_not_in_space(expected:
 def test_fields_out_of_range_are_refused_by_their_names(expected: str, make: Any) -> None:
     with pytest.raises(ValueError, match=rf"{expected}.*= .*allowed"):
         make()
+
+
+def test_a_missile_that_hits_the_ground_short_says_so() -> None:
+    outcome = fly(controller=glide(omega=0.0), mismatch=MissileMismatch(mass=1.3, force=0.7))
+    assert not outcome.success
+    assert outcome.summary["hit_ground"] is True
+    assert "hit ground" in outcome.summary["shortfall"]
+    (event,) = [event for event in outcome.recording.events if event.kind == "ground-impact"]
+    assert event.t == outcome.recording.t[-1]
+    assert f"{outcome.summary['miss_m']:.4g} m" in event.message
+
+
+@pytest.mark.parametrize("heading", [90.0, -135.0, 180.0])
+def test_any_heading_is_flown(heading: float) -> None:
+    outcome = fly(controller=PluginSpec.of(MissileController, backend="fatrop"), dimension="spatial", case="FAST",
+                  start_heading=heading)  # fmt: skip
+    assert outcome.success, outcome.summary
+    assert outcome.summary["miss_m"] < 0.05
+    assert abs(outcome.config["mission"]["start"][6]) < math.radians(81.0)
+
+
+def test_wind_is_that_of_the_world_whatever_the_frame() -> None:
+    east, west = (
+        fly(gust=MissileGust(force=(force, 0.0, 0.0)), dimension="spatial", start_heading=heading, target=target)
+        for force, heading, target in ((300.0, 0.0, (700.0, 0.0, 0.0)), (-300.0, 180.0, (-700.0, 0.0, 0.0)))
+    )
+    np.testing.assert_allclose(east.recording.truths["missile"], west.recording.truths["missile"], atol=1e-9)

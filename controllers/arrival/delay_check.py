@@ -28,9 +28,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.controllers.arrival.distance import PlannedTrajectory
 from mathnavi.controllers.arrival.separation_rule import TOPIC, objection
 from mathnavi.controllers.arrival.zone import Zone
+from mathnavi.models.aerial.plan_distance import PlannedTrajectory
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.checks import check, check_names
 from mathnavi.sim.interfaces.signals import Event, Message, Plan

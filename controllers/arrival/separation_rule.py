@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from mathnavi.controllers.arrival.distance import PlannedTrajectory
 from mathnavi.controllers.arrival.zone import Zone
+from mathnavi.models.aerial.plan_distance import PlannedTrajectory
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.signals import Event, Message, Plan
 

@@ -16,8 +16,8 @@ from itertools import combinations
 
 import numpy as np
 
-from mathnavi.controllers.arrival.distance import PlannedTrajectory, clear, least_distance
 from mathnavi.models.aerial.kernels import state_on
+from mathnavi.models.aerial.plan_distance import PlannedTrajectory, clear, least_distance
 from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
 from mathnavi.sim.interfaces.checks import check_names
 from mathnavi.sim.interfaces.signals import Array, Plan

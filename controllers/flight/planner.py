@@ -28,6 +28,7 @@ from mathnavi.controllers.flight.problem import (
 )
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import Knowledge
+from mathnavi.models.aerial.plan_distance import clear
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.signals import Array, Message, Plan, PlanRequest, Status
@@ -35,7 +36,6 @@ from mathnavi.sim.interfaces.signals import Array, Message, Plan, PlanRequest, S
 _COMMIT_SPEED = 100.0  # [m/s] least mean speed assumed over the last arcs
 _COMMIT_TRIES = 3
 _ON_TIME = 0.1  # [s] by which a plan may miss (A.13)
-_SAMPLES = 17  # of an arc, at which a plan may pass the target
 _NEAR = 1.25  # arrival radii within which it does
 ARRIVAL = "arrival time"  # the topic of messages that ask for one
 ASSURED = "assured arrival time"  # the topic of messages that say when every stored plan arrives
@@ -132,7 +132,8 @@ class RecedingHorizon:
             return ""
         if not first and (late := plan.t_end - self._stored_end()) > 0.0:
             return f"arrives {late:.2f} s after the assured time of {self._assured:.2f} s"
-        if _nearest(plan, self._certificate.target) <= _NEAR * self._certificate.arrival_radius:
+        before = plan.t_end - 1.5 * braking_time(self._certificate)  # 2.25 radii away, if that is its descent
+        if _passes(plan, self._certificate.target, _NEAR * self._certificate.arrival_radius, before):
             return f"passes the target before the assured time of {self._assured:.2f} s"
         return ""
 
@@ -240,7 +241,7 @@ class RecedingHorizon:
             if refusal is None and self._assured is not None and request.t_start + duration > self._assured - _ON_TIME:
                 # The stored plan arrives then, and comes down fast; a slow approach is there too soon.
                 before = self._parameters.h / 2.0
-                if _nearest(plan, target, request.t_start + duration - before) <= self._certificate.arrival_radius:
+                if _passes(plan, target, self._certificate.arrival_radius, request.t_start + duration - before):
                     reason = f"arrival in {duration:.1f} s: within the arrival radius more than {before:.2f} s before"
                     continue
             if refusal is None:
@@ -310,14 +311,14 @@ class RecedingHorizon:
         return dataclasses.replace(plan, notes=("iteration-limit",), message=solution.message)
 
 
-def _nearest(plan: Plan, target: Array, until: float = math.inf) -> float:
-    """Least distance [m] of a plan's optimised arcs and manoeuvre from a target (3,) by ``until`` [s], at samples."""
-    passes = np.isin(plan.phase, (FlightPhase.OPTIMISED, FlightPhase.MANOEUVRE))
-    h, t, x, u = np.diff(plan.t)[passes], plan.t[:-1][passes], plan.x[:-1][passes], plan.u[passes]
-    s = np.linspace(0.0, 1.0, _SAMPLES)[:, None] * h  # (samples, K) [s]
-    p = x[:, :3] + s[..., None] * x[:, 3:] + 0.5 * s[..., None] ** 2 * u
-    distance = np.linalg.norm(p - target, axis=-1)
-    return float(distance[t + s <= until].min(initial=np.inf))
+def _passes(plan: Plan, target: Array, distance: float, until: float) -> bool:
+    """True if a plan is nearer than ``distance`` [m] to a target (3,) [m] before ``until`` [s], in whatever phase."""
+    k = int(np.searchsorted(plan.t, until))
+    if k < len(plan.t):
+        x = np.vstack([plan.x[:k], state_at(plan, until)])
+        plan = dataclasses.replace(plan, t=np.append(plan.t[:k], until), x=x, u=plan.u[:k], phase=plan.phase[:k])
+    there = Plan(plan.t[:1], np.concatenate([target, np.zeros(3)])[None, :], np.empty((0, 3)), plan.phase[:0])
+    return not clear(plan, there, distance, float(plan.t[0]))
 
 
 def _exact(problem: Problem, solution: PlanSolution) -> Array:

@@ -10,11 +10,11 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from mathnavi.controllers.arrival.delay_check import DelayCheck, Published, joined
-from mathnavi.controllers.arrival.distance import PlannedTrajectory
 from mathnavi.controllers.arrival.separation_rule import TOPIC
 from mathnavi.controllers.arrival.zone import Zone
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.kernels import state_on
+from mathnavi.models.aerial.plan_distance import PlannedTrajectory
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, Network
 from mathnavi.sim.interfaces.signals import Message, Plan
 from tests.controllers.arrival.flights import hover, sampled_distances, straight, to_rest

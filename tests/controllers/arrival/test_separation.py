@@ -13,11 +13,11 @@ import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from mathnavi.controllers.arrival.distance import PlannedTrajectory
 from mathnavi.controllers.arrival.separation import Proposal, Separation, SeparationReply
 from mathnavi.controllers.arrival.separation_rule import TOPIC
 from mathnavi.controllers.arrival.zone import Zone, checked_start
 from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.plan_distance import PlannedTrajectory
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network, Partition, partitioned
 from mathnavi.sim.interfaces.signals import Array, Message, Plan
 from tests.controllers.arrival.flights import hover, sampled_distances, straight, to_rest

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 from functools import partial
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 from mathnavi.controllers.flight.certificate import Certificate
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.completion import ArcList, complete
-from mathnavi.controllers.flight.planner import ARRIVAL, StopAndHover
+from mathnavi.controllers.flight.planner import ARRIVAL, ASSURED, StopAndHover, braking_time
 from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.plan_status import FlightPhase
@@ -130,6 +131,28 @@ def test_where_too_little_time_is_left_for_the_stored_plan_it_is_late_and_arrive
 def test_times_that_are_none_are_ignored() -> None:
     for nonsense in (math.nan, math.inf, "soon", None):
         assert arrival(lambda t, it=nonsense: it)[0] == pytest.approx(NATURAL, abs=0.1)  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("beside", [(52.0, 0.0), (-20.0, 52.0), (0.0, 30.0)])
+def test_no_phase_of_a_plan_passes_the_target_before_the_assured_time(beside: tuple[float, float]) -> None:
+    """A vehicle that waits below its target, and has a level above it to climb to."""
+    target = np.add(MISSION.target, (0.0, 0.0, 250.0))
+    mission = flight.mission(cruise_level=float(target[2]) + 800.0)
+    mission = dataclasses.replace(mission, target=tuple(target), start=tuple(np.add(target, (*beside, -250.0))))
+    planner, tracker = FlightController.build(SCHEDULE, mission)
+    assured, current = 250.0, None
+    braking = braking_time(Certificate.of(mission, tracker.bound))
+    for t in np.arange(0.0, 100.0, planner.period):
+        start = t if current is None else t + planner.period
+        x = flight.at_rest(mission.start) if current is None else state_at(current, t)
+        messages = (Message(t, "fleet", ASSURED, assured),) if t == 0.0 else ()
+        plan = planner.plan(PlanRequest(t, start, Estimate(t, x), current, messages))
+        if not plan.ok:
+            continue
+        moments = np.arange(plan.t_start, plan.t_end - 2.0 * braking, 0.02)
+        nearest = min(math.dist(state_at(plan, moment)[:3], target) for moment in moments)
+        assert nearest > mission.arrival_radius
+        current = plan
 
 
 @settings(max_examples=30, deadline=None)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mathnavi.controllers.arrival.distance import PlannedTrajectory, clear, least_distance
+from mathnavi.models.aerial.plan_distance import PlannedTrajectory, clear, least_distance
 from mathnavi.sim.interfaces.signals import Plan, Status
 from tests.controllers.arrival.flights import arcs, hover, sampled_distances, straight
 

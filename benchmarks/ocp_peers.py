@@ -117,7 +117,9 @@ def _unknown(problem: ProblemFunctions) -> ProblemFunctions:
 
 def accepted(problem: ProblemFunctions, solution: Solution) -> float | None:
     """The farther from the optimum of J and the replayed J; None without a solution that the gate passed."""
-    if solution.status is not Outcome.OPTIMAL or solution.replay is None or not math.isfinite(solution.replay.cost):
+    if not solution.solved or solution.status is Outcome.REFUSED:
+        return None
+    if solution.replay is None or not math.isfinite(solution.replay.cost):
         return None
     known = next(known for known in PROBLEMS.values() if known.problem() is problem)
     return max((solution.cost, solution.replay.cost), key=known.error)

@@ -19,37 +19,18 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.relief import relief
+from mathnavi.sim.interfaces.figure_style import BOUND as BOUND
+from mathnavi.sim.interfaces.figure_style import GRID as GRID
+from mathnavi.sim.interfaces.figure_style import INK as INK
+from mathnavi.sim.interfaces.figure_style import SERIES as SERIES
+from mathnavi.sim.interfaces.figure_style import STYLE as STYLE
 from mathnavi.sim.interfaces.signals import Array, Event, Integers, Plan
 from mathnavi.sim.records.run_folder import described
 
-INK, GRID = "#1b2733", "#b9c2cc"
-GROUND, BOUND = "#9a8468", "#c2183b"
+GROUND = "#9a8468"
 MAP_PIXELS = 769  # along the longer side of a map's picture
 LOWEST_DRAWN = 1.0  # [m] of clearance, on a log scale
 MOST_POINTS = 1500  # of a curve
-STYLE: Any = {
-    "font.size": 9.0,
-    "font.family": "DejaVu Sans",
-    "text.color": INK,
-    "axes.edgecolor": INK,
-    "axes.labelcolor": INK,
-    "axes.titlesize": 10.0,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.facecolor": "none",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.axisbelow": True,
-    "axes.grid": True,
-    "grid.color": GRID,
-    "grid.linewidth": 0.5,
-    "figure.facecolor": "none",
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "legend.frameon": False,
-    "lines.linewidth": 1.4,
-    "svg.fonttype": "none",
-}
 
 
 def canvas(width: float, height: float) -> Figure:

@@ -16,10 +16,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from mathnavi.renders.figures import BOUND, STYLE, canvas
+from mathnavi.renders.figures import SERIES as SERIES
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.statistics import Band, Proportion
 
-SERIES = ("#0d6bf2", "#e07b00", "#12a06b", "#c2185b", "#8a4fd0", "#7a8896")  # readable on light and on dark ground
 WIDTH = 9.4  # [inches] of a figure
 ROW, PANEL = 0.24, 2.6  # [inches] of a row of a forest plot, of a panel of curves
 FORESTS, CURVES = 3, 2  # panels side by side

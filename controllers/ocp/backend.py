@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from annotated_types import Ge, Le
 
 from mathnavi.controllers.nlp_solver import (
     IPOPT_WARM_START,
@@ -18,27 +19,35 @@ from mathnavi.controllers.nlp_solver import (
     ipopt_settings,
 )
 from mathnavi.controllers.ocp.nlp import Programme
-from mathnavi.sim.interfaces.bounds import Count, Probability, configuration
+from mathnavi.sim.interfaces.bounds import Count, Positive, Probability, configuration
 from mathnavi.sim.interfaces.signals import Array
 
 Backend = Literal["ipopt", "fatrop", "fatrop-compiled", "ipopt-compiled"]
+LinearSolver = Literal["mumps", "spral", "ma27", "ma57", "ma77", "ma86", "ma97", "pardiso"]
+Hessian = Literal["exact", "limited-memory"]
 
 _FATROP_WARM = {"mu_init": 1e-5}
+_LOGGED = 5  # print level of a log: a line each iteration
 _RESULTS = ("x", "f", "g", "lam_x", "lam_g")
 
 
 @configuration
 class Options:
-    """Options of a solve: the NLP solver, its tolerance, its limit of iterations and its start.
+    """Options of a solve: the NLP solver, its tolerance, its limit of iterations and its start; of IPOPT some more.
 
-    FATROP raises its regularisation without end on some problems without a feasible point: it may not return, whatever
-    the limit of iterations. Use IPOPT where there may be no feasible point.
+    FATROP raises its regularisation without end on some problems without a feasible point, and no limit of iterations
+    stops it there: it runs in a process of its own, which is ended after ``seconds``.
     """
 
     backend: Backend = "ipopt"
     tolerance: Probability = 1e-9  # of the scaled optimality conditions
     iterations: Count = 500
+    seconds: Positive = 600.0  # of CPU time, after which a solve is ended
     warm: bool = False  # True if guesses are near solutions: start close to the bounds, with a small barrier
+    linear_solver: LinearSolver = "mumps"  # of IPOPT; those but MUMPS and SPRAL need a library of their own
+    hessian: Hessian = "exact"  # of IPOPT
+    print_level: Annotated[int, Ge(0), Le(12)] = 0  # of IPOPT's lines on standard output, 5 for one each iteration
+    log: str | None = None  # file of IPOPT's own log, a line each iteration; overwritten by each solve
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +64,8 @@ class SolverAnswer:
 
     @property
     def ok(self) -> bool:
-        """True if the status is that of a solution."""
-        return self.status is Outcome.OPTIMAL
+        """True if the programme is solved."""
+        return self.status is Outcome.CONVERGED
 
 
 class NumericalSolver:
@@ -64,35 +73,53 @@ class NumericalSolver:
 
     def __init__(self, nlp: Programme, options: Options) -> None:
         """Build the solver, and compile its functions for the compiled back ends."""
-        self._name = options.backend
+        self._name, self._linear_solver = options.backend, options.linear_solver
         self._solver = _solver(nlp, options)
         self._in, self._out = self._solver.inputs, self._solver.outputs
-        for name, limits in (("lbx", nlp.x_lower), ("ubx", nlp.x_upper), ("lbg", nlp.lower), ("ubg", nlp.upper)):
-            self._in[name][:] = limits
+        self._bounds = nlp.x_lower, nlp.x_upper, nlp.lower, nlp.upper
 
-    def solve(self, x_0: Array, known: Array, multipliers: tuple[Array, Array] | None = None) -> SolverAnswer:
+    def solve(
+        self,
+        x_0: Array,
+        known: Array,
+        multipliers: tuple[Array, Array] | None = None,
+        bounds: tuple[Array, Array, Array, Array] | None = None,
+    ) -> SolverAnswer:
         """Solve from a guess; failure of any kind is in the answer's status.
 
         Args:
             x_0: (n,) guess of the scaled unknowns.
             known: (np,) or, on a fixed grid, (np + N - 1,) the programme's parameters p, then the relative widths D.
             multipliers: guesses of those of the bounds (n,) and of the rows (m,); None for zeros.
+            bounds: lower and upper bounds (n,) of the scaled unknowns and (m,) of the rows; None for the programme's.
         """
         began = time.perf_counter()
         if not (np.isfinite(x_0).all() and np.isfinite(known).all()):
             return self._failed(Outcome.NOT_FINITE, Outcome.NOT_FINITE.value, x_0, began)
         self._in["x0"][:], self._in["p"][:] = x_0, known
+        limits = self._bounds if bounds is None else bounds
+        for name, values in zip(("lbx", "ubx", "lbg", "ubg"), limits, strict=True):
+            self._in[name][:] = values
         self._in["lam_x0"][:], self._in["lam_g0"][:] = (0.0, 0.0) if multipliers is None else multipliers
         report = self._solver.solve()
         if report.iterations is None:
-            reason = f"{self._name} raised an exception: {_last_words(report.message)}"
+            ended = report.outcome is Outcome.LIMIT
+            reason = f"{self._name} {report.message if ended else f'gave up: {_last_words(report.message)}'}"
             return self._failed(report.outcome, reason, x_0, began)
+        if report.outcome is Outcome.OVERDETERMINED:
+            return self._failed(report.outcome, report.message, x_0, began)
+        if report.message == "Invalid_Option":
+            wrong = (
+                f"linear_solver = {self._linear_solver!r} is not in this build of IPOPT, or the log cannot be written"
+            )
+            return self._failed(Outcome.FAILED, wrong, x_0, began)
         out = {name: array.copy() for name, array in self._out.items()}
         if not all(np.isfinite(out[name]).all() for name in ("x", "f", "g")):  # FATROP calls even that a success
-            return self._failed(Outcome.NOT_FINITE, Outcome.NOT_FINITE.value, x_0, began)
+            last = out["x"] if np.isfinite(out["x"]).all() else x_0
+            return self._failed(Outcome.NOT_FINITE, Outcome.NOT_FINITE.value, last, began)
         return SolverAnswer(
             report.outcome,
-            report.message,
+            f"{self._name} gave up with the status {report.message}" if report.message.isdigit() else report.message,
             out["x"],
             (out["lam_x"], out["lam_g"]),
             float(out["f"][0]),
@@ -110,10 +137,24 @@ def _last_words(message: str) -> str:
     return message.rpartition("] ")[2].rpartition(": ")[2]
 
 
+def _own(options: Options) -> dict[str, Any]:
+    """IPOPT's own options, those that differ from its defaults."""
+    own: dict[str, Any] = {}
+    if options.linear_solver != "mumps":
+        own["linear_solver"] = options.linear_solver
+    if options.hessian != "exact":
+        own["hessian_approximation"] = options.hessian
+    if options.print_level:
+        own["print_level"] = options.print_level
+    if options.log is not None:
+        own |= {"output_file": options.log, "file_print_level": _LOGGED}
+    return own
+
+
 def _solver(nlp: Programme, options: Options) -> NlpSolver:
     plugin: NlpPlugin = "ipopt" if options.backend.startswith("ipopt") else "fatrop"
     if plugin == "ipopt":
-        more = {"honor_original_bounds": "yes"} | (dict(IPOPT_WARM_START) if options.warm else {})
+        more = {"honor_original_bounds": "yes"} | (dict(IPOPT_WARM_START) if options.warm else {}) | _own(options)
         settings = ipopt_settings(options.tolerance, options.iterations, more)
     else:
         n, layout = nlp.layout.nodes - 1, nlp.layout
@@ -130,6 +171,7 @@ def _solver(nlp: Programme, options: Options) -> NlpSolver:
         {"x": nlp.x, "p": nlp.p, "f": nlp.assembly.f, "g": nlp.assembly.g},
         {"show_eval_warnings": False, **settings},
         _RESULTS,
+        seconds=options.seconds,
         compiled=options.backend.endswith("compiled"),
         cache=nlp.assembly.derivatives(plugin),
     )

@@ -105,8 +105,8 @@ def split(grid: Grid, parts: Sequence[int]) -> Grid:
     return Grid(np.concatenate([*pieces, [1.0]]))
 
 
-def check_nodes(n: int) -> int:
-    """The number of nodes n as an int; ProblemError unless it is a whole number >= 2."""
+def check_nodes(n: int, name: str = "nodes") -> int:
+    """The number of nodes n as an int; ProblemError, with the argument's name, unless it is a whole number >= 2."""
     if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 2:
-        raise ProblemError(f"nodes = {n!r}; allowed: a whole number N >= 2")
+        raise ProblemError(f"{name} = {n!r}; allowed: a whole number N >= 2")
     return int(n)

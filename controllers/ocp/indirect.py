@@ -60,7 +60,9 @@ def solve_indirect(solution: Solution, *, tolerance: float = 1e-8, most_nodes: i
     Raises:
         ProblemError: for a direct solution that failed and for a problem that these conditions do not cover.
     """
-    if not solution.ok:
+    if not isinstance(solution, Solution):
+        raise ProblemError(f"solution = {solution!r:.120}; allowed: a direct Solution")
+    if not solution.solved:
         raise ProblemError(f"the direct solution of {solution.problem.name} failed: {solution.status.value}")
     _check_covered(solution)
     problem, p = solution.problem, solution.parameters

@@ -6,16 +6,18 @@
                 i_lower <= i(x(0); p) <= i_upper                     x(0) in X_i
                 s_lower <= s(x(T), T; p) <= s_upper                  x(T) in S_f
 
-with states x, controls u, known parameters p and a final time T, fixed or free. An integral constraint is a state of
-its own, and so is a constant that is to be found. A problem is stated call by call, and solved:
+with states x, controls u, known parameters p and a final time T, fixed or free. All else is one of these: an integral
+is a state of its own, and so is a constant that is to be found, the start of a state that an end constraint names, and
+a free start time. A problem is stated call by call, and solved:
 
     ocp = OptimalControlProblem("Bryson-Denham")
-    x, v = ocp.state("x", upper=1 / 9), ocp.state("v")
-    u = ocp.control("u", scale=5.0)
+    x, v = ocp.state("x"), ocp.state("v")
+    u = ocp.control("u")
     ocp.duration(1.0)
     ocp.minimise(running=u**2 / 2)
     ocp.dynamics(x, v)
     ocp.dynamics(v, u)
+    ocp.constrain(x <= 1 / 9)
     ocp.start(x, 0.0), ocp.start(v, 1.0), ocp.end(x, 0.0), ocp.end(v, -1.0)
     solution = ocp.solve()
 """
@@ -23,194 +25,332 @@ its own, and so is a constant that is to be found. A problem is stated call by c
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from mathnavi.controllers.ocp.comparisons import Row, bounded, rows, zero_limits
+from mathnavi.controllers.ocp.expressions import column, expression, number
+from mathnavi.controllers.ocp.guesses import Derived, Guess, Sampled, Simulation, Values, start_values
+from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_start
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
-from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
+from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solver import DEFAULT, Options
+from mathnavi.controllers.ocp.statement import Duration, Statement
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array
 
 NODES = 40
 """nodes of a solution by default"""
 
 KNOWN: dict[str, Callable[[], ProblemFunctions]] = {}
 """problems with a known optimum by name, which ``mathnavi.controllers.ocp.problems.library`` enters"""
-_MOST_DURATION = 1e9  # [s] beyond which a final time is no number to search among
 
-
-@dataclass
-class _Variable:
-    """A state or a control as it is declared."""
-
-    name: str
-    symbol: ca.SX
-    lower: float
-    upper: float
-    scale: float
-    guess: Sequence[float] = (0.0,)
-
-
-@dataclass
-class _Constraints:
-    """Expressions with their limits."""
-
-    expressions: list[ca.SX] = field(default_factory=list)
-    lower: list[float] = field(default_factory=list)
-    upper: list[float] = field(default_factory=list)
-
-    def add(self, where: str, expression: ca.SX | float, lower: float, upper: float) -> None:
-        _check_limits(where, lower, upper)
-        for element in ca.vertsplit(ca.vec(ca.SX(expression))):
-            self.expressions.append(element)
-            self.lower.append(lower)
-            self.upper.append(upper)
-
-    @property
-    def interval(self) -> Interval:
-        return Interval(np.array(self.lower, float), np.array(self.upper, float))
-
-    @property
-    def column(self) -> ca.SX:
-        return ca.vertcat(*self.expressions) if self.expressions else ca.SX(0, 1)
+Numbers = float | Sequence[float]
+"""one number for all components, or one for each"""
+Expression = Any
+"""an SX expression, a number, or a sequence of these"""
 
 
 class OptimalControlProblem:
     """An optimal control problem: variables, objective, dynamics, constraints and guess; ``solve()`` solves it.
 
     A problem on which nothing is declared is the one of that name among those whose optimum is known
-    (``mathnavi.controllers.ocp.problems.library``). Symbols are CasADi's.
+    (``mathnavi.controllers.ocp.problems.library``). Symbols are CasADi's SX, () or, of a vector, (n, 1); a casadi
+    Function, of MX or a table for one (``casadi.interpolant``), is called with them.
 
-    Times in a guess are fractions of T, spread evenly over the values given: ``guess=(0, 5, 2)`` is 0 at the start, 5
-    in the middle and 2 at the end, straight in between. In terminal cost and end constraints a state's symbol means
-    x(T).
+    A constraint is a comparison, ``x <= 0.1``, ``v == p`` or ``bounded(1, x, 2)``, or an expression with limits beside
+    it; of vectors element by element. In terminal cost and end constraints a state's symbol means x(T).
+
+    A guess is a number, or values spread evenly over [0, T]: ``guess=(0, 5, 2)`` is 0 at the start, 5 in the middle and
+    2 at the end, straight in between; or a function of the time [s] since the start. Of a vector it has one number, one
+    for each component, or (k, n) of them.
     """
 
     def __init__(self, name: str) -> None:
         """Begin an empty problem of this name, or the problem of the literature that has it."""
+        if not isinstance(name, str):
+            raise ProblemError(f"name = {name!r:.80}; allowed: a text")
         self.name = name
-        self.t = ca.SX.sym("t")
-        """time [s] since the start"""
-        self._states: list[_Variable] = []
-        self._controls: list[_Variable] = []
-        self._parameters: list[tuple[str, ca.SX, float]] = []
-        self._rates: dict[str, ca.SX] = {}
-        self._running, self._terminal, self._stated = ca.SX(0), ca.SX(0), False
-        self._path, self._initial, self._final = _Constraints(), _Constraints(), _Constraints()
-        self._final_time = ca.SX.sym("T")
-        self._duration: tuple[float, float, float] | None = None  # guess, lower, upper
+        self.statement = Statement(name)
+        self._integrals = 0
+        self._compiled: tuple[list[object], ProblemFunctions] | None = None
+
+    @property
+    def t(self) -> ca.SX:
+        """Time [s] since the start, or since the origin of a start time that is stated."""
+        return self.statement.t
+
+    bounded = staticmethod(bounded)
+
+    # variables
 
     def state(
         self,
         name: str,
+        size: int = 1,
         *,
-        lower: float = -math.inf,
-        upper: float = math.inf,
-        scale: float = 1.0,
-        guess: Sequence[float] = (0.0,),
+        lower: Numbers = -math.inf,
+        upper: Numbers = math.inf,
+        scale: Numbers | None = None,
+        guess: Guess = 0.0,
     ) -> ca.SX:
-        """Declare a state; returns its symbol ().
+        """Declare a state, or a vector of ``size`` states x[0], x[1] ...; returns its symbol () or (size, 1).
 
-        ``lower`` and ``upper`` bound it along the path, ``scale`` > 0 is its typical magnitude, ``guess`` (k,) are
-        values spread evenly over [0, T]; all in the state's own unit. ProblemError for a name that is taken, limits
-        that contradict each other, and numbers that are not finite.
+        ``lower`` and ``upper`` bound it along the path, ``scale`` > 0 is its typical magnitude, None for the automatic
+        one (see ``scaling``), ``guess`` as the class says; all in the state's own unit. ProblemError for a name that is
+        taken, limits that contradict each other, and numbers that are not finite.
         """
-        return self._declare(self._states, name, lower, upper, scale, guess)
+        return self.statement.declare("state", name, size, lower, upper, scale, guess)
 
     def control(
         self,
         name: str,
+        size: int = 1,
         *,
-        lower: float = -math.inf,
-        upper: float = math.inf,
-        scale: float = 1.0,
-        guess: Sequence[float] = (0.0,),
+        lower: Numbers = -math.inf,
+        upper: Numbers = math.inf,
+        scale: Numbers | None = None,
+        guess: Guess = 0.0,
     ) -> ca.SX:
-        """Declare a control; returns its symbol (). Arguments and errors are those of ``state``."""
-        return self._declare(self._controls, name, lower, upper, scale, guess)
+        """Declare a control, or a vector of them; returns its symbol. Arguments and errors are those of ``state``."""
+        return self.statement.declare("control", name, size, lower, upper, scale, guess)
 
-    def parameter(self, name: str, nominal: float) -> ca.SX:
-        """Declare a parameter p, known at each solve, with its nominal value; returns its symbol ().
+    def parameter(self, name: str, nominal: Numbers) -> ca.SX:
+        """Declare a parameter p, known at each solve, with its nominal value, or a vector; returns its symbol.
 
         ProblemError for a name that is taken and a value that is not finite.
         """
-        self._check_name(name)
-        if not math.isfinite(nominal):
-            raise ProblemError(f"{self.name}: parameter {name} = {nominal!r}; allowed: a finite number")
-        symbol = ca.SX.sym(name)
-        self._parameters.append((name, symbol, nominal))
+        return self.statement.declare_parameter(name, nominal)
+
+    def unknown(
+        self,
+        name: str,
+        size: int = 1,
+        *,
+        lower: Numbers = -math.inf,
+        upper: Numbers = math.inf,
+        scale: Numbers | None = None,
+        guess: Numbers = 0.0,
+    ) -> ca.SX:
+        """Declare a constant that is to be found, or a vector, a state that does not change; returns its symbol.
+
+        Arguments and errors are those of ``state``.
+        """
+        symbol = self.state(name, size, lower=lower, upper=upper, scale=scale, guess=guess)
+        self.dynamics(symbol, 0.0)
         return symbol
+
+    # time
 
     def duration(self, value: float) -> None:
         """Fix the final time T [s]; ProblemError unless 0 < T <= 1e9 s, and if it is given twice."""
         self.free_duration(guess=value, lower=value, upper=value)
 
-    def free_duration(self, *, guess: float, lower: float = 1e-3, upper: float = _MOST_DURATION) -> ca.SX:
+    def free_duration(
+        self, *, guess: float, lower: float = DURATION_LIMITS[0], upper: float = DURATION_LIMITS[1]
+    ) -> ca.SX:
         """Free the final time, lower <= T <= upper [s]; returns its symbol, for terminal cost and end constraints.
+
+        A solution that ends at one of the default limits is none: its status is UNBOUNDED.
 
         ProblemError unless 0 < lower <= guess <= upper <= 1e9 s, and if it is given twice.
         """
-        if not (0.0 < lower <= guess <= upper <= _MOST_DURATION):
-            raise ProblemError(
-                f"{self.name}: duration: lower = {lower!r}, guess = {guess!r}, upper = {upper!r}; "
-                f"allowed: 0 < lower <= guess <= upper <= {_MOST_DURATION:g} s"
-            )
-        if self._duration is not None:
-            raise ProblemError(f"{self.name}: the duration is given twice; allowed: once")
-        self._duration = guess, lower, upper
-        return self._final_time
+        self.statement.set_duration(guess, lower, upper)
+        return self.statement.final_time
 
-    def minimise(self, running: ca.SX | float = 0.0, terminal: ca.SX | float = 0.0) -> None:
-        """State the objective J = ∫ running dt + terminal; ProblemError if it is stated twice or is no scalar."""
-        if self._stated:
-            raise ProblemError(f"{self.name}: minimise() is called twice; allowed: once, with both parts of J")
-        self._stated = True
-        for what, expression in (("running", running), ("terminal", terminal)):
-            if ca.SX(expression).numel() != 1:
-                raise ProblemError(f"{self.name}: the {what} cost has shape {ca.SX(expression).shape}; allowed: one")
-        self._running, self._terminal = ca.SX(running), ca.SX(terminal)
+    def start_time(self, value: float) -> None:
+        """Start at t = value [s], where dynamics, cost or constraints depend on t; ProblemError if it is given twice.
 
-    def dynamics(self, state: ca.SX, rate: ca.SX | float) -> None:
-        """State the dynamics x' = rate [1/s] of one state; ProblemError for no state, a second rate or no scalar."""
-        variable = self._find(state, self._states, "dynamics")
-        if ca.SX(rate).numel() != 1:
-            raise ProblemError(
-                f"{self.name}: dynamics of {variable.name} have shape {ca.SX(rate).shape}; allowed: one expression"
-            )
-        if variable.name in self._rates:
-            raise ProblemError(f"{self.name}: dynamics of {variable.name} are given twice; allowed: once")
-        self._rates[variable.name] = ca.SX(rate)
-
-    def constrain(self, expression: ca.SX, *, lower: float = -math.inf, upper: float = math.inf) -> None:
-        """Constrain an expression, or each of several, along the path: lower <= d(x, u, t; p) <= upper.
-
-        ProblemError for limits that contradict each other.
+        The times of a guess and of a solution are counted from the start all the same.
         """
-        self._path.add(f"{self.name}: path constraint", expression, lower, upper)
+        self.statement.set_start_time(ca.SX(number(f"{self.name}: start time", value)))
 
-    def start(self, state: ca.SX, value: float | ca.SX) -> None:
-        """Start one state at x(0) = value, a number or an expression of parameters; ProblemError for no state."""
-        self._find(state, self._states, "start")
-        self._initial.add(f"{self.name}: start", state - value, 0.0, 0.0)
+    def free_start_time(self, *, guess: float, lower: float, upper: float) -> ca.SX:
+        """Free the start time t_0, lower <= t_0 <= upper [s], a constant to be found named t0; returns its symbol."""
+        symbol = self.unknown("t0", lower=lower, upper=upper, guess=guess)
+        self.statement.set_start_time(symbol)
+        return symbol
 
-    def start_constraint(self, expression: ca.SX, *, lower: float = 0.0, upper: float = 0.0) -> None:
-        """Constrain the start: lower <= i(x(0); p) <= upper; ProblemError for limits that contradict each other."""
-        self._initial.add(f"{self.name}: start constraint", expression, lower, upper)
+    # objective and dynamics
 
-    def end(self, state: ca.SX, value: float | ca.SX) -> None:
-        """End one state at x(T) = value, a number or an expression of T and parameters; ProblemError for no state."""
-        self._find(state, self._states, "end")
-        self._final.add(f"{self.name}: end", state - value, 0.0, 0.0)
+    def minimise(self, running: Expression = 0.0, terminal: Expression = 0.0) -> None:
+        """State the objective J = ∫ running dt + terminal; ProblemError if it is stated twice or is no scalar.
 
-    def end_constraint(self, expression: ca.SX, *, lower: float = 0.0, upper: float = 0.0) -> None:
-        """Constrain the end: lower <= s(x(T), T; p) <= upper; ProblemError for limits that contradict each other."""
-        self._final.add(f"{self.name}: end constraint", expression, lower, upper)
+        A cost with a kink, |u| for one, is announced by a warning: ``absolute`` and ``largest`` split it.
+        """
+        self.statement.set_cost(running, terminal)
+
+    def dynamics(self, state: ca.SX, rate: Expression) -> None:
+        """State the dynamics x' = rate [1/s] of one state or of several, (n, 1) each.
+
+        ProblemError for no state, a second rate, another shape and symbols of another problem.
+        """
+        self.statement.set_rates(state, rate)
+
+    # constraints
+
+    def constrain(
+        self, constraint: Expression, *, lower: Expression = None, upper: Expression = None, name: str = ""
+    ) -> None:
+        """Constrain the path: a comparison, or lower <= d(x, u, t; p) <= upper, element by element.
+
+        A comparison of a state or a control with numbers tightens its bounds. ``name`` stands for the constraint in
+        messages and results. ProblemError for what cannot be a constraint, see ``comparisons.rows``.
+        """
+        s = self.statement
+        for row in rows(f"{self.name}: path constraint", constraint, lower, upper, name, known=s.along):
+            variable = self.statement.variable(row.expression)
+            if variable is None or lower is not None or upper is not None or row.lower == row.upper:
+                s.path.append(row)
+            else:
+                self.statement.tighten(variable, row)
+
+    def start(self, state: ca.SX, value: Expression) -> None:
+        """Start at x(0) = value, a number or an expression of parameters and states, for one state or several.
+
+        ProblemError for no state, a second start, and a value outside the state's bounds.
+        """
+        self.statement.pin("start", state, value)
+
+    def start_constraint(
+        self, constraint: Expression, *, lower: Expression = None, upper: Expression = None, name: str = ""
+    ) -> None:
+        """Constrain the start: a comparison, or lower <= i(x(0); p) <= upper; a limit that is not given is 0."""
+        s = self.statement
+        where = f"{self.name}: start constraint"
+        s.initial += rows(where, constraint, *zero_limits(constraint, lower, upper), name, known=s.at_start)
+
+    def end(self, state: ca.SX, value: Expression) -> None:
+        """End at x(T) = value, a number or an expression of T, parameters and states, for one state or several.
+
+        ProblemError for no state, a second end, and a value outside the state's bounds.
+        """
+        self.statement.pin("end", state, value)
+
+    def end_constraint(
+        self, constraint: Expression, *, lower: Expression = None, upper: Expression = None, name: str = ""
+    ) -> None:
+        """Constrain the end: a comparison, or lower <= s(x(T), T; p) <= upper; a limit that is not given is 0."""
+        s = self.statement
+        where = f"{self.name}: end constraint"
+        s.final += rows(where, constraint, *zero_limits(constraint, lower, upper), name, known=s.at_end)
+
+    # what becomes a state or a control of its own
+
+    def integral(self, rate: Expression, *, name: str = "", lower: float = -math.inf, upper: float = math.inf) -> ca.SX:
+        """Integral of a rate from the start, as a state of its own; returns its symbol, the integral up to t.
+
+        In terminal cost and end constraints the symbol means ∫_0^T, and ``lower`` and ``upper`` limit that.
+        """
+        self._integrals += not name
+        name = name or f"integral {self._integrals}"
+        made = expression(f"{self.name}: {name}", rate)
+        symbol = self.statement.declare("state", name, 1, -math.inf, math.inf, None, 0.0)
+        self.statement.states[-1].guess = Derived()
+        self.dynamics(symbol, made)
+        self.start(symbol, 0.0)
+        if lower != -math.inf or upper != math.inf:
+            self.end_constraint(symbol, lower=lower, upper=upper, name=name)
+        return symbol
+
+    def initial(self, state: ca.SX) -> ca.SX:
+        """Value x(0) of a state, or of several, for terminal cost and end constraints; returns its symbol.
+
+        It becomes a constant to be found, named x(0), with the state's bounds and scale.
+        """
+        symbols = []
+        for source in self.statement.find(state, "initial"):
+            name = f"{source.name}(0)"
+            if name not in self.statement.names:
+                symbol = self.unknown(name, lower=source.lower, upper=source.upper, scale=source.scale)
+                self.statement.states[-1].guess = Derived(start_of=source.name)
+                row = Row(symbol - source.symbol, 0.0, 0.0, name)
+                self.statement.initial.append(row)
+            symbols += [v.symbol for v in self.statement.states if v.name == name]
+        return column(symbols)
+
+    def periodic(self, *states: ca.SX) -> None:
+        """End each of these states where it began: x(T) = x(0)."""
+        for state in states:
+            for variable in self.statement.find(state, "periodic"):
+                self.end_constraint(variable.symbol == self.initial(variable.symbol), name=f"period of {variable.name}")
+
+    def absolute(self, value: Expression, *, name: str = "") -> ca.SX:
+        """|value| without its kink, for a cost that grows with it; returns an expression of two controls.
+
+        The value is split, value = p - n with p, n >= 0, and |value| is p + n: at an optimum one of them is 0. In a
+        constraint that would be met by a larger |value| both may be positive. ProblemError for no scalar.
+        """
+        made = expression(f"{self.name}: absolute", value)
+        if made.numel() != 1:
+            raise ProblemError(f"{self.name}: absolute of shape {made.shape}; allowed: one expression")
+        name = name or f"|{made}|"
+        plus, minus = (self.control(f"{name}{sign}", lower=0.0) for sign in "+-")
+        self.constrain(made == plus - minus, name=name)
+        return plus + minus
+
+    def largest(self, *values: Expression, name: str = "") -> ca.SX:
+        """max(values) without its kink, for a cost that grows with it; returns the symbol of a control above them all.
+
+        The least of several is -largest(-a, -b), for a cost that falls with it.
+        """
+        made = [expression(f"{self.name}: largest", value) for value in values]
+        name = name or f"max({', '.join(str(each) for each in made)})"
+        symbol = self.control(name)
+        for each in made:
+            self.constrain(each - symbol <= 0.0, name=name)
+        return symbol
+
+    # guesses
+
+    def guess(self, variable: ca.SX, values: Guess, *, times: Sequence[float] | None = None) -> None:
+        """Guess a state or a control, or a vector of them, in place of the guess of its declaration.
+
+        Args:
+            variable: its symbol, (n, 1).
+            values: as the class says; with ``times`` (k,) or (k, n).
+            times: [s] since the start, increasing; None where the values are spread evenly over [0, T].
+        """
+        self.statement.set_guess(variable, values, times)
+
+    def guess_from(self, solution: Solution) -> None:
+        """Guess every variable that a solution has under the same name, and T, as they are there."""
+        found = solution.problem
+        for variable in (*self.statement.states, *self.statement.controls):
+            if variable.name in (*found.states, *found.controls):
+                variable.guess = Values(np.asarray(solution[variable.name], float), solution.t)
+        duration = self.statement.duration
+        if duration is not None and duration.lower <= solution.duration <= duration.upper:
+            self.statement.duration = Duration(solution.duration, duration.lower, duration.upper)
+
+    def guess_by_simulation(self, start: Mapping[str, float] | None = None) -> None:
+        """Guess the states by integrating the dynamics from the start under the guessed controls.
+
+        ``start`` holds values at the start by state; those that it leaves out are the ones that ``start()`` states, or
+        the first of the guess. ProblemError for an unknown state; where the states diverge, at the solve.
+        """
+        states = [v.name for v in self.statement.states]
+        self.statement.simulation = Simulation(start_values(self.name, start or {}, states))
+
+    def scaling(self) -> dict[str, float]:
+        """Scales of the states, the controls and T by name: those stated, else the automatic ones.
+
+        Automatic is the largest magnitude among the guess and the values at start and end, or else of the bounds; 1
+        where all of these are 0 or missing.
+        """
+        duration = self.statement.duration
+        if duration is None:
+            raise ProblemError(f"{self.name}: no duration is given; allowed: duration() or free_duration()")
+        found = guesses_of(since_start(self.statement))
+        scales = dict(zip(self.statement.variable_names, [*found.state_scale, *found.control_scale], strict=True))
+        return {name: float(scale) for name, scale in scales.items()} | {"T": duration.guess}
+
+    # solution
 
     def solve(
         self,
@@ -219,7 +359,9 @@ class OptimalControlProblem:
         method: Method = "direct",
         monitor: Monitor | str | None = None,
         guess: Solution | None = None,
-        parameters: Mapping[str, float] | None = None,
+        parameters: Mapping[str, Numbers] | None = None,
+        options: Options = DEFAULT,
+        tolerance: float | None = None,
     ) -> Solution:
         """Solve the problem by Hermite-Simpson collocation and replay the solution through its own dynamics.
 
@@ -232,64 +374,40 @@ class OptimalControlProblem:
                 "curvature", "local error", "residual", "uniform". None: curvature, and arclength for "distribute".
             guess: a solution to start from, on any grid; None for the guess that was stated.
             parameters: values by name, the nominal ones where none is given.
+            options: NLP solver and its own tolerance, and what of it is printed or logged.
+            tolerance: largest miss and path violation, over the scales, and cost error, relative to max(1, |J|), of
+                the replay of a solution that is called OPTIMAL. None: 1e-6 for "refine", and 1e-3 on nodes whose number
+                is given.
 
         Returns:
-            The solution; ``solution.ok`` says whether it is one, its ``status`` why not. An adaptive solution that
-            replays worse than the uniform one has the status REFUSED and the uniform one's arrays.
+            The solution; ``solution.ok`` says whether it is one, its ``status`` why not: CONVERGED where the programme
+            is solved but its replay is not within the tolerance, which the message says figure by figure. An adaptive
+            solution that replays worse than the uniform one has the status REFUSED and the uniform one's arrays.
 
         Raises:
             ProblemError: for a problem that is not complete or contradicts itself, fewer than two nodes, an unknown
                 method, monitor or parameter, and a monitor that its method cannot take.
         """
         problem = self.functions()
-        values = problem.values(**(parameters or {}))
-        return solve_by(problem, nodes, method, monitor, guess=guess, parameters=values)
+        values = problem.values_by_name(parameters)
+        return solve_by(
+            problem, nodes, method, monitor, guess=guess, parameters=values, options=options, tolerance=tolerance
+        )
 
     def functions(self) -> ProblemFunctions:
-        """The problem as compiled functions, checked.
+        """The problem as compiled functions, checked; the same ones until something else is stated.
 
         Raises ProblemError where something is missing or contradicts itself, naming it.
         """
-        if not self._states:
+        if not self.statement.states:
             return self._of_the_literature()
-        if missing := [v.name for v in self._states if v.name not in self._rates]:
-            raise ProblemError(f"{self.name}: no dynamics for {', '.join(missing)}; allowed: one for each state")
-        if self._duration is None:
-            raise ProblemError(f"{self.name}: no duration is given; allowed: duration() or free_duration()")
-        x, u = _column(v.symbol for v in self._states), _column(v.symbol for v in self._controls)
-        t, p, final_time = self.t, _column(symbol for _, symbol, _ in self._parameters), self._final_time
-        rates = ca.vertcat(*(self._rates[v.name] for v in self._states))
-        along, at_end = [x, u, t, p], [x, final_time, p]
-        times, states, controls = self._guesses()
-        guess, shortest, longest = self._duration
-        return ProblemFunctions(
-            name=self.name,
-            states=tuple(v.name for v in self._states),
-            controls=tuple(v.name for v in self._controls),
-            parameters=tuple(name for name, _, _ in self._parameters),
-            dynamics=self._function("f", along, rates, "dynamics"),
-            running_cost=self._function("L", along, self._running, "running cost"),
-            terminal_cost=self._function("Psi", at_end, self._terminal, "terminal cost"),
-            path=self._function("d", along, self._path.column, "path constraints"),
-            initial=self._function("i", [x, p], self._initial.column, "start"),
-            final=self._function("s", at_end, self._final.column, "end"),
-            state_bounds=_bounds(self._states),
-            control_bounds=_bounds(self._controls),
-            path_bounds=self._path.interval,
-            initial_bounds=self._initial.interval,
-            final_bounds=self._final.interval,
-            duration_bounds=(shortest, longest),
-            state_scale=np.array([v.scale for v in self._states]),
-            control_scale=np.array([v.scale for v in self._controls]),
-            nominal=np.array([nominal for _, _, nominal in self._parameters], float),
-            guess_times=times,
-            guess_states=states,
-            guess_controls=controls,
-            guess_duration=guess,
-        )
+        parts = self.statement.parts
+        if self._compiled is None or not _same(parts, self._compiled[0]):
+            self._compiled = parts, functions_of(self.statement)
+        return self._compiled[1]
 
     def __repr__(self) -> str:
-        states, controls = ([each.name for each in declared] for declared in (self._states, self._controls))
+        states, controls = ([v.name for v in each] for each in (self.statement.states, self.statement.controls))
         return f"OptimalControlProblem({self.name!r}, states {states}, controls {controls})"
 
     def _of_the_literature(self) -> ProblemFunctions:
@@ -301,58 +419,9 @@ class OptimalControlProblem:
             raise ProblemError(f"{self.name}: no state is declared, and no problem with a known optimum; {known}")
         return KNOWN[self.name]()
 
-    def _declare(
-        self, among: list[_Variable], name: str, lower: float, upper: float, scale: float, guess: Sequence[float]
-    ) -> ca.SX:
-        self._check_name(name)
-        _check_limits(f"{self.name}: {name}", lower, upper)
-        if not (math.isfinite(scale) and scale > 0.0):
-            raise ProblemError(f"{self.name}: {name}: scale = {scale!r}; allowed: a finite value > 0")
-        if not len(guess) or not np.isfinite(guess).all():
-            raise ProblemError(f"{self.name}: {name}: guess = {list(guess)!r}; allowed: finite numbers, at least one")
-        symbol = ca.SX.sym(name)
-        among.append(_Variable(name, symbol, lower, upper, scale, guess))
-        return symbol
 
-    def _check_name(self, name: str) -> None:
-        taken = [v.name for v in (*self._states, *self._controls)] + [name for name, _, _ in self._parameters]
-        if not name or name in taken:
-            raise ProblemError(f"{self.name}: variable {name!r} is empty or taken; allowed: other than {taken}")
-
-    def _find(self, symbol: ca.SX, among: list[_Variable], where: str) -> _Variable:
-        for variable in among:
-            if ca.is_equal(variable.symbol, symbol):
-                return variable
-        raise ProblemError(f"{self.name}: {where}: {symbol} is not a state; allowed: {[v.name for v in among]}")
-
-    def _function(self, name: str, arguments: list[ca.SX], result: ca.SX, what: str) -> ca.Function:
-        known = ca.vertcat(*arguments)
-        free = [s for s in ca.symvar(result) if not ca.depends_on(s, known)]
-        if free:
-            raise ProblemError(f"{self.name}: the {what} depend on {free}, which is not among {ca.symvar(known)}")
-        return ca.Function(name, arguments, [result])
-
-    def _guesses(self) -> tuple[Array, Array, Array]:
-        """All guesses at the union of their break times."""
-        variables = [*self._states, *self._controls]
-        times = np.unique(np.concatenate([np.linspace(0.0, 1.0, max(2, len(v.guess))) for v in variables]))
-
-        def spread(over: list[_Variable]) -> Array:
-            columns = [np.interp(times, np.linspace(0.0, 1.0, len(v.guess)), v.guess) for v in over]
-            return np.array(columns).T.reshape(len(times), len(over))
-
-        return times, spread(self._states), spread(self._controls)
-
-
-def _column(symbols: Iterable[ca.SX]) -> ca.SX:
-    parts = list(symbols)
-    return ca.vertcat(*parts) if parts else ca.SX(0, 1)
-
-
-def _bounds(variables: list[_Variable]) -> Interval:
-    return Interval(np.array([v.lower for v in variables], float), np.array([v.upper for v in variables], float))
-
-
-def _check_limits(where: str, lower: float, upper: float) -> None:
-    if not lower <= upper or lower == math.inf or upper == -math.inf:  # NaN too
-        raise ProblemError(f"{where}: lower = {lower!r}, upper = {upper!r}; allowed: lower <= upper")
+def _same(parts: list[object], others: list[object]) -> bool:
+    """True if nothing was stated in between; a guess that is a function may give other values each time."""
+    if len(parts) != len(others) or any(isinstance(part, Sampled) for part in parts):
+        return False
+    return all(part is other for part, other in zip(parts, others, strict=True))

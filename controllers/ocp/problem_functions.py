@@ -6,13 +6,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import NamedTuple
 
 import casadi as ca
+import numpy as np
 
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
+
+DURATION_LIMITS = (1e-3, 1e9)
+"""[s] limits of a free final time for which none are stated: for the search, no solution ends there"""
+
+
+DURATION_LIMITS = (1e-3, 1e9)
+"""[s] limits of a free final time for which none are stated: for the search, no solution ends there"""
 
 
 class Interval(NamedTuple):
@@ -44,6 +54,9 @@ class ProblemFunctions:
     path_bounds: Interval  # (nd,)
     initial_bounds: Interval  # (ni,)
     final_bounds: Interval  # (ns,)
+    path_names: tuple[str, ...]  # nd texts or names of the constraints
+    initial_names: tuple[str, ...]  # ni
+    final_names: tuple[str, ...]  # ns
     duration_bounds: tuple[float, float]  # [s] equal for a fixed T
     state_scale: Array  # (nx,)
     control_scale: Array  # (nu,)
@@ -68,17 +81,43 @@ class ProblemFunctions:
         """True if T is an unknown."""
         return self.duration_bounds[0] < self.duration_bounds[1]
 
-    def values(self, **parameters: float) -> Array:
-        """Values (np,) of the parameters: the nominal ones, or those given by name.
+    def values(self, **parameters: float | Sequence[float]) -> Array:
+        """Values (np,) of the parameters: the nominal ones, or those given by name, of a vector all its components.
 
-        ProblemError for an unknown name and a value that is not finite.
+        ProblemError for an unknown name, a value that is not finite and a vector of another size.
         """
         values = self.nominal.copy()
-        for name, value in parameters.items():
-            if name not in self.parameters:
-                known = ", ".join(self.parameters) or "none"
-                raise ProblemError(f"{self.name}: parameter {name!r} is not known; allowed: {known}")
-            if not math.isfinite(value):
-                raise ProblemError(f"{self.name}: parameter {name} = {value!r}; allowed: a finite number")
-            values[self.parameters.index(name)] = value
+        for name, given in parameters.items():
+            places = self._places(name)
+            numbers = [given] if np.ndim(given) == 0 else list(np.ravel(np.asarray(given, object)))
+            if len(numbers) != len(places):
+                raise ProblemError(f"{self.name}: parameter {name} = {given!r}; allowed: {len(places)} numbers")
+            for place, value in zip(places, numbers, strict=True):
+                if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+                    raise ProblemError(f"{self.name}: parameter {name} = {value!r}; allowed: a finite number")
+                values[place] = value
         return values
+
+    def values_by_name(self, parameters: Mapping[str, float | Sequence[float]] | None) -> Array:
+        """``values`` of a mapping, the nominal ones of None; ProblemError for what is no mapping by name too."""
+        if parameters is None:
+            return self.nominal.copy()
+        if not isinstance(parameters, Mapping):
+            raise ProblemError(f"{self.name}: parameters = {parameters!r:.80}; allowed: values by name")
+        return self.values(**{str(name): value for name, value in parameters.items()})
+
+    def _places(self, name: str) -> list[int]:
+        """Where a parameter stands, or the components of a vector."""
+        places = [k for k, own in enumerate(self.parameters) if own == name or own.startswith(f"{name}[")]
+        if not places:
+            known = ", ".join(self.parameters) or "none"
+            raise ProblemError(f"{self.name}: parameter {name!r} is not known; allowed: {known}")
+        return places
+
+
+def check_problem(problem: object) -> None:
+    """Raise ProblemError for a problem that is no ``ProblemFunctions``, an ``OptimalControlProblem`` itself for one."""
+    if not isinstance(problem, ProblemFunctions):
+        raise ProblemError(
+            f"problem = {problem!r:.120}; allowed: ProblemFunctions, OptimalControlProblem.functions() for one"
+        )

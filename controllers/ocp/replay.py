@@ -1,13 +1,15 @@
 """Replay of a solution: its control flown through the true dynamics, integrated to tight tolerance.
 
 A transcription knows its own error only at its nodes, and an optimiser that may move the nodes hides it there. So every
-solution is replayed from x(0) with the control as the scheme states it, and what counts is where it ends and what it
-violates on the way. Where that is ill-posed, because the linearised flow of the open loop grows beyond 1e4, each
-interval is integrated from its own node instead, and the scaled defects are added up.
+solution is replayed from x(0) with what its actuators can do: the control as the scheme interpolates it, saturated to
+its bounds. Where it ends, what it violates on the way and what it costs are reported apart, and so is how far the
+scheme's control would have left its bounds. Where a replay is ill-posed, because the linearised flow of the open loop
+grows beyond 1e4, each interval is integrated from its own node instead, and the scaled defects are added up.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
 from functools import lru_cache
@@ -17,13 +19,17 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.solution import ReplayResult, Solution
+from mathnavi.controllers.ocp.residual import local_errors
+from mathnavi.controllers.ocp.solution import Outcome, ReplayResult, Solution
 from mathnavi.controllers.ocp.transcriptions.scheme import weights
 from mathnavi.models.buffered_function import BufferedFunction
+from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 ILL_POSED = 1e4
 """norm of the scaled transition matrix beyond which an open loop cannot be replayed"""
+GIVEN_NODES = 1e-3
+"""tolerance of a replay on a number of nodes that is given: figures are read to three digits"""
 DENSE = 20
 """points of every interval at which bounds and path constraints are evaluated"""
 
@@ -33,38 +39,67 @@ _OVERFLOW = 1e100
 _TERMS = 16  # of a Taylor series at a norm of at most 1/2: below rounding
 
 
-def replayed(solution: Solution) -> Solution:
-    """The solution with its ``ReplayResult`` and the time that took; a solve that failed is returned as it is.
+def replayed(solution: Solution, tolerance: float = GIVEN_NODES) -> Solution:
+    """The solution with its ``ReplayResult``, judged; a solve that failed is returned as it is.
 
-    From x(0), with x' = f(x, u(t), t; p) and the control as the scheme interpolates it; interval by interval where the
-    scaled transition matrix of the linearised flow has a norm ||Φ(T, 0)|| beyond ``ILL_POSED``.
+    OPTIMAL is a solution whose miss, path violation and cost error are each within the ``tolerance``; another one is
+    CONVERGED, and its message says which are not.
+
+    From x(0), with x' = f(x, sat(u(t)), t; p), u(t) as the scheme interpolates it and sat() its bounds; interval by
+    interval where the scaled transition matrix of the linearised flow has a norm ||Φ(T, 0)|| beyond ``ILL_POSED``.
     """
-    if not solution.ok:
+    if not solution.solved:
         return solution
     began = time.perf_counter()
     growth = _growth(solution)
     found = _replay(solution, by_intervals=not growth <= ILL_POSED)
-    return solution.with_replay(found, 1e3 * (time.perf_counter() - began))
+    errors = local_errors(solution) if len(solution.scheme.points) > 1 else None
+    return judged(solution.with_replay(found, errors, 1e3 * (time.perf_counter() - began)), tolerance)
+
+
+def judged(solution: Solution, tolerance: float) -> Solution:
+    """A solved solution with a replay, with the status and the message that a tolerance of its figures gives it.
+
+    ProblemError for a tolerance that is not finite and positive.
+    """
+    check_tolerance(tolerance)
+    assert solution.replay is not None
+    figures = solution.replay.figures
+    excess = {name: value for name, value in figures.items() if not value <= tolerance}
+    shown = ", ".join(f"{name} {value:.2g}" for name, value in (excess or figures).items())
+    message = f"{'not ' if excess else ''}within {tolerance:g} when it is replayed: {shown}"
+    status = Outcome.CONVERGED if excess else Outcome.OPTIMAL
+    return dataclasses.replace(solution, status=status, message=message, tolerance=tolerance)
+
+
+def check_tolerance(tolerance: float) -> None:
+    """Raise ProblemError for a tolerance that is not finite and positive."""
+    if not (isinstance(tolerance, (int, float)) and math.isfinite(tolerance) and tolerance > 0.0):
+        raise ProblemError(f"tolerance = {tolerance!r}; allowed: a finite value > 0")
 
 
 def _replay(solution: Solution, *, by_intervals: bool) -> ReplayResult:
     problem, scale = solution.problem, solution.problem.state_scale
-    starts, y, cost, violation, defects = solution.x / scale, solution.x[0] / scale, 0.0, 0.0, 0.0
+    starts, y, cost, path_violation, defects = solution.x / scale, solution.x[0] / scale, 0.0, 0.0, 0.0
+    control_violation = max(_control_violation(solution, i) for i in range(solution.nodes - 1))
     for i in range(solution.nodes - 1):
         if by_intervals:
             y = starts[i]
         path = _integrated(solution, i, y)
         if path is None:
-            return ReplayResult(math.inf, math.inf, math.inf, math.nan, np.full(problem.nx, np.nan), by_intervals)
+            end = np.full(problem.nx, np.nan)
+            return ReplayResult(math.inf, math.inf, control_violation, math.inf, math.nan, end, by_intervals)
         states, gained = path
-        violation = max(violation, _violation(solution, i, states * scale))
+        path_violation = max(path_violation, _path_violation(solution, i, states * scale))
         cost += gained
         y = states[-1]
         defects += float(np.abs(y - starts[i + 1]).max())
     miss = defects if by_intervals else float(np.abs(y - starts[-1]).max())
     end = y * scale
     cost += float(problem.terminal_cost(end, solution.duration, solution.parameters))
-    return ReplayResult(max(miss, violation), miss, violation, cost, end, by_intervals)
+    error = abs(cost - solution.cost) / max(1.0, abs(solution.cost))
+    cost_error = error if math.isfinite(error) else math.inf
+    return ReplayResult(miss, path_violation, control_violation, cost_error, cost, end, by_intervals)
 
 
 def _integrated(solution: Solution, i: int, y: Array) -> tuple[Array, float] | None:
@@ -114,36 +149,47 @@ def _rates_function(problem: ProblemFunctions, points: tuple[float, ...]) -> ca.
         basis = ca.SX(1)
         for other in points[:j] + points[j + 1 :]:
             basis *= (c - other) / (own - other)
-        u += basis * known[j * nu : (j + 1) * nu]
+        u += basis * known[j * nu : (j + 1) * nu, :]
+    u = ca.fmin(ca.fmax(u, problem.control_bounds.lower), problem.control_bounds.upper)
     x, t = y[:-1] * problem.state_scale, t_0 + c * d
     rates = d * problem.dynamics(x, u, t, p) / problem.state_scale
     return ca.Function("rates", [c, y, known], [ca.vertcat(rates, d * problem.running_cost(x, u, t, p))])
 
 
-def _violation(solution: Solution, i: int, states: Array) -> float:
-    """Largest violation of bounds and path constraints at states (n, nx) spread evenly over interval i."""
+def _path_violation(solution: Solution, i: int, states: Array) -> float:
+    """Largest violation of state bounds and path constraints at states (n, nx) spread evenly over interval i."""
     problem = solution.problem
-    fractions = np.linspace(0.0, 1.0, len(states))
-    u = weights(solution.scheme.points, fractions) @ solution.u[i]
-    worst = [
-        _excess(states, *problem.state_bounds, problem.state_scale),
-        _excess(u, *problem.control_bounds, problem.control_scale),
-    ]
+    t = np.linspace(solution.t[i], solution.t[i + 1], len(states))
+    worst = _excess(states, *problem.state_bounds, problem.state_scale)
     if len(problem.path_bounds.lower):
-        t = solution.t[i] + fractions * (solution.t[i + 1] - solution.t[i])
+        u = np.clip(_control(solution, i, len(states)), *problem.control_bounds)
         p = np.tile(solution.parameters[:, None], (1, len(t)))
         d = problem.path.map(len(t))(states.T, u.T, t[None, :], p).full().T
         lower, upper = problem.path_bounds
         sizes = np.maximum(
             np.abs(np.where(np.isfinite(lower), lower, 0.0)), np.abs(np.where(np.isfinite(upper), upper, 0.0))
         )
-        worst.append(_excess(d, lower, upper, np.maximum(1.0, sizes)))
-    return max(worst)
+        worst = max(worst, _excess(d, lower, upper, np.maximum(1.0, sizes)))
+    return worst
+
+
+def _control_violation(solution: Solution, i: int) -> float:
+    """How far the scheme's control leaves its bounds in interval i, over their range (one bound: over the scale)."""
+    problem = solution.problem
+    extent = problem.control_bounds.upper - problem.control_bounds.lower
+    scale = np.where(np.isfinite(extent) & (extent > 0.0), extent, problem.control_scale)
+    return _excess(_control(solution, i, DENSE + 1), *problem.control_bounds, scale)
+
+
+def _control(solution: Solution, i: int, count: int) -> Array:
+    """(count, nu) the scheme's control, not saturated, evenly over interval i."""
+    values: Array = weights(solution.scheme.points, np.linspace(0.0, 1.0, count)) @ solution.u[i]
+    return values
 
 
 def _excess(values: Array, lower: Array, upper: Array, scale: Array) -> float:
     over = np.maximum(np.maximum(lower - values, values - upper), 0.0) / scale
-    return float(over.max(initial=0.0))
+    return float(np.nan_to_num(over, nan=np.inf).max(initial=0.0))
 
 
 def _growth(solution: Solution) -> float:

@@ -59,7 +59,7 @@ def _residuals(solution: Solution) -> tuple[Array, Array]:
     t = solution.t[:-1, None] + fractions * d[:, None]
     u = np.einsum("gk,nkm->ngm", basis, solution.u)
     x = solution.x[:-1, None, :] + d[:, None, None] * np.einsum("gk,nkm->ngm", steps, solution.rates)
-    f = along(problem, x.reshape(-1, problem.nx), u.reshape(-1, problem.nu), t.ravel(), solution.parameters)
+    f = along(problem, x.reshape(t.size, -1), u.reshape(t.size, -1), t.ravel(), solution.parameters)
     residual = np.abs(np.einsum("gk,nkm->ngm", basis, solution.rates) - f.reshape(x.shape))
     at_points = solution.t[:-1, None] + np.array(points) * d[:, None]
     polynomial = np.einsum("gk,nk->ng", basis, _running_costs(solution, solution.inner, solution.u, at_points))

@@ -3,22 +3,37 @@
 from __future__ import annotations
 
 import dataclasses
+import io
+import math
+from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from mathnavi.controllers.nlp_solver import Outcome as Outcome
 from mathnavi.controllers.ocp.grid import Grid
+from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues, column_of
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.records import encoded
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
 from mathnavi.sim.interfaces.checks import allowed_for
-from mathnavi.sim.interfaces.short_tables import short_table
+from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, vector_text
 from mathnavi.sim.interfaces.signals import Array, Integers
+from mathnavi.sim.interfaces.writing import write_bytes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMAT = "mathnavi solution 1"
+"""what a file of a solution says that it is"""
+RECORD = "solution"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Timing:
     """Wall-clock times [ms] of one solution.
 
@@ -30,28 +45,70 @@ class Timing:
     replay_ms: float = 0.0
     gate_ms: float = 0.0
 
+    @property
+    def total_ms(self) -> float:
+        """All of it [ms]."""
+        return sum(astuple(self))
+
+    def __repr__(self) -> str:
+        """One line."""
+        parts = {"build": self.build_ms, "solve": self.solve_ms, "replay": self.replay_ms, "gate": self.gate_ms}
+        return f"{self.total_ms:.1f} ms ({', '.join(f'{name} {ms:.1f}' for name, ms in parts.items())})"
+
     def __add__(self, other: Timing) -> Timing:
         return Timing(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ReplayResult:
-    """The control flown through the true dynamics, from the solution's own start (see ``replay``)."""
+    """The control, saturated to its bounds, flown through the true dynamics from the solution's own start.
 
-    value: float  # compared by the gate: the larger of the two below
+    The figures stand apart, and each is judged on its own; all are infinite where the integration diverges (see
+    ``replay``). The control violation is no fault of what was flown, and of what ``Solution.control`` returns, which
+    keep the bounds; what saturation changes is in the other figures.
+    """
+
     miss: float  # scaled: largest |x_replayed(T) - x(T)| / x_scale, or the sum of the intervals' defects
-    violation: float  # largest violation of bounds and path constraints on a dense grid, scaled
+    path_violation: float  # largest violation of state bounds and path constraints on a dense grid, scaled
+    control_violation: float  # largest excess of the scheme's control over its bounds, as a share of their range
+    cost_error: float  # |J_replayed - J| / max(1, |J|)
     cost: float  # J along the replay
     end: Array  # (nx,) x_replayed(T); where the replay is by intervals, x(T) + the last interval's defect
     by_intervals: bool  # open loop is ill-posed, so each interval was re-integrated from its own node
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """The figures that a solution is judged by: miss, path violation and cost error."""
+        return {"miss": self.miss, "path violation": self.path_violation, "cost error": self.cost_error}
+
+    @property
+    def error(self) -> float:
+        """The largest of the figures: at most a tolerance where the solution is accurate."""
+        return max(self.figures.values())
+
+    @property
+    def rows(self) -> list[Row]:
+        """Rows of a table: each figure by its name."""
+        return [
+            ("replayed J", f"{self.cost:.7g}", ""),
+            ("replay miss", f"{self.miss:.2g}", "by intervals" if self.by_intervals else ""),
+            ("path violation", f"{self.path_violation:.2g}", ""),
+            ("control violation", f"{self.control_violation:.2g}", ""),
+            ("cost error", f"{self.cost_error:.2g}", ""),
+        ]
+
+    def __repr__(self) -> str:
+        """A short table: each figure by its name, and where the replay ends."""
+        return short_table("replay", [*self.rows, ("end", vector_text(self.end), "")])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution:
     """Solution of a transcribed problem: states x_i at N nodes, controls at the scheme's points, the final time T.
 
-    ``status`` says how the solve ended, ``ok`` whether this is a solution: of a failed solve the arrays hold the
-    solver's last iterate. Values are in the problem's units, times in s since the start.
+    ``status`` says how the solve ended and ``ok`` whether this solves the problem to the tolerance that was asked for;
+    of a failed solve the arrays hold the solver's last iterate. Values are in the problem's units, times in s since the
+    start.
     """
 
     problem: ProblemFunctions
@@ -68,33 +125,73 @@ class Solution:
     cost: float  # J as the transcription sees it
     iterations: int
     timing: Timing
+    multipliers: Multipliers
+    sensitivities: NamedValues  # (np,) dJ/dp of the least J, by the names of the parameters
     method: str = "direct"
     replay: ReplayResult | None = None
+    interval_errors: Array | None = None  # (N - 1,) local error η of each interval, over the states' scales
+    tolerance: float = math.nan  # of miss, path violation and cost error of the replay, that the status was judged by
 
     @property
     def ok(self) -> bool:
-        """True if this is a solution of the transcribed problem."""
-        return self.status in (Outcome.OPTIMAL, Outcome.REFUSED)
+        """True if this is a solution of the problem: solved, and within the tolerance when it is replayed."""
+        return self.solved and self.replay is not None and self.replay.error <= self.tolerance
+
+    @property
+    def solved(self) -> bool:
+        """True if this is a solution of the transcribed programme, however accurate that is."""
+        return self.status in (Outcome.OPTIMAL, Outcome.CONVERGED, Outcome.REFUSED)
+
+    @property
+    def headline(self) -> str:
+        """One line: the problem, J and T, and why it is no solution where it is none."""
+        method = "" if self.method == "direct" else f", {self.method}"
+        failure = "" if self.status is Outcome.OPTIMAL else f"; {self.status.value}"
+        return f"{self.problem.name}{method}: J = {self.cost:.7g}, T = {self.duration:.6g} s{failure}"
 
     def __repr__(self) -> str:
-        """A short table: how it ended, and what it costs."""
+        """A short table: how it ended, what it costs, and what its replay says."""
+        return f"{short_table(*self._table())}\n  {self.message}"
+
+    def _repr_html_(self) -> str:
+        """The same table, for a notebook."""
+        return html_table(*self._table())
+
+    def _table(self) -> tuple[str, list[Row]]:
         rows = [
-            ("J", f"{self.cost:.6g}", ""),
-            ("T", f"{self.duration:.6g}", "s"),
+            ("J", f"{self.cost:.7g}", ""),
+            ("T", f"{self.duration:.7g}", "s"),
+            ("scheme", self.scheme.name, ""),
             ("nodes", str(self.nodes), ""),
             ("iterations", str(self.iterations), ""),
+            ("time", f"{self.timing.total_ms:.0f}", "ms"),
         ]
+        rows += [(f"dJ/d{name}", f"{float(self.sensitivities[name]):.6g}", "") for name in self.sensitivities]
         if self.replay is not None:
-            rows += [("replay miss", f"{self.replay.miss:.2g}", ""), ("violation", f"{self.replay.violation:.2g}", "")]
-        return short_table(f"{self.problem.name}, {self.method}: {self.status.value}", rows)
+            rows += self.replay.rows
+        return f"{self.problem.name}, {self.method}: {self.status.value}", rows
 
     def __getitem__(self, name: str) -> Array:
-        """(N,) a state or a control by its name, at the nodes ``t``; KeyError names those that exist."""
-        if name in self.problem.states:
-            return self.x[:, self.problem.states.index(name)]
-        if name in self.problem.controls:
-            return self.control(self.t)[:, self.problem.controls.index(name)]
-        known = allowed_for(name, self.problem.states + self.problem.controls)
+        """(N,) a state or a control by its name, at the nodes ``t``; (N, k) a vector of k components.
+
+        KeyError names those that exist.
+        """
+        return self._named(name, lambda: self.x, lambda: self.control(self.t))
+
+    def __call__(self, name: str, t: Array | float) -> Array:
+        """() a state or a control by its name at a time t [s], or (n,) at times (n,), held to [0, T].
+
+        A vector of k components has a last axis more. KeyError names the states and controls that exist.
+        """
+        return self._named(name, lambda: self.state(t), lambda: self.control(t))
+
+    def _named(self, name: str, states: Callable[[], Array], controls: Callable[[], Array]) -> Array:
+        problem = self.problem
+        for names, values in ((problem.states, states), (problem.controls, controls)):
+            if (column := column_of(name, names)) is not None:
+                own: Array = values()[..., column]
+                return own
+        known = allowed_for(name, problem.states + problem.controls)
         raise KeyError(f"{name!r} is no state or control; {known}")
 
     @property
@@ -113,24 +210,61 @@ class Solution:
         times: Array = self.t[:-1] + self.scheme.costate_at * np.diff(self.t)
         return times
 
+    @property
+    def point_times(self) -> Array:
+        """Times (N - 1, k) [s] of the scheme's k points in each interval: of ``inner``, ``u`` and the multipliers."""
+        times: Array = self.t[:-1, None] + np.array(self.scheme.points) * np.diff(self.t)[:, None]
+        return times
+
+    @property
+    def point_shares(self) -> Array:
+        """Time (N - 1, k) [s] that each of these points stands for in the scheme's quadrature."""
+        shares: Array = np.diff(self.t)[:, None] * integral_weights(self.scheme.points, np.ones(1))[0]
+        return shares
+
+    @cached_property
+    def hamiltonian(self) -> Array:
+        """Hamiltonian H = L + λ'f (N - 1, k) at ``point_times``; constant in time where nothing depends on t."""
+        problem, times = self.problem, self.point_times
+        x, u, t = self.inner.reshape(-1, problem.nx), self.u.reshape(-1, problem.nu), times.ravel()
+        cost = problem.running_cost.map(len(t))(x.T, u.T, t[None, :], np.tile(self.parameters[:, None], (1, len(t))))
+        running = np.array(cost.full())[0].reshape(times.shape)
+        values: Array = running + (self.multipliers.dynamics.values * self.rates).sum(axis=2)
+        return values
+
+    def costate(self, t: Array | float) -> Array:
+        """Costate λ (nx,) at a time t [s], or (n, nx) at times (n,), held to [0, T].
+
+        The polynomial through an interval's points, straight from node to node for a scheme of one point.
+        """
+        times = np.clip(np.atleast_1d(np.asarray(t, float)), 0.0, self.duration)
+        values = self.multipliers.dynamics.values
+        if len(self.scheme.points) > 1:
+            interval, fraction = self._locate(times)
+            found: Array = np.einsum("nk,nkm->nm", weights(self.scheme.points, fraction), values[interval])
+        else:
+            known = self.point_times[:, 0]
+            found = np.array([np.interp(times, known, column) for column in values[:, 0].T]).T
+        return found[0] if np.ndim(t) == 0 else found
+
     @cached_property
     def rates(self) -> Array:
         """Rates f(x, u, t; p) (N - 1, k, nx), in units per second, at the scheme's k points of each interval."""
         count, k, nx = self.inner.shape
-        points = np.array(self.scheme.points)
-        times = (self.t[:-1, None] + points * np.diff(self.t)[:, None]).ravel()
+        times = self.point_times.ravel()
         rates = along(self.problem, self.inner.reshape(-1, nx), self.u.reshape(count * k, -1), times, self.parameters)
         return rates.reshape(count, k, nx)
 
     def control(self, t: Array | float) -> Array:
         """Control u (nu,) at a time t [s], or (n, nu) at times (n,), held to [0, T].
 
-        The scheme's polynomial; at a node that of the interval which begins there.
+        The scheme's polynomial, saturated to the control's bounds as an actuator would be; at a node that of the
+        interval which begins there.
         """
         times = np.atleast_1d(np.asarray(t, float))
         interval, fraction = self._locate(times)
         basis = weights(self.scheme.points, fraction)
-        values: Array = np.einsum("nk,nkm->nm", basis, self.u[interval])
+        values: Array = np.clip(np.einsum("nk,nkm->nm", basis, self.u[interval]), *self.problem.control_bounds)
         return values[0] if np.ndim(t) == 0 else values
 
     def state(self, t: Array | float) -> Array:
@@ -161,19 +295,60 @@ class Solution:
     @cached_property
     def _rate_spline(self) -> CubicSpline:
         points, widths = np.array(self.scheme.points), self.grid.widths
-        count = len(points) - int(self.scheme.shared)
-        tau = (self.grid.nodes[:-1, None] + points[:count] * widths[:, None]).ravel()
-        rates = self.rates[:, :count].reshape(len(tau), -1)
-        if self.scheme.shared:
-            tau, rates = np.append(tau, 1.0), np.vstack([rates, self.rates[-1, -1]])
-        else:  # a control that is held: the rate at the middle stands for the interval
+        if len(points) == 1:  # a control that is held: the rate at the middle stands for the interval
             tau = self.grid.nodes[:-1] + 0.5 * widths
             rates = np.diff(self.x, axis=0) / (widths[:, None] * self.duration)
+        else:
+            count = len(points) - int(self.scheme.shared)
+            tau = (self.grid.nodes[:-1, None] + points[:count] * widths[:, None]).ravel()
+            rates = self.rates[:, :count].reshape(len(tau), -1)
+            if self.scheme.shared:
+                tau, rates = np.append(tau, 1.0), np.vstack([rates, self.rates[-1, -1]])
         return CubicSpline(tau, rates * self.duration / self.problem.state_scale, axis=0)
 
-    def with_replay(self, replay: ReplayResult, replay_ms: float) -> Solution:
-        """Return the solution with its replay, which took ``replay_ms`` [ms]."""
-        return dataclasses.replace(self, replay=replay, timing=self.timing + Timing(replay_ms=replay_ms))
+    def with_replay(self, replay: ReplayResult, errors: Array | None, replay_ms: float) -> Solution:
+        """Return the solution with its replay and the ``interval_errors``, which took ``replay_ms`` [ms]."""
+        timing = self.timing + Timing(replay_ms=replay_ms)
+        return dataclasses.replace(self, replay=replay, interval_errors=errors, timing=timing)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the solution to a file, whole or not at all, for ``load_solution``; returns its path.
+
+        An .npz archive of numbers and texts, with the problem's functions as lists of elementary operations. OSError
+        names the file where it cannot be written.
+        """
+        content = io.BytesIO()
+        arrays = {"format": np.array(FORMAT)} | encoded(self, RECORD)
+        np.savez_compressed(content, allow_pickle=False, **arrays)  # type: ignore[arg-type]
+        write_bytes(Path(path), content.getvalue())
+        return Path(path)
+
+    def plot(self, *names: str, path: str | Path | None = None) -> Figure:
+        """Draw states, controls and path constraints with their multipliers, the Hamiltonian and the mesh.
+
+        Args:
+            names: what to draw, by name; none means everything.
+            path: a file that the figure is written to, .png, .svg or .pdf; None for none.
+
+        Returns:
+            matplotlib's figure, on white.
+
+        Raises:
+            KeyError: for a name that is no state, control or path constraint.
+            ValueError: for a file of another kind.
+        """
+        from mathnavi.controllers.ocp.figure import solution_figure, written  # matplotlib takes a while to import
+
+        known = (*self.problem.states, *self.problem.controls, *self.multipliers.path.names)
+        columns = [(name, column_of(name, known)) for name in names]
+        for name, column in columns:
+            if column is None:
+                raise KeyError(f"{name!r} is no state, control or path constraint; {allowed_for(name, known)}")
+        chosen = [known[k] for _, column in columns for k in np.atleast_1d(column)]
+        figure = solution_figure(self, chosen)
+        if path is not None:
+            write_bytes(Path(path), written(figure, Path(path).suffix))
+        return figure
 
     def _locate(self, times: Array) -> tuple[Integers, Array]:
         """Interval and fraction in it of each time, held to [0, T]."""

@@ -6,24 +6,34 @@ parameters. Whatever happens in the solver ends as a status.
 
 from __future__ import annotations
 
+import dataclasses
 import time
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
+import casadi as ca
 import numpy as np
 
+from mathnavi.controllers.ocp.arcs import Arcs, placed, starts
 from mathnavi.controllers.ocp.backend import NumericalSolver, SolverAnswer
 from mathnavi.controllers.ocp.backend import Options as Options
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
-from mathnavi.controllers.ocp.grid import Grid, from_widths
-from mathnavi.controllers.ocp.nlp import programme
-from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.solution import Solution, Timing, along
+from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
+from mathnavi.controllers.ocp.finite import not_finite
+from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths
+from mathnavi.controllers.ocp.infeasible import contradiction
+from mathnavi.controllers.ocp.multipliers import NamedValues
+from mathnavi.controllers.ocp.nlp import bounded_controls, fractions_between, programme, variation
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
+from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.controllers.ocp.unbounded import unbounded
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 FIXED = Fixed()
 DEFAULT = Options()
+_BEFORE_THE_END = 1.0 - 1e-10
+_MAY_BE_UNBOUNDED = (Outcome.CONVERGED, Outcome.UNBOUNDED, Outcome.LIMIT, Outcome.FAILED)
 
 
 class Transcription:
@@ -36,11 +46,12 @@ class Transcription:
         distribution: NodeDistribution,
         nodes: int,
         options: Options,
+        arcs: int = 1,
     ) -> None:
-        """Build programme and solver for N = ``nodes`` nodes.
+        """Build programme and solver for N = ``nodes`` nodes in so many arcs.
 
-        Raises ProblemError for FATROP with a scheme that is not explicit, and for a distribution that cannot place so
-        few nodes.
+        Raises ProblemError for FATROP with a scheme that is not explicit, for a distribution that cannot place so few
+        nodes, and for several arcs of nodes that are unknowns.
         """
         began = time.perf_counter()
         if options.backend.startswith("fatrop") and not scheme.explicit:
@@ -49,8 +60,10 @@ class Transcription:
                 "allowed: forward Euler, multiple shooting, or backend = 'ipopt'"
             )
         self.problem, self.scheme, self.distribution, self.nodes = problem, scheme, distribution, nodes
-        self.programme = programme(problem, scheme, distribution, nodes)
+        self.programme = programme(problem, scheme, distribution, check_nodes(nodes), arcs)
         self.layout = self.programme.layout
+        nlp = self.programme
+        self._functional = None if nlp.functional is None else ca.Function("I", [nlp.x, nlp.p], [nlp.functional])
         self.solver = NumericalSolver(self.programme, options)
         self.build_ms = 1e3 * (time.perf_counter() - began)
 
@@ -59,6 +72,7 @@ class Transcription:
         guess: Solution | None = None,
         grid: Grid | None = None,
         parameters: Array | None = None,
+        arcs: Arcs | None = None,
     ) -> Solution:
         """Solve from a guess; failure is in the solution's status. There is no replay yet.
 
@@ -66,37 +80,110 @@ class Transcription:
             guess: another solution, on any grid and by any scheme; None for the problem's own guess.
             grid: N nodes or, where the nodes are unknowns, their guess; None for the guess's, or uniform ones.
             parameters: (np,) values of the problem's parameters; None for the nominal ones.
+            arcs: arcs of the grid, whose lengths are unknowns and whose controls have bounds of their own; only where
+                the transcription has as many. None for a transcription of one arc.
 
         Raises:
-            ProblemError: for a grid of another number of nodes, parameters of another shape, and a guess with other
-                numbers of states or controls.
+            ProblemError: for a grid of another number of nodes, parameters of another shape, arcs that do not fit, and
+                a guess with other numbers of states or controls.
         """
         p = self.problem.nominal if parameters is None else parameters
         where = grid or (guess.grid if guess is not None else Grid(np.linspace(0.0, 1.0, self.nodes)))
         if len(where) != self.nodes:
             raise ProblemError(f"grid: {len(where)} nodes; allowed: the {self.nodes} of this transcription")
-        if p.shape != self.problem.nominal.shape:
-            raise ProblemError(
-                f"parameters: shape {p.shape}; allowed: {self.problem.nominal.shape}, one for each parameter"
-            )
+        if not isinstance(p, np.ndarray) or p.shape != self.problem.nominal.shape:
+            shape = f": shape {p.shape}" if isinstance(p, np.ndarray) else f" = {p!r:.80}"
+            raise ProblemError(f"parameters{shape}; allowed: {self.problem.nominal.shape}, one for each parameter")
+        if guess is not None and not isinstance(guess, Solution):
+            raise ProblemError(f"guess = {guess!r:.80}; allowed: a Solution, or None for the problem's own guess")
         if guess is not None and (guess.problem.nx, guess.problem.nu) != (self.problem.nx, self.problem.nu):
             raise ProblemError(
                 f"guess: a solution of {guess.problem.name} with {guess.problem.nx} states and {guess.problem.nu} "
                 f"controls; allowed: {self.problem.nx} and {self.problem.nu}"
             )
-        known = p if self.layout.moving else np.concatenate([p, where.widths * (self.nodes - 1)])
-        x_0 = self._unknowns(guess, where, p)
-        return self._read(self.solver.solve(x_0, known), where, p)
+        if (1 if arcs is None else len(arcs)) != self.layout.arcs:
+            raise ProblemError(f"arcs: {arcs}; allowed: the {self.layout.arcs} of this transcription")
+        shares = None
+        smoothing = np.zeros((self.nodes - 1, self.layout.smoothed))
+        if arcs is not None and arcs.smoothing is not None:
+            smoothing = arcs.smoothing[arcs.of_interval]
+        if self.layout.moving:
+            known = p
+        elif arcs is None or len(arcs) == 1:
+            known = np.concatenate([p, where.widths * (self.nodes - 1)])
+        else:
+            arcs.check(where)
+            shares = arcs.shares(where)
+            known = np.concatenate([p, starts(shares).ravel(), shares.ravel()])
+        known = np.concatenate([known, smoothing.ravel()])
+        x_0 = self._unknowns(guess, where, p, arcs)
+        answer = self.solver.solve(x_0, known, bounds=None if arcs is None else self._bounds(arcs))
+        if answer.status is Outcome.NOT_FINITE:
+            answer = self._explained(answer, x_0, where, p)
+        if answer.status is Outcome.INFEASIBLE and arcs is None:
+            why = contradiction(self.programme, answer.x, known)
+            answer = dataclasses.replace(answer, message=why or answer.message)
+        cost = answer.cost if self._functional is None else answer.cost - float(self._functional(answer.x, known))
+        found = self._read(answer, where, p, known, shares, cost)
+        if smoothing.any():  # it is no part of J
+            u = found.u / self.problem.control_scale
+            added = np.einsum("kl,ikm,ilm,im->", variation(self.scheme), u, u, smoothing)
+            found = dataclasses.replace(found, cost=found.cost - float(added))
+        if answer.status in _MAY_BE_UNBOUNDED:
+            u, diverged = np.concatenate(list(found.u)), answer.status is Outcome.UNBOUNDED
+            if why := unbounded(self.problem, found.x, u, found.duration, diverged=diverged):
+                found = dataclasses.replace(found, status=Outcome.UNBOUNDED, message=why)
+        return found
 
-    def _read(self, answer: SolverAnswer, grid: Grid, p: Array) -> Solution:
-        """The solution in an answer."""
+    def _explained(self, answer: SolverAnswer, x_0: Array, grid: Grid, p: Array) -> SolverAnswer:
+        """The answer of a solve that met NaN or infinity, with what was not finite at the guess or the last iterate."""
+        nx, durations = self.problem.nx, self.layout.durations
+        found = ""
+        for name, unknowns in (("guess", x_0), ("last iterate", answer.x)):
+            z, w, last = self.layout.split(unknowns)
+            duration = float(z[0, nx : nx + durations].sum()) if durations else self.problem.guess_duration
+            u = np.vstack([w[:, : self.problem.nu], last if self.scheme.shared else w[-1:, : self.problem.nu]])
+            found = found or not_finite(self.problem, z[:, :nx], u, grid.nodes * duration, p, name)
+        return dataclasses.replace(answer, message=found or answer.message)
+
+    def _bounds(self, arcs: Arcs) -> tuple[Array, Array, Array, Array]:
+        """Bounds on the scaled unknowns and the rows, those of controls and path constraints by their arcs."""
+        layout, problem, programme = self.layout, self.problem, self.programme
+        count, points, nd = self.nodes - 1, self.layout.own_points, len(self.problem.path_bounds.lower)
+        first, stage = layout.state_size, layout.state_size + layout.input_size
+        unknowns, rows = (
+            (programme.x_lower.copy(), programme.x_upper.copy()),
+            (
+                programme.lower.copy(),
+                programme.upper.copy(),
+            ),
+        )
+        for limits, own in zip(unknowns, arcs.control_bounds, strict=True):
+            held = np.tile((own / problem.control_scale)[arcs.of_interval], (1, points))
+            limits[: count * stage].reshape(count, stage)[:, first : first + points * problem.nu] = held
+        bounded = bounded_controls(problem)
+        fixed = (arcs.control_bounds.lower == arcs.control_bounds.upper)[:, bounded][arcs.of_interval]
+        fixed = np.tile(fixed, (1, len(fractions_between(self.scheme))))  # what is held needs no bounds in between
+        between = programme.held_rows[:, programme.held_rows.shape[1] - fixed.shape[1] :][fixed]
+        for limits, own, free in zip(rows, arcs.path_bounds, (-np.inf, np.inf), strict=True):
+            limits[programme.held_rows[:, : points * nd]] = np.tile(own[arcs.of_interval], (1, points))
+            limits[between] = free
+        return *unknowns, *rows
+
+    def _read(
+        self, answer: SolverAnswer, grid: Grid, p: Array, known: Array, shares: Array | None, cost: float
+    ) -> Solution:
+        """The solution in an answer, and its J."""
         layout, problem, scheme = self.layout, self.problem, self.scheme
         nx, nu, count = problem.nx, problem.nu, self.nodes - 1
         z, w, last = layout.split(answer.x)
         x = z[:, :nx]
-        duration = float(z[0, nx]) if layout.free_duration else problem.guess_duration
+        lengths = z[0, nx : nx + layout.durations]
+        duration = float(lengths.sum()) if layout.durations else problem.guess_duration
         if layout.moving and (w[:, -1] > 0.0).all():
             grid = from_widths(w[:, -1])
+        if shares is not None and (lengths > 0.0).all():
+            grid = placed(shares, lengths)
         u = w[:, : layout.own_points * nu].reshape(count, layout.own_points, nu)
         if scheme.shared:
             u = np.concatenate([u, np.vstack([u[1:, 0], last])[:, None, :]], axis=1)
@@ -106,19 +193,32 @@ class Transcription:
         # The gap is written z_(i+1) - flow = 0 over the scale: its multiplier is -λ times the scale. Where a scheme has
         # inner equations, flow - X = 0, x_i enters each of them, and λ is their sum.
         lam = answer.multipliers[1]
-        shares = lam[self.programme.inner_rows].reshape(count, scheme.interior, nx).sum(axis=1)
-        costates = (shares - lam[rows]) / problem.state_scale
+        parts = lam[self.programme.inner_rows].reshape(count, scheme.interior, nx).sum(axis=1)
+        costates = (parts - lam[rows]) / problem.state_scale
+        multipliers = multipliers_of(self.programme, Answer(*answer.multipliers, grid.nodes * duration, x, inner, u, p))
         return Solution(
-            problem, scheme, answer.status, answer.message, grid, duration, p, x, inner, u, costates, answer.cost,
-            answer.iterations, Timing(self.build_ms, answer.solve_ms),
+            problem, scheme, answer.status, answer.message, grid, duration, p, x, inner, u, costates, cost,
+            answer.iterations, Timing(self.build_ms, answer.solve_ms), multipliers, self._sensitivities(answer, known),
         )  # fmt: skip
 
-    def _unknowns(self, guess: Solution | None, grid: Grid, p: Array) -> Array:
+    def _sensitivities(self, answer: SolverAnswer, known: Array) -> NamedValues:
+        """dJ/dp (np,): the derivative of the Lagrangian by the parameters."""
+        names = self.problem.parameters
+        if not names:
+            return NamedValues(names, np.empty(0))
+        return NamedValues(names, self._parameter_gradient(answer.x, known, answer.multipliers[1]).full()[:, 0])
+
+    @cached_property
+    def _parameter_gradient(self) -> ca.Function:
+        return self.programme.assembly.parameter_gradient(len(self.problem.parameters))
+
+    def _unknowns(self, guess: Solution | None, grid: Grid, p: Array, arcs: Arcs | None) -> Array:
         """The vector of unknowns that a guess amounts to on a grid."""
         problem, layout, scheme = self.problem, self.layout, self.scheme
         points = np.array(scheme.points[: layout.own_points])
-        at_points = (grid.nodes[:-1, None] + points * grid.widths[:, None]).ravel()
-        inside = np.array(scheme.points[1 : 1 + scheme.interior])
+        # A point at the end of an interval is read just before it: the control may jump there.
+        at_points = (grid.nodes[:-1, None] + np.minimum(points, _BEFORE_THE_END) * grid.widths[:, None]).ravel()
+        inside = np.array([c for c in scheme.points if 0.0 < c < 1.0][: scheme.interior])
         at_inner = (grid.nodes[:-1, None] + inside * grid.widths[:, None]).ravel()
         if guess is not None:
             T = guess.duration
@@ -135,8 +235,9 @@ class Transcription:
             u, last = interpolated(problem.guess_controls, at_points), problem.guess_controls[-1]
         n, D = self.nodes, grid.widths * (self.nodes - 1)
         z = [x]
-        if layout.free_duration:
-            z.append(np.full((n, 1), T))
+        if layout.durations:
+            lengths = T * (arcs.lengths(grid) if arcs is not None else np.ones(1))
+            z.append(np.tile(lengths, (n, 1)))
         if layout.constants:
             rates = along(problem, x, np.vstack([u.reshape(n - 1, -1)[:, : problem.nu], last]), grid.nodes * T, p)
             second_derivatives = np.diff(rates, axis=0) * T / grid.widths[:, None] / problem.state_scale
@@ -156,6 +257,7 @@ def transcription(
     nodes: int,
     distribution: NodeDistribution = FIXED,
     options: Options = DEFAULT,
+    arcs: int = 1,
 ) -> Transcription:
     """The transcription for these arguments, built once and kept.
 
@@ -165,16 +267,14 @@ def transcription(
         nodes: N >= 2.
         distribution: places of the nodes; ``Fixed`` for those of a given grid.
         options: solver and tolerance.
+        arcs: number A of arcs whose lengths are unknowns.
 
     Raises:
         ProblemError: for a problem that is no ``ProblemFunctions``, an ``OptimalControlProblem`` itself for one, and as
             ``Transcription`` does.
     """
-    if not isinstance(problem, ProblemFunctions):
-        raise ProblemError(
-            f"problem = {problem!r}; allowed: ProblemFunctions, OptimalControlProblem.functions() for one"
-        )
-    return Transcription(problem, scheme, distribution, nodes, options)
+    check_problem(problem)
+    return Transcription(problem, scheme, distribution, nodes, options, arcs)
 
 
 def _inner_states(
@@ -188,13 +288,14 @@ def _inner_states(
     p: Array,
 ) -> Array:
     """(N - 1, k, nx) the states at the scheme's points."""
-    k = len(scheme.points)
-    if k == 1:
-        return x[:-1, None, :]
-    if scheme.interior or k == 2:
-        return np.concatenate([x[:-1, None, :], hidden, x[1:, None, :]], axis=1)
+    points = scheme.points
+    ends = [x[:-1, None, :]] if points[0] == 0.0 else [], [x[1:, None, :]] if points[-1] == 1.0 else []
+    states = np.concatenate([*ends[0], hidden, *ends[1]], axis=1)
+    if states.shape[1] == len(points):
+        return states
     # Hermite-Simpson's midpoint
     t, d = grid.nodes * duration, np.diff(grid.nodes)[:, None] * duration
     f_0, f_1 = along(problem, x[:-1], u[:, 0], t[:-1], p), along(problem, x[1:], u[:, -1], t[1:], p)
-    middle = 0.5 * (x[:-1] + x[1:]) + d * (f_0 - f_1) / 8.0
+    with np.errstate(invalid="ignore"):  # of a solve that failed
+        middle = 0.5 * (x[:-1] + x[1:]) + d * (f_0 - f_1) / 8.0
     return np.stack([x[:-1], middle, x[1:]], axis=1)

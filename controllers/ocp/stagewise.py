@@ -112,6 +112,14 @@ class Assembly:
         )
         return {function.name(): function for function in made}
 
+    def parameter_gradient(self, count: int) -> ca.Function:
+        """(x, p, μ) -> gradient (count,) of f + μ'g by the first ``count`` known values of every copy."""
+        shares = [ca.gradient(block.lagrangian, block.data[:count]) for block in self._blocks]
+        parts = zip(self._blocks, shares, strict=True)
+        total = sum((ca.sum2(self._called(block, "share", share)) for block, share in parts), ca.MX(count, 1))
+        known = [self._x, self._p, self._mu]
+        return ca.Function("parameter_gradient", known, [ca.substitute(total, self._sigma, ca.MX(1.0))])
+
     def _called(self, block: Block, name: str, result: ca.SX) -> ca.MX:
         """A result (·, copies) of each of a block's copies."""
         symbols = [block.v, block.data]

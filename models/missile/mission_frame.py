@@ -40,7 +40,6 @@ class MissionFrame:
         """The frame of a level start at ``heading`` [deg] to the left; places are those of the world.
 
         The target is hit at ``aspect_angle`` [deg] over the horizontal and azimuth 0. A ``planar`` flight keeps x, z.
-        x, z.
         """
         h, a = math.radians(heading), math.radians(aspect_angle)
         line = np.array(target) - np.array(start)

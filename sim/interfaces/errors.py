@@ -36,3 +36,7 @@ class StoreError(ValueError):
 
 class ProblemError(ValueError):
     """An optimal control problem, or a mesh for one, that is not well stated."""
+
+
+class SolutionFileError(ValueError):
+    """The file of a solution of an optimal control problem that is broken, or not one."""

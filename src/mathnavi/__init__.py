@@ -16,8 +16,11 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mathnavi.controllers.ocp.backend import Options as SolverOptions
     from mathnavi.controllers.ocp.monitors import Monitor
+    from mathnavi.controllers.ocp.phases import MultiPhaseProblem
     from mathnavi.controllers.ocp.problems.library import OptimalControlProblem
+    from mathnavi.controllers.ocp.saved_solution import load_solution
     from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
     from mathnavi.models.field.curve import Curve, ellipse
     from mathnavi.models.manifold.constant_curvature import flat_space as EuclideanSpace  # noqa: N812
@@ -34,6 +37,7 @@ if TYPE_CHECKING:
         PluginError,
         ProblemError,
         RunFolderError,
+        SolutionFileError,
         StoreError,
         TerrainError,
     )
@@ -83,7 +87,10 @@ _PLACES = {
     "wall_through": "sim.scripting.localisation",
     # optimal control
     "OptimalControlProblem": "controllers.ocp.problems.library",  # which enters the problems of the literature
+    "MultiPhaseProblem": "controllers.ocp.phases",
     "Monitor": "controllers.ocp.monitors",
+    "SolverOptions": "controllers.ocp.backend:Options",
+    "load_solution": "controllers.ocp.saved_solution",
     # terrain
     "load_terrain": "models.terrain.library",
     "import_terrain": "models.terrain.dem:import_dem",
@@ -104,6 +111,7 @@ _PLACES = {
     "PluginError": "sim.interfaces.errors",
     "ProblemError": "sim.interfaces.errors",
     "RunFolderError": "sim.interfaces.errors",
+    "SolutionFileError": "sim.interfaces.errors",
     "StoreError": "sim.interfaces.errors",
     "TerrainError": "sim.interfaces.errors",
 }
@@ -135,7 +143,10 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "ellipse",
     "wall_through",
     "OptimalControlProblem",
+    "MultiPhaseProblem",
     "Monitor",
+    "SolverOptions",
+    "load_solution",
     "load_terrain",
     "import_terrain",
     "HeightField",
@@ -153,6 +164,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "PluginError",
     "ProblemError",
     "RunFolderError",
+    "SolutionFileError",
     "StoreError",
     "TerrainError",
 ]

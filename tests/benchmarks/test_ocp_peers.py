@@ -67,7 +67,7 @@ def test_ours_counts_with_the_worse_of_cost_and_replayed_cost_and_only_through_t
     worse = dataclasses.replace(solution, replay=dataclasses.replace(solution.replay, cost=3.9))
     assert accepted(problem, worse) == 3.9
     assert accepted(problem, dataclasses.replace(worse, status=Outcome.REFUSED)) is None
-    diverged = dataclasses.replace(solution.replay, cost=math.nan, value=math.inf)
+    diverged = dataclasses.replace(solution.replay, cost=math.nan, miss=math.inf)
     assert accepted(problem, dataclasses.replace(solution, replay=diverged)) is None
 
 

@@ -1,36 +1,47 @@
-"""The replay gate: an adaptive solution is taken only where it replays no worse than the uniform one.
+"""The replay gate: an adaptive solution is taken only where it replays as well as the uniform one, or well enough.
 
 Nodes that the optimiser may move are moved where the transcription's error hides; J then looks better than it is. The
-gate compares what both do in the true dynamics (see ``mathnavi.controllers.ocp.replay``).
+gate compares what both do in the true dynamics (see ``mathnavi.controllers.ocp.replay``), figure by figure: one that is
+large on both grids, as a path violation where a constraint begins to hold, does not hide another.
 """
 
 from __future__ import annotations
 
 import dataclasses
 
-from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solution import Outcome, ReplayResult, Solution
 
-LEAST = 1e-8
-"""a replay value that is good enough, however good the uniform solution is"""
+WORSE = 3.0
+"""times the uniform solution's, a figure is worse: what a third fewer nodes cost a method of fourth order"""
 
 
-def gated(adaptive: Solution, uniform: Solution, method: str) -> Solution:
+def gated(adaptive: Solution, uniform: Solution, method: str, tolerance: float) -> Solution:
     """Compare replays: the adaptive solution under its method's name, or the uniform one with the status REFUSED.
 
-    The message says why it was refused. Both carry a replay where they are solutions at all. The time of the adaptive
-    one is the time of the answer. Where the uniform solve failed there is nothing to compare with: the adaptive
-    solution's message says so.
+    A figure of the adaptive solution's replay is refused if it is larger than the tolerance and than ``WORSE`` times
+    the uniform one's. The message says which. Both carry a replay where they are solutions at all. The time of the
+    adaptive one is the time of the answer. Where the uniform solve failed there is nothing to compare with: the
+    adaptive solution's message says so.
     """
     timing = adaptive.timing
-    if not uniform.ok or uniform.replay is None:
-        if not adaptive.ok:
+    if not uniform.solved or uniform.replay is None:
+        if not adaptive.solved:
             return dataclasses.replace(uniform, method=method, timing=timing)
         message = f"{adaptive.message}; not gated, for the uniform solve failed: {uniform.status.value}"
         return dataclasses.replace(adaptive, message=message, method=method, timing=timing)
-    if not adaptive.ok or adaptive.replay is None:
+    if not adaptive.solved or adaptive.replay is None:
         reason = f"{method}: {adaptive.status.value} ({adaptive.message})"
-    elif not adaptive.replay.value <= max(uniform.replay.value, LEAST):
-        reason = f"{method}: replays with {adaptive.replay.value:.3g}, uniform with {uniform.replay.value:.3g}"
+    elif worse := worse_figures(adaptive.replay, uniform.replay, tolerance):
+        reason = f"{method}: replays with a {'; a '.join(worse)}"
     else:
         return dataclasses.replace(adaptive, method=method, timing=timing)
     return dataclasses.replace(uniform, status=Outcome.REFUSED, message=reason, method=method, timing=timing)
+
+
+def worse_figures(adaptive: ReplayResult, uniform: ReplayResult, tolerance: float) -> list[str]:
+    """The figures by which an adaptive solution replays worse, with both values."""
+    found = []
+    for (name, own), other in zip(adaptive.figures.items(), uniform.figures.values(), strict=True):
+        if not own <= max(tolerance, WORSE * other):
+            found.append(f"{name} of {own:.3g}, uniform with {other:.3g}")
+    return found

@@ -13,7 +13,7 @@ from mathnavi.controllers.ocp.methods.direct import HERMITE_SIMPSON
 from mathnavi.controllers.ocp.methods.gate import gated
 from mathnavi.controllers.ocp.monitors import CURVATURE, Monitor
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.replay import replayed
+from mathnavi.controllers.ocp.replay import GIVEN_NODES, replayed
 from mathnavi.controllers.ocp.solution import Outcome, Solution
 from mathnavi.controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
@@ -31,6 +31,7 @@ def redistribute(
     guess: Solution | None = None,
     parameters: Array | None = None,
     options: Options = DEFAULT,
+    tolerance: float = GIVEN_NODES,
 ) -> Solution:
     """Solve on uniform nodes, then ``rounds`` times on the grid that equidistributes a monitor function; gated.
 
@@ -42,7 +43,9 @@ def redistribute(
         scheme: transcription of an interval.
         guess: a solution to start from, on any grid; None for the problem's own guess.
         parameters: (np,) values of the problem's parameters; None for the nominal ones.
-        options: solver and tolerance.
+        options: solver and its own tolerance.
+        tolerance: largest miss, path violation and cost error of the replay of a solution that is called OPTIMAL, and
+            which the gate lets pass however good those of the uniform solution are.
 
     Returns:
         The solution with its replay, or the uniform one with the status REFUSED where that replays better.
@@ -53,17 +56,17 @@ def redistribute(
     if rounds < 1:
         raise ProblemError(f"rounds = {rounds!r}; allowed: a whole number >= 1")
     made = transcription(problem, scheme, nodes, FIXED, options)
-    first = replayed(made.solve(guess, uniform(nodes), parameters))
-    if first.status not in (Outcome.OPTIMAL, Outcome.LIMIT):
+    first = replayed(made.solve(guess, uniform(nodes), parameters), tolerance)
+    if not (first.solved or first.status is Outcome.LIMIT):
         return first
     current = first  # even one that did not converge shows where the next grid has to be dense
     for _ in range(rounds):
         following = made.solve(current, redistributed(current, nodes, monitor), parameters)
         spent = dataclasses.replace(following.timing, build_ms=0.0)  # it is the same programme
         current = dataclasses.replace(following, timing=spent + current.timing)
-        if current.status not in (Outcome.OPTIMAL, Outcome.LIMIT):
+        if not (current.solved or current.status is Outcome.LIMIT):
             break
-    return gated(replayed(current), first, f"redistribution, {monitor.name}")
+    return gated(replayed(current, tolerance), first, f"redistribution, {monitor.name}", tolerance)
 
 
 def redistributed(solution: Solution, nodes: int, monitor: Monitor) -> Grid:

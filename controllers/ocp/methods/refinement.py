@@ -13,9 +13,9 @@ import math
 
 import numpy as np
 
-from mathnavi.controllers.ocp.grid import split, uniform
+from mathnavi.controllers.ocp.grid import check_nodes, split, uniform
 from mathnavi.controllers.ocp.methods.direct import HERMITE_SIMPSON, solve
-from mathnavi.controllers.ocp.methods.gate import LEAST, gated
+from mathnavi.controllers.ocp.methods.gate import gated
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import replayed
 from mathnavi.controllers.ocp.residual import local_errors
@@ -25,13 +25,16 @@ from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
+REFINED = 1e-6
+"""tolerance of a refinement, of local errors and of the replay"""
+
 
 def refine(
     problem: ProblemFunctions,
     nodes: int = 6,
     *,
     most_nodes: int = 60,
-    tolerance: float = 1e-6,
+    tolerance: float = REFINED,
     scheme: Scheme = HERMITE_SIMPSON,
     guess: Solution | None = None,
     parameters: Array | None = None,
@@ -43,7 +46,7 @@ def refine(
         problem: the problem as compiled functions.
         nodes: number of uniform nodes to start with.
         most_nodes: limit of the number of nodes.
-        tolerance: allowed local error η of an interval, over the states' scales.
+        tolerance: allowed local error η of an interval, over the states' scales, and allowed error of the replay.
         scheme: transcription of an interval.
         guess: a solution to start from, on any grid; None for the problem's own guess.
         parameters: (np,) values of the problem's parameters; None for the nominal ones.
@@ -59,7 +62,8 @@ def refine(
     """
     if len(scheme.points) < 2:
         raise ProblemError(f"scheme = {scheme.name} cannot be refined; allowed: a collocation scheme")
-    if not nodes <= most_nodes:
+    check_nodes(nodes)
+    if not nodes <= check_nodes(most_nodes, "most_nodes"):
         raise ProblemError(f"most_nodes = {most_nodes!r}; allowed: at least nodes = {nodes}")
     if not (math.isfinite(tolerance) and tolerance > 0.0):
         raise ProblemError(f"tolerance = {tolerance!r}; allowed: a finite value > 0")
@@ -67,21 +71,25 @@ def refine(
     while True:
         current = transcription(problem, scheme, len(grid), FIXED, options).solve(current, grid, parameters)
         timing += current.timing
-        if not current.ok:
+        if not current.solved:
             return dataclasses.replace(current, method="refinement", timing=timing)
         errors = local_errors(current)
         if errors.max() <= tolerance or current.nodes >= most_nodes:
             break
         grid = split(grid, _parts(errors, tolerance, len(scheme.points) + 1, most_nodes - len(grid)))
     reached = "at most" if errors.max() <= tolerance else "still"
-    message = f"local error {reached} {errors.max():.2g} on {current.nodes} nodes"
-    refined = replayed(dataclasses.replace(current, method="refinement", message=message, timing=timing))
-    if refined.replay is not None and refined.replay.value <= LEAST:
+    refined = replayed(dataclasses.replace(current, method="refinement", timing=timing), tolerance)
+    message = f"local error {reached} {errors.max():.2g} on {current.nodes} nodes; {refined.message}"
+    refined = dataclasses.replace(refined, message=message)
+    if refined.ok:
         return refined
-    even = solve(problem, refined.nodes, scheme=scheme, guess=refined, parameters=parameters, options=options)
+    even = solve(
+        problem, refined.nodes, scheme=scheme, guess=refined, parameters=parameters, options=options,
+        tolerance=tolerance,
+    )  # fmt: skip
     spent = even.timing.build_ms + even.timing.solve_ms + even.timing.replay_ms
     refined = dataclasses.replace(refined, timing=refined.timing + Timing(gate_ms=spent))
-    return gated(refined, even, "refinement") if even.ok else refined
+    return gated(refined, even, "refinement", tolerance) if even.solved else refined
 
 
 def _parts(errors: Array, tolerance: float, power: int, spare: int) -> list[int]:

@@ -1,8 +1,8 @@
 """Bryson-Denham: turn a body around before a wall with the least energy (Bryson and Ho, Applied Optimal Control).
 
-    minimise 1/2 ∫_0^1 u^2 dt   subject to   x' = v,   v' = u,   x <= L = 1/9,   (0, 1) to (0, -1)
+    minimise 1/2 ∫_0^1 u^2 dt   subject to   x' = v,   v' = u,   x <= L,   (0, 1) to (0, -1)
 
-For L <= 1/6 the optimum J* = 4 / (9 L) = 4 rests on the wall between t = 3 L and 1 - 3 L.
+For L <= 1/6 the optimum J* = 4 / (9 L) rests on the wall between t = 3 L and 1 - 3 L: 4 for L = 1/9, 40/9 for L = 0.1.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ WALL = 1.0 / 9.0
 
 
 @cache
-def bryson_denham() -> ProblemFunctions:
-    """Turn before the wall x <= 1/9 within one second."""
-    ocp = OptimalControlProblem("Bryson-Denham")
+def bryson_denham(wall: float = WALL) -> ProblemFunctions:
+    """Turn before the wall x <= ``wall`` within one second."""
+    ocp = OptimalControlProblem(f"Bryson-Denham, L = {wall:.4g}")
 
-    x = ocp.state("x", upper=WALL, scale=0.1, guess=(0.0, 0.1, 0.0))
+    x = ocp.state("x", upper=wall, scale=0.1, guess=(0.0, 0.1, 0.0))
     v = ocp.state("v", guess=(1.0, -1.0))
     u = ocp.control("u", scale=5.0)
     ocp.duration(1.0)

@@ -19,7 +19,8 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.polynomial import Legendre
 
-from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Rates, integral_weights
+from mathnavi.controllers.ocp.transcriptions.collocation import collocated
+from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Rates
 from mathnavi.sim.interfaces.bounds import configuration
 
 
@@ -63,21 +64,7 @@ class LegendreGaussLobatto:
         self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
     ) -> IntervalEquations:
         """X_j = x_0 + d Σ_k A_jk f_k at the inner points and at the end, at the cost d Σ_k A_Kk L_k."""
-        states = (x_0, *X, x_1)
-        pairs = [rates(x, u, t + c * d) for x, u, c in zip(states, U, self.points, strict=True)]
-
-        A = integral_weights(self.points, np.array(self.points)).tolist()  # the last row is the quadrature
-
-        def reached(row: Sequence[float]) -> ca.SX:
-            return x_0 + d * sum((a * f for a, (f, _) in zip(row, pairs, strict=True)), ca.SX(0))
-
-        inner = [reached(row) - x for row, x in zip(A[1:-1], X, strict=True)]
-        return IntervalEquations(
-            flow=reached(A[-1]),
-            inner=ca.vertcat(*inner) if inner else ca.SX(0, 1),
-            cost=d * sum((a * cost for a, (_, cost) in zip(A[-1], pairs, strict=True)), ca.SX(0)),
-            states=states,
-        )
+        return collocated(self.points, rates, x_0, X, x_1, U, t, d)
 
 
 @lru_cache(maxsize=64)

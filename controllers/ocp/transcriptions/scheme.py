@@ -1,8 +1,10 @@
 """Transcriptions: the equations that join states, controls and dynamics over one interval (thesis 1.1.2, B.2).
 
 Over [t, t + d] the unknowns are the states at both ends, x_0 and x_1, the controls U at ``points`` (fractions of the
-interval), and the states X at ``interior`` further points. The scheme turns them into equations that vanish and into
-its quadrature of the running cost. The control in between is Lagrange's polynomial through its points; the state is
+interval), and the states X at ``interior`` of those points: the ones between the ends, where a scheme does not express
+them by the others. No scheme needs a point at either end: a control is extrapolated to an end that is no point. The
+scheme turns the unknowns into equations that vanish and into its quadrature of the running cost. The control in between
+is Lagrange's polynomial through its points; the state is
 
     x(t + c d) = x_0 + d Σ_j f_j ∫_0^c l_j,          f_j = f(x_j, u_j) at the points, l_j Lagrange's basis,
 

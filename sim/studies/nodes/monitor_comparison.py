@@ -126,7 +126,7 @@ def monitor_rows(name: str, nodes: int, reference_nodes: int) -> list[dict[str, 
     for monitor in MONITORS:
         current = even
         for done in range(1, max(ROUNDS) + 1):
-            if current.ok:
+            if current.solved:
                 current = solve(problem, redistributed(current, nodes, monitor), guess=current)
             if done in ROUNDS:
                 rows.append(_row(name, monitor.name, done, current, even, reference))
@@ -136,8 +136,8 @@ def monitor_rows(name: str, nodes: int, reference_nodes: int) -> list[dict[str, 
 def _row(
     name: str, monitor: str, rounds: int, solution: Solution, even: Solution, reference: Solution
 ) -> dict[str, Any]:
-    error, error_even = (control_error(s, reference) if s.ok else math.nan for s in (solution, even))
-    miss, miss_even = (s.replay.miss if s.ok and s.replay is not None else math.nan for s in (solution, even))
+    error, error_even = (control_error(s, reference) if s.solved else math.nan for s in (solution, even))
+    miss, miss_even = (s.replay.miss if s.solved and s.replay is not None else math.nan for s in (solution, even))
     return {
         "problem": name,
         "monitor": monitor,

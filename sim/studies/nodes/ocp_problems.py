@@ -101,9 +101,10 @@ class OcpProblems:
                 "Reported is the first method, in the order of the figure, whose solution passed the replay gate and "
                 "whose J and replayed J are both within the tolerance. Times are wall-clock times of the solver, "
                 "summed over the grids that a method goes through, with as many problems at once as there are workers.",
-                "Where the open loop is ill-posed, the replay goes interval by interval. A control that is a parabola "
-                "between its nodes overshoots a bound where it switches; the largest violation of a bound or a path "
-                "constraint on a dense grid is in the table, relative to the scale.",
+                "Where the open loop is ill-posed, the replay goes interval by interval. What is replayed is the "
+                "control that actuators can follow: one that is a parabola between its nodes overshoots a bound where "
+                "it switches, and is saturated there. Miss and largest violation of a state bound or a path constraint "
+                "on a dense grid are in the table, relative to the scale.",
             ),
             rows=rows,
             tables=(_table(best),),
@@ -126,7 +127,7 @@ def attempts(name: str, nodes: int, exhaustive: bool) -> list[dict[str, Any]]:
 
 def _row(name: str, method: str, solution: Solution) -> dict[str, Any]:
     known, replay = PROBLEMS[name], solution.replay
-    passed = solution.status is Outcome.OPTIMAL and replay is not None
+    passed = solution.status in (Outcome.OPTIMAL, Outcome.CONVERGED) and replay is not None
     error = known.error(solution.cost)
     error_replayed = known.error(replay.cost) if replay is not None else math.nan
     intervals, inside = solution.nodes - 1, solution.scheme.interior
@@ -146,7 +147,9 @@ def _row(name: str, method: str, solution: Solution) -> dict[str, Any]:
         "tolerance": known.tolerance,
         "reached": passed and error <= known.tolerance and error_replayed <= known.tolerance,
         "replay_miss": replay.miss if replay is not None else math.nan,
-        "replay_violation": replay.violation if replay is not None else math.nan,
+        "replay_path_violation": replay.path_violation if replay is not None else math.nan,
+        "replay_control_violation": replay.control_violation if replay is not None else math.nan,
+        "replay_cost_error": replay.cost_error if replay is not None else math.nan,
         "replay_by_intervals": replay.by_intervals if replay is not None else False,
         "iterations": solution.iterations,
         "solve_ms": MeasuredTime(solution.timing.solve_ms),
@@ -166,7 +169,7 @@ def _first_reached(tried: Sequence[dict[str, Any]]) -> dict[str, Any]:
 def _excess(row: Mapping[str, Any]) -> float:
     """The larger error over the tolerance; infinite without a solution that the gate passed."""
     excess = float(np.max([row["error"], row["error_replayed"]])) / row["tolerance"]  # NaN if either is
-    return excess if row["status"] == "optimal" and math.isfinite(excess) else math.inf
+    return excess if row["status"] in ("optimal", "converged") and math.isfinite(excess) else math.inf
 
 
 def _claim(best: Mapping[str, Mapping[str, Any]], reached: Sequence[str], config: OcpProblemsConfig) -> Claim:
@@ -184,7 +187,7 @@ def _claim(best: Mapping[str, Mapping[str, Any]], reached: Sequence[str], config
 
 def _table(best: Mapping[str, Mapping[str, Any]]) -> Table:
     columns = (
-        "problem", "optimum", "source", "value", "replayed", "error", "violation", "N", "method", "time",
+        "problem", "optimum", "source", "value", "replayed", "error", "miss", "path violation", "N", "method", "time",
     )  # fmt: skip
     cells = []
     for name, row in best.items():
@@ -194,7 +197,8 @@ def _table(best: Mapping[str, Mapping[str, Any]]) -> Table:
             (
                 name if known.quantity == "J" else f"{name}: {known.quantity}", f"{row['optimum']:.8g}", known.source,
                 f"{row['value']:.8g}", f"{row['value_replayed']:.8g}{mark}",
-                f"{max(row['error'], row['error_replayed']):.0e}", f"{row['replay_violation']:.0e}", str(row["nodes"]),
+                f"{max(row['error'], row['error_replayed']):.0e}", f"{row['replay_miss']:.0e}",
+                f"{row['replay_path_violation']:.0e}", str(row["nodes"]),
                 row["method"] + ("" if row["reached"] else " (not reached)"), f"{row['solve_ms']:.0f} ms",
             )
         )  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,7 @@ from mathnavi.controllers.ocp.distribution import (
 )
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.methods.distribution import distribute
-from mathnavi.controllers.ocp.methods.gate import gated
+from mathnavi.controllers.ocp.methods.gate import gated, worse_figures
 from mathnavi.controllers.ocp.methods.redistribution import redistribute
 from mathnavi.controllers.ocp.methods.refinement import refine
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
@@ -23,7 +25,7 @@ from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.controllers.ocp.residual import local_errors
-from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solution import Outcome, ReplayResult, Solution
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
@@ -44,7 +46,7 @@ def coasting(longest: float) -> ProblemFunctions:
 @pytest.mark.parametrize(("epsilon", "step"), [(0.1, 0.1), (0.3, 0.3), (0.6, 0.6), (0.9, 0.6), (5.0, 0.6)])
 def test_example_b1_is_the_equidistant_receding_horizon(epsilon: float, step: float) -> None:
     solution = transcription(coasting(6.0), Euler(), 11, EquidistantHorizon(epsilon)).solve()
-    assert solution.ok
+    assert solution.solved
     assert np.allclose(np.diff(solution.t), step, rtol=1e-4)
 
 
@@ -87,7 +89,7 @@ def test_free_nodes_are_exploited_and_refused(distribution: Free | FrontLoaded, 
     even = solve(problem, 20, scheme=scheme)
     solution = distribute(problem, 20, distribution, scheme=scheme)
     assert solution.status is Outcome.REFUSED
-    assert solution.ok
+    assert solution.solved
     assert solution.cost == pytest.approx(even.cost, abs=1e-9)
     assert np.allclose(solution.grid.nodes, even.grid.nodes)
     assert "replays with" in solution.message
@@ -100,7 +102,9 @@ def test_functional_minimisation_evens_the_shares_out() -> None:
         return float(shares.std() / shares.mean())
 
     problem = missile("FAST")
-    assert spread(distribute(problem, 15, FunctionalMinimised())) < 0.7 * spread(solve(problem, 15))
+    even, found = solve(problem, 15), distribute(problem, 15, FunctionalMinimised())
+    assert spread(found) < 0.7 * spread(even)
+    assert found.cost == pytest.approx(even.cost, rel=1e-3)  # J, without the functional
 
 
 @pytest.mark.parametrize("measure", [CURVATURE, LOCAL_ERROR], ids=lambda measure: measure.name)
@@ -139,11 +143,28 @@ def test_refinement_that_runs_out_of_nodes_says_so() -> None:
 def test_the_gate_prefers_the_uniform_solution_to_a_failed_one() -> None:
     even = solve(missile("SM2"), 20)
     failed = transcription(missile("SM2"), HermiteSimpson(), 20).solve(parameters=np.empty(0))
-    from dataclasses import replace
-
-    answer = gated(replace(failed, status=Outcome.LIMIT, message="stopped"), even, "any")
+    answer = gated(dataclasses.replace(failed, status=Outcome.LIMIT, message="stopped"), even, "any", 1e-6)
     assert answer.status is Outcome.REFUSED
     assert "stopped" in answer.message
+
+
+@pytest.mark.parametrize(
+    ("own", "refused"),
+    [
+        ({"miss": 2e-5}, ""),  # a figure of the uniform solution that is larger does not matter, nor a factor of two
+        ({"miss": 4e-5}, "miss of 4e-05, uniform with 1e-05"),
+        ({"path_violation": 1e-2}, ""),
+        ({"path_violation": 4e-2}, "path violation of 0.04, uniform with 0.01"),
+        ({"control_violation": 1.0}, ""),  # it is not flown
+        ({"cost_error": 9e-7}, ""),  # within the tolerance
+        ({"cost_error": 2e-6}, "cost error of 2e-06, uniform with 0"),
+        ({"miss": np.nan}, "miss of nan"),
+    ],
+)
+def test_the_gate_judges_each_figure_on_its_own(own: dict[str, float], refused: str) -> None:
+    even = ReplayResult(1e-5, 1e-2, 0.0, 0.0, 1.0, np.zeros(1), by_intervals=False)
+    found = worse_figures(dataclasses.replace(even, **own), even, 1e-6)
+    assert "; ".join(found) == refused if refused != "miss of nan" else found[0].startswith(refused)
 
 
 @pytest.mark.parametrize(

@@ -111,7 +111,7 @@ def _held_by(what: str) -> OptimalControlProblem:
 @pytest.mark.parametrize("what", ["the bound of a state", "the bound of T", "an end constraint", "a path constraint"])
 def test_what_is_active_and_not_among_the_conditions_is_refused(what: str) -> None:
     direct = solve(_held_by(what).functions(), 11)
-    assert direct.ok
+    assert direct.solved
     with pytest.raises(ValueError, match=what):
         solve_indirect(direct)
 

@@ -31,7 +31,7 @@ def problem_with(rate: float, upper: float = 10.0) -> ProblemFunctions:
 
 def replay_of(solution: Solution) -> float:
     assert solution.replay is not None
-    return solution.replay.value
+    return solution.replay.error
 
 
 def test_forward_euler_misses_by_what_its_step_leaves_out() -> None:
@@ -65,6 +65,36 @@ def test_a_control_that_is_changed_is_found_out() -> None:
     assert replay_of(bent) > 0.05 > 1e3 * replay_of(solution)
 
 
+def test_what_is_flown_is_the_saturated_control() -> None:
+    ocp = OptimalControlProblem("saturated")
+    x, u = ocp.state("x"), ocp.control("u", lower=-1.0, upper=1.0)
+    ocp.duration(2.0)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(x, u)
+    ocp.constrain(u - 0.9, upper=0.1)
+    ocp.start(x, 0.0)
+    points = np.array([[[1.0], [1.0], [0.0]], [[0.0], [-0.5], [-1.0]]])  # a parabola with its top at 9/8 of the bound
+    bent = dataclasses.replace(solve(ocp.functions(), 3), u=points)
+    flown = replayed(bent).replay
+    assert flown is not None
+    assert flown.control_violation == pytest.approx(0.125 / 2.0, abs=1e-3)  # over the range from -1 to 1
+    assert flown.path_violation < 1e-12  # so is what a path constraint sees
+    t = np.linspace(0.0, 2.0, 20001)
+    saturated = bent.control(t)[:, 0]
+    assert saturated.max() == 1.0
+    reached = ((saturated[1:] + saturated[:-1]) / 2.0 * np.diff(t)).sum()
+    assert flown.end[0] == pytest.approx(reached, abs=1e-6)
+    assert abs(reached - 1.0 / 3.0) > 0.03  # Simpson's rule over the parabolas: 5/6 - 1/2
+
+
+def test_every_figure_of_a_replay_stands_for_itself() -> None:
+    solution = solve(problem_with(0.5), 11)
+    cheaper = replayed(dataclasses.replace(solution, cost=solution.cost - 10.0))
+    assert cheaper.replay is not None
+    assert cheaper.replay.cost_error == pytest.approx(10.0 / abs(cheaper.cost), rel=1e-3)
+    assert max(cheaper.replay.miss, cheaper.replay.path_violation, cheaper.replay.control_violation) < 1e-4
+
+
 def test_a_path_constraint_is_looked_at_on_the_replayed_path() -> None:
     ocp = OptimalControlProblem("path constraint")
     x, u = ocp.state("x"), ocp.control("u")
@@ -76,7 +106,7 @@ def test_a_path_constraint_is_looked_at_on_the_replayed_path() -> None:
     solution = solve(ocp.functions(), 5, scheme=HermiteSimpson())
     assert solution.replay is not None
     t = np.linspace(0.0, 1.0, 2001)
-    assert solution.replay.violation == pytest.approx((np.sin(3.0 * t) - solution.state(t)[:, 0]).max(), rel=0.1)
+    assert solution.replay.path_violation == pytest.approx((np.sin(3.0 * t) - solution.state(t)[:, 0]).max(), rel=0.1)
 
 
 def test_a_failed_solve_has_no_replay() -> None:

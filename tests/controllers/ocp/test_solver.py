@@ -37,7 +37,7 @@ def test_boundary_conditions_out_of_reach_are_a_status(backend: str) -> None:
     options = Options(backend=backend)  # type: ignore[arg-type]
     failed = solve(reaching(5.0), 11, scheme=SHOOTING, options=options)
     assert failed.status in (Outcome.INFEASIBLE, Outcome.FAILED, Outcome.LIMIT)
-    assert not failed.ok
+    assert not failed.solved
     assert failed.message
 
 
@@ -88,7 +88,7 @@ def test_both_backends_find_the_same_optimum() -> None:
 def test_a_warm_start_needs_fewer_iterations() -> None:
     cold = solve(missile("SM2"), 25)
     warm = solve(missile("SM2"), 25, guess=cold, options=Options(warm=True))
-    assert warm.ok
+    assert warm.solved
     assert warm.iterations < cold.iterations
 
 

@@ -12,9 +12,11 @@ from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
+from mathnavi.controllers.ocp.transcriptions.gauss import GaussLegendre
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
 from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto, legendre_gauss_lobatto
+from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA, radau
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
 from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
 
@@ -25,6 +27,9 @@ SCHEMES = [
     MultipleShooting(1),
     LegendreGaussLobatto(3),
     LegendreGaussLobatto(5),
+    RadauIIA(2),
+    RadauIIA(4),
+    GaussLegendre(3),
 ]
 schemes = pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
 
@@ -65,7 +70,7 @@ def test_the_error_of_the_end_falls_with_the_order_of_the_scheme(scheme: Scheme)
     errors, costs = [], []
     for intervals in (coarse, fine):
         solution = solve(problem, intervals + 1, scheme=scheme)
-        assert solution.ok
+        assert solution.solved
         errors.append(np.abs(solution.x[-1] - truth[:2]).max())
         costs.append(abs(solution.cost - truth[2] - truth[1]))
     assert 2 ** (scheme.order - 0.75) < errors[0] / errors[1] < 2 ** (scheme.order + 1.5)
@@ -76,11 +81,12 @@ def test_the_error_of_the_end_falls_with_the_order_of_the_scheme(scheme: Scheme)
 @schemes
 def test_the_optimum_is_found_on_an_uneven_grid(scheme: Scheme) -> None:
     solution = solve(linear_quadratic(), stretched(31 if scheme.order > 1 else 301, 1.01), scheme=scheme)
-    tolerance = {1: 4e-3, 2: 5e-4}.get(scheme.order, 2e-4 if not scheme.shared else 1e-6)
+    held = len(scheme.points) == 1
+    tolerance = {1: 4e-3, 2: 5e-4}.get(scheme.order, 2e-4 if held else 1e-6)
     assert solution.cost == pytest.approx(np.tanh(1.0) / 2.0, abs=tolerance)
     t = np.linspace(0.0, 1.0, 50)
     error = np.abs(solution.control(t)[:, 0] + np.sinh(1.0 - t) / np.cosh(1.0)).max()
-    assert error < {0: 0.05, 1: 0.03, 2: 1e-4}[int(scheme.shared) + int(scheme.shared and scheme.order > 2)]
+    assert error < (0.05 if held else 0.03 if scheme.order == 2 else 2e-3 if len(scheme.points) == 2 else 1e-4)
 
 
 @schemes
@@ -89,6 +95,14 @@ def test_costates_are_those_of_pontryagin(scheme: Scheme) -> None:
     solution = solve(linear_quadratic(), n, scheme=scheme)
     truth = np.sinh(1.0 - solution.costate_times) / np.cosh(1.0)  # λ = -u, with H = L + λ'f
     assert np.abs(solution.costates[:, 0] - truth).max() < (6e-3 if scheme.order == 1 else 5e-4)
+
+
+@pytest.mark.parametrize(("scheme", "error"), [(RadauIIA(2), 1e-5), (RadauIIA(3), 1e-8), (GaussLegendre(3), 1e-8)])
+def test_costates_of_points_inside_the_intervals_have_the_order_of_the_scheme(scheme: Scheme, error: float) -> None:
+    solution = solve(linear_quadratic(), 16, scheme=scheme)
+    assert solution.costate_times.tolist() == solution.t[:-1].tolist()
+    truth = np.sinh(1.0 - solution.costate_times) / np.cosh(1.0)
+    assert np.abs(solution.costates[:, 0] - truth).max() < error
 
 
 @schemes
@@ -128,7 +142,7 @@ def test_lagrange_weights_reproduce_polynomials(degree: int) -> None:
 
 @schemes
 def test_two_nodes_are_enough(scheme: Scheme) -> None:
-    assert solve(linear_quadratic(), uniform(2), scheme=scheme).ok
+    assert solve(linear_quadratic(), uniform(2), scheme=scheme).solved
 
 
 @schemes
@@ -146,7 +160,33 @@ def test_a_path_constraint_on_the_state_holds_at_the_last_node_too(scheme: Schem
     assert found.cost == pytest.approx(0.25, rel=1e-3)
 
 
-@pytest.mark.parametrize("wrong", [lambda: LegendreGaussLobatto(0), lambda: MultipleShooting(0)])
+@pytest.mark.parametrize("count", [2, 3, 5, 12])
+def test_radau_points_integrate_polynomials_up_to_twice_their_number_less_two(count: int) -> None:
+    points = radau(count)
+    assert 0.0 < points[0] < points[-1] == 1.0
+    powers = np.arange(2 * count - 1)
+    quadrature = integral_weights(points, np.array([1.0]))[0] @ np.array(points)[:, None] ** powers
+    assert np.allclose(quadrature, 1.0 / (powers + 1.0), atol=1e-12)
+
+
+def test_a_control_may_jump_at_a_node_of_radau_collocation() -> None:
+    ocp = OptimalControlProblem("there and back")
+    x, v = ocp.state("x"), ocp.state("v")
+    u = ocp.control("u", lower=-1.0, upper=1.0)
+    T = ocp.free_duration(guess=3.0, lower=0.5, upper=20.0)
+    ocp.minimise(terminal=T)
+    ocp.dynamics(x, v)
+    ocp.dynamics(v, u)
+    ocp.start(x, 0.0), ocp.start(v, 0.0), ocp.end(x, 1.0), ocp.end(v, 0.0)
+    solution = solve(ocp.functions(), 3, scheme=RadauIIA(2))
+    assert solution.cost == pytest.approx(2.0, abs=1e-8)
+    assert np.allclose(solution.u[:, :, 0], [[1.0, 1.0], [-1.0, -1.0]], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [lambda: LegendreGaussLobatto(0), lambda: MultipleShooting(0), lambda: RadauIIA(1), lambda: GaussLegendre(1)],
+)
 def test_a_scheme_of_nothing_is_refused(wrong: object) -> None:
     with pytest.raises(ValueError, match="allowed"):
         wrong()  # type: ignore[operator]

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solution import ReplayResult, Solution
 from mathnavi.renders.figures import STYLE
 from mathnavi.sim.interfaces.signals import Array
 
@@ -26,13 +26,13 @@ class PlannedPath:
 
     x: Array  # (N, nx) states at the nodes
     between: Array  # (400, nx) states at equal times
-    replayed: float  # [-] miss or violation of the replay, whichever is larger
+    replay: ReplayResult
 
     @staticmethod
     def of(solution: Solution) -> PlannedPath:
         """The path of a solution that was replayed."""
         assert solution.replay is not None
-        return PlannedPath(solution.x, solution.state(np.linspace(0.0, solution.duration, 400)), solution.replay.value)
+        return PlannedPath(solution.x, solution.state(np.linspace(0.0, solution.duration, 400)), solution.replay)
 
 
 def nodes_figure(

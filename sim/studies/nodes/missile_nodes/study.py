@@ -22,6 +22,7 @@ from mathnavi.controllers.ocp.distribution import Equidistributed, Free
 from mathnavi.controllers.ocp.indirect import solve_indirect
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.methods.distribution import distribute
+from mathnavi.controllers.ocp.methods.gate import worse_figures
 from mathnavi.controllers.ocp.methods.redistribution import redistribute, redistributed
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, Monitor
 from mathnavi.controllers.ocp.problems.missile import OPTIMA, missile
@@ -49,6 +50,8 @@ _FRACTIONS = np.linspace(0.0, 1.0, 2001)
 Key = tuple[str, str, int, str]  # case, transcription, N, method
 Rows = Mapping[Key, Mapping[str, Any]]
 _FIGURE_B_5 = "SM3"  # the case of Figure B.5
+EVERY_FIGURE = 1e-8
+"""tolerance of the replay gate here: methods are compared, and nothing is good enough to be excused"""
 
 
 @dataclass(frozen=True)
@@ -189,7 +192,7 @@ def solved_reference(reference: ReferenceSolve) -> ReferenceControl:
 
 def free_nodes(case: str) -> GateVerdict:
     """Forward Euler with free nodes, N = 20, and what the replay gate says."""
-    solution = distribute(missile(case), 20, Free(), scheme=Euler())
+    solution = distribute(missile(case), 20, Free(), scheme=Euler(), tolerance=EVERY_FIGURE)
     return GateVerdict(solution.status, solution.message)
 
 
@@ -199,10 +202,11 @@ def _solved(case: str, scheme: Scheme, n: int, method: str) -> Solution:
         case "uniform":
             return solve(problem, n, scheme=scheme)
         case "equidistributed":
-            return distribute(problem, n, scheme=scheme)
+            return distribute(problem, n, scheme=scheme, tolerance=EVERY_FIGURE)
         case _:
             monitors = {monitor.name: monitor for monitor in (ARCLENGTH, CURVATURE, LOCAL_ERROR)}
-            return redistribute(problem, n, monitors[method.removeprefix("redistributed, ")], scheme=scheme)
+            monitor = monitors[method.removeprefix("redistributed, ")]
+            return redistribute(problem, n, monitor, scheme=scheme, tolerance=EVERY_FIGURE)
 
 
 def solved_on_grid(grid: GridSolve) -> list[tuple[dict[str, Any], Array]]:
@@ -279,7 +283,7 @@ def _targets(
                 name, "target", f"{method.capitalize()}: far more accurate than uniform nodes at the same N.",
                 "B.3, B.4", f"FAST, N = 15, of uniform: control error <= {most_error:g}, miss <= {most_miss:g}",
                 f"{error:.2f} and {missed:.3f} ({status})",
-                status == "optimal" and error <= most_error and missed <= most_miss,
+                status in ("optimal", "converged") and error <= most_error and missed <= most_miss,
             )
         )  # fmt: skip
     claims.append(
@@ -347,11 +351,12 @@ def _densities(even: PlannedPath, adaptive: PlannedPath) -> str:
         return np.asarray(100.0 / steps, float)
 
     a, b = counts(even), counts(adaptive)
-    verdict = "would refuse" if adaptive.replayed > even.replayed else "accepts"
+    refused = worse_figures(adaptive.replay, even.replay, EVERY_FIGURE)
+    verdict = f"would refuse for its {'; '.join(refused)}" if refused else "accepts"
     return (
         f"Nodes for each 100 m of path in the case {_FIGURE_B_5}, N = 50: {a.min():.1f} to {a.max():.1f} uniform "
         f"(print: 5 to 13), {b.min():.1f} to {b.max():.1f} equidistributed by the path's arclength "
-        f"(print: 7), a grid that the replay gate {verdict}: {adaptive.replayed:.1e} against {even.replayed:.1e}."
+        f"(print: 7), a grid that the replay gate {verdict}."
     )
 
 

@@ -51,7 +51,7 @@ def test_a_guess_is_finite_and_within_the_bounds(name: str) -> None:
 @pytest.mark.parametrize("name", EASY)
 def test_refinement_reaches_the_optimum(name: str) -> None:
     solution = refine(ALL[name].problem())
-    assert solution.status is Outcome.OPTIMAL
+    assert solution.status in (Outcome.OPTIMAL, Outcome.CONVERGED)
     assert solution.nodes <= 60
     assert solution.replay is not None
     assert ALL[name].error(solution.cost) <= ALL[name].tolerance
@@ -117,7 +117,7 @@ def test_goddards_optimum_is_thrust_singular_arc_and_coast() -> None:
 
 
 def test_an_error_is_relative_to_the_distance_that_matters() -> None:
-    known = KnownOptimum(PROBLEMS["Goddard"].problem, 1.01, "", sign=-1.0, origin=1.0)
+    known = KnownOptimum(PROBLEMS["Goddard"].problem, 1.01, "", "singular", sign=-1.0, origin=1.0)
     assert known.value(-1.02) == 1.02
     assert known.error(-1.02) == pytest.approx(1.0)
-    assert KnownOptimum(known.problem, 4.0, "").error(4.4) == pytest.approx(0.1)
+    assert KnownOptimum(known.problem, 4.0, "", "smooth").error(4.4) == pytest.approx(0.1)

@@ -1,0 +1,88 @@
+"""Defects of a collocation solution: where each interval's true dynamics end, with the control that an actuator flies.
+
+The collocation polynomial x(t) of an interval is off the trajectory from the same node by e(t),
+
+    e' = f(x + e, sat(u(t)), t) - x',      e(t_i) = 0,
+
+with the control saturated to its bounds. Picard's iteration on Gauss points solves for e of all intervals at once: a
+few evaluations of the dynamics where an integrator with step-size control takes hundreds. Its value at the end of an
+interval is what a replay of this interval misses by, and with the costates it is a share in the error of J.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mathnavi.controllers.ocp.solution import Solution, along
+from mathnavi.controllers.ocp.transcriptions.scheme import integral_weights, weights
+from mathnavi.sim.interfaces.errors import ProblemError
+from mathnavi.sim.interfaces.signals import Array
+
+_POINTS = 8  # Gauss points of an interval
+_SWEEPS = 3  # of Picard's iteration
+
+
+class Defects(NamedTuple):
+    """Defects of each interval, infinite where the dynamics are not finite there."""
+
+    states: Array  # (N - 1, nx) e at the end of the interval, over the states' scales
+    cost: Array  # (N - 1,) the interval's share in J replayed less that in J, in units of J
+    path: Array  # (N - 1,) largest violation of the states' bounds and path constraints, scaled
+
+
+def defects(solution: Solution) -> Defects:
+    """Defects of each interval of a solution; ProblemError for a scheme of a single point."""
+    problem, points, d = solution.problem, solution.scheme.points, np.diff(solution.t)
+    if len(points) < 2:
+        raise ProblemError(f"scheme = {solution.scheme.name} has no polynomial; allowed: a collocation scheme")
+    abscissae, share = np.polynomial.legendre.leggauss(_POINTS)
+    c, b = 0.5 * (abscissae + 1.0), 0.5 * share
+    basis, steps = weights(points, c), integral_weights(points, c)
+    onwards = integral_weights(tuple(c.tolist()), c)
+    t = (solution.t[:-1, None] + c * d[:, None]).ravel()
+    rates = np.einsum("gk,nkm->ngm", basis, solution.rates)
+    x = solution.x[:-1, None, :] + d[:, None, None] * np.einsum("gk,nkm->ngm", steps, solution.rates)
+    u = np.clip(np.einsum("gk,nkm->ngm", basis, solution.u), *problem.control_bounds).reshape(len(t), -1)
+    e = np.zeros_like(x)
+    with np.errstate(all="ignore"):
+        for _ in range(_SWEEPS):
+            flown = x + e
+            f = along(problem, flown.reshape(len(t), -1), u, t, solution.parameters).reshape(x.shape)
+            e = d[:, None, None] * np.einsum("gh,nhm->ngm", onwards, f - rates)
+        ends = d[:, None] * np.einsum("g,ngm->nm", b, f - rates) / problem.state_scale
+        gained = d * (running_costs(solution, flown.reshape(len(t), -1), u, t).reshape(-1, _POINTS) @ b)
+    own = integral_weights(points, np.array([1.0]))[0]
+    k = len(points)
+    at = (solution.t[:-1, None] + np.array(points) * d[:, None]).ravel()
+    inner = solution.inner.reshape(len(at), -1), solution.u.reshape(len(at), -1)
+    stated = d * (running_costs(solution, *inner, at).reshape(-1, k) @ own)
+    values = (
+        ends,
+        gained - stated,
+        _violations(solution, flown.reshape(len(t), -1), u, t).reshape(-1, _POINTS).max(axis=1),
+    )
+    return Defects(*(np.where(np.isfinite(value), value, np.inf) for value in values))
+
+
+def _violations(solution: Solution, x: Array, u: Array, t: Array) -> Array:
+    """Largest violation (n,) of the states' bounds and the path constraints, over scales and limits."""
+    problem, p = solution.problem, np.tile(solution.parameters[:, None], (1, len(t)))
+    path = np.array(problem.path.map(len(t))(x.T, u.T, t[None, :], p).full().T)
+    limits = [np.where(np.isfinite(side), np.abs(side), 0.0) for side in problem.path_bounds]
+    found = np.zeros(len(t))
+    for values, (lower, upper), scale in (
+        (x, problem.state_bounds, problem.state_scale),
+        (path, problem.path_bounds, np.maximum(1.0, np.maximum(*limits))),
+    ):
+        over = np.maximum(lower - values, values - upper) / scale
+        found = np.maximum(found, over.max(axis=1, initial=0.0))
+    return found
+
+
+def running_costs(solution: Solution, x: Array, u: Array, t: Array) -> Array:
+    """Running cost L (n,) at states (n, nx), controls (n, nu) and times (n,)."""
+    p = np.tile(solution.parameters[:, None], (1, len(t)))
+    values = solution.problem.running_cost.map(len(t))(x.T, u.T, t[None, :], p)
+    return np.array(values.full())[0]

@@ -1,0 +1,221 @@
+"""The figure of a solution: on the left what it does, on the right what that is worth.
+
+A row for each state (its costate beside it), each control (beside it H_u, and the multiplier of its bounds) and each
+path constraint (its multiplier), then the Hamiltonian and the error of each interval over the mesh. Dots are nodes,
+dotted lines are limits, and the ground is tinted where a limit holds back.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import Protocol
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+
+from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues
+from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
+from mathnavi.sim.interfaces.figure_style import BOUND, GRID, INK, SERIES, STYLE
+from mathnavi.sim.interfaces.signals import Array
+
+WIDTH, ROW, COMPACT_ROW = 9.4, 1.35, 0.95  # [inches]
+MANY_ROWS = 9  # from which on rows are compact
+DENSE = 1200  # points of a curve, at least two an interval
+ACTIVE = 1e-4  # share of the largest multiplier from which on a limit counts as holding back
+NEAR = 0.6  # of the range of a curve: how far from it a limit is still drawn
+ENDINGS = (".png", ".svg", ".pdf")
+LEAST = 1e-16  # that an axis of errors shows
+_BEFORE = 1.0 - 1e-9  # of an interval: just before a node, where a control may jump
+STATE, CONTROL, CONSTRAINT, DUAL = SERIES[0], SERIES[1], SERIES[4], SERIES[2]
+
+
+class SolutionView(Protocol):
+    """What a figure needs to know of a solution."""
+
+    @property
+    def problem(self) -> ProblemFunctions: ...
+    @property
+    def parameters(self) -> Array: ...
+    @property
+    def duration(self) -> float: ...
+    @property
+    def t(self) -> Array: ...
+    @property
+    def point_times(self) -> Array: ...
+    @property
+    def point_shares(self) -> Array: ...
+    @property
+    def multipliers(self) -> Multipliers: ...
+    @property
+    def hamiltonian(self) -> Array: ...
+    @property
+    def interval_errors(self) -> Array | None: ...
+    @property
+    def headline(self) -> str: ...
+    def state(self, t: Array) -> Array: ...
+    def control(self, t: Array) -> Array: ...
+    def costate(self, t: Array) -> Array: ...
+
+
+def solution_figure(solution: SolutionView, names: Sequence[str] = ()) -> Figure:
+    """States, controls and path constraints with their multipliers, the Hamiltonian, and the errors over the mesh.
+
+    ``names`` are the states, controls and path constraints that are drawn; none means all of them.
+    """
+    problem, m = solution.problem, solution.multipliers
+    t = dense_times(solution.t)
+    x, u, costates = solution.state(t), solution.control(t), solution.costate(t)
+    p = np.tile(solution.parameters[:, None], (1, len(t)))
+    d = np.array(problem.path.map(len(t))(x.T, u.T, t[None, :], p).full()).T if m.path.names else np.empty((len(t), 0))
+    kinds = (
+        (problem.states, x, problem.state_bounds, m.states, STATE),
+        (problem.controls, u, problem.control_bounds, m.controls, CONTROL),
+        (m.path.names, d, problem.path_bounds, m.path, CONSTRAINT),
+    )
+    chosen = [(kind, k) for kind in kinds for k, name in enumerate(kind[0]) if not names or name in names]
+    height = ROW if len(chosen) < MANY_ROWS else COMPACT_ROW
+    with matplotlib.rc_context(STYLE | {"axes.titlesize": 9.0, "font.size": 8.5}):
+        figure = Figure(figsize=(WIDTH, 0.75 + height * len(chosen) + 1.25 * ROW), layout="constrained")
+        figure.get_layout_engine().set(h_pad=0.03, hspace=0.0)  # type: ignore[union-attr, call-arg]
+        ratios = [height] * len(chosen) + [1.25 * ROW]
+        panels = figure.subplots(len(chosen) + 1, 2, sharex=True, squeeze=False, height_ratios=ratios)
+        for (left, right), (kind, k) in zip(panels, chosen, strict=False):
+            kind_names, values, limits, multipliers, colour = kind
+            _curve(left, t, values[:, k], colour, kind_names[k])
+            _nodes(left, solution, t, values[:, k], colour)
+            _limits(left, limits, k, values[:, k])
+            if kind is kinds[0]:
+                _curve(right, t, costates[:, k], DUAL, f"costate of {kind_names[k]}")
+            else:
+                of = "the bounds of " if kind is kinds[1] else ""
+                _multiplier(right, solution.point_times, limits, multipliers, k, of)
+            for axes in (left, right):
+                _held(axes, solution, multipliers, k)
+            if kind is kinds[0]:
+                _area(right, solution, multipliers, k)
+        _hamiltonian(panels[-1, 0], solution)
+        _mesh(panels[-1, 1], solution)
+        for axes in panels[-1]:
+            axes.set(xlabel="time [s]", xlim=(0.0, solution.duration))
+        figure.suptitle(solution.headline, x=0.01, ha="left", fontsize=10.5, weight="bold")
+    figure.set_facecolor("white")
+    return figure
+
+
+def written(figure: Figure, ending: str) -> bytes:
+    """A figure as the content of a file with an ending; ValueError for one that is no picture's."""
+    if ending not in ENDINGS:
+        raise ValueError(f"file ending {ending!r}; allowed: {', '.join(ENDINGS)}")
+    content = io.BytesIO()
+    figure.savefig(content, format=ending.removeprefix("."), dpi=150)
+    return content.getvalue()
+
+
+def dense_times(nodes: Array) -> Array:
+    """Times at which curves are drawn: from each node up to just before the next, and the last node."""
+    parts = max(2, -(-DENSE // (len(nodes) - 1)))
+    inside = np.linspace(0.0, _BEFORE, parts)
+    times = (nodes[:-1, None] + inside * np.diff(nodes)[:, None]).ravel()
+    return np.append(times, nodes[-1])
+
+
+def _curve(axes: Axes, t: Array, values: Array, colour: str, title: str) -> None:
+    axes.plot(t, values, color=colour, solid_joinstyle="round")
+    axes.set_title(title)
+    axes.yaxis.set_major_locator(MaxNLocator(4))
+    least = 1e-9 * max(1.0, float(np.abs(values).max(initial=0.0)))
+    if np.ptp(values) < least:  # a constant: no magnified rounding
+        axes.set_ylim(values[0] - 0.5 * max(1.0, abs(values[0])), values[0] + 0.5 * max(1.0, abs(values[0])))
+
+
+def _nodes(axes: Axes, solution: SolutionView, t: Array, values: Array, colour: str) -> None:
+    places = np.searchsorted(t, solution.t)
+    size = float(np.clip(60.0 / len(places), 1.6, 3.2))
+    axes.plot(solution.t, values[places], "o", ms=size, mew=0.0, color=colour, clip_on=False, zorder=3)
+
+
+def _limits(axes: Axes, limits: Interval, k: int, values: Array) -> None:
+    """Dotted lines at the limits that are near the curve."""
+    low, high = float(values.min()), float(values.max())
+    reach = NEAR * max(high - low, 1e-3 * max(abs(low), abs(high)), 1e-12)
+    for limit in {float(limits.lower[k]), float(limits.upper[k])}:
+        if low - reach <= limit <= high + reach:
+            axes.axhline(limit, color=BOUND, ls=(0, (1.0, 1.6)), lw=1.1, zorder=1)
+
+
+def _strength(multipliers: NamedValues, k: int) -> Array:
+    """Multiplier (N - 1, k) over the largest of its kind."""
+    largest = float(np.abs(multipliers.values[..., k]).max(initial=0.0))
+    strength: Array = multipliers.values[..., k] / largest if largest > 1e-6 else 0.0 * multipliers.values[..., k]
+    return strength
+
+
+def _held(axes: Axes, solution: SolutionView, multipliers: NamedValues, k: int) -> None:
+    """Tint the intervals over which a limit holds back."""
+    held = (np.abs(_strength(multipliers, k)) > ACTIVE).all(axis=1)
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], held, [False]]).astype(int)))
+    for first, last in zip(ends[::2], ends[1::2], strict=True):
+        axes.axvspan(solution.t[first], solution.t[last], color=BOUND, alpha=0.07, lw=0.0, zorder=0)
+
+
+def _area(axes: Axes, solution: SolutionView, multipliers: NamedValues, k: int) -> None:
+    """The integral of the multiplier of a state's bounds, by which the costate jumps or bends."""
+    if np.abs(_strength(multipliers, k)).max(initial=0.0) > 0.0:
+        total = float((multipliers.values[..., k] * solution.point_shares).sum())
+        _note(axes, f"bound: ∫ μ dt = {total:.4g}", BOUND)
+
+
+def _note(axes: Axes, text: str, colour: str = INK) -> None:
+    """A note at the right, above the panel."""
+    axes.annotate(
+        text, (1.0, 1.0), (0, 4), xycoords="axes fraction", textcoords="offset points", ha="right", va="bottom",
+        fontsize=7.5, color=colour,
+    )  # fmt: skip
+
+
+def _multiplier(axes: Axes, times: Array, limits: Interval, multipliers: NamedValues, k: int, of: str) -> None:
+    values = multipliers.values[..., k]
+    if not (np.isfinite(limits.lower[k]) or np.isfinite(limits.upper[k])):
+        axes.set_axis_off()
+        axes.annotate(f"{multipliers.names[k]} has no bounds", (0.5, 0.5), xycoords="axes fraction", ha="center")
+        return
+    _curve(axes, times.ravel(), values.ravel(), DUAL, f"multiplier of {of}{multipliers.names[k]}")
+    axes.fill_between(times.ravel(), 0.0, values.ravel(), color=DUAL, alpha=0.18, lw=0.0)
+
+
+def _hamiltonian(axes: Axes, solution: SolutionView) -> None:
+    values, times = solution.hamiltonian, solution.point_times
+    _curve(axes, times.ravel(), values.ravel(), INK, "Hamiltonian")
+    middle, spread = float(np.median(values)), float(np.ptp(values))
+    least = 0.02 * max(1e-3, abs(middle))
+    if spread < least:
+        axes.set_ylim(middle - least, middle + least)
+    _note(axes, f"{middle:.6g} ± {0.5 * spread:.1g}")
+
+
+def _mesh(axes: Axes, solution: SolutionView) -> None:
+    """The error of each interval on a log scale, and the nodes below."""
+    t = solution.t
+    errors = solution.interval_errors
+    if errors is None:
+        axes.set_title(f"mesh: {len(t)} nodes")
+        axes.set_yticks([])
+        axes.set_ylim(0.0, 1.0)
+        low = 0.0
+    else:
+        shown = np.maximum(errors, LEAST)
+        axes.stairs(shown, t, color=SERIES[5], lw=1.2, baseline=None)
+        axes.stairs(shown, t, color=SERIES[5], alpha=0.22, fill=True, baseline=shown.min() / 30.0)
+        axes.set_yscale("log")
+        axes.set_ylim(shown.min() / 30.0, shown.max() * 3.0)
+        axes.yaxis.set_major_locator(LogLocator(numticks=5))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.set_title("error of each interval")
+        _note(axes, f"{len(t)} nodes, largest {errors.max():.1g}")
+        low = shown.min() / 30.0
+    axes.plot(t, np.full(len(t), low), "|", ms=9.0, mew=0.8, color=INK, clip_on=False, zorder=4)
+    axes.grid(axis="y", color=GRID)

@@ -1,0 +1,211 @@
+"""From a statement to compiled functions: what the transcriptions, the replay and the methods work with."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import casadi as ca
+import numpy as np
+
+from mathnavi.controllers.ocp.comparisons import Row
+from mathnavi.controllers.ocp.expressions import check_symbols, column
+from mathnavi.controllers.ocp.guesses import Derived, integral, simulated
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.scaling import automatic_scale
+from mathnavi.controllers.ocp.statement import Statement, Variable, bounds, limits
+from mathnavi.sim.interfaces.errors import ProblemError
+from mathnavi.sim.interfaces.signals import Array
+
+
+def functions_of(statement: Statement) -> ProblemFunctions:
+    """The compiled functions of a statement.
+
+    Raises ProblemError where something is missing or contradicts itself, naming it.
+    """
+    name = statement.name
+    if missing := [v.name for v in statement.states if v.name not in statement.rates]:
+        raise ProblemError(f"{name}: no dynamics for {', '.join(missing)}; allowed: one for each state")
+    if statement.duration is None:
+        raise ProblemError(f"{name}: no duration is given; allowed: duration() or free_duration()")
+    _check_equations(statement)
+    s = since_start(statement)
+    rates = ca.vertcat(*(s.rates[v.name] for v in s.states))
+    guess = guesses_of(s)
+    return ProblemFunctions(
+        name=name,
+        states=tuple(v.name for v in s.states),
+        controls=tuple(v.name for v in s.controls),
+        parameters=tuple(each.name for each in s.parameters),
+        dynamics=_function(s, "f", s.along, rates, "dynamics"),
+        running_cost=_function(s, "L", s.along, s.running, "running cost"),
+        terminal_cost=_function(s, "Psi", s.at_end, s.terminal, "terminal cost"),
+        path=_function(s, "d", s.along, _column(s.path), "path constraints"),
+        initial=_function(s, "i", s.at_start, _column(s.initial), "start"),
+        final=_function(s, "s", s.at_end, _column(s.final), "end"),
+        state_bounds=bounds(s.states),
+        control_bounds=bounds(s.controls),
+        path_bounds=limits(s.path),
+        initial_bounds=limits(s.initial),
+        final_bounds=limits(s.final),
+        path_names=tuple(row.name for row in s.path),
+        initial_names=tuple(row.name for row in s.initial),
+        final_names=tuple(row.name for row in s.final),
+        duration_bounds=(statement.duration.lower, statement.duration.upper),
+        state_scale=guess.state_scale,
+        control_scale=guess.control_scale,
+        nominal=_nominal(s),
+        guess_times=guess.times,
+        guess_states=guess.states,
+        guess_controls=guess.controls,
+        guess_duration=statement.duration.guess,
+    )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Guesses:
+    """All guesses at the union of their break times, and the scales of the variables."""
+
+    times: Array  # (k,) fractions of T
+    states: Array  # (k, nx)
+    controls: Array  # (k, nu)
+    state_scale: Array  # (nx,)
+    control_scale: Array  # (nu,)
+
+
+def guesses_of(statement: Statement) -> Guesses:
+    """Guesses and scales of a statement whose duration is given; ProblemError for a simulation that diverges."""
+    assert statement.duration is not None
+    duration = statement.duration.guess
+    variables = [*statement.states, *statement.controls]
+    times = np.unique(np.concatenate([v.guess.breaks(duration) for v in variables]))
+    if statement.simulation is not None:
+        times = np.union1d(times, np.linspace(0.0, 1.0, 101))
+
+    def spread(over: list[Variable]) -> Array:
+        columns = [v.guess.at(times, duration) for v in over]
+        return np.array(columns).T.reshape(len(times), len(over))
+
+    x, u, p = spread(statement.states), spread(statement.controls), _nominal(statement)
+    _derive(statement, times * duration, x, u, p)
+    if statement.simulation is not None:
+        rates = ca.Function("f", statement.along, [column(statement.rates[v.name] for v in statement.states)])
+        start = _start(statement, x[0])
+        x = simulated(statement.name, rates, _scales(statement, statement.states, x), start, times * duration, u, p)
+    state_scale, control_scale = _scales(statement, statement.states, x), _scales(statement, statement.controls, u)
+    return Guesses(times, x, u, state_scale, control_scale)
+
+
+def _derive(statement: Statement, times: Array, x: Array, u: Array, p: Array) -> None:
+    """Fill in the guesses that follow from others, in the order of their declaration."""
+    names = [v.name for v in statement.states]
+    for k, variable in enumerate(statement.states):
+        guess = variable.guess
+        if not isinstance(guess, Derived):
+            continue
+        if guess.start_of:
+            x[:, k] = value_of(statement.starts.get(guess.start_of), x[0, names.index(guess.start_of)])
+        else:
+            x[:, k] = integral(statement.rates[variable.name], statement.along, times, x, u, p)
+
+
+def value_of(stated: ca.SX | None, otherwise: float) -> float:
+    """A stated value that is a number, or the other one."""
+    return float(stated) if stated is not None and stated.is_constant() else float(otherwise)
+
+
+def _start(statement: Statement, guess: Array) -> Array:
+    """States (nx,) from which a simulation begins."""
+    assert statement.simulation is not None
+    given = statement.simulation.start
+    return np.array(
+        [
+            given[v.name] if v.name in given else value_of(statement.starts.get(v.name), value)
+            for v, value in zip(statement.states, guess, strict=True)
+        ]
+    )
+
+
+def _scales(statement: Statement, variables: list[Variable], guess: Array) -> Array:
+    """Scales (n,), those that are stated or the automatic ones."""
+    scales = list[float]()
+    for variable, values in zip(variables, guess.T, strict=True):
+        ends = [stated.get(variable.name) for stated in (statement.starts, statement.ends)]
+        known = [value_of(end, 0.0) for end in ends]
+        automatic = automatic_scale(values, known, variable.lower, variable.upper)
+        if isinstance(variable.guess, Derived) and variable.guess.start_of:
+            automatic = scales[[v.name for v in variables].index(variable.guess.start_of)]
+        scales.append(automatic if variable.scale is None else variable.scale)
+    return np.array(scales, float)
+
+
+def _nominal(statement: Statement) -> Array:
+    return np.array([each.nominal for each in statement.parameters], float)
+
+
+def since_start(statement: Statement) -> Statement:
+    """The statement with its time counted from the start."""
+    if statement.start_time.is_zero():
+        return statement
+    shifted = statement.start_time + statement.t
+
+    def moved(made: ca.SX) -> ca.SX:
+        return ca.substitute(made, statement.t, shifted)
+
+    return dataclasses.replace(
+        statement,
+        start_time=ca.SX(0),
+        rates={name: moved(rate) for name, rate in statement.rates.items()},
+        running=moved(statement.running),
+        path=[dataclasses.replace(row, expression=moved(row.expression)) for row in statement.path],
+    )
+
+
+def _check_equations(statement: Statement) -> None:
+    """Refuse more equations than there is freedom to meet them."""
+    assert statement.duration is not None
+    name, free = statement.name, int(statement.duration.free)
+    at_end = ca.vertcat(statement.x, statement.final_time) if free else statement.x
+    unknowns = {"the start": statement.x, "the end": at_end, "the path": statement.u}
+    sets = zip(unknowns.items(), (statement.initial, statement.final, statement.path), strict=True)
+    for (where, unknown), rows in sets:
+        equations = [row for row in rows if row.lower == row.upper]
+        most = unknown.numel() if where == "the path" else _independent(equations, unknown)
+        if len(equations) > most:
+            raise ProblemError(
+                f"{name}: {len(equations)} equations at {where}: {', '.join(row.name for row in equations)}; "
+                f"allowed: {most}, as many as {_names(unknown)} can meet"
+            )
+    pinned = sum(row.lower == row.upper for row in (*statement.initial, *statement.final))
+    if not statement.controls and pinned > len(statement.states) + free:
+        raise ProblemError(
+            f"{name}: {pinned} equations at the start and the end, and no control; "
+            f"allowed: {len(statement.states) + free}, as many as there are states" + " and the final time" * free
+        )
+
+
+def _independent(equations: list[Row], unknown: ca.SX) -> int:
+    """Number of equations that the unknowns can meet at once: the rank of their slopes at a point in general position.
+
+    The structural rank where they are not defined there.
+    """
+    if not equations:
+        return 0
+    slopes = ca.jacobian(_column(equations), unknown)
+    symbols = ca.vertcat(*ca.symvar(ca.veccat(slopes, unknown)))
+    values = np.array(ca.Function("slopes", [symbols], [ca.densify(slopes)])(np.cos(1.0 + np.arange(symbols.numel()))))
+    if not np.isfinite(values).all():
+        return int(ca.sprank(slopes))
+    return int(np.linalg.matrix_rank(values))
+
+
+def _names(unknown: ca.SX) -> str:
+    return ", ".join(symbol.name() for symbol in ca.symvar(unknown)) or "no control"
+
+
+def _column(rows: list[Row]) -> ca.SX:
+    return column(row.expression for row in rows)
+
+
+def _function(s: Statement, name: str, arguments: list[ca.SX], result: ca.SX, what: str) -> ca.Function:
+    check_symbols(f"{s.name}: the {what}", result, ca.vertcat(*arguments))
+    return ca.Function(name, arguments, [result])

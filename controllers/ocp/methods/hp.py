@@ -1,0 +1,192 @@
+"""hp refinement with switch detection: more points where a solution is smooth, nodes where not, a boundary at a switch.
+
+Each round solves by Radau collocation, compares every interval with its own dynamics under the saturated control (see
+``defects``) and reads the solution's structure (see ``structure``). Where controls are held by their bounds, or leave
+them, the next programme has arcs whose lengths are unknowns; a control that a bound holds is held there. A control that
+enters linearly and is free, on a singular arc, is kept from ringing by a small weight ρ on what it varies within an
+interval beside its straight line: J is at most ρ times that variation above its least value, and ρ falls until this is
+below the tolerance. The rounds end when the defects are small and J no longer changes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mathnavi.controllers.ocp.arcs import Arcs
+from mathnavi.controllers.ocp.defects import defects
+from mathnavi.controllers.ocp.grid import Grid, check_nodes, uniform
+from mathnavi.controllers.ocp.methods.hp_mesh import TINY, VIOLATION, interval_errors, meshed, with_boundaries
+from mathnavi.controllers.ocp.nlp import SHORTEST_ARC, variation
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.replay import check_tolerance, replayed
+from mathnavi.controllers.ocp.solution import Solution, Timing
+from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
+from mathnavi.controllers.ocp.structure import Structure, linear_controls, structure, without_structure
+from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
+from mathnavi.controllers.ocp.winding import unwound
+from mathnavi.sim.interfaces.signals import Array
+
+OPTIONS = Options(tolerance=1e-11)
+"""tighter than that of other methods: what is compared from round to round is J"""
+TOLERANCE = 1e-6
+MOST_NODES = 200
+
+_STARTS = ((13, 3), (25, 3), (41, 2))  # nodes and points of an interval, until one is solved
+_ROUNDS = 14
+_MARGIN = 0.1  # of the tolerance that the defects, and a change of J, may take
+_MOST_ARCS = 30
+_MOST_VISITS = 2  # to the same structure, before the rounds stay with it
+_SMOOTHING = 1e-2  # first weight ρ, over |J|
+_LEAST = 1e-3  # of the tolerance, the defects are asked to be
+_ROUNDING = 1e-9  # relative change of J that the solver's own tolerance leaves
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """What a round solves: a grid, the points of its intervals, its structure and the smoothing of free controls."""
+
+    grid: Grid
+    count: int  # points of each interval
+    structure: Structure
+    smoothing: float  # ρ, in units of J
+    every: bool = False  # True if all free controls are smoothed, not only those that enter linearly
+
+    def solved(
+        self, problem: ProblemFunctions, guess: Solution | None, parameters: Array | None, options: Options
+    ) -> Solution:
+        known = self.structure
+        ends = np.searchsorted(self.grid.nodes, np.append(known.boundaries, 1.0) - 1e-12)
+        intervals = tuple(int(n) for n in np.diff(np.append(0, ends)))
+        free = (linear_controls(problem) | self.every) & (known.held[:, : problem.nu] == 0)
+        arcs = Arcs(intervals, *known.limits(problem), np.where(free, self.smoothing, 0.0))
+        made = transcription(problem, RadauIIA(self.count), len(self.grid), FIXED, options, len(known))
+        return unwound(made.solve(guess, self.grid, parameters, arcs))
+
+    def added(self, solution: Solution) -> float:
+        """What the smoothing adds to J: J is at most as much above its least value."""
+        u, smoothed = solution.u / solution.problem.control_scale, linear_controls(solution.problem) | self.every
+        return self.smoothing * float(np.einsum("kl,ikm,ilm->m", variation(solution.scheme), u, u)[smoothed].sum())
+
+    def placed(self, solution: Solution) -> Structure:
+        """The structure with its boundaries where a solution put them, without arcs that became as good as nothing."""
+        ends = np.searchsorted(self.grid.nodes, self.structure.boundaries - 1e-12)
+        moved = dataclasses.replace(self.structure, boundaries=solution.grid.nodes[ends])
+        return moved.without_arcs_below(100.0 * SHORTEST_ARC)
+
+
+def hp(
+    problem: ProblemFunctions,
+    most_nodes: int = MOST_NODES,
+    *,
+    tolerance: float = TOLERANCE,
+    guess: Solution | None = None,
+    parameters: Array | None = None,
+    options: Options = OPTIONS,
+) -> Solution:
+    """Solve a problem to a tolerance by hp refinement with switch detection, from a coarse uniform grid.
+
+    Args:
+        problem: the problem as compiled functions.
+        most_nodes: limit of the number of nodes.
+        tolerance: allowed sum of the intervals' defects, over the states' scales, and relative error of J.
+        guess: a solution to start from, on any grid; None for the problem's own guess.
+        parameters: (np,) values of the problem's parameters; None for the nominal ones.
+        options: solver and its tolerance.
+
+    Returns:
+        The solution with its replay; its message says what was found and whether the tolerance was reached.
+
+    Raises:
+        ProblemError: for fewer than two nodes and a tolerance that is not positive.
+    """
+    check_tolerance(tolerance)
+    check_nodes(most_nodes, "most_nodes")
+    plan, current = _first(problem, most_nodes, guess, parameters, options)
+    if not current.solved:
+        return dataclasses.replace(current, method="hp")
+    allowed, change, visited, free = _MARGIN * tolerance, math.inf, [plan.structure], False
+    for number in range(_ROUNDS):
+        errors, seen, own = interval_errors(current, defects(current)), structure(current), plan.placed(current)
+        visits = sum(seen.same(other) for other in visited)
+        settled = free or seen.same(own) or visits >= _MOST_VISITS or len(seen) > _MOST_ARCS
+        small = errors.total <= allowed and errors.path.max() <= VIOLATION * allowed
+        smooth = plan.added(current) <= tolerance * abs(current.cost)
+        if settled and small and smooth and change <= max(allowed, _ROUNDING):
+            result = replayed(current, tolerance)
+            if result.replay is None or result.replay.error <= tolerance or allowed < _LEAST * tolerance:
+                break
+            allowed *= max(_LEAST, 0.3 * tolerance / result.replay.error)  # the true dynamics amplify the defects
+        rho = plan.smoothing if number else _SMOOTHING * abs(current.cost)
+        if settled:
+            rho *= 0.1 if small and not smooth else 1.0
+            following = _Plan(*meshed(current, own, errors, allowed, most_nodes), own, rho, plan.every)
+        else:
+            following = _Plan(with_boundaries(current.grid, seen.boundaries), plan.count, seen, rho, plan.every)
+        found, following = _next(problem, plan, following, current, parameters, options)
+        current = dataclasses.replace(current, timing=current.timing + found.timing)
+        if not found.solved:
+            break
+        free = free or len(following.structure) == 1 < max(len(own), len(seen))
+        change = abs(found.cost - current.cost) / max(abs(found.cost), TINY)
+        full = len(following.grid) >= most_nodes and _mesh(following) == _mesh(plan)
+        plan, current = following, dataclasses.replace(found, timing=current.timing)
+        visited.append(plan.structure)
+        if full:
+            break
+    result = replayed(current, tolerance)
+    return dataclasses.replace(result, method="hp", message=f"{_described(plan)}; {result.message}")
+
+
+def _first(
+    problem: ProblemFunctions, most_nodes: int, guess: Solution | None, parameters: Array | None, options: Options
+) -> tuple[_Plan, Solution]:
+    """The first grid that the solver manages, and its solution; the last one's if it manages none."""
+    timing, smoothing = Timing(), _SMOOTHING if linear_controls(problem).any() else 0.0
+    for nodes, count in _STARTS:
+        plan = _Plan(uniform(min(nodes, most_nodes)), count, without_structure(problem), smoothing)
+        found = plan.solved(problem, guess, parameters, options)
+        timing += found.timing
+        if found.solved:
+            break
+    return plan, dataclasses.replace(found, timing=timing)
+
+
+def _next(
+    problem: ProblemFunctions,
+    plan: _Plan,
+    following: _Plan,
+    current: Solution,
+    parameters: Array | None,
+    options: Options,
+) -> tuple[Solution, _Plan]:
+    """The solution of the following plan; where the solver fails, of one that asks for less.
+
+    That is the same plan with all controls smoothed, no arcs, or the last mesh with a point more.
+    """
+    timing, weight, without = Timing(), _SMOOTHING * abs(current.cost), without_structure(problem)
+    nodes = with_boundaries(current.grid, following.structure.boundaries)
+    tries = (
+        following,
+        dataclasses.replace(following, smoothing=weight, every=True),
+        _Plan(nodes, plan.count, without, weight, every=True),
+        _Plan(current.grid, plan.count + 1, without, weight, every=True),
+    )
+    for each in tries:
+        found = each.solved(problem, current, parameters, options)
+        timing += found.timing
+        if found.solved:
+            break
+    return dataclasses.replace(found, timing=timing), each
+
+
+def _mesh(plan: _Plan) -> tuple[int, int]:
+    return len(plan.grid), plan.count
+
+
+def _described(plan: _Plan) -> str:
+    arcs = f", {len(plan.structure)} arcs" if len(plan.structure) > 1 else ""
+    return f"{len(plan.grid)} nodes, {RadauIIA(plan.count).name}{arcs}"

@@ -1,0 +1,218 @@
+"""Problems of several phases, stacked on one normalised time τ in [0, 1] (after Betts; GPOPS-II states them likewise).
+
+Each phase k has its own states, controls, dynamics, constraints, cost and duration T_k, fixed or free; t = t_k + τ T_k:
+
+    dx_k/dτ = T_k f_k(x_k, u_k, t; p),      J = Σ_k T_k ∫_0^1 L_k dτ + Psi_k(x_k(1), T_k; p),
+
+all phases run side by side over τ, a free T_k is a constant state, and t_k = t_0 + T_1 + ... + T_(k-1). A linkage joins
+the end of one phase to the start of the next: it is a constraint on both ends, so the start of a state becomes a
+constant to be found. An event in the interior is a boundary between two phases.
+
+    rocket = MultiPhaseProblem("two stages")
+    boost, coast = rocket.phase("boost"), rocket.phase("coast")
+    ...                                         # each stated as an OptimalControlProblem
+    rocket.link(boost, coast, jumps={"m": -100.0})
+    solution = rocket.solve()
+    solution["boost"].t, solution["coast"]["h"]
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from mathnavi.controllers.ocp.comparisons import Row, rows, zero_limits
+from mathnavi.controllers.ocp.expressions import expression
+from mathnavi.controllers.ocp.guesses import Values
+from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_start
+from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
+from mathnavi.controllers.ocp.monitors import Monitor
+from mathnavi.controllers.ocp.phase_solutions import MultiPhaseSolution, phase_solution
+from mathnavi.controllers.ocp.problem import NODES, Numbers, OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solver import DEFAULT, Options
+from mathnavi.controllers.ocp.statement import Duration, Parameter, Statement, Variable
+from mathnavi.sim.interfaces.errors import ProblemError
+
+
+class MultiPhaseProblem:
+    """An optimal control problem of several phases with linkages between them; ``solve()`` solves it.
+
+    The phases follow each other in the order in which they are begun: the time of one goes on where that of the one
+    before has ended, unless a phase states its own start time.
+    """
+
+    def __init__(self, name: str) -> None:
+        """Begin a problem without phases."""
+        self.name = name
+        self._phases: dict[str, OptimalControlProblem] = {}
+        self._parameters: list[Parameter] = []
+        self._couplings: list[Row] = []
+
+    def phase(self, name: str) -> OptimalControlProblem:
+        """Begin the next phase; returns it, to be stated. ProblemError for a name that is empty or taken."""
+        if not isinstance(name, str) or not name or name in self._phases:
+            raise ProblemError(f"{self.name}: phase {name!r} is empty or taken; allowed: other than {[*self._phases]}")
+        phase = OptimalControlProblem(name)
+        phase.statement.parameters += self._parameters
+        self._phases[name] = phase
+        return phase
+
+    def parameter(self, name: str, nominal: Numbers) -> ca.SX:
+        """Declare a parameter that all phases share, or a vector, known at each solve; returns its symbol.
+
+        ProblemError for a name that is taken, in any phase, and a value that is not finite.
+        """
+        for phase in self._phases.values():
+            phase.statement.check_name(name)
+        common = OptimalControlProblem(self.name)
+        common.statement.parameters = self._parameters
+        before = len(self._parameters)
+        symbol = common.parameter(name, nominal)
+        for phase in self._phases.values():
+            phase.statement.parameters += self._parameters[before:]
+        return symbol
+
+    def link(
+        self, before: OptimalControlProblem, after: OptimalControlProblem, *, jumps: Mapping[str, Any] | None = None
+    ) -> None:
+        """Let the states that two phases share by name go on from the end of one to the start of the other.
+
+        Args:
+            before: phase whose end is meant.
+            after: phase whose start is meant.
+            jumps: x_after(0) - x_before(T) by state, a number or an expression of parameters; 0 where none is given.
+
+        Raises:
+            ProblemError: for phases of another problem, that share no state, and jumps of others.
+        """
+        self._check_own(before, after)
+        jumps = dict(jumps or {})
+        own = {v.name: v.symbol for v in before.statement.states}
+        shared = [v for v in after.statement.states if v.name in own and not v.name.endswith("(0)")]
+        names = [v.name for v in shared]
+        where = f"{self.name}: {before.name} to {after.name}"
+        if not names:
+            raise ProblemError(f"{where}: no state in common; allowed: phases with states of the same name")
+        if strangers := [str(name) for name in jumps if name not in names]:
+            raise ProblemError(f"{where}: jump of {', '.join(strangers)}; allowed: {', '.join(names)}")
+        for variable in shared:
+            jump = expression(f"{where}: jump of {variable.name}", jumps.get(variable.name, 0.0))
+            gap = after.initial(variable.symbol) - own[variable.name] - jump
+            self.couple(gap == 0.0, name=f"{variable.name} from {before.name} to {after.name}")
+
+    def couple(self, constraint: Any, *, lower: Any = None, upper: Any = None, name: str = "") -> None:
+        """Constrain the ends of several phases together, by a comparison or with limits beside an expression.
+
+        A state's symbol means its value at the end of its phase, ``phase.initial(x)`` that at the start; the symbols of
+        the durations may be among them. ProblemError for what cannot be a constraint.
+        """
+        every = ca.vertcat(*(each for phase in self._phases.values() for each in phase.statement.at_end))
+        where = f"{self.name}: coupling"
+        self._couplings += rows(where, constraint, *zero_limits(constraint, lower, upper), name, known=ca.symvar(every))
+
+    def functions(self) -> ProblemFunctions:
+        """The stacked problem as compiled functions, over τ in [0, 1]; its variables are named phase.variable.
+
+        Raises ProblemError where something is missing or contradicts itself, naming it.
+        """
+        return functions_of(self._stacked())
+
+    def solve(
+        self,
+        nodes: int = NODES,
+        *,
+        method: Method = "direct",
+        monitor: Monitor | str | None = None,
+        guess: MultiPhaseSolution | None = None,
+        parameters: Mapping[str, Numbers] | None = None,
+        options: Options = DEFAULT,
+    ) -> MultiPhaseSolution:
+        """Solve all phases together, each on ``nodes`` nodes at the same fractions of its duration.
+
+        Arguments and errors are those of ``OptimalControlProblem.solve``, ``guess`` a solution of this problem.
+        """
+        problem = self.functions()
+        values = problem.values_by_name(parameters)
+        if guess is not None and not isinstance(guess, MultiPhaseSolution):
+            raise ProblemError(f"{self.name}: guess = {guess!r:.80}; allowed: a MultiPhaseSolution")
+        start = None if guess is None else guess.stacked
+        stacked = solve_by(problem, nodes, method, monitor, guess=start, parameters=values, options=options)
+        return self._unstacked(stacked)
+
+    def __repr__(self) -> str:
+        return f"MultiPhaseProblem({self.name!r}, phases {[*self._phases]})"
+
+    def _check_own(self, *phases: OptimalControlProblem) -> None:
+        for phase in phases:
+            if phase not in self._phases.values():
+                raise ProblemError(f"{self.name}: {phase!r:.80} is none of its phases; allowed: {[*self._phases]}")
+
+    def _stacked(self) -> Statement:
+        """The one statement of all phases over τ."""
+        if not self._phases:
+            raise ProblemError(f"{self.name}: no phase is begun; allowed: at least one")
+        stacked = Statement(self.name, duration=Duration(1.0, 1.0, 1.0), parameters=list(self._parameters))
+        elapsed = ca.SX(0)
+        for name, phase in self._phases.items():
+            elapsed = _add_phase(stacked, name, phase.statement, elapsed, shared=self._parameters)
+        fixed = {p.statement.final_time: p.statement.duration for p in self._phases.values()}
+        for row in self._couplings:
+            made = row.expression
+            for symbol, duration in fixed.items():
+                if duration is not None and not duration.free:
+                    made = ca.substitute(made, symbol, duration.guess)
+            stacked.final.append(dataclasses.replace(row, expression=made))
+        return stacked
+
+    def _unstacked(self, stacked: Solution) -> MultiPhaseSolution:
+        """Each phase as a solution with times of its own."""
+        phases, start_times, elapsed = dict[str, Solution](), dict[str, float](), 0.0
+        for name, phase in self._phases.items():
+            phases[name], start_times[name] = phase_solution(stacked, name, phase.statement, elapsed)
+            elapsed = start_times[name] + phases[name].duration
+        return MultiPhaseSolution(self.name, stacked, phases, start_times)
+
+
+def _add_phase(stacked: Statement, name: str, phase: Statement, elapsed: ca.SX, shared: list[Parameter]) -> ca.SX:
+    """Add a phase that begins at t = ``elapsed`` [s]; returns when it ends."""
+    duration = phase.duration
+    if duration is None:
+        raise ProblemError(f"{stacked.name}: phase {name} has no duration; allowed: duration() or free_duration()")
+    if missing := [v.name for v in phase.states if v.name not in phase.rates]:
+        raise ProblemError(f"{stacked.name}: phase {name}: no dynamics for {', '.join(missing)}; allowed: one for each")
+    T = phase.final_time if duration.free else ca.SX(duration.guess)
+    begin = elapsed if phase.start_time.is_zero() else phase.start_time
+    now = begin + stacked.t * T
+
+    def at(made: ca.SX) -> ca.SX:
+        return ca.substitute(ca.substitute(made, phase.t, now), phase.final_time, T)
+
+    def renamed(rows_of: list[Row]) -> list[Row]:
+        return [dataclasses.replace(row, expression=at(row.expression), name=f"{name}: {row.name}") for row in rows_of]
+
+    guess = guesses_of(since_start(phase))
+    columns = zip((*guess.states.T, *guess.controls.T), (*guess.state_scale, *guess.control_scale), strict=True)
+    for k, (variable, (values, scale)) in enumerate(zip((*phase.states, *phase.controls), columns, strict=True)):
+        among = stacked.states if k < len(phase.states) else stacked.controls
+        own = Values(values, guess.times)
+        among.append(dataclasses.replace(variable, name=f"{name}.{variable.name}", scale=float(scale), guess=own))
+    stacked.rates |= {f"{name}.{state}": T * at(rate) for state, rate in phase.rates.items()}
+    if duration.free:
+        constant = Values(np.array([duration.guess]))
+        stacked.states.append(Variable(f"{name}.duration", T, duration.lower, duration.upper, duration.guess, constant))
+        stacked.rates[f"{name}.duration"] = ca.SX(0)
+    stacked.parameters += [
+        dataclasses.replace(each, name=f"{name}.{each.name}") for each in phase.parameters if each not in shared
+    ]
+    stacked.running += T * at(phase.running)
+    stacked.terminal += at(phase.terminal)
+    stacked.path += renamed(phase.path)
+    stacked.initial += renamed(phase.initial)
+    stacked.final += renamed(phase.final)
+    return begin + T

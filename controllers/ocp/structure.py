@@ -1,0 +1,245 @@
+"""Structure of a solution: on which arcs each control rests on a bound, and where constraints begin and end to hold.
+
+Read from a solution that may be coarse. A control that enters linearly jumps between its bounds, or leaves them on a
+singular arc; another one has a kink where it reaches a bound. Both want a node there (see ``arcs``), as do the ends of
+an arc on a path constraint or on the bound of a state. A bound counts as held only where its multiplier says that it
+holds the control back: on a singular arc, where a coarse control rings between its bounds, it does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
+from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.sim.interfaces.signals import Array, Integers
+
+_AT_BOUND = 1e-3  # distance, over the range, that counts as resting on a control's bound
+_TOUCHING = 1e-5  # scaled distance to the limit of a constraint or of a state
+_WEAK = 1e-3  # of its largest value: a multiplier that is as small holds nothing back
+_SAME = 1e-3  # [of the mean interval] boundaries that are as near are one
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """Boundaries (A - 1,) between arcs, fractions of T, and on each arc what holds each control.
+
+    ``edges`` are the fractions of T at which a constraint on the states alone begins or ends to hold. They are no
+    boundaries: an unknown node there would move to where the constraint, which holds at points, can be overrun.
+    """
+
+    boundaries: Array
+    held: Integers  # (A, nu + nd): bounds of controls, path constraints; -1 the lower limit, 1 the upper, 0 neither
+    edges: Array
+
+    def __len__(self) -> int:
+        return len(self.held)
+
+    def limits(self, problem: ProblemFunctions) -> tuple[Interval, Interval]:
+        """Limits of controls (A, nu) and path constraints (A, nd) on each arc, equal where they are held."""
+        own, path = self.held[:, : problem.nu], self.held[:, problem.nu :]
+        return tuple(
+            Interval(np.where(held > 0, upper, lower), np.where(held < 0, lower, upper))
+            for held, (lower, upper) in ((own, problem.control_bounds), (path, problem.path_bounds))
+        )  # type: ignore[return-value]
+
+    def without_arcs_below(self, length: float) -> Structure:
+        """The structure without arcs shorter than ``length``, a fraction of T; neighbours that are equal become one."""
+        ends = np.concatenate([[0.0], self.boundaries, [1.0]])
+        boundaries, held = [], []
+        for start, end, own in zip(ends[:-1], ends[1:], self.held, strict=True):
+            if end - start < length or (held and np.array_equal(held[-1], own)):
+                continue
+            if held:
+                boundaries.append(start)
+            held.append(own)
+        return Structure(np.array(boundaries), np.array(held), self.edges)
+
+    def same(self, other: Structure) -> bool:
+        """True if the arcs of both hold the same controls in the same order."""
+        return np.array_equal(self.held, other.held)
+
+
+def structure(solution: Solution) -> Structure:
+    """Structure of a solution."""
+    problem, k, nodes = solution.problem, len(solution.scheme.points), solution.grid.nodes
+    tau, of = (solution.point_times / solution.duration).ravel(), solution.multipliers
+    linear, mixed, path = linear_controls(problem), mixed_constraints(problem), _path_values(solution)
+    pure = _active_constraints(solution, path, mixed)
+    overlaid = np.any(pure, axis=0) if pure else np.zeros(len(tau), dtype=bool)
+    codes = []
+    for j in range(problem.nu):
+        bounds = problem.control_bounds.lower[j], problem.control_bounds.upper[j]
+        values, multiplier = solution.u[:, :, j].ravel(), of.controls.values[:, :, j].ravel()
+        scale = problem.control_scale[j]
+        code, last = _runs_held(values, multiplier, bounds, scale, overlaid, linear=bool(linear[j]), k=k)
+        codes.append((code, _between(tau, last, nodes)))
+    for j in range(path.shape[1]):
+        bounds = problem.path_bounds.lower[j], problem.path_bounds.upper[j]
+        code, last = np.zeros(1, dtype=np.int64), np.empty(0, dtype=np.int64)
+        if mixed[j] and bounds[0] < bounds[1]:
+            code, last = _runs_held(
+                path[:, j], of.path.values[:, :, j].ravel(), bounds, 1.0, overlaid, linear=False, k=k
+            )
+        codes.append((code, _between(tau, last, nodes)))
+    boundaries = _apart(np.concatenate([*(switches for _, switches in codes), np.empty(0)]), solution.nodes)
+    edges = [_edges(tau, active, nodes) for active in pure]
+    held = _held(codes, 0.5 * (np.append(0.0, boundaries) + np.append(boundaries, 1.0)))
+    return Structure(boundaries, held, np.sort(np.concatenate([*edges, np.empty(0)])))
+
+
+@lru_cache(maxsize=64)
+def mixed_constraints(problem: ProblemFunctions) -> NDArray[np.bool_]:
+    """Path constraints (nd,) that depend on a control."""
+    mixed = np.zeros(len(problem.path_bounds.lower), dtype=bool)
+    mixed[problem.path.jac_sparsity(0, 1).row()] = True
+    return mixed
+
+
+def without_structure(problem: ProblemFunctions) -> Structure:
+    """The structure of a single arc, on which nothing is held."""
+    held = np.zeros((1, problem.nu + len(problem.path_bounds.lower)), dtype=np.int64)
+    return Structure(np.empty(0), held, np.empty(0))
+
+
+def _apart(boundaries: Array, nodes: int) -> Array:
+    """Boundaries inside ]0, 1[ in order, without those that are as good as equal."""
+    near = _SAME / (nodes - 1)
+    inside = np.sort(boundaries[(boundaries > near) & (boundaries < 1.0 - near)])
+    return inside[np.append(True, np.diff(inside) > near)] if len(inside) else inside
+
+
+def _held(codes: list[tuple[Integers, Array]], at: Array) -> Integers:
+    """Codes (n, nu) of the controls at fractions (n,) of T, from the runs of each and the boundaries between them."""
+    columns = [code[np.searchsorted(switches, at)] for code, switches in codes]
+    return np.array(columns, dtype=np.int64).reshape(len(codes), len(at)).T
+
+
+@lru_cache(maxsize=64)
+def linear_controls(problem: ProblemFunctions) -> NDArray[np.bool_]:
+    """Controls (nu,) that enter dynamics and running cost linearly, and no path constraint otherwise."""
+    x, u, t, p = problem.dynamics.sx_in()
+    outputs = ca.vertcat(problem.dynamics(x, u, t, p), problem.running_cost(x, u, t, p), problem.path(x, u, t, p))
+    slopes = ca.jacobian(outputs, u)
+    return np.array([not ca.depends_on(ca.vec(slopes[:, j]), u[j]) for j in range(problem.nu)], dtype=bool)
+
+
+def _runs_held(
+    u: Array,
+    multiplier: Array,
+    bounds: tuple[float, float],
+    scale: float,
+    overlaid: NDArray[np.bool_],
+    *,
+    linear: bool,
+    k: int,
+) -> tuple[Integers, Integers]:
+    """Codes (r,) of the runs of one control or constraint, and the last points (r - 1,) of all but the last run.
+
+    Where a constraint on the states is ``overlaid`` (points,), the multipliers of both are not unique, and say nothing.
+    """
+    lower, upper = bounds
+    extent = upper - lower if np.isfinite(upper - lower) else scale
+    code = np.where(u >= upper - _AT_BOUND * extent, 1, np.where(u <= lower + _AT_BOUND * extent, -1, 0))
+    weak = _WEAK * np.abs(multiplier).max(initial=0.0)
+    code[(code * multiplier < -weak) & ~overlaid] = 0  # held against its will
+    starts, ends, values = _runs(code)
+    # A run of one interval or less whose multiplier is weak, or of the wrong sign, does not rest on its bound.
+    for start, end, value in zip(starts, ends, values, strict=True):
+        if value and (value * multiplier[start:end]).max() <= weak and not overlaid[start:end].any():
+            code[start:end] = 0
+    if linear:
+        _calm(code, k + 1)
+    starts, ends, values = _runs(code)
+    if linear:
+        for n, (start, end, value) in enumerate(zip(starts, ends, values, strict=True)):
+            before, after = values[n - 1] if n else 0, values[n + 1] if n + 1 < len(values) else 0
+            if value == 0 and end - start <= k + 1 and (before or after):
+                if before and after and before != after:  # a jump inside the run: where the area is that of the control
+                    share = (u[start:end].mean() - lower) / extent
+                    count = round((share if before > 0 else 1.0 - share) * (end - start))
+                    code[start : start + count], code[start + count : end] = before, after
+                elif np.abs(u[start:end] - (upper if (before or after) > 0 else lower)).mean() < 0.1 * extent:
+                    code[start:end] = before or after
+        starts, ends, values = _runs(code)
+    else:
+        for start, end, value in zip(starts, ends, values, strict=True):
+            if value and end - start < 2:
+                code[start:end] = 0
+        starts, ends, values = _runs(code)
+    return values, ends[:-1] - 1
+
+
+def _calm(code: Integers, short: int) -> None:
+    """Free a control where it rings: three or more runs in a row of at most ``short`` points, one at either bound."""
+    starts, ends, values = _runs(code)
+    brief = np.concatenate([ends - starts <= short, [False]])
+    first = 0
+    for n, is_brief in enumerate(brief):
+        if is_brief:
+            continue
+        among = set(values[first:n].tolist())
+        if n - first >= 3 and {-1, 1} <= among:
+            code[starts[first] : ends[n - 1]] = 0
+        first = n + 1
+
+
+def _between(tau: Array, last: Integers, nodes: Array) -> Array:
+    """Fractions of T between each ``last`` point and the next one: a node where there is one, or the middle."""
+    node = nodes[np.clip(np.searchsorted(nodes, tau[last] - 1e-12), 0, len(nodes) - 1)]
+    return np.where(node < tau[last + 1], node, 0.5 * (tau[last] + tau[last + 1]))
+
+
+def _active_constraints(solution: Solution, path: Array, mixed: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
+    """Activity (points,) of each bound of a state, and each constraint on states alone, that is felt somewhere.
+
+    ``path`` (points, nd) are the values of the path constraints, ``mixed`` (nd,) marks those that depend on a control.
+    """
+    problem, of = solution.problem, solution.multipliers
+    x = solution.inner.reshape(-1, problem.nx)
+    weak = _WEAK * max(abs(solution.cost), _WEAK) / solution.duration
+    found = []
+    for values, (lower, upper), scale, multipliers in (
+        (x, problem.state_bounds, problem.state_scale, of.states.values),
+        (path[:, ~mixed], [side[~mixed] for side in problem.path_bounds], 1.0, of.path.values[:, :, ~mixed]),
+    ):
+        felt = np.abs(multipliers.reshape(len(x), -1)) * scale > weak
+        for touched in (values - lower <= _TOUCHING * scale, upper - values <= _TOUCHING * scale):
+            found += [
+                column
+                for column, strong, fixed in zip(touched.T, felt.T, lower == upper, strict=True)
+                if not fixed and (column & strong).any()
+            ]
+    return found
+
+
+def _path_values(solution: Solution) -> Array:
+    """Values (points, nd) of the path constraints at the scheme's points."""
+    problem, t = solution.problem, solution.point_times.ravel()
+    x, u = solution.inner.reshape(len(t), problem.nx), solution.u.reshape(len(t), problem.nu)
+    p = np.tile(solution.parameters[:, None], (1, len(t)))
+    return np.array(problem.path.map(len(t))(x.T, u.T, t[None, :], p).full().T)
+
+
+def _edges(tau: Array, active: NDArray[np.bool_], nodes: Array) -> Array:
+    """Fractions of T at which a constraint begins or ends to hold; the one point of a touch."""
+    starts, ends, values = _runs(active.astype(np.int64))
+    last, touches = [], []
+    for start, end, value in zip(starts, ends, values, strict=True):
+        if value and end - start > 1:
+            last += ([start - 1] if start else []) + ([end - 1] if end < len(tau) else [])
+        elif value and 0 < start < len(tau) - 1:
+            touches.append(tau[start])
+    return np.concatenate([_between(tau, np.array(last, dtype=np.int64), nodes), touches])
+
+
+def _runs(code: Integers) -> tuple[Integers, Integers, Integers]:
+    """First index, index behind the last, and value of each run of equal values."""
+    edges = np.flatnonzero(np.diff(code)) + 1
+    starts = np.concatenate([[0], edges]).astype(np.int64)
+    return starts, np.concatenate([edges, [len(code)]]).astype(np.int64), code[starts]

@@ -1,0 +1,172 @@
+"""Problems of several phases: the optimum does not depend on how they are cut, and linkages hold."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from mathnavi.controllers.ocp.phases import MultiPhaseProblem
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.sim.interfaces.errors import ProblemError
+
+Begin = Callable[[OptimalControlProblem], Any]
+
+
+def carried(phase: OptimalControlProblem, effort: float = 1.0) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """x'' = u, at a cost of ``effort`` u^2 / 2."""
+    x, v, u = phase.state("x", guess=(0.0, 1.0)), phase.state("v"), phase.control("u")
+    phase.minimise(running=effort * u**2 / 2)
+    phase.dynamics(ca.vertcat(x, v), ca.vertcat(v, u))
+    return x, v, u
+
+
+def cut(first: Begin, second: Begin) -> tuple[MultiPhaseProblem, OptimalControlProblem, OptimalControlProblem]:
+    """From rest at 0 to rest at 1, in two phases."""
+    problem = MultiPhaseProblem("cut in two")
+    a, b = problem.phase("a"), problem.phase("b")
+    x, v, _ = carried(a)
+    a.start(ca.vertcat(x, v), 0.0)
+    x, v, _ = carried(b)
+    b.end(ca.vertcat(x, v), [1.0, 0.0])
+    first(a), second(b)
+    problem.link(a, b)
+    return problem, a, b
+
+
+def test_the_optimum_does_not_depend_on_where_the_phases_are_cut() -> None:
+    problem, _, _ = cut(lambda a: a.duration(0.3), lambda b: b.duration(0.7))
+    found = problem.solve(9)
+    assert found.ok
+    assert found.cost == pytest.approx(6.0)
+    t = np.linspace(0.0, 1.0, 11)
+    x = np.array([found["a"].state(s)[0] if s < 0.3 else found["b"].state(s - 0.3)[0] for s in t])
+    np.testing.assert_allclose(x, 3 * t**2 - 2 * t**3, atol=1e-6)
+    assert found.start_times == {"a": 0.0, "b": pytest.approx(0.3)}
+    assert found["a"].cost + found["b"].cost == pytest.approx(6.0)
+    for phase in ("a", "b"):
+        assert found[phase].replay is not None
+        assert found[phase].replay.miss < 1e-8  # type: ignore[union-attr]
+
+
+def test_free_durations_are_found_with_a_sum() -> None:
+    problem, a, b = cut(lambda a: a.free_duration(guess=0.5), lambda b: b.free_duration(guess=0.5))
+    T_a, T_b = a.statement.final_time, b.statement.final_time
+    problem.couple(T_a + T_b == 1.0)
+    problem.couple(T_a <= 0.4, name="early")
+    found = problem.solve(9)
+    assert found.cost == pytest.approx(6.0)
+    assert found.duration == pytest.approx(1.0)
+    assert found["a"].duration <= 0.4 + 1e-8
+    assert "coupling" not in repr(found)
+    assert re.search(r"phase b +0\.\d+ to 1 +s", repr(found))
+
+
+def test_an_event_in_the_interior_is_a_boundary() -> None:
+    """Through x = 1.5 on the way from 0 to 1, at whatever time is best: J is above 6, and x(t_1) = 1.5."""
+    problem, a, b = cut(
+        lambda a: a.free_duration(guess=0.7, lower=0.1), lambda b: b.free_duration(guess=0.3, lower=0.1)
+    )
+    a.end(a.statement.states[0].symbol, 1.5)
+    problem.couple(a.statement.final_time + b.statement.final_time, lower=1.0, upper=1.0)
+    found = problem.solve(21)
+    assert found.ok
+    assert found["a"]["x"][-1] == found["b"]["x"][0] == pytest.approx(1.5)
+    assert found["a"]["v"][-1] == pytest.approx(found["b"]["v"][0])
+    assert found.cost > 6.0
+
+
+def test_a_state_jumps_by_an_expression() -> None:
+    """A ball that falls 1 m keeps 80 % of its speed in a bounce and rises to .64 m."""
+    problem = MultiPhaseProblem("bounce")
+    fall, rise = problem.phase("fall"), problem.phase("rise")
+    g = problem.parameter("g", 9.81)
+    for phase in (fall, rise):
+        x, v = phase.state("x", guess=1.0), phase.state("v", guess=-1.0)
+        phase.free_duration(guess=0.5, lower=0.1, upper=2.0)
+        phase.dynamics(ca.vertcat(x, v), ca.vertcat(v, -g))
+    (x, v), (_, v_rise) = ([s.symbol for s in phase.statement.states] for phase in (fall, rise))
+    fall.start(x, 1.0), fall.start(v, 0.0), fall.end(x, 0.0), rise.end(v_rise, 0.0)
+    problem.link(fall, rise, jumps={"v": -1.8 * v})
+    found = problem.solve(5)
+    assert found["rise"]["x"][-1] == pytest.approx(0.64)
+    assert found["fall"].duration == pytest.approx(math.sqrt(2.0 / 9.81))
+    assert found["rise"].replay.miss < 1e-8  # type: ignore[union-attr]
+    moon = problem.solve(5, parameters={"g": 1.62}, guess=found)
+    assert moon["fall"].duration == pytest.approx(math.sqrt(2.0 / 1.62))
+
+
+def test_time_goes_on_from_phase_to_phase() -> None:
+    problem = MultiPhaseProblem("clock")
+    a, b = problem.phase("a"), problem.phase("b")
+    for phase in (a, b):
+        x = phase.state("x")
+        phase.duration(1.0)
+        phase.dynamics(x, ca.cos(phase.t))
+    a.start_time(0.5)
+    a.start(a.statement.states[0].symbol, 0.0)
+    problem.link(a, b)
+    found = problem.solve(9)
+    assert found["b"]["x"][-1] == pytest.approx(math.sin(2.5) - math.sin(0.5))
+    assert found.start_times == {"a": 0.5, "b": 1.5}
+    assert found["b"].replay.miss < 1e-7  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("method", ["redistribute", "refine"])
+def test_phases_are_solved_by_every_method(method: Any) -> None:
+    problem, _, _ = cut(lambda a: a.duration(0.3), lambda b: b.duration(0.7))
+    assert problem.solve(9, method=method).cost == pytest.approx(6.0)
+
+
+def test_a_path_constraint_belongs_to_its_phase() -> None:
+    problem, _, b = cut(lambda a: a.duration(0.5), lambda b: b.duration(0.5))
+    b.constrain(2 * b.statement.states[1].symbol <= 2.4, name="slow")
+    found = problem.solve(9)
+    assert found["a"]["v"].max() > 1.2 - 1e-6
+    assert found["b"]["v"].max() <= 1.2 + 1e-6
+    assert (found["a"].problem.path_names, found["b"].problem.path_names) == ((), ("slow",))
+    assert found["b"].multipliers.path.names == ("slow",)
+
+
+def test_multipliers_of_a_phase_are_those_of_the_problem_in_one_phase() -> None:
+    one = OptimalControlProblem("one phase")
+    x, v, u = carried(one)
+    one.duration(1.0)
+    one.constrain(u <= 4.0)
+    one.start(ca.vertcat(x, v), 0.0)
+    one.end(ca.vertcat(x, v), [1.0, 0.0])
+    problem, a, _ = cut(lambda a: a.duration(0.5), lambda b: b.duration(0.5))
+    a.constrain(a.statement.controls[0].symbol <= 4.0)
+    whole, found = one.solve(41), problem.solve(21)
+    for phase, half in (("a", slice(0, 20)), ("b", slice(20, 40))):
+        own = found[phase].multipliers
+        for name in ("x", "v"):
+            np.testing.assert_allclose(own.dynamics[name], whole.multipliers.dynamics[name][half], rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(own.controls["u"], whole.multipliers.controls["u"][half], rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(found["b"].multipliers.final["x"], whole.multipliers.final["x"], rtol=1e-5)
+    np.testing.assert_allclose(found["a"].multipliers.initial["v"], whole.multipliers.initial["v"], rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        (lambda problem, a, b: problem.phase("a"), "cut in two: phase 'a' is empty or taken; allowed: other than"),
+        (lambda problem, a, b: problem.link(a, OptimalControlProblem("c")), "is none of its phases; allowed: ['a'"),
+        (lambda problem, a, b: problem.link(a, b, jumps={"m": 1.0}), "a to b: jump of m; allowed: x, v"),
+        (lambda problem, a, b: problem.couple(ca.SX.sym("z") == 1), "coupling (z==1) depends on z"),
+        (lambda problem, a, b: problem.couple(a.statement.states[0].symbol <= math.inf), "is no limit"),
+        (lambda problem, a, b: [problem.phase("c").state("x"), problem.solve(5)], "phase c has no duration"),
+        (lambda problem, a, b: MultiPhaseProblem("none").solve(5), "none: no phase is begun"),
+        (lambda problem, a, b: problem.solve(5)["c"], "'c' is no phase; allowed: a, b"),
+        (lambda problem, a, b: [problem.link(a, b), problem.solve(5)], "6 equations at the end"),
+    ],
+)  # fmt: skip
+def test_a_wrong_statement_of_phases_is_refused(wrong: Callable[..., Any], named: str) -> None:
+    problem, a, b = cut(lambda a: a.duration(0.5), lambda b: b.duration(0.5))
+    with pytest.raises((ProblemError, KeyError), match=re.escape(named)):
+        wrong(problem, a, b)

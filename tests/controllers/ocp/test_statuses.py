@@ -1,0 +1,180 @@
+"""A status says no more than was shown: OPTIMAL is a solution that replays within the tolerance."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.gate import gated
+from mathnavi.controllers.ocp.phases import MultiPhaseProblem
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problems.goddard import goddard
+from mathnavi.controllers.ocp.replay import GIVEN_NODES, judged
+from mathnavi.controllers.ocp.solution import Outcome, ReplayResult, Solution
+from mathnavi.sim.interfaces.errors import ProblemError
+
+
+def integrator(lower: float = -1.0, upper: float = 1.0) -> tuple[OptimalControlProblem, ca.SX, ca.SX]:
+    """x' = u from 0, |u| at most 1 unless stated."""
+    ocp = OptimalControlProblem("integrator")
+    x, u = ocp.state("x"), ocp.control("u", lower=lower, upper=upper)
+    ocp.dynamics(x, u)
+    ocp.start(x, 0.0)
+    return ocp, x, u
+
+
+def test_a_programme_that_is_solved_is_not_yet_a_solution() -> None:
+    coarse = solve(goddard(), 10)
+    assert coarse.status is Outcome.CONVERGED
+    assert coarse.solved
+    assert not coarse.ok
+    assert coarse.replay is not None
+    assert f"not within {GIVEN_NODES:g} when it is replayed: miss {coarse.replay.miss:.2g}" in coarse.message
+
+
+def solution() -> Solution:
+    ocp, x, u = integrator()
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2)
+    ocp.end(x, 0.5)
+    return ocp.solve(4)
+
+
+def test_the_tolerance_is_the_callers() -> None:
+    found = solution()
+    assert found.status is Outcome.OPTIMAL
+    replay = ReplayResult(2e-4, 0.0, 0.3, 0.0, found.cost, found.x[-1], by_intervals=False)
+    found = dataclasses.replace(found, replay=replay)
+    assert judged(found, 1e-3).ok  # however far the parabolas left their bounds: what is flown does not
+    finer = judged(found, 1e-4)
+    assert not finer.ok
+    assert finer.message == "not within 0.0001 when it is replayed: miss 0.0002"
+    for wrong in (0.0, np.nan, "1e-6"):
+        with pytest.raises(ProblemError, match=r"tolerance = .*; allowed: a finite value > 0"):
+            judged(found, wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("figure", ["miss", "path_violation", "cost_error"])
+@pytest.mark.parametrize("value", [2e-3, np.inf])
+def test_one_figure_is_enough_to_lose_the_status(figure: str, value: float) -> None:
+    found = solution()
+    assert found.replay is not None
+    worse = judged(dataclasses.replace(found, replay=dataclasses.replace(found.replay, **{figure: value})), 1e-3)
+    assert worse.status is Outcome.CONVERGED
+    assert figure.replace("_", " ") in worse.message
+
+
+def test_a_refused_solution_is_one_where_the_uniform_grid_is_accurate() -> None:
+    even = solution()
+    assert even.replay is not None
+    moved = dataclasses.replace(even, replay=dataclasses.replace(even.replay, miss=1.0))
+    refused = gated(moved, even, "moved", 1e-3)
+    assert refused.status is Outcome.REFUSED
+    assert refused.ok
+    assert not gated(moved, judged(even, 1e-300), "moved", 1e-300).ok
+
+
+def test_a_small_error_is_not_refused() -> None:
+    even = solution()
+    assert even.replay is not None
+    moved = dataclasses.replace(even, replay=dataclasses.replace(even.replay, miss=3e-7))
+    assert gated(moved, even, "moved", 1e-6).status is Outcome.OPTIMAL
+
+
+def longest(upper: float | None) -> OptimalControlProblem:
+    ocp, _, _ = integrator()
+    limits = {} if upper is None else {"upper": upper}
+    ocp.minimise(terminal=-ocp.free_duration(guess=1.0, **limits))
+    return ocp
+
+
+def test_a_final_time_at_a_limit_that_nobody_stated_is_no_solution() -> None:
+    found = longest(None).solve(5)
+    assert found.status is Outcome.UNBOUNDED
+    assert not found.ok
+    assert found.message == "T ends at 1e+09 s, its default upper limit; state one, or a cost that bounds it"
+    assert longest(5.0).solve(5).status is Outcome.OPTIMAL
+
+
+def test_nor_is_a_phase_that_lasts_as_long_as_nobody_said() -> None:
+    ocp = MultiPhaseProblem("two")
+    phases = [ocp.phase(name) for name in ("first", "second")]
+    for phase in phases:
+        x, u = phase.state("x"), phase.control("u", lower=-1.0, upper=1.0)
+        phase.dynamics(x, u)
+        last = phase.free_duration(guess=1.0, **({"upper": 5.0} if phase is phases[0] else {}))
+        phase.minimise(terminal=-last)
+        if phase is phases[0]:
+            phase.start(x, 0.0)
+    ocp.link(*phases)
+    assert ocp.solve(5).message.startswith("second.duration ends at 1e+09 s, its default upper limit")
+
+
+def test_nor_is_the_least_final_time() -> None:
+    ocp, _, _ = integrator()
+    ocp.minimise(terminal=ocp.free_duration(guess=1.0))
+    assert "T ends at 0.001 s, its default lower limit" in ocp.solve(5).message
+
+
+def test_a_final_time_that_has_not_yet_come_to_its_limit_runs_away() -> None:
+    ocp, x, u = integrator()
+    ocp.free_duration(guess=1.0)
+    ocp.minimise(running=u**2)
+    ocp.end(x, 1.0)
+    found = ocp.solve(5)
+    assert found.status is Outcome.UNBOUNDED
+    assert found.message.startswith("T ")
+
+
+def test_variables_that_run_away_are_named() -> None:
+    ocp, x, _ = integrator(-np.inf, np.inf)
+    ocp.duration(1.0)
+    ocp.minimise(terminal=-x)
+    found = ocp.solve(5)
+    assert found.status is Outcome.UNBOUNDED
+    assert "x runs to " in found.message
+    assert "u runs to " in found.message
+
+
+def test_a_state_that_runs_away_by_itself_is_named() -> None:
+    ocp = OptimalControlProblem("free start")
+    x = ocp.state("x")
+    ocp.duration(1.0)
+    ocp.dynamics(x, 0.0)
+    ocp.minimise(terminal=-x)
+    found = ocp.solve(5)
+    assert found.status is Outcome.UNBOUNDED
+    assert found.message.startswith("x runs to ")
+
+
+def test_a_large_value_that_is_meant_is_a_solution() -> None:
+    ocp, x, _ = integrator(-1e12, 1e12)
+    ocp.duration(1.0)
+    ocp.minimise(terminal=-x / 1e12)
+    assert ocp.solve(5).status is not Outcome.UNBOUNDED
+
+
+@pytest.mark.parametrize(
+    ("rate", "found"),
+    [
+        (lambda x: ca.sqrt(x), "last iterate, where x = 0, u = "),  # the solver comes to the edge by itself
+        (lambda x: ca.sqrt(ca.fmax(x, 0.0)), "t = 2 s of the guess, where x = 0, u = 0"),
+    ],
+)
+def test_a_derivative_that_is_not_finite_is_named(rate: Callable[[ca.SX], ca.SX], found: str) -> None:
+    ocp = OptimalControlProblem("edge")
+    x, u = ocp.state("x", guess=(1.0, 1.0) if "last" in found else (1.0, 0.0)), ocp.control("u")
+    ocp.duration(2.0)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(x, u - rate(x))
+    ocp.start(x, 1.0)
+    ocp.end(x, -1.0)
+    solution = ocp.solve(9)
+    assert solution.status is Outcome.NOT_FINITE
+    assert solution.message.startswith("the derivative of the dynamics of x by x is not finite at t = 2 s of the ")
+    assert found in solution.message

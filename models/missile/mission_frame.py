@@ -75,4 +75,4 @@ class MissionFrame:
 
     def _worst(self, directions: Array) -> float:
         start, *others = np.arcsin(np.minimum(np.abs(directions @ self.axes[1]), 1.0)).tolist()
-        return max(start - LEFT_SOON, *others)
+        return float(max(start - LEFT_SOON, *others))

@@ -20,7 +20,7 @@ import numpy as np
 
 from mathnavi.controllers.missile.autopilot import Autopilot, checked_state
 from mathnavi.controllers.missile.optimiser import MissileTrajectory, Optimiser, flown
-from mathnavi.controllers.missile.problem import TerminalCondition
+from mathnavi.controllers.missile.problem import ALLOWANCE, TerminalCondition
 from mathnavi.controllers.missile.shooting import Failed
 from mathnavi.models.missile.mission import MissileMission, Target
 from mathnavi.models.tolerances import TIME_TOLERANCE
@@ -64,7 +64,11 @@ class MissilePlanner:
         leading = self._leading(t, start, current)
         t += leading.duration
         terminal = TerminalCondition.at(self._target, t, self._mission.final_attitude, lead=self._lead)
-        found = self._optimiser.optimise(t, leading.x[-1], terminal)
+        buried = float(terminal.place[2])
+        if buried > ALLOWANCE and terminal.velocity[2] >= 0.0:
+            found: MissileTrajectory | Failed = Failed(f"it is {buried:.3g} m below the ground", infeasible=True)
+        else:
+            found = self._optimiser.optimise(t, leading.x[-1], terminal)
         solve_ms = 1e3 * (time.thread_time() - began)
         if isinstance(found, Failed):
             status = Status.INFEASIBLE if found.infeasible else Status.SOLVER_FAILED

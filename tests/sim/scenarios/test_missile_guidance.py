@@ -199,7 +199,7 @@ def test_fields_out_of_range_are_refused_by_their_names(expected: str, make: Any
 
 
 def test_a_missile_that_hits_the_ground_short_says_so() -> None:
-    outcome = fly(controller=glide(omega=0.0), mismatch=MissileMismatch(mass=1.3, force=0.7))
+    outcome = fly(controller=glide(omega=0.0), gust=MissileGust(force=(0.0, 0.0, -4000.0)))
     assert not outcome.success
     assert outcome.summary["hit_ground"] is True
     assert "hit ground" in outcome.summary["shortfall"]

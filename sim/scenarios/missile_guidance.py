@@ -38,6 +38,7 @@ from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.missile_fields import MissileGuidanceConfig, MissileMismatch
 from mathnavi.sim.scenarios.requirements import Requirement, evaluate
 from mathnavi.sim.scenarios.task import Inputs, Sample, Task
+from mathnavi.sim.scenarios.turned_plant import TurnedPlant
 
 VEHICLE = "missile"
 _DOUBLINGS, _BISECTIONS = 6, 5  # of the distance to a target that is out of reach
@@ -64,10 +65,6 @@ class MissileGuidance:
         """The closed loop of one seed. Raises MissionError for a mission that no first plan is found for."""
         parts = Assembler.of(MissileGuidance, config, seed, controller, estimator)
         frame = _frame(config)
-        gust = dataclasses.replace(
-            config.gust, force=frame.turned(config.gust.force), torque=frame.turned(config.gust.torque)
-        )
-        wind = Assembler.of(MissileGuidance, dataclasses.replace(config, gust=gust), seed, controller, estimator)
         target = _target(config, frame)
         mission = _mission(config, target, frame)
         first = _first_plan(config, mission, parts.controller)
@@ -78,8 +75,9 @@ class MissileGuidance:
         setup = VehicleSetup(start, stack.sensors, limits, config.actuator.delay)
         model = _model(mission.coordinates, mission.input_max, config.mismatch)
         body = MujocoPlant(model, {VEHICLE: setup}, parts.streams["sensing"])
+        outside = TurnedPlant(body, frame) if frame.azimuth else body
         return parts.closed_loop(
-            wind.disturbed(body, stack.planner.period, mass=config.mismatch.mass * mission.body.mass),
+            parts.disturbed(outside, stack.planner.period, mass=config.mismatch.mass * mission.body.mass),
             {VEHICLE: stack.agent(mission.coordinates.input_size, _messages(config, target))},
             _duration(config, first),
             PassedTarget(mission, target).finished,

@@ -219,7 +219,12 @@ def test_any_heading_is_flown(heading: float) -> None:
 
 def test_wind_is_that_of_the_world_whatever_the_frame() -> None:
     east, west = (
-        fly(gust=MissileGust(force=(force, 0.0, 0.0)), dimension="spatial", start_heading=heading, target=target)
+        fly(
+            gust=MissileGust(force=(force, 0.0, 0.0)),
+            dimension="spatial",
+            start_heading=heading,
+            target=target,
+        )
         for force, heading, target in ((300.0, 0.0, (700.0, 0.0, 0.0)), (-300.0, 180.0, (-700.0, 0.0, 0.0)))
     )
     np.testing.assert_allclose(east.recording.truths["missile"], west.recording.truths["missile"], atol=1e-9)

@@ -25,6 +25,7 @@ from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
 from mathnavi.models.angles import wrapped
 from mathnavi.models.missile.coordinates import STEP, Coordinates
 from mathnavi.models.missile.dynamics import Body, rotation
+from mathnavi.models.missile.input_history import InputHistory
 from mathnavi.models.missile.mission import MissileMission
 from mathnavi.models.runge_kutta import classical_step
 from mathnavi.models.tolerances import TIME_TOLERANCE
@@ -80,6 +81,8 @@ class MissileKalman:
         self._filter.R = np.diag(np.maximum(mission.noise.deviations(coordinates), config.noise_floor) ** 2)
         self._H = np.eye(self._size, len(self._filter.x))
         self._t: float | None = None  # [s] of the filter's state; None before the first call
+        self._inputs = InputHistory(mission.input_delay, len(disturbance))
+        self._called: float | None = None  # [s] of the last call
 
     @staticmethod
     def build(config: MissileKalmanConfig, mission: MissileMission) -> MissileKalman:
@@ -111,21 +114,29 @@ class MissileKalman:
         reading of another shape, or older than the filter.
         """
         held = np.clip(command, -self._input_max, self._input_max)
+        if self._called is not None:
+            self._inputs.note(self._called, held)
+        self._called = t
         for reading in measurements:
             if reading.name == "full_state":
-                self._predict(reading.t, held)
+                self._predict(reading.t)
                 self._condition(reading)
-        self._predict(t, held)
+        self._predict(t)
         x, P = self._filter.x, self._filter.P[: self._size, : self._size]
         disturbance = np.array(self._input_of(x)).ravel()
         status = self._timeout_monitor.status(t)
         return Estimate(t, x[: self._size].copy(), 0.5 * (P + P.T), status, {"disturbance": disturbance})
 
-    def _predict(self, t: float, u: Array) -> None:
-        """From the filter's time to t [s] with the input held."""
+    def _predict(self, t: float) -> None:
+        """From the filter's time to t [s] with the inputs that act by then, as late as the thrusters are declared."""
         if self._t is None:
             self._t = t
-        h = time_ahead(t, self._t, "a reading")
+        for h, u in self._inputs.acting(self._t, self._t + time_ahead(t, self._t, "a reading")):
+            self._advance(h, u)
+        self._t = t
+
+    def _advance(self, h: float, u: Array) -> None:
+        """By h [s] with the input held."""
         while h > TIME_TOLERANCE:
             step = min(h, STEP)
             after, F = self._step(self._filter.x, u, step)
@@ -135,7 +146,6 @@ class MissileKalman:
             self._filter.Q = self._filter.F * noise @ self._filter.F.T
             self._filter.predict(np.array(after).ravel())
             h -= step
-        self._t = t
 
     def _condition(self, reading: Measurement) -> None:
         # Both the state and the reading are flat: filterpy makes a square of a flat one and a column.

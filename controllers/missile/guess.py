@@ -41,7 +41,8 @@ def pitch_guess(start: Array, terminal: TerminalCondition, body: Body, nodes: Ar
     T = max(float(length[-1]) / speed, 0.1)
     slope = np.gradient(path, fine, axis=0)
     angle = np.unwrap(np.arctan2(-slope[:, 1], slope[:, 0]))
-    angle += terminal.theta - angle[-1]  # multiples of 2 pi, and rounding
+    angle += 2.0 * math.pi * round((theta - angle[0]) / (2.0 * math.pi))
+    angle += terminal.wound_to(angle[-1]).theta - angle[-1]  # rounding
     at = np.interp(nodes * length[-1], length, fine)
 
     x, times = np.zeros((len(nodes), 6)), nodes * T

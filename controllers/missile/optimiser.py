@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
@@ -16,7 +17,14 @@ from numba import njit
 
 from mathnavi.controllers.missile.guess import TANGENTS, pitch_guess, yaw_guess
 from mathnavi.controllers.missile.planes import inputs_between, joined, split
-from mathnavi.controllers.missile.problem import TerminalCondition, guidance_problem, out_of_bounds, weights
+from mathnavi.controllers.missile.problem import (
+    ALLOWANCE,
+    TerminalCondition,
+    ground_parameters,
+    guidance_problem,
+    out_of_bounds,
+    weights,
+)
 from mathnavi.controllers.missile.shooting import Failed, Shooting, Solved
 from mathnavi.controllers.ocp.backend import Backend
 from mathnavi.controllers.ocp.distribution import NodeDistribution
@@ -25,6 +33,13 @@ from mathnavi.models.missile.coordinates import PLANAR, STEP, Coordinates
 from mathnavi.models.missile.dynamics import SPATIAL_STATES, Body
 from mathnavi.models.missile.mission import Case
 from mathnavi.sim.interfaces.signals import Array
+
+SAMPLE = 0.02
+"""[s] in which a height is sampled"""
+ROUNDS = 4
+"""most solves of one flight that misses its end or passes below the ground between its nodes"""
+ACCEPTED = 0.1
+"""[m] terminal error that is worth flying: the next plan corrects it"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +51,7 @@ class MissileTrajectory:
     x: Array
     u: Array
     cost: float  # J
+    remark: str = ""  # what is to be recorded of how it was found
 
     @property
     def duration(self) -> float:
@@ -48,6 +64,30 @@ class Optimiser(Protocol):
     def optimise(self, t: float, start: Array, terminal: TerminalCondition) -> MissileTrajectory | Failed:
         """The flight from the state ``start`` (nx,) at t [s], or the reason why there is none."""
         ...
+
+
+def lowest_height(trajectory: MissileTrajectory, coordinates: Coordinates, body: Body) -> float:
+    """Least height [m] over the ground along a trajectory, as flown in space; inf where it stays far above it.
+
+    Over an arc of duration d with an acceleration of at most A the path is at most A d^2 / 8 below the lower end.
+    """
+    height, d = -coordinates.place(trajectory.x)[:, 2], np.diff(trajectory.t)
+    ends = np.minimum(height[:-1], height[1:])
+    forces = np.linalg.norm(coordinates.input_in_space(trajectory.u)[:, :3], axis=1)
+    low = np.flatnonzero(ends < (forces / body.mass + body.gravity) * d**2 / 8.0)
+    x, u = coordinates.in_space(trajectory.x), coordinates.input_in_space(trajectory.u)
+    return min((_lowest(x[k], float(d[k]), u[k], body.numbers, STEP) for k in low), default=math.inf)
+
+
+@njit(cache=True, nogil=True)
+def _lowest(start: Array, duration: float, u: Array, numbers: kernels.Numbers, step: float) -> float:
+    """Least height [m] over an arc from ``start`` (10,), sampled every ``SAMPLE`` or more often."""
+    count = max(2, math.ceil(duration / SAMPLE))
+    now, highest = start, start[9]
+    for _ in range(count):
+        now = kernels.flow(now, u, duration / count, numbers, step)
+        highest = max(highest, now[9])
+    return -float(highest)
 
 
 def flown(start: Array, t: Array, u: Array, coordinates: Coordinates, body: Body) -> Array:
@@ -77,24 +117,59 @@ class JointOptimiser:
         nodes: int,
         backend: Backend,
         distribution: NodeDistribution,
+        clearance: float,
     ) -> None:
+        """Plans keep ``clearance`` [m] over the ground."""
         problem, self._weights = guidance_problem(body, coordinates, limits), weights(case)
         self._shooting = Shooting(problem, nodes, backend, distribution)
         self._coordinates, self._body, self._nodes = coordinates, body, np.linspace(0.0, 1.0, nodes)
+        self._clearance = clearance
         self._last: tuple[float, Solved] | None = None  # when it starts [s], and it
 
     def optimise(self, t: float, start: Array, terminal: TerminalCondition) -> MissileTrajectory | Failed:
-        parameters = np.concatenate([self._weights, terminal.parameters(start, self._coordinates)])
         failed = Failed("nothing was tried", infeasible=False)
         if (reason := out_of_bounds(start, self._coordinates)) is not None:
             return Failed(reason, infeasible=True)
         for guess, first in self._guesses(t, start, terminal):
-            solved = self._shooting.solve(guess, parameters, first=first)
-            if isinstance(solved, Solved):
+            found = self._above_ground(start, terminal, guess, first=first)
+            if not isinstance(found, Failed):
+                solved, trajectory = found
                 self._last = t, solved
-                x = flown(start, solved.times, solved.u, self._coordinates, self._body)
-                return MissileTrajectory(solved.times, x, solved.u, solved.cost)
-            failed = solved
+                return trajectory
+            failed = found
+        return failed
+
+    def _above_ground(
+        self, start: Array, terminal: TerminalCondition, guess: Solved, *, first: bool
+    ) -> tuple[Solved, MissileTrajectory] | Failed:
+        """A solution and its flight.
+
+        Where the flight misses what the programme reaches, or passes below the ground between nodes, it is solved again
+        for an end that is shifted against the error, or with more clearance.
+        """
+        height, clearance = -float(self._coordinates.place(start)[2]), self._clearance
+        wound = terminal.wound_to(float(guess.x[-1, self._coordinates.index("theta")]))
+        aim, failed = wound, Failed("no round was taken", infeasible=False)
+        for _ in range(ROUNDS):
+            known = [self._weights, aim.parameters(start, self._coordinates)]
+            parameters = np.concatenate([*known, ground_parameters(height, clearance)])
+            solved = self._shooting.solve(guess, parameters, first=first)
+            if isinstance(solved, Failed):
+                return solved
+            x = flown(start, solved.times, solved.u, self._coordinates, self._body)
+            trajectory = MissileTrajectory(solved.times, x, solved.u, solved.cost)
+            error = wound.error_of(x[-1], trajectory.duration, self._coordinates)
+            below = -ALLOWANCE - lowest_height(trajectory, self._coordinates, self._body)
+            if error.norm < ACCEPTED and below <= 0.0:
+                return solved, trajectory
+            if error.norm >= ACCEPTED:
+                failed = Failed(f"the plan as flown would miss by {error.norm:.3g} m", infeasible=False)
+                aim = aim.corrected_for(error)
+            else:
+                text = f"the flight would pass {below:.3g} m below the ground between its nodes"
+                failed = Failed(text, infeasible=False)
+                clearance += 2.0 * below
+            guess = solved
         return failed
 
     def _guesses(self, t: float, start: Array, terminal: TerminalCondition) -> Iterator[tuple[Solved, bool]]:

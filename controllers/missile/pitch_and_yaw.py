@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mathnavi.controllers.missile.guess import TANGENTS, pitch_guess, yaw_guess
-from mathnavi.controllers.missile.optimiser import MissileTrajectory, flown
+from mathnavi.controllers.missile.optimiser import ACCEPTED, MissileTrajectory, flown, lowest_height
 from mathnavi.controllers.missile.planes import (
     Limits,
     fitted,
@@ -38,7 +38,13 @@ from mathnavi.controllers.missile.planes import (
     split,
     yaw_problem,
 )
-from mathnavi.controllers.missile.problem import TerminalCondition, out_of_bounds, weights
+from mathnavi.controllers.missile.problem import (
+    ALLOWANCE,
+    TerminalCondition,
+    ground_parameters,
+    out_of_bounds,
+    weights,
+)
 from mathnavi.controllers.missile.shooting import Failed, Shooting, Solved
 from mathnavi.controllers.ocp.backend import Backend
 from mathnavi.controllers.ocp.distribution import NodeDistribution
@@ -51,8 +57,8 @@ PART = 0.04
 """[s] longest time that a spatial input is held"""
 FIRST_SWEEPS, SWEEPS = 10, 3
 """most sweeps of a first flight, and of one that starts from the last"""
-EXACT, ACCEPTED = 1e-3, 0.1
-"""[m] terminal errors that need no further sweep, and that are worth flying: the next plan corrects them"""
+EXACT = 1e-3
+"""[m] terminal error that needs no further sweep"""
 ROUND_OFF = 1e-6
 """relative excess over a limit that is rounding"""
 SETTLED = 1e-3
@@ -79,12 +85,17 @@ class PitchAndYaw:
         nodes: int,
         backend: Backend,
         distribution: NodeDistribution,
+        clearance: float,
     ) -> None:
-        """Plans within ``limits``; the inputs flown may come up to ``most``, the limits of the thrusters."""
+        """Plans within ``limits`` that keep ``clearance`` [m] over the ground.
+
+        The inputs flown may come up to ``most``, the limits of the thrusters.
+        """
         self._case, self._body, self._nodes = case, body, np.linspace(0.0, 1.0, nodes)
         self._weights, self._most = weights(case), np.array(most)
         self._pitch = Shooting(pitch_problem(body, limits), nodes, backend, distribution)
         self._yaw = Shooting(yaw_problem(body, limits), nodes, backend, steps=1)
+        self._clearance = clearance
         self._last: tuple[float, _Iterate] | None = None  # when it starts [s], and it
 
     def optimise(self, t: float, start: Array, terminal: TerminalCondition) -> MissileTrajectory | Failed:
@@ -108,22 +119,28 @@ class PitchAndYaw:
         self, t: float, start: Array, terminal: TerminalCondition, now: _Iterate, *, first: bool
     ) -> MissileTrajectory | Failed:
         """Sweep until the flight is exact and, from a ``first`` guess, until a sweep gains nothing any more."""
-        shifted_terminal, best, error = terminal, math.inf, math.inf
+        terminal = terminal.wound_to(float(now.pitch.x[-1, 3]))
+        shifted_terminal, best, error, below = terminal, math.inf, math.inf, 0.0
+        clearance = self._clearance
         found: MissileTrajectory | Failed = Failed("no turn was taken", infeasible=False)
         for _ in range(FIRST_SWEEPS if first else SWEEPS):
-            after = self._sweep(start, shifted_terminal, now, first=first)
+            after = self._sweep(start, shifted_terminal, now, clearance, first=first)
             if isinstance(after, Failed):  # the sweeps before may have led to a flight
-                return found if error < ACCEPTED else after
+                return found if error < ACCEPTED and below <= 0.0 else after
             now = after
             self._last = t, now
             found = self._joined(start, now)
             miss = terminal.error_of(found.x[-1], found.duration, SPATIAL)
             error = miss.norm
-            if error < EXACT and not (first and found.cost < best * (1.0 - SETTLED)):
+            below = -ALLOWANCE - lowest_height(found, SPATIAL, self._body)
+            if error < EXACT and below <= 0.0 and not (first and found.cost < best * (1.0 - SETTLED)):
                 break
+            clearance += 2.0 * max(0.0, below)
             shifted_terminal, best = shifted_terminal.corrected_for(miss), found.cost
         if not error < ACCEPTED or isinstance(found, Failed):
             return Failed(f"pitch and yaw together miss by {error:.3g} m", infeasible=False)
+        if below > 0.0:
+            return Failed(f"pitch and yaw together pass {below:.3g} m below the ground", infeasible=False)
         share = np.abs(found.u).max(axis=0) / self._most
         if share.max() > 1.0 + ROUND_OFF:
             name = SPATIAL.inputs[int(share.argmax())]
@@ -132,15 +149,17 @@ class PitchAndYaw:
             )
         return found
 
-    def _sweep(self, start: Array, terminal: TerminalCondition, now: _Iterate, *, first: bool) -> _Iterate | Failed:
+    def _sweep(
+        self, start: Array, terminal: TerminalCondition, now: _Iterate, clearance: float, *, first: bool
+    ) -> _Iterate | Failed:
         """The next iterate: the pitch planner's solution beside a motion, and the yaw planner's beside that."""
         in_pitch, in_yaw = split(start)
         V_0, v_y = float(in_yaw[0]), float(terminal.velocity[1])
         place, velocity = terminal.place, terminal.velocity
         end = [place[0], velocity[0], place[2], velocity[2], terminal.theta, terminal.w]
-        held = _held(now.yaw, V_0, v_y, self._body)
+        held, ground = _held(now.yaw, V_0, v_y, self._body), ground_parameters(-float(start[9]), clearance)
         pitch = self._pitch.solve(
-            now.pitch, np.concatenate([self._weights, held, [V_0, v_y], in_pitch, end]), first=first
+            now.pitch, np.concatenate([self._weights, held, [V_0, v_y], in_pitch, end, ground]), first=first
         )
         if isinstance(pitch, Failed):
             return Failed(f"pitch: {pitch.message}", infeasible=False)  # with the other plane's motion as it is

@@ -45,6 +45,7 @@ from mathnavi.controllers.missile.problem import (
     TYPICAL_DURATION,
     declared_weights,
     input_scales,
+    keep_above_ground,
 )
 from mathnavi.controllers.missile.shooting import CLOCK, Solved
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
@@ -110,7 +111,8 @@ def inputs_between(pitch: Solved, yaw: Solved, parts: int, body: Body) -> tuple[
 def pitch_problem(body: Body, limits: Limits) -> ProblemFunctions:
     """The pitch planner's problem in τ; the series psi, B and B' hold the yaw motion.
 
-    Its parameters are ``WEIGHTS``, the series, V_0, v_y, the start, x_e and z_e at the end with their rates, theta, w.
+    Its parameters are ``WEIGHTS``, the series, V_0, v_y, the start, x_e and z_e at the end with their rates, theta, w,
+    and ``GROUND``.
     """
     m = body.mass
     ocp = OptimalControlProblem("missile, pitch beside yaw")
@@ -145,10 +147,14 @@ def pitch_problem(body: Body, limits: Limits) -> ProblemFunctions:
     ocp.dynamics(T, 0.0)
     for name, state in x.items():
         ocp.start(state, ocp.parameter(f"start_{name}", 0.0))
+    ahead = []
     for name in ("x_e", "z_e"):
-        ocp.end(x[name], ocp.parameter(f"end_{name}", 0.0) + ocp.parameter(f"end_rate_{name}", 0.0) * T)
+        end, rate = ocp.parameter(f"end_{name}", 0.0), ocp.parameter(f"end_rate_{name}", 0.0)
+        ocp.end(x[name], end + rate * T)
+        ahead.append(x[name] - end - rate * T * ocp.t)
     for name in ("theta", "w"):
         ocp.end(x[name], ocp.parameter(f"end_{name}", 0.0))
+    keep_above_ground(ocp, x["z_e"], ahead[:1], T * ocp.t)
     return ocp.functions()
 
 

@@ -8,7 +8,9 @@ from annotated_types import Interval
 
 from mathnavi.controllers.compilation import compiler
 from mathnavi.controllers.missile.autopilot import Autopilot, OpenLoop
+from mathnavi.controllers.missile.delay import DelayCompensation
 from mathnavi.controllers.missile.feedback_linearisation import FeedbackLinearisation
+from mathnavi.controllers.missile.in_turn import InTurn
 from mathnavi.controllers.missile.optimiser import JointOptimiser, Optimiser
 from mathnavi.controllers.missile.pitch_and_yaw import PitchAndYaw
 from mathnavi.controllers.missile.planes import Limits
@@ -27,7 +29,9 @@ GridName = Literal["uniform", "arclength"]
 SpatialName = Literal["pitch-and-yaw", "joint"]
 
 _FASTEST = 0.2  # bandwidth times control period
+_PER_DELAY = 0.5  # bandwidth times declared delay: faster, a delay 20 % off or a wrong mass makes it unstable
 _MOST_NODES = 200
+_HIGHEST = 100.0  # [m] of a clearance
 
 
 @configuration
@@ -37,7 +41,7 @@ class MissileConfig:
     autopilot: AutopilotName = "feedback-linearisation"
     """what flies the plan"""
     bandwidth: Positive = 8.0
-    """omega_n of the feedback linearisation [rad/s]"""
+    """omega_n of the feedback linearisation [rad/s]; at most 0.5 over the declared delay of the thrusters"""
     replan_period: Positive = 0.1
     """from one plan to the next [s], in whole control periods; if longer than the flight, only one is flown"""
     commit: Positive = 0.3
@@ -49,9 +53,12 @@ class MissileConfig:
     grid: GridName = "uniform"
     """nodes at equal times, or equidistributed in scaled arclength as part of the optimisation"""
     spatial: SpatialName = "pitch-and-yaw"
-    """flight in space by a pitch planner and a yaw planner together, or as one problem in all states"""
+    """flight in space by a pitch planner and a yaw planner together, and as one problem in all states where they find
+    none; or always as one problem"""
     reserve: Annotated[float, Within(Interval(ge=0.0, lt=1.0), allowed="0 <= reserve < 1")] = 0.1
     """share of the thrusters' limits that is left to the autopilot"""
+    clearance: Annotated[float, Within(Interval(ge=0.0, le=_HIGHEST), allowed=f"0 to {_HIGHEST:g} m")] = 5.0
+    """height that plans keep over the ground, but near the target [m]"""
     backend: BackendName = "auto"
     """solver; auto is FATROP, compiled where there is a C compiler named cc"""
 
@@ -64,6 +71,8 @@ class MissileController:
     @staticmethod
     def build(config: MissileConfig, mission: MissileMission) -> tuple[Planner, Tracker]:
         autopilot = _autopilot(config, mission)
+        if mission.input_delay > 0.0:
+            autopilot = DelayCompensation(autopilot, mission)
         period = max(1, round(config.replan_period / mission.control_period)) * mission.control_period
         backend, remark = _backend(config)
         try:
@@ -96,7 +105,9 @@ def _autopilot(config: MissileConfig, mission: MissileMission) -> Autopilot:
             f"bandwidth = {config.bandwidth!r}; allowed: at most {fastest:g} rad/s at a control_rate of "
             f"{1.0 / mission.control_period:g} Hz"
         )
-    return FeedbackLinearisation(mission, config.bandwidth)
+    delay = mission.input_delay
+    bandwidth = min(config.bandwidth, _PER_DELAY / delay) if delay > 0.0 else config.bandwidth
+    return FeedbackLinearisation(mission, bandwidth)
 
 
 def _backend(config: MissileConfig) -> tuple[Backend, str]:
@@ -112,10 +123,15 @@ def _optimiser(config: MissileConfig, mission: MissileMission, backend: Backend)
     share = 1.0 - config.reserve
     limits = tuple(share * limit for limit in mission.input_max)
     distribution: NodeDistribution = Fixed() if config.grid == "uniform" else Equidistributed()
-    if mission.coordinates is not PLANAR and config.spatial == "pitch-and-yaw":
-        planned, most = _in_space(limits), _in_space(mission.input_max)
-        return PitchAndYaw(mission.case, mission.body, planned, most, config.nodes, backend, distribution)
-    return JointOptimiser(mission.case, mission.body, mission.coordinates, limits, config.nodes, backend, distribution)
+    common = config.nodes, backend, distribution, config.clearance
+
+    def joint() -> Optimiser:
+        return JointOptimiser(mission.case, mission.body, mission.coordinates, limits, *common)
+
+    if mission.coordinates is PLANAR or config.spatial == "joint":
+        return joint()
+    planned, most = _in_space(limits), _in_space(mission.input_max)
+    return InTurn(PitchAndYaw(mission.case, mission.body, planned, most, *common), joint)
 
 
 def _in_space(limits: tuple[float, ...]) -> Limits:

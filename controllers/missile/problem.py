@@ -9,12 +9,20 @@ in the pitch plane. In space F_z^2 stands for F_y^2 + F_z^2, M^2 for M^2 + N^2, 
 y_e(T) = p_y + v_y T, psi(T) = 0 and v(T) = 0 as well. The start x_0, the target's place p and its velocity v are
 parameters: a target that moves needs the lead v T. The aspect angle pins theta and w, for with three inputs, three
 degrees of freedom and no aerodynamics theta alone says nothing about the path.
+
+A plan stays above the ground, z_e = 0. With the distance r ahead to the target as it moves, p + v t, its height is
+
+    -z_e >= -delta + r^2 / (r^2 + R^2) (h + delta - (h + delta - h_0)^+ exp(-t / t_r)),
+
+so h is kept but near the target, and regained from a start that is lower, h_0 < h. The constraint holds at the nodes
+and in the middle between them (``MultipleShooting``); ``lowest_height`` measures what is left between those.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -40,6 +48,13 @@ TYPICAL_DURATION = 5.0
 
 STATE_SCALES = {"u": 100.0, "v": 100.0, "w": 100.0, "x_e": 100.0, "y_e": 100.0, "z_e": 100.0}
 STATE_LIMITS = {"u": (LEAST_SPEED, math.inf), "psi": (-MOST_YAW, MOST_YAW)}
+TAPER = 100.0
+"""[m] R: the distance ahead to the target at which half the clearance is kept"""
+RECOVERY = 1.0
+"""[s] t_r: in which a missile that is too low regains the clearance"""
+ALLOWANCE = 0.1
+"""[m] delta by which the middle of the missile may pass below the ground, at the target for instance"""
+
 END = ("x_e", "y_e", "z_e", "theta", "psi", "v", "w")
 """states that the terminal condition fixes"""
 
@@ -56,10 +71,17 @@ class TerminalCondition:
     w: float = 0.0  # [m/s]
 
     @staticmethod
-    def at(target: Target, t: float, aspect_angle: float, *, lead: bool) -> TerminalCondition:
-        """The condition for a flight that starts at t [s] towards a target; without ``lead`` as if that stood still."""
+    def at(target: Target, t: float, attitude: tuple[float, float], *, lead: bool) -> TerminalCondition:
+        """The condition for a flight that starts at t [s] towards a target, there with theta and psi [rad]; without
+        ``lead`` as if the target stood still.
+        """
         velocity = np.array(target.velocity) if lead else np.zeros(3)
-        return TerminalCondition(target.at(t), velocity, aspect_angle)
+        return TerminalCondition(target.at(t), velocity, *attitude)
+
+    def wound_to(self, theta: float) -> TerminalCondition:
+        """The same condition, its theta whole turns nearest to an angle [rad]: a loop ends a turn later."""
+        turns = round((theta - self.theta) / (2.0 * math.pi))
+        return dataclasses.replace(self, theta=self.theta + 2.0 * math.pi * turns)
 
     def after(self, T: float) -> Array:
         """Place (3,) [m] of the target after T [s]."""
@@ -105,11 +127,32 @@ class TerminalCondition:
 
 def out_of_bounds(x: Array, coordinates: Coordinates) -> str | None:
     """The reason why no flight may start at a state (nx,); None if one may."""
+    height = -float(x[coordinates.index("z_e")])
+    if height < -ALLOWANCE:
+        return f"the flight would start {-height:.3g} m below the ground"
     for name, value in zip(coordinates.states, x.tolist(), strict=True):
         lower, upper = STATE_LIMITS.get(name, (-math.inf, math.inf))
         if not lower <= value <= upper:
             return f"the flight would start with {name} = {value:.6g}; allowed: {lower:.6g} to {upper:.6g}"
     return None
+
+
+GROUND = ("clearance", "deficit")
+"""parameters h + delta and (h + delta - h_0)^+ [m] of the constraint on the height"""
+
+
+def ground_parameters(height: float, clearance: float) -> Array:
+    """Values (2,) of ``GROUND`` at a height h_0 [m] over the ground, for a clearance h [m]."""
+    kept = clearance + ALLOWANCE
+    return np.array([kept, max(0.0, kept - height)])
+
+
+def keep_above_ground(ocp: OptimalControlProblem, z_e: ca.SX, ahead: Sequence[ca.SX], t: ca.SX) -> None:
+    """Declare ``GROUND`` and constrain z_e [m], at t [s] and the distances ``ahead`` [m] from the target then."""
+    kept, deficit = (ocp.parameter(name, 0.0) for name in GROUND)
+    squared = sum((distance**2 for distance in ahead), ca.SX(0))
+    least = squared / (squared + TAPER**2) * (kept - deficit * ca.exp(-t / RECOVERY)) - ALLOWANCE
+    ocp.constrain((z_e + least) / STATE_SCALES["z_e"], upper=0.0)
 
 
 def input_scales(body: Body) -> dict[str, float]:
@@ -136,7 +179,7 @@ def declared_weights(ocp: OptimalControlProblem) -> list[ca.SX]:
 def guidance_problem(body: Body, coordinates: Coordinates, limits: tuple[float, ...]) -> ProblemFunctions:
     """The joint problem of the module docstring; ``limits`` (nu,) [N, N m] are those of the inputs.
 
-    Its parameters are ``WEIGHTS`` and ``TerminalCondition.parameters``.
+    Its parameters are ``WEIGHTS``, ``TerminalCondition.parameters`` and ``GROUND``.
     """
     ocp = OptimalControlProblem(f"missile, {coordinates.name}")
     cost = declared_weights(ocp)
@@ -168,8 +211,14 @@ def guidance_problem(body: Body, coordinates: Coordinates, limits: tuple[float, 
 
     for name, state in x.items():
         ocp.start(state, ocp.parameter(f"start_{name}", 0.0))
+    ahead = []
     for name in (name for name in END if name in x):
         end = ocp.parameter(f"end_{name}", 0.0)
-        drift = ocp.parameter(f"end_rate_{name}", 0.0) * T if name.endswith("_e") else 0.0
-        ocp.end(x[name], end + drift)
+        if name.endswith("_e"):
+            rate = ocp.parameter(f"end_rate_{name}", 0.0)
+            ocp.end(x[name], end + rate * T)
+            ahead.append(x[name] - end - rate * ocp.t)
+        else:
+            ocp.end(x[name], end)
+    keep_above_ground(ocp, x["z_e"], ahead[:-1], ocp.t)
     return ocp.functions()

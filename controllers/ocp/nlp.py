@@ -322,6 +322,7 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[
     )
     owned = list(zip(interval.states, U, scheme.points, strict=True))[: layout.own_points]
     along = [problem.path(x, u, t + c * d, p) for x, u, c in owned]
+    along += [problem.path(x, U[0], t + c * d, p) for c, x in interval.between]
     along += [x[bounded_states(problem), :] for x in interval.states[1:-1] if scheme.interior == 0]
     along.append(distribution.constraints(mesh, constants))
     between = weights(scheme.points, np.array(fractions_between(scheme))).tolist()
@@ -336,7 +337,7 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[
         flow.append(z[-1] + relative / count)
     inner = interval.inner / np.tile(problem.state_scale, scheme.interior) if scheme.interior else ca.SX(0, 1)
     gap, held = z_next - ca.vertcat(*flow), ca.vertcat(*along)
-    lower, upper = _along_bounds(layout, distribution)
+    lower, upper = _along_bounds(layout, distribution, layout.own_points + len(interval.between))
     equations = np.zeros(gap.numel() + inner.numel())
     functional, smoothed = ca.SX(distribution.functional(mesh)), ca.SX(0)
     for k, row in enumerate(variation(scheme).tolist() if layout.smoothed else []):
@@ -383,8 +384,8 @@ def fractions_between(scheme: Scheme) -> tuple[float, ...]:
     return (*ends, *(0.5 * (a + b) for a, b in pairwise(points)))
 
 
-def _along_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[Array, Array]:
-    """Limits of the path constraints of an interval, in the order of the stage function.
+def _along_bounds(layout: ProgrammeLayout, distribution: NodeDistribution, points: int) -> tuple[Array, Array]:
+    """Limits of the path constraints of an interval at so many points, in the order of the stage function.
 
     States at nodes and interior states are unknowns and bounded as such; a midpoint that is an expression is not.
     """
@@ -393,7 +394,7 @@ def _along_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) -> tu
     hidden = max(0, len(scheme.points) - 2) if scheme.interior == 0 else 0
     vanishing = np.zeros(distribution.constraints(_sample_mesh(problem), ca.SX.zeros(distribution.constants)).numel())
     lower, upper = (
-        np.concatenate([np.tile(path, layout.own_points), np.tile(states[bounded], hidden), vanishing, between])
+        np.concatenate([np.tile(path, points), np.tile(states[bounded], hidden), vanishing, between])
         for path, states, between in zip(
             problem.path_bounds, problem.state_bounds, _bounds_between(problem, scheme), strict=True
         )

@@ -21,6 +21,9 @@ from mathnavi.sim.interfaces.signals import Array
 
 Place = tuple[float, float, float]
 
+MOST_DELAY = 1.0
+"""[s] of the thrusters, as declared"""
+
 
 @dataclass(frozen=True)
 class Case:
@@ -110,7 +113,7 @@ class GustStrength:
 
 @dataclass(frozen=True)
 class MissileMission:
-    """From ``start`` at t = 0 to ``target``, there with nose and velocity at ``aspect_angle`` and psi = 0.
+    """From ``start`` at t = 0 to ``target``, there with nose and velocity at ``aspect_angle`` over the horizontal.
 
     Raises MissionError for a start or limits of another size, and for limits that are not positive.
     """
@@ -119,9 +122,11 @@ class MissileMission:
     target: Target  # as it is known at the start
     case: Case
     coordinates: Coordinates = PLANAR
-    aspect_angle: float = -0.5 * math.pi  # [rad] theta at the target
+    aspect_angle: float = -0.5 * math.pi  # [rad] over the horizontal, of nose and velocity at the target
+    aspect_azimuth: float = 0.0  # [rad] of both from X_e to the right
     input_max: tuple[float, ...] = ()  # (nu,) on the magnitude of each input; none: unlimited
     body: Body = NOMINAL  # as it is declared; the true one may differ
+    input_delay: float = 0.0  # [s] from a command to what the thrusters do, as it is declared
     noise: StateNoise = field(default_factory=StateNoise)
     gust: GustStrength = field(default_factory=GustStrength)
     control_period: float = 4 * TICK  # [s] of estimator and tracker
@@ -134,6 +139,8 @@ class MissileMission:
                 raise MissionError(
                     f"{name} has {len(given)} numbers; allowed: {size} in {self.coordinates.name} flight"
                 )
+        if not 0.0 <= self.input_delay <= MOST_DELAY:  # NaN too
+            raise MissionError(f"input_delay = {self.input_delay!r}; allowed: 0 to {MOST_DELAY:g} s")
         if not self.input_max:
             object.__setattr__(self, "input_max", (math.inf,) * self.coordinates.input_size)
         if not all(limit > 0.0 for limit in self.input_max):  # NaN too
@@ -147,7 +154,14 @@ class MissileMission:
     @property
     def final_direction(self) -> Array:
         """Unit vector (3,) of the Earth frame along which nose and velocity shall point at the target."""
-        return np.array([math.cos(self.aspect_angle), 0.0, -math.sin(self.aspect_angle)])
+        c, s = math.cos(self.aspect_angle), math.sin(self.aspect_angle)
+        return np.array([c * math.cos(self.aspect_azimuth), c * math.sin(self.aspect_azimuth), -s])
+
+    @property
+    def final_attitude(self) -> tuple[float, float]:
+        """theta and psi [rad] of a nose along ``final_direction``."""
+        x, y, z = self.final_direction.tolist()
+        return math.atan2(0.0 - z, x), math.asin(max(-1.0, min(1.0, y)))
 
     # ---- what an estimator needs to know of the vehicle, of any kind of mission
 

@@ -173,7 +173,8 @@ def approach_figure(run: MissileRun) -> Figure:
         relative = run.path[late] - run.target.at(run.t[late]) * TO_WORLD
         path.plot(relative[:, 0], relative[:, 2], color=FLOWN, lw=2.0)
         path.plot(0.0, 0.0, "o", ms=8, mfc=_colour(SceneElement.TARGET), mec=INK)
-        direction = np.array([math.cos(run.aspect_angle), math.sin(run.aspect_angle)])
+        ahead = math.cos(run.aspect_angle) * math.cos(run.azimuth)
+        direction = np.array([ahead, math.sin(run.aspect_angle)])
         wide = max(float(np.abs(relative[:, [0, 2]]).max()), 1.0)
         path.plot([-wide * direction[0], 0.0], [-wide * direction[1], 0.0], color=GRID, ls="--", lw=1.2, zorder=0)
         path.set(xlabel="ahead of the target [m]", ylabel="above it [m]", title="As the target sees it")

@@ -1,7 +1,11 @@
-"""A finished missile run as pictures need it: path, plans and target in the world's frame (x ahead, y left, z up)."""
+"""A finished missile run as pictures need it: path, plans and target in the world's frame (x ahead, y left, z up).
+
+The world is turned by the azimuth of the run (``mathnavi.models.missile.mission_frame``).
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -33,6 +37,7 @@ class MissileRun(LoggedRun):
     coordinates: Coordinates
     target: TargetMotion
     aspect_angle: float  # [rad]
+    azimuth: float  # [rad] of the frame of the run from the x of the world, to the left
     input_max: Array  # (nu,)
     miss_allowed: float  # [m]
     weight: float  # [N] m g, the unit of forces
@@ -129,6 +134,7 @@ def _described(log: RunLog, mission: MissileRecord) -> MissileRun:
         COORDINATES[mission.dimension],
         TargetMotion(mission.target),
         mission.aspect_angle,
+        math.radians(mission.azimuth),
         np.array(mission.input_max),
         mission.miss_allowed,
         NOMINAL.mass * NOMINAL.gravity,

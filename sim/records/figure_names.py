@@ -4,7 +4,9 @@ from __future__ import annotations
 
 # The summary's figures as they are read, for every table that shows them.
 SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
-    "impact": ("hit", "miss_m", "aspect_error_deg", "path_angle_error_deg", "impact_speed_m_s", "impact_time_s"),
+    "impact": (
+        "hit", "hit_ground", "miss_m", "aspect_error_deg", "path_angle_error_deg", "impact_speed_m_s", "impact_time_s",
+    ),
     "estimate": (
         "converged", "position_rms_m", "heading_rms_deg", "convergence_time_s", "position_error_max_m",
         "heading_error_max_deg", "nees_mean", "observable", "lost_ranges", "initialising_s", "lost_s",
@@ -41,7 +43,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     "solver": ("solver_failures", "iteration_limits", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max"),
 }  # fmt: skip
 # All figures above are numbers, or null where there is none, but for these.
-TRUTH_VALUES = frozenset(("hit", "converged", "escaped", "arrived", "touched_wall"))
+TRUTH_VALUES = frozenset(("hit", "hit_ground", "converged", "escaped", "arrived", "touched_wall"))
 TEXTS = frozenset(("observable", "nearest_pair"))
 # By the end of a name; the longer first.
 UNITS = {"_per_s": "1/s", "_m_s": "m/s", "_deg": "deg", "_rad": "rad", "_ms": "ms", "_s": "s", "_m": "m"}

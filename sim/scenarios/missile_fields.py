@@ -89,7 +89,7 @@ class MissileGust(Fault):
 
 @configuration(prefix="actuator.")
 class Thrusters:
-    """Limits of the thrusters, known to the controller, and how late they are, which is not."""
+    """Limits of the thrusters, known to the controller, and how late they are, known as far as it is declared."""
 
     axial: Annotated[Positive, Le(1e9)] = 20_000.0
     """largest force along the missile [N]"""
@@ -99,6 +99,13 @@ class Thrusters:
     """largest moment about each axis across it [N m]"""
     delay: Delay = 0.0
     """from a command to what the thrusters do [s], whole milliseconds"""
+    declared_delay: Delay | None = None
+    """the delay that controller and estimator reckon with [s]; the true one if not given"""
+
+    @property
+    def known_delay(self) -> float:
+        """Delay [s] as it is declared."""
+        return self.delay if self.declared_delay is None else self.declared_delay
 
     def limits(self, coordinates: Coordinates) -> tuple[float, ...]:
         """(nu,) on the magnitude of each input."""
@@ -143,7 +150,7 @@ class MissileGuidanceConfig(ChanceFields):
     """the pitch plane, as the thesis has it, or space"""
     start: Vector = (0.0, 0.0, 10.0)
     """x, y, z [m]"""
-    start_heading: Annotated[float, Degrees(-80.0, 80.0)] = 0.0
+    start_heading: Annotated[float, Degrees(-180.0, 180.0)] = 0.0
     """of the level start, from x to the left [deg]"""
     target: Vector = (700.0, 0.0, 0.0)
     """x, y, z [m]"""
@@ -183,7 +190,7 @@ class MissileGuidanceConfig(ChanceFields):
         across = {
             "start: its y": self.start[1],
             "target: its y": self.target[1],
-            "start_heading": self.start_heading,
+            "start_heading": 0.0 if abs(self.start_heading) == 180.0 else self.start_heading,
             "target_velocity: its y": self.target_velocity[1],
             "target_change: its y": next((change[2] for change in self.target_change if change[2] != 0.0), 0.0),
             "gust.force: its y": self.gust.force[1],

@@ -3,11 +3,13 @@
     sensors -> estimator -> faults(planner) -> autopilot -> limited, late thrusters -> MuJoCo
 
 The user's frame is that of the world: x ahead, y to the left, z up. The mission, estimates and plans are in the thesis'
-(z down, y to the right, velocities in the body frame).
+(z down, y to the right, velocities in the body frame), and X_e is turned off x where a heading, or a target aside,
+would lead to the singular attitude (``mathnavi.models.missile.mission_frame``); so are truth and pictures.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from functools import lru_cache, partial
@@ -21,6 +23,7 @@ from mathnavi.models.missile.coordinates import COORDINATES, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL, TICK, Body
 from mathnavi.models.missile.entity import build_model
 from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, Place, Target
+from mathnavi.models.missile.mission_frame import MissionFrame
 from mathnavi.models.missile.sensors import StateNoise
 from mathnavi.models.missile.target import TargetMotion
 from mathnavi.sim.engine.log import Recording
@@ -35,8 +38,10 @@ from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.missile_fields import MissileGuidanceConfig, MissileMismatch
 from mathnavi.sim.scenarios.requirements import Requirement, evaluate
 from mathnavi.sim.scenarios.task import Inputs, Sample, Task
+from mathnavi.sim.scenarios.turned_plant import TurnedPlant
 
 VEHICLE = "missile"
+_DOUBLINGS, _BISECTIONS = 6, 5  # of the distance to a target that is out of reach
 _LONGEST = 600.0  # [s] of simulated time that is logged
 
 
@@ -59,9 +64,10 @@ class MissileGuidance:
     ) -> ClosedLoop:
         """The closed loop of one seed. Raises MissionError for a mission that no first plan is found for."""
         parts = Assembler.of(MissileGuidance, config, seed, controller, estimator)
-        target = _target(config)
-        mission = _mission(config, target)
-        first = _first_plan(mission, parts.controller)
+        frame = _frame(config)
+        target = _target(config, frame)
+        mission = _mission(config, target, frame)
+        first = _first_plan(config, mission, parts.controller)
 
         stack = parts.stack(mission)
         start = mission.coordinates.to_joints(mission.start_state)
@@ -69,13 +75,14 @@ class MissileGuidance:
         setup = VehicleSetup(start, stack.sensors, limits, config.actuator.delay)
         model = _model(mission.coordinates, mission.input_max, config.mismatch)
         body = MujocoPlant(model, {VEHICLE: setup}, parts.streams["sensing"])
+        outside = TurnedPlant(body, frame) if frame.azimuth else body
         return parts.closed_loop(
-            parts.disturbed(body, stack.planner.period, mass=config.mismatch.mass * mission.body.mass),
+            parts.disturbed(outside, stack.planner.period, mass=config.mismatch.mass * mission.body.mass),
             {VEHICLE: stack.agent(mission.coordinates.input_size, _messages(config, target))},
             _duration(config, first),
             PassedTarget(mission, target).finished,
             partial(summarise, config, mission, target, first, seed),
-            mission=_record(config, mission, target),
+            mission=_record(config, mission, target, frame),
             task=_task(mission),
         )
 
@@ -93,19 +100,23 @@ class PassedTarget:
     """Ends a flight once the missile has passed the target, and leaves it behind, or has reached the ground."""
 
     def __init__(self, mission: MissileMission, target: TargetMotion) -> None:
-        self._coordinates, self._direction, self._target = mission.coordinates, mission.final_direction, target
+        self._mission, self._direction, self._target = mission, mission.final_direction, target
         self._was_before, self._distance = False, math.inf
 
     def finished(self, t: float, truths: Mapping[str, Array]) -> bool:
         """The target was ahead and is behind, by the plane through it across the final direction; ``t`` [s]."""
-        place = self._coordinates.place(self._coordinates.from_joints(truths[VEHICLE]))
+        place = self._mission.coordinates.place(self._mission.coordinates.from_joints(truths[VEHICLE]))
         offset = self._target.at(t) - place
         ahead, distance = float(offset @ self._direction), float(np.linalg.norm(offset))
         passed = self._was_before and ahead <= 0.0 and distance > self._distance
         self._distance = distance
         self._was_before |= ahead > 0.0
-        under_ground = bool(place[2] > 0.0)
-        return passed or under_ground
+        return passed or _under_ground(self._mission, truths[VEHICLE])
+
+
+def _under_ground(mission: MissileMission, joints: Array) -> bool:
+    """True for joint coordinates and rates (nx,) of a missile whose middle is below the ground, z = 0."""
+    return bool(mission.coordinates.place(mission.coordinates.from_joints(joints))[2] > 0.0)
 
 
 def summarise(
@@ -121,19 +132,32 @@ def summarise(
     figures = missile_summary(recording, VEHICLE, mission, target, first.t_end, first.cost, seed, wall_seconds)
     near = Requirement("miss_m", most=config.miss_allowed)
     aligned = Requirement("aspect_error_deg", most=config.aspect_allowed)
-    return evaluate({"hit": not near.missed(figures), **figures}, [near, aligned])
+    hit = not near.missed(figures)
+    grounded = not hit and _under_ground(mission, recording.truths[VEHICLE][-1])
+    if grounded:
+        end = float(recording.t[-1])
+        text = f"the missile hit the ground; it came no nearer to the target than {figures['miss_m']:.4g} m"
+        recording.agents[VEHICLE].event(end, "ground-impact", text)
+    above = Requirement("hit_ground", most=False)
+    return evaluate({"hit": hit, "hit_ground": grounded, **figures}, [near, aligned, above])
 
 
-def _earth(point: Point) -> Place:
-    """World frame to the thesis' Earth frame."""
-    x, y, z = point
+def _frame(config: MissileGuidanceConfig) -> MissionFrame:
+    """The frame of the mission, in which no attitude is singular."""
+    planar = config.dimension == "planar"
+    return MissionFrame.of(config.start_heading, config.start, config.target, config.aspect_angle, planar=planar)
+
+
+def _earth(point: Point, frame: MissionFrame) -> Place:
+    """World frame to the thesis' Earth frame, that of the mission."""
+    x, y, z = frame.turned(point)
     return x, 0.0 - y, 0.0 - z  # no negative zeros
 
 
-def _target(config: MissileGuidanceConfig) -> TargetMotion:
+def _target(config: MissileGuidanceConfig, frame: MissionFrame) -> TargetMotion:
     """The target as it really moves."""
-    changes = [(t, _earth((x, y, z))) for t, x, y, z in config.target_change]
-    return TargetMotion.along(_earth(config.target), _earth(config.target_velocity), changes)
+    changes = [(t, _earth((x, y, z), frame)) for t, x, y, z in config.target_change]
+    return TargetMotion.along(_earth(config.target, frame), _earth(config.target_velocity, frame), changes)
 
 
 def _messages(config: MissileGuidanceConfig, target: TargetMotion) -> list[Message]:
@@ -143,11 +167,12 @@ def _messages(config: MissileGuidanceConfig, target: TargetMotion) -> list[Messa
     return [Message(leg.t + config.target_told, "target watch", "target", leg) for leg in legs]
 
 
-def _mission(config: MissileGuidanceConfig, motion: TargetMotion) -> MissileMission:
+def _mission(config: MissileGuidanceConfig, motion: TargetMotion, frame: MissionFrame) -> MissileMission:
     """The mission as it is known at the start."""
     coordinates, case = COORDINATES[config.dimension], CASES[config.case]
-    x_e, y_e, z_e = _earth(config.start)
-    start = {"u": case.speed, "psi": -math.radians(config.start_heading), "x_e": x_e, "y_e": y_e, "z_e": z_e}
+    x_e, y_e, z_e = _earth(config.start, frame)
+    heading = float(wrapped(math.radians(config.start_heading - frame.azimuth)))
+    start = {"u": case.speed, "psi": -heading, "x_e": x_e, "y_e": y_e, "z_e": z_e}
     target = motion.legs[0]
     if config.target_told > 0.0:  # until then it seems to stand still
         target = Target(target.place)
@@ -158,23 +183,55 @@ def _mission(config: MissileGuidanceConfig, motion: TargetMotion) -> MissileMiss
         case=case,
         coordinates=coordinates,
         aspect_angle=math.radians(config.aspect_angle),
+        aspect_azimuth=math.radians(frame.azimuth),
         input_max=config.actuator.limits(coordinates),
         noise=StateNoise(noise.position, noise.velocity, degree * noise.angle, degree * noise.rate),
         gust=GustStrength(gust.force_rms, gust.torque_rms, gust.time_constant, gust.force_limit, gust.torque_limit),
+        input_delay=config.actuator.known_delay,
         control_period=round(1.0 / (config.control_rate * TICK)) * TICK,
     )
 
 
-def _first_plan(mission: MissileMission, controller: PluginSpec) -> Plan:
-    """The answer of a fresh planner at the start, which says how long the flight should take."""
-    planner, _ = checked_controller(controller, mission)
-    plan = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, mission.start_state), None))
+def _first_plan(config: MissileGuidanceConfig, mission: MissileMission, controller: PluginSpec) -> Plan:
+    """The first plan of the mission; MissionError names the reach on the line to a target that there is none for."""
+    plan = _plan_from_start(mission, controller)
     if not plan.ok:
         raise MissionError(
-            f"target = {mission.target.place!r} (x_e, y_e, z_e) from start = {mission.start!r}: no first plan: "
-            f"{plan.status.value} ({plan.message}); allowed: a mission that the controller finds a plan for"
+            f"target = {config.target!r} from start = {config.start!r} is out of reach: no first plan: "
+            f"{plan.status.value} ({plan.message}); allowed: {_reach(mission, controller)}"
         )
     return plan
+
+
+def _plan_from_start(mission: MissileMission, controller: PluginSpec) -> Plan:
+    """The answer of a fresh planner at the start."""
+    planner, _ = checked_controller(controller, mission)
+    return planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, mission.start_state), None))
+
+
+def _reach(mission: MissileMission, controller: PluginSpec) -> str:
+    """How far a target that moves like this one may be on the line to it, by first plans nearer and farther."""
+    start = mission.coordinates.place(mission.start_state)
+    line = np.array(mission.target.place) - start
+    distance = float(np.linalg.norm(line))
+
+    def within(share: float) -> bool:
+        x, y, z = (start + share * line).tolist()
+        if z > 0.0:  # below the ground
+            return False
+        other = dataclasses.replace(mission, target=dataclasses.replace(mission.target, place=(x, y, z)))
+        return _plan_from_start(other, controller).ok
+
+    for factor, words in ((0.5, "at most"), (2.0, "at least")):
+        for k in range(1, _DOUBLINGS + 1):
+            if within(found := factor**k):
+                failed = found / factor
+                for _ in range(_BISECTIONS):
+                    middle = 0.5 * (found + failed)
+                    found, failed = (middle, failed) if within(middle) else (found, middle)
+                return f"{words} {found * distance:.4g} m away on this line, and it is {distance:.4g} m away"
+    nearest, farthest = 0.5**_DOUBLINGS * distance, 2.0**_DOUBLINGS * distance
+    return f"another line: no target from {nearest:.3g} to {farthest:.3g} m away on this one is in reach"
 
 
 def _duration(config: MissileGuidanceConfig, first: Plan) -> float:
@@ -201,7 +258,9 @@ def _task(mission: MissileMission) -> Task:
     return Task({VEHICLE: Inputs.within(names, limits)}, stage_cost)
 
 
-def _record(config: MissileGuidanceConfig, mission: MissileMission, target: TargetMotion) -> MissileRecord:
+def _record(
+    config: MissileGuidanceConfig, mission: MissileMission, target: TargetMotion, frame: MissionFrame
+) -> MissileRecord:
     """The mission as config.json holds it, in the thesis' frame."""
     return MissileRecord(
         dimension=mission.coordinates.name,
@@ -212,6 +271,7 @@ def _record(config: MissileGuidanceConfig, mission: MissileMission, target: Targ
         case=mission.case,
         miss_allowed=config.miss_allowed,
         aspect_allowed=config.aspect_allowed,
+        azimuth=float(frame.azimuth),
     )
 
 

@@ -1,6 +1,7 @@
 """Multiple shooting: x_{i+1} is the classical Runge-Kutta method's result from x_i, the control held.
 
-The only scheme here whose plan a zero-order hold flies as it was computed, and explicit, as FATROP needs it.
+The only scheme here whose plan a zero-order hold flies as it was computed, and explicit, as FATROP needs it. Path
+constraints hold at the nodes and between the steps.
 """
 
 from __future__ import annotations
@@ -32,11 +33,14 @@ class MultipleShooting:
     ) -> IntervalEquations:
         """x_1 and the cost after ``steps`` Runge-Kutta steps of width d / steps, u held."""
         h, x, cost = d / self.steps, x_0, ca.SX(0)
+        between: list[tuple[float, ca.SX]] = []
         for k in range(self.steps):
             now = t + k * h
+            if k > 0:
+                between.append((k / self.steps, x))
             f_1, l_1 = rates(x, U[0], now)
             f_2, l_2 = rates(halfway(x, h, f_1), U[0], now + h / 2)
             f_3, l_3 = rates(halfway(x, h, f_2), U[0], now + h / 2)
             f_4, l_4 = rates(x + h * f_3, U[0], now + h)
             x, cost = classical_sum(x, h, f_1, f_2, f_3, f_4), classical_sum(cost, h, l_1, l_2, l_3, l_4)
-        return IntervalEquations(x, ca.SX(0, 1), cost, (x_0,))
+        return IntervalEquations(x, ca.SX(0, 1), cost, (x_0,), tuple(between))

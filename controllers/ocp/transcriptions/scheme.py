@@ -35,6 +35,8 @@ class IntervalEquations:
     inner: ca.SX  # (interior * nx,) vanishes in a solution
     cost: ca.SX  # () its share of ∫ L dt
     states: tuple[ca.SX, ...]  # (nx,) each: the state at each of the scheme's points
+    between: tuple[tuple[float, ca.SX], ...] = ()
+    """fractions of the interval, and states (nx,) there, at which path constraints hold too, under the first control"""
 
 
 class Scheme(Hashable, Protocol):

@@ -24,20 +24,21 @@ from tests.controllers.missile.flights import INPUT_MAX
 
 DOWN = -0.5 * math.pi
 NODES = 25
+CLEARANCE = 5.0
 
 
 def planar(case: str) -> JointOptimiser:
-    return JointOptimiser(CASES[case], NOMINAL, PLANAR, INPUT_MAX[PLANAR], NODES, "fatrop", Fixed())
+    return JointOptimiser(CASES[case], NOMINAL, PLANAR, INPUT_MAX[PLANAR], NODES, "fatrop", Fixed(), CLEARANCE)
 
 
 def joint(case: str) -> JointOptimiser:
-    return JointOptimiser(CASES[case], NOMINAL, SPATIAL, INPUT_MAX[SPATIAL], NODES, "fatrop", Fixed())
+    return JointOptimiser(CASES[case], NOMINAL, SPATIAL, INPUT_MAX[SPATIAL], NODES, "fatrop", Fixed(), CLEARANCE)
 
 
 def pitch_and_yaw(case: str) -> PitchAndYaw:
     axial, normal, _, moment, _ = INPUT_MAX[SPATIAL]
     limits = axial, normal, normal, moment, moment
-    return PitchAndYaw(CASES[case], NOMINAL, limits, limits, NODES, "fatrop", Fixed())
+    return PitchAndYaw(CASES[case], NOMINAL, limits, limits, NODES, "fatrop", Fixed(), CLEARANCE)
 
 
 def condition(
@@ -131,7 +132,7 @@ def test_a_plan_from_the_last_one_is_the_plan_from_nothing() -> None:
 def test_limits_are_kept() -> None:
     limits = (2e3, 8e3, 80.0)
     flight = found(
-        JointOptimiser(CASES["SM2"], NOMINAL, PLANAR, limits, NODES, "fatrop", Fixed()),
+        JointOptimiser(CASES["SM2"], NOMINAL, PLANAR, limits, NODES, "fatrop", Fixed(), CLEARANCE),
         level("SM2")[[0, 2, 3, 5, 7, 9]],
         condition(),
     )
@@ -143,7 +144,7 @@ def test_limits_are_kept() -> None:
 def test_pitch_and_yaw_that_ask_for_more_than_the_thrusters_have_are_refused() -> None:
     def optimiser(moment: float, most: float) -> PitchAndYaw:
         limits, hard = (2e4, 6e4, 6e4, moment, moment), (2e4, 6e4, 6e4, most, most)
-        return PitchAndYaw(CASES["SM"], NOMINAL, limits, hard, NODES, "ipopt", Fixed())
+        return PitchAndYaw(CASES["SM"], NOMINAL, limits, hard, NODES, "ipopt", Fixed(), CLEARANCE)
 
     start = level("SM", 40.0)
     failed = optimiser(31.5, 35.0).optimise(0.0, start, condition())
@@ -155,7 +156,9 @@ def test_pitch_and_yaw_that_ask_for_more_than_the_thrusters_have_are_refused() -
 
 
 def test_nodes_may_be_equidistributed_while_it_flies() -> None:
-    optimiser = JointOptimiser(CASES["SM3"], NOMINAL, PLANAR, INPUT_MAX[PLANAR], NODES, "fatrop", Equidistributed())
+    optimiser = JointOptimiser(
+        CASES["SM3"], NOMINAL, PLANAR, INPUT_MAX[PLANAR], NODES, "fatrop", Equidistributed(), CLEARANCE
+    )
     flight = found(optimiser, level("SM3")[[0, 2, 3, 5, 7, 9]], condition())
     again = found(optimiser, flight.x[5], condition(), float(flight.t[5]))
     assert np.ptp(np.diff(again.t)) > 0.01

@@ -262,3 +262,14 @@ def test_a_missile_flies_on_when_its_optimiser_gives_up() -> None:
     assert len(failures) >= 7
     flew = recording.agents["missile"].commands[:-1]
     np.testing.assert_allclose(flew[50:], np.tile([100.0, -2000.0, 0.0], (len(flew) - 50, 1)), atol=1e-3)
+
+
+def test_a_target_below_the_ground_is_announced_as_out_of_reach() -> None:
+    optimiser, guidance = Scripted(), mission()
+    made = planner(optimiser, guidance)
+    plan = made.plan(request(None, 0.0, guidance.start_state))
+    sinking = Message(0.5, "target watch", "target", Target((700.0, 0.0, 5.0), (0.0, 0.0, 30.0), 0.5))
+    failed = made.plan(request(plan, 0.5, guidance.start_state, sinking))
+    assert failed.status is Status.INFEASIBLE
+    assert "out of reach: it is 8 m below the ground" in failed.message
+    assert len(optimiser.asked) == 1

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mathnavi.controllers.missile.guess import pitch_guess
-from mathnavi.controllers.missile.problem import TerminalCondition, guidance_problem, weights
+from mathnavi.controllers.missile.problem import TerminalCondition, ground_parameters, guidance_problem, weights
 from mathnavi.controllers.missile.shooting import Failed, Shooting, Solved, mean_between
 from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
@@ -20,6 +20,7 @@ from tests.controllers.missile.flights import INPUT_MAX, mission
 
 CONDITION = TerminalCondition(np.array([700.0, 0.0, 0.0]), np.zeros(3), -0.5 * np.pi)
 NODES = 15
+GROUND = ground_parameters(10.0, 5.0)
 
 
 def shooting(distribution: NodeDistribution) -> Shooting:
@@ -29,7 +30,7 @@ def shooting(distribution: NodeDistribution) -> Shooting:
 def solved(distribution: NodeDistribution) -> Solved:
     start = mission().start_state
     guess = pitch_guess(start, CONDITION, NOMINAL, np.linspace(0.0, 1.0, NODES), 1.0)
-    parameters = np.concatenate([weights(CASES["SM2"]), CONDITION.parameters(start, PLANAR)])
+    parameters = np.concatenate([weights(CASES["SM2"]), CONDITION.parameters(start, PLANAR), GROUND])
     found = shooting(distribution).solve(guess, parameters, first=True)
     assert isinstance(found, Solved), found
     return found
@@ -42,7 +43,7 @@ def test_what_is_left_of_an_optimum_is_nearly_optimal(distribution: NodeDistribu
     left = whole.after(shift)
     assert left.duration == pytest.approx(whole.duration - shift)
     start = left.x[0]
-    parameters = np.concatenate([weights(CASES["SM2"]), CONDITION.parameters(start, PLANAR)])
+    parameters = np.concatenate([weights(CASES["SM2"]), CONDITION.parameters(start, PLANAR), GROUND])
     again = shooting(distribution).solve(left, parameters)
     assert isinstance(again, Solved)
     assert again.iterations <= 6
@@ -91,7 +92,7 @@ def test_a_start_that_is_out_of_reach_is_a_failure_that_says_so() -> None:
     start = mission().start_state
     guess = pitch_guess(start, CONDITION, NOMINAL, np.linspace(0.0, 1.0, NODES), 1.0)
     start[0] = -5.0  # u below its bound
-    parameters = np.concatenate([weights(CASES["SM2"]), CONDITION.parameters(start, PLANAR)])
+    parameters = np.concatenate([weights(CASES["SM2"]), CONDITION.parameters(start, PLANAR), GROUND])
     failed = shooting(Fixed()).solve(guess, parameters, first=True)
     assert isinstance(failed, Failed)
     assert failed.message

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.controllers.missile.plugin import MissileController
 from mathnavi.estimators.missile_kalman import MissileKalman
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.closed_loop import RunResult
@@ -139,7 +140,10 @@ def test_a_flight_takes_at_most_twice_the_planned_time(calm: RunResult) -> None:
 
 
 def test_a_mission_without_a_first_plan_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"target = .*no first plan: .*700 m is too far.*allowed"):
+    with pytest.raises(
+        ValueError,
+        match=r"target = .*out of reach: .*700 m is too far.*at most 4\d\d(\.\d)? m away",
+    ):
         fly(controller=glide(reach=500.0))
     with pytest.raises(ValueError, match=r"target = .*allowed: 300 s"):
         fly(target=(40_000.0, 0.0, 0.0))
@@ -170,7 +174,7 @@ def test_what_leads_out_of_the_plane_is_refused_there_and_not_in_space(expected:
         ("target", lambda: MissileGuidanceConfig(target=(0.0, 0.0, 10.0))),
         ("target", lambda: MissileGuidanceConfig(target=(math.nan, 0.0, 0.0))),
         ("aspect_angle", lambda: MissileGuidanceConfig(aspect_angle=-100.0)),
-        ("start_heading", lambda: MissileGuidanceConfig(dimension="spatial", start_heading=90.0)),
+        ("start_heading", lambda: MissileGuidanceConfig(dimension="spatial", start_heading=190.0)),
         ("target_change", lambda: MissileGuidanceConfig(target_change=((-1.0, 0.0, 0.0, 0.0),))),
         ("target_told", lambda: MissileGuidanceConfig(target_told=-1.0)),
         ("control_rate", lambda: MissileGuidanceConfig(control_rate=300.0)),
@@ -183,6 +187,7 @@ def test_what_leads_out_of_the_plane_is_refused_there_and_not_in_space(expected:
         ("gust.force_limit", lambda: MissileGust(force_limit=0.0)),
         ("actuator.normal", lambda: Thrusters(normal=0.0)),
         ("actuator.delay", lambda: Thrusters(delay=0.0015)),
+        ("actuator.declared_delay", lambda: Thrusters(declared_delay=0.0015)),
         ("noise.angle", lambda: MissileNoise(angle=-1.0)),
         ("noise.dropout_rate", lambda: MissileNoise(dropout_rate=1.5)),
         ("faults.late_plan_rate", lambda: MissileFaults(late_plan_rate=-0.1)),
@@ -191,3 +196,35 @@ def test_what_leads_out_of_the_plane_is_refused_there_and_not_in_space(expected:
 def test_fields_out_of_range_are_refused_by_their_names(expected: str, make: Any) -> None:
     with pytest.raises(ValueError, match=rf"{expected}.*= .*allowed"):
         make()
+
+
+def test_a_missile_that_hits_the_ground_short_says_so() -> None:
+    outcome = fly(controller=glide(omega=0.0), gust=MissileGust(force=(0.0, 0.0, -4000.0)))
+    assert not outcome.success
+    assert outcome.summary["hit_ground"] is True
+    assert "hit ground" in outcome.summary["shortfall"]
+    (event,) = [event for event in outcome.recording.events if event.kind == "ground-impact"]
+    assert event.t == outcome.recording.t[-1]
+    assert f"{outcome.summary['miss_m']:.4g} m" in event.message
+
+
+@pytest.mark.parametrize("heading", [90.0, -135.0, 180.0])
+def test_any_heading_is_flown(heading: float) -> None:
+    outcome = fly(controller=PluginSpec.of(MissileController, backend="fatrop"), dimension="spatial", case="FAST",
+                  start_heading=heading)  # fmt: skip
+    assert outcome.success, outcome.summary
+    assert outcome.summary["miss_m"] < 0.05
+    assert abs(outcome.config["mission"]["start"][6]) < math.radians(81.0)
+
+
+def test_wind_is_that_of_the_world_whatever_the_frame() -> None:
+    east, west = (
+        fly(
+            gust=MissileGust(force=(force, 0.0, 0.0)),
+            dimension="spatial",
+            start_heading=heading,
+            target=target,
+        )
+        for force, heading, target in ((300.0, 0.0, (700.0, 0.0, 0.0)), (-300.0, 180.0, (-700.0, 0.0, 0.0)))
+    )
+    np.testing.assert_allclose(east.recording.truths["missile"], west.recording.truths["missile"], atol=1e-9)

@@ -37,7 +37,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "flight-grids": {"seeds": 1, "faulted": 1},
     "ocp-problems": {"problems": 2, "nodes": 12, "exhaustive": False},
     "missile-nodes": {"repeats": 1, "cases": 1, "grids": 5, "reference_nodes": 61, "indirect": 1},
-    "missile-closed-loop": {"cases": 1, "seeds": 1, "replans": 1, "others": 1, "pairs": 1},
+    "missile-closed-loop": {"cases": 1, "seeds": 1, "replans": 1, "others": 1, "pairs": 1, "draws": 1},
     "monitors": {"problems": 1, "nodes": 8, "reference_nodes": 41},
     "active-control": {"seeds": 1, "others": 1, "tracked": 1, "seconds": 1},
     "introduction-examples": {"grid": 2, "starts": 1, "pairs": 2},
@@ -79,7 +79,9 @@ CLAIMS = {
         *("missile.indirect", "missile.redistribute", "missile.equidistribute", "missile.gate"),
         *("B.more-accurate", "B.no-extra-time", "B.arclength-best", "B.minimum-at-25"),
     },
-    "missile-closed-loop": {"missile.replan", "missile.open-loop", "missile.feedback", "missile.moving-target"},
+    "missile-closed-loop": {
+        *("missile.replan", "missile.open-loop", "missile.feedback", "missile.moving-target", "missile.drawn"),
+    },
     "monitors": {"B.arclength-best-problems"},
     "active-control": {"range.active", "C.input-decides", "C.basis", "C.deliberate"},
     "introduction-examples": {
@@ -240,7 +242,7 @@ def test_every_kind_of_the_missiles_flights_can_be_flown() -> None:
         ("noise", {"offsets": 8}, "offsets = 8; allowed: a whole number from 1 to 7"),
         ("run-time", {"nodes": 3}, "nodes = 3; allowed: a whole number from 4 to 6"),
         ("run-time", {"horizons": 6}, "horizons = 6; allowed: a whole number from 4 to 5"),
-        ("missile-closed-loop", {"others": 10}, "others = 10; allowed: a whole number from 1 to 9"),
+        ("missile-closed-loop", {"others": 13}, "others = 13; allowed: a whole number from 1 to 12"),
         ("missile-closed-loop", {"pairs": 3}, "pairs = 3; allowed: a whole number from 1 to 2"),
         ("missile-nodes", {"indirect": 5}, "indirect = 5; allowed: a whole number from 1 to 4"),
         ("consensus", {"vehicles": 5}, "vehicles = 5; allowed: an even number from 4 to 256"),

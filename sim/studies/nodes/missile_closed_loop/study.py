@@ -3,8 +3,8 @@
 The thesis stops at the reference trajectory and assumes an autopilot. Here the plan is flown: open loop, by feedback
 linearisation with an integral term, and by a time-varying linear-quadratic regulator; with a plan once and for all or
 with a new one ten times a second; against a body that is heavier than declared, weak thrusters, wind, limits, delay,
-noise, and a target that moves. The miss is the closest approach to the true target, the aspect error that of the nose
-then.
+noise, and a target that moves; and in space with everything drawn at random. The miss is the closest approach to the
+true target, the aspect error that of the nose then.
 """
 
 from __future__ import annotations
@@ -48,8 +48,11 @@ from mathnavi.sim.studies.nodes.missile_closed_loop.flights import (
     Kind,
     selected_kinds,
 )
+from mathnavi.sim.studies.nodes.missile_closed_loop.monte_carlo import NAME as DRAWN
+from mathnavi.sim.studies.nodes.missile_closed_loop.monte_carlo import drawn_claim, drawn_table, drawn_trial
 from mathnavi.sim.sweep.trial import trial
 
+DRAWN_KIND = Kind(DRAWN, period=None, seeded=True)
 REPLANNED: tuple[Mapping[str, Any], ...] = ({}, ROUGH, TOWARDS.fields)  # flights whose replans are timed
 
 
@@ -67,13 +70,15 @@ class MissileClosedLoopConfig:
     """how many of the kinds of flights that no claim is about"""
     pairs: Annotated[Count, Within(Interval(ge=1, le=PAIRS))] = PAIRS
     """how many flights in space are planned apart and as one problem"""
+    draws: Count = 100
+    """flights in space with heading, target, gusts and body drawn"""
 
 
 class MissileClosedLoop:
     """The missile's planner, autopilots and estimators in MuJoCo (B.4)."""
 
     Config = MissileClosedLoopConfig
-    quick = MissileClosedLoopConfig(cases=1, seeds=2, replans=30)
+    quick = MissileClosedLoopConfig(cases=1, seeds=2, replans=30, draws=4)
     title = "The dive, flown: planner and autopilots of the missile in MuJoCo"
     on_terrain = False
 
@@ -81,7 +86,8 @@ class MissileClosedLoop:
     def run(config: MissileClosedLoopConfig, setup: Setup) -> StudyResult:
         kinds = selected_kinds(config.others, config.pairs)
         asked = {kind.name: kind.trials(config.cases, config.seeds) for kind in kinds}
-        records = setup.fly_groups(asked)
+        drawn = [drawn_trial(number) for number in range(config.draws)]
+        records = setup.fly_groups({**asked, DRAWN: drawn})
         solvers = (
             ("fatrop-compiled", "fatrop", "ipopt-compiled", "ipopt") if compiler() is not None else ("fatrop", "ipopt")
         )
@@ -96,12 +102,17 @@ class MissileClosedLoop:
                 "is noise or failure. The state is exact where no estimator is named. Times are thread CPU times of "
                 "one replan, the first plan of a flight left out.",
             ),
-            rows=[_row(kind, records[kind.name]) for kind in kinds],
-            tables=(_flights(kinds, records), _decoupling(records, config), _times(replans)),
-            figure=_figure(paths, kinds, records, replans),
+            rows=[_row(kind, records[kind.name]) for kind in (*kinds, DRAWN_KIND)],
+            tables=(
+                _flights(kinds, records),
+                drawn_table(records[DRAWN]),
+                _decoupling(records, config),
+                _times(replans),
+            ),
+            figure=_figure(paths, (*kinds, DRAWN_KIND), records, replans),
             caption="(a) The case SM with mass and inertia +10 %, force -5 % and a steady gust, one plan, by autopilot."
             " (b) Miss of every flight. (c) Times of one replan.",
-            claims=_claims(records, replans, backend),
+            claims=[*_claims(records, replans, backend), drawn_claim(records[DRAWN])],
         )
 
 

@@ -1,0 +1,45 @@
+"""The inputs of thrusters that are late: which act when, as far as the delay is known."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+
+import numpy as np
+
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.signals import Array
+
+
+class InputHistory:
+    """The commands of the last ``delay`` [s], each held until the next; before the first one no input acts."""
+
+    def __init__(self, delay: float, size: int) -> None:
+        """Begin without a command; ``size`` is the number nu of inputs."""
+        self.delay = delay
+        self._sent: deque[tuple[float, Array]] = deque()  # when it begins to act [s], and the command
+        self._before = np.zeros(size)
+
+    def note(self, t: float, command: Array) -> None:
+        """Note a command (nu,) that is given at t [s]; one that is not finite is not carried out."""
+        if np.isfinite(command).all():
+            self._sent.append((t + self.delay, command.copy()))
+
+    def forget(self, t: float) -> None:
+        """Forget what no longer acts at t [s]."""
+        while self._sent and self._sent[0][0] <= t + TIME_TOLERANCE:
+            self._before = self._sent.popleft()[1]
+
+    def acting(self, begin: float, end: float) -> Iterator[tuple[float, Array]]:
+        """Durations [s] and inputs (nu,) that act one after the other from ``begin`` to ``end`` [s]."""
+        self.forget(begin)
+        now, acting = begin, self._before
+        for t, command in self._sent:
+            if t > end - TIME_TOLERANCE:
+                break
+            if t > now + TIME_TOLERANCE:
+                yield t - now, acting
+                now = t
+            acting = command
+        if end > now + TIME_TOLERANCE:
+            yield end - now, acting

@@ -1,0 +1,22 @@
+"""A plant whose world is turned about the vertical: forces, torques and displacements come in the user's."""
+
+from __future__ import annotations
+
+from mathnavi.models.missile.mission_frame import MissionFrame
+from mathnavi.sim.engine.faults import Disturbed
+from mathnavi.sim.interfaces.protocols import Plant
+from mathnavi.sim.interfaces.signals import Array
+
+
+class TurnedPlant(Disturbed):
+    """A plant in the frame of a mission; everything but what acts on it from outside is the plant's own."""
+
+    def __init__(self, plant: Plant, frame: MissionFrame) -> None:
+        super().__init__(plant, ())
+        self._axes = frame.axes
+
+    def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
+        self.plant.apply_wrench(name, self._axes @ force, None if torque is None else self._axes @ torque)
+
+    def displace(self, name: str, offset: Array) -> None:
+        self.plant.displace(name, self._axes @ offset)

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_bvp
 
-from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
+from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions, first_line
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
@@ -63,7 +63,7 @@ def solve_indirect(solution: Solution, *, tolerance: float = 1e-8, most_nodes: i
         ProblemError: for a direct solution that failed and for a problem that these conditions do not cover.
     """
     if not isinstance(solution, Solution):
-        raise ProblemError(f"solution = {solution!r:.120}; allowed: a direct Solution")
+        raise ProblemError(f"solution = {first_line(solution)}; allowed: a direct Solution")
     if not solution.solved:
         raise ProblemError(f"the direct solution of {solution.problem.name} failed: {solution.status.value}")
     _check_covered(solution)

@@ -150,5 +150,10 @@ def check_problem(problem: object) -> None:
     """Raise ProblemError for a problem that is no ``ProblemFunctions``, an ``OptimalControlProblem`` itself for one."""
     if not isinstance(problem, ProblemFunctions):
         raise ProblemError(
-            f"problem = {problem!r:.120}; allowed: ProblemFunctions, OptimalControlProblem.functions() for one"
+            f"problem = {first_line(problem)}; allowed: ProblemFunctions, OptimalControlProblem.functions() for one"
         )
+
+
+def first_line(value: object) -> str:
+    """What a value is called in an error of one line: the first line of its representation."""
+    return f"{repr(value).partition(chr(10))[0]:.120}"

@@ -139,7 +139,7 @@ def test_a_phase_whose_duration_nothing_limits_is_unbounded() -> None:
     found = problem.solve()
     assert {found.status, found["a"].status, found["b"].status} == {Outcome.UNBOUNDED}
     assert not found.ok
-    assert "phase b: T ends at 1e+09 s, its default upper limit" in found.message
+    assert "b.duration ends at 1e+09 s, its default upper limit" in found.message
 
 
 @pytest.mark.parametrize("method", ["redistribute", "refine"])

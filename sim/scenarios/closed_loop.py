@@ -37,10 +37,6 @@ if TYPE_CHECKING:
 SHOWN = 12  # figures of a summary in a short table
 
 
-def _no_scene() -> None:
-    """The scene of a run that is drawn without."""
-
-
 def _scene(plant: Plant, recording: Recording) -> dict[str, Array] | None:
     from mathnavi.sim.engine.scene_record import scene_arrays  # imports mujoco
 
@@ -60,7 +56,7 @@ class RunResult:
     success: bool
     folder: Path | None = None  # which it was read from or saved in
     trusted: bool = True  # its drawing may be any code: of who flew the run; False for one read from a folder
-    scene: Callable[[], dict[str, Array] | None] = _no_scene  # makes its scene's arrays, where it is drawn by them
+    scene: Callable[[], dict[str, Array] | None] | None = None  # makes its scene's arrays, where it is drawn by them
 
     @cached_property
     def arrays(self) -> dict[str, Array]:
@@ -83,13 +79,17 @@ class RunResult:
         """Events in order of time."""
         return self.recording.events
 
+    def scene_arrays(self) -> dict[str, Array] | None:
+        """The arrays of the scene; None for a run that is drawn without."""
+        return None if self.scene is None else self.scene()
+
     def write(self, folder: Path) -> None:
         """Write the run's folder, whole or not at all."""
-        write_run(folder, self.config, self.summary, self.recording, self.scene())
+        write_run(folder, self.config, self.summary, self.recording, self.scene_arrays())
 
     def write_files(self, folder: Path) -> None:
         """Write the files of the run into a folder that is there."""
-        write_run_files(folder, self.config, self.summary, self.recording, self.scene())
+        write_run_files(folder, self.config, self.summary, self.recording, self.scene_arrays())
 
     def save(self, folder: str | Path) -> Path:
         """Write config.json, summary.json, events.jsonl, log.npz and log.json into a folder, and return it.
@@ -204,7 +204,7 @@ class ClosedLoop:
         recording = simulate(self.plant, self.agents, self.duration, self.finished, progress, self.network)
         summary, success = self.summarise(recording, time.perf_counter() - began)
         drawn = self.config.get("drawing") is not None or "terrain" in self.config
-        scene = _no_scene if drawn else partial(_scene, self.plant, recording)
+        scene = None if drawn else partial(_scene, self.plant, recording)
         return RunResult(recording, summary, self.config, success, scene=scene)
 
 

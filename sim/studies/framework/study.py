@@ -162,7 +162,7 @@ def call(function: Callable[..., Any], argument: Any, **named: Any) -> Job:
 def logged_run(mission: Trial, content: str) -> RunResult:
     """A job: the run of a mission, its log and all; ``content`` is the hash of all that the mission depends on.
 
-    Left out are processor and wall-clock times, and the solver's, which no other run repeats.
+    Left out are processor and wall-clock times, and the solver's, which no other run repeats, and the scene.
     """
     if mission.content != content:
         raise ValueError(f"trial {content} is now {mission.content}; allowed: sources and files as they were")
@@ -172,7 +172,8 @@ def logged_run(mission: Trial, content: str) -> RunResult:
         for name, agent in outcome.recording.agents.items()
     }
     summary = {name: value for name, value in outcome.summary.items() if not is_wall_clock(name)}
-    return replace(outcome, recording=replace(outcome.recording, agents=agents), summary=summary)
+    recording = replace(outcome.recording, agents=agents)
+    return replace(outcome, recording=recording, summary=summary, scene=None)
 
 
 def _last_line(error: str | None) -> str:

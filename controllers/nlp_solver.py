@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.compilation import compiled as compiled_functions
+from mathnavi.controllers.solver_process import ProcessReport, RemoteSolver
 from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.sim.interfaces.signals import Array
 
@@ -98,15 +99,17 @@ class NlpReport:
 
     outcome: Outcome
     message: str  # the solver's return status, or the last line of the exception that it raised
-    iterations: int | None  # None if it raised an exception
+    iterations: int | None  # None if it raised an exception or did not return
 
 
 class NlpSolver:
     """One of CasADi's NLP solvers with buffers for its arguments and results.
 
     ``functions`` are x, p, f and g, ``settings`` those of ``ipopt_settings`` or ``fatrop_settings`` and ``results`` the
-    names of the outputs that are kept. ``cache`` holds derivatives that are known already. ``compiled`` translates the
-    functions to C once (seconds, kept in the user's cache folder); otherwise they run in CasADi's virtual machine.
+    names of the outputs that are kept. ``seconds`` is the CPU time [s] after which a solve is ended: IPOPT looks at it
+    in every iteration, FATROP, which may not return from one, runs in a process of its own (see ``solver_process``).
+    ``cache`` holds derivatives that are known already. ``compiled`` translates the functions to C once (seconds, kept
+    in the user's cache folder); otherwise they run in CasADi's virtual machine.
 
     Raises FileNotFoundError where there is no C compiler named cc, and OSError where it fails.
     """
@@ -119,27 +122,49 @@ class NlpSolver:
         settings: Mapping[str, Any],
         results: Sequence[str],
         *,
+        seconds: float,
         compiled: bool = False,
         cache: Mapping[str, Any] | None = None,
     ) -> None:
         options = {"print_time": False, "calc_lam_p": False, **settings}
+        if plugin == "ipopt":
+            options["ipopt"] = {**options.get("ipopt", {}), "max_cpu_time": seconds}
         known = {} if cache is None else {"cache": cache}
         function = ca.nlpsol(name, plugin, dict(functions), options | known)
         if compiled:
             function = ca.nlpsol(name, plugin, str(compiled_functions(function)), options)
         self.inputs = {key: np.zeros(function.nnz_in(key)) for key in function.name_in()}
-        self.outputs: dict[str, Array] = {key: np.zeros(function.nnz_out(key)) for key in results}
-        self._evaluate = BufferedFunction(
-            function, list(self.inputs.values()), [self.outputs.get(key) for key in function.name_out()]
-        )
+        every = {key: np.zeros(function.nnz_out(key)) for key in function.name_out()}
+        self.outputs: dict[str, Array] = {key: every[key] for key in results}
+        arguments, places = list(self.inputs.values()), list(every.values())
+        self._seconds = seconds
+        self._solver: RemoteSolver | _LocalSolver
+        if plugin == "fatrop":
+            self._solver = RemoteSolver(function, arguments, places)
+        else:
+            self._solver = _LocalSolver(function, arguments, places)
 
     def solve(self) -> NlpReport:
         """Solve with what stands in ``inputs``; the solution, or the last iterate, stands in ``outputs``."""
+        report = self._solver.solve(self._seconds)
+        if report.timed_out:
+            return NlpReport(Outcome.LIMIT, report.message, report.iterations)
+        outcome = Outcome.CONVERGED if report.success else _REASONS.get(report.message, Outcome.FAILED)
+        return NlpReport(outcome, report.message, report.iterations)
+
+
+class _LocalSolver:
+    """A solver in this process, which keeps its own limit of time."""
+
+    def __init__(self, function: ca.Function, arguments: Sequence[Array], results: Sequence[Array]) -> None:
+        self._evaluate = BufferedFunction(function, arguments, results)
+
+    def solve(self, seconds: float) -> ProcessReport:
         try:
             self._evaluate()
-        except RuntimeError as error:  # FATROP's way to give up
-            return NlpReport(Outcome.FAILED, str(error).strip().splitlines()[-1], None)
+        except RuntimeError as error:
+            return ProcessReport(False, str(error).strip().splitlines()[-1], None)
         statistics = self._evaluate.stats()
-        message = str(statistics["return_status"])
-        outcome = Outcome.CONVERGED if statistics["success"] else _REASONS.get(message, Outcome.FAILED)
-        return NlpReport(outcome, message, int(statistics["iter_count"]))
+        return ProcessReport(
+            bool(statistics["success"]), str(statistics["return_status"]), int(statistics["iter_count"])
+        )

@@ -36,6 +36,8 @@ from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.sim.interfaces.signals import Array
 
 _ITERATION_LIMIT = 200
+SECONDS = 60.0
+"""[s] of CPU time after which a solve is ended"""
 _STATE, _INPUT = 6, 3  # of a stage: position and velocity; acceleration, before the slacks
 _MORE: dict[str, dict[str, object]] = {
     "ipopt": {**IPOPT_WARM_START, "mu_strategy": "adaptive"},
@@ -328,7 +330,7 @@ class _Solver:
         begin = np.cumsum([0, *shape.stages])[:-1]
         self._accelerations = begin[:, None] + _STATE + np.arange(_INPUT)  # (n, 3) where they stand
         self._solver = NlpSolver(
-            "flight", backend, functions, settings, ("x", "f", "lam_x", "lam_g"), compiled=compiled
+            "flight", backend, functions, settings, ("x", "f", "lam_x", "lam_g"), seconds=SECONDS, compiled=compiled
         )
         self._in, self._out = self._solver.inputs, self._solver.outputs
         relax = ca.Function("relax", [functions["x"], functions["p"]], [programme.relaxed], ["x0", "p"], ["x"])

@@ -23,6 +23,8 @@ TOLERANCE = 1e-6
 """of the scaled optimality conditions: a tenth of a millimetre at the target"""
 ITERATIONS, FIRST_ITERATIONS = 20, 100
 """after which a solve stops: from the last solution it takes 3 to 10, from a first guess 10 to 50"""
+SECONDS, FIRST_SECONDS = 0.5, 10.0
+"""[s] of CPU time after which it is ended: from the last solution it takes some milliseconds"""
 
 CLOCK = "T"
 """a last state by this name is the final time of a problem in τ = t / T"""
@@ -82,7 +84,7 @@ class Shooting:
     problem runs from 0 to 1. Otherwise it is known, and the guess's.
 
     ``backend`` solves from the last solution. From a first guess it is IPOPT, which is sturdier there and says so where
-    there is no solution: FATROP 1.1 may go on for ever (it raises its regularisation without end).
+    there is no solution. A solve that has not returned within ``SECONDS`` or ``FIRST_SECONDS`` is ended, and fails.
     """
 
     def __init__(
@@ -95,9 +97,10 @@ class Shooting:
     ) -> None:
         first: Backend = "ipopt-compiled" if backend == "ipopt-compiled" else "ipopt"
         scheme = MultipleShooting(steps)
-        again = Options(backend, TOLERANCE, ITERATIONS, warm=True)
+        again = Options(backend, TOLERANCE, ITERATIONS, SECONDS, warm=True)
         self._again = transcription(problem, scheme, nodes, distribution, again)
-        self._first = transcription(problem, scheme, nodes, distribution, Options(first, TOLERANCE, FIRST_ITERATIONS))
+        sturdy = Options(first, TOLERANCE, FIRST_ITERATIONS, FIRST_SECONDS)
+        self._first = transcription(problem, scheme, nodes, distribution, sturdy)
         self._size = problem.nx - (CLOCK in problem.states)
         self._timed = problem.free_duration or CLOCK in problem.states
 

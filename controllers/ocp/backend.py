@@ -19,7 +19,7 @@ from mathnavi.controllers.nlp_solver import (
     ipopt_settings,
 )
 from mathnavi.controllers.ocp.nlp import Programme
-from mathnavi.sim.interfaces.bounds import Count, Probability, configuration
+from mathnavi.sim.interfaces.bounds import Count, Positive, Probability, configuration
 from mathnavi.sim.interfaces.signals import Array
 
 Backend = Literal["ipopt", "fatrop", "fatrop-compiled", "ipopt-compiled"]
@@ -35,13 +35,14 @@ _RESULTS = ("x", "f", "g", "lam_x", "lam_g")
 class Options:
     """Options of a solve: the NLP solver, its tolerance, its limit of iterations and its start; of IPOPT some more.
 
-    FATROP raises its regularisation without end on some problems without a feasible point: it may not return, whatever
-    the limit of iterations. Use IPOPT where there may be no feasible point.
+    FATROP raises its regularisation without end on some problems without a feasible point, and no limit of iterations
+    stops it there: it runs in a process of its own, which is ended after ``seconds``.
     """
 
     backend: Backend = "ipopt"
     tolerance: Probability = 1e-9  # of the scaled optimality conditions
     iterations: Count = 500
+    seconds: Positive = 600.0  # of CPU time, after which a solve is ended
     warm: bool = False  # True if guesses are near solutions: start close to the bounds, with a small barrier
     linear_solver: LinearSolver = "mumps"  # of IPOPT; those but MUMPS and SPRAL need a library of their own
     hessian: Hessian = "exact"  # of IPOPT
@@ -102,7 +103,8 @@ class NumericalSolver:
         self._in["lam_x0"][:], self._in["lam_g0"][:] = (0.0, 0.0) if multipliers is None else multipliers
         report = self._solver.solve()
         if report.iterations is None:
-            reason = f"{self._name} raised an exception: {_last_words(report.message)}"
+            ended = report.outcome is Outcome.LIMIT
+            reason = f"{self._name} {report.message if ended else f'gave up: {_last_words(report.message)}'}"
             return self._failed(report.outcome, reason, x_0, began)
         if report.message == "Invalid_Option":
             wrong = (
@@ -113,10 +115,11 @@ class NumericalSolver:
             return self._failed(report.outcome, report.message, x_0, began)
         out = {name: array.copy() for name, array in self._out.items()}
         if not all(np.isfinite(out[name]).all() for name in ("x", "f", "g")):  # FATROP calls even that a success
-            return self._failed(Outcome.NOT_FINITE, Outcome.NOT_FINITE.value, x_0, began)
+            last = out["x"] if np.isfinite(out["x"]).all() else x_0
+            return self._failed(Outcome.NOT_FINITE, Outcome.NOT_FINITE.value, last, began)
         return SolverAnswer(
             report.outcome,
-            report.message,
+            f"{self._name} gave up with the status {report.message}" if report.message.isdigit() else report.message,
             out["x"],
             (out["lam_x"], out["lam_g"]),
             float(out["f"][0]),
@@ -168,6 +171,7 @@ def _solver(nlp: Programme, options: Options) -> NlpSolver:
         {"x": nlp.x, "p": nlp.p, "f": nlp.assembly.f, "g": nlp.assembly.g},
         {"show_eval_warnings": False, **settings},
         _RESULTS,
+        seconds=options.seconds,
         compiled=options.backend.endswith("compiled"),
         cache=nlp.assembly.derivatives(plugin),
     )

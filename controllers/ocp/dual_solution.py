@@ -1,8 +1,8 @@
-"""Multipliers from the answer of a nonlinear programme.
+"""Multipliers as functions of time (see ``multipliers``), from the answer of a nonlinear programme.
 
-Those of a nonlinear programme are integrals over the part of an interval that a point stands for. Divided by that part
-they are the functions of time above. Where a costate jumps, at an end of an arc on the limit of a state, the function
-is a peak whose area is the jump. The costate of a point is the factor of its rate in the Lagrangian of the interval,
+A multiplier of the programme is the integral over the part of an interval that its point stands for: it is divided by
+that part. Where a costate jumps, at an end of an arc on the limit of a state, the function of time is a peak whose area
+is the jump. The costate of a point is the factor of its rate in the Lagrangian of the interval,
 
     λ_j = 1 / (b_j d) ∂/∂f_j (cost + Λ'flow + Λ_inner'inner + ...),
 

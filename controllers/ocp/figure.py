@@ -25,10 +25,12 @@ from mathnavi.sim.interfaces.signals import Array
 WIDTH, ROW, COMPACT_ROW = 9.4, 1.35, 0.95  # [inches]
 MANY_ROWS = 9  # from which on rows are compact
 DENSE = 1200  # points of a curve, at least two an interval
-ACTIVE = 1e-4  # share of the largest multiplier from which on a limit counts as holding back
+ACTIVE = 1e-3  # share of the largest multiplier from which on a limit counts as holding back
+MUCH = 0.05  # share of the whole effect of a limit, for example where a costate jumps
+LEAST_IMPULSE = 1e-6  # of a limit that holds back at all
 NEAR = 0.6  # of the range of a curve: how far from it a limit is still drawn
 ENDINGS = (".png", ".svg", ".pdf")
-LEAST = 1e-16  # that an axis of errors shows
+LEAST, MOST = 1e-16, 1e3  # that an axis of errors shows
 _BEFORE = 1.0 - 1e-9  # of an interval: just before a node, where a control may jump
 STATE, CONTROL, CONSTRAINT, DUAL = SERIES[0], SERIES[1], SERIES[4], SERIES[2]
 
@@ -53,12 +55,13 @@ class SolutionView(Protocol):
     @property
     def hamiltonian(self) -> Array: ...
     @property
+    def rates(self) -> Array: ...
+    @property
     def interval_errors(self) -> Array | None: ...
     @property
     def headline(self) -> str: ...
     def state(self, t: Array) -> Array: ...
     def control(self, t: Array) -> Array: ...
-    def costate(self, t: Array) -> Array: ...
 
 
 def solution_figure(solution: SolutionView, names: Sequence[str] = ()) -> Figure:
@@ -68,7 +71,8 @@ def solution_figure(solution: SolutionView, names: Sequence[str] = ()) -> Figure
     """
     problem, m = solution.problem, solution.multipliers
     t = dense_times(solution.t)
-    x, u, costates = solution.state(t), solution.control(t), solution.costate(t)
+    x, u = solution.state(t), solution.control(t)
+    times, costates = solution.point_times, m.dynamics.values
     p = np.tile(solution.parameters[:, None], (1, len(t)))
     d = np.array(problem.path.map(len(t))(x.T, u.T, t[None, :], p).full()).T if m.path.names else np.empty((len(t), 0))
     kinds = (
@@ -89,14 +93,17 @@ def solution_figure(solution: SolutionView, names: Sequence[str] = ()) -> Figure
             _nodes(left, solution, t, values[:, k], colour)
             _limits(left, limits, k, values[:, k])
             if kind is kinds[0]:
-                _curve(right, t, costates[:, k], DUAL, f"costate of {kind_names[k]}")
+                _curve(right, times.ravel(), costates[..., k].ravel(), DUAL, f"costate of {kind_names[k]}")
             else:
                 of = "the bounds of " if kind is kinds[1] else ""
-                _multiplier(right, solution.point_times, limits, multipliers, k, of)
+                _multiplier(right, times, limits, multipliers, k, of)
+            least = ACTIVE * float(np.abs(costates[..., k]).max()) if kind is kinds[0] else LEAST_IMPULSE
+            impulses = _impulses(solution, multipliers, k, least)
             for axes in (left, right):
-                _held(axes, solution, multipliers, k)
-            if kind is kinds[0]:
-                _area(right, solution, multipliers, k)
+                _held(axes, solution, multipliers.values[..., k], impulses)
+            if kind is kinds[0] and impulses.any():  # by as much the costate jumps or bends
+                total = float((multipliers.values[..., k] * solution.point_shares).sum())
+                _note(right, f"bound: ∫ μ dt = {total:.4g}", BOUND)
         _hamiltonian(panels[-1, 0], solution)
         _mesh(panels[-1, 1], solution)
         for axes in panels[-1]:
@@ -147,26 +154,19 @@ def _limits(axes: Axes, limits: Interval, k: int, values: Array) -> None:
             axes.axhline(limit, color=BOUND, ls=(0, (1.0, 1.6)), lw=1.1, zorder=1)
 
 
-def _strength(multipliers: NamedValues, k: int) -> Array:
-    """Multiplier (N - 1, k) over the largest of its kind."""
-    largest = float(np.abs(multipliers.values[..., k]).max(initial=0.0))
-    strength: Array = multipliers.values[..., k] / largest if largest > 1e-6 else 0.0 * multipliers.values[..., k]
-    return strength
+def _impulses(solution: SolutionView, multipliers: NamedValues, k: int, least: float) -> Array:
+    """Integral (N - 1,) of |μ| over every interval; nothing where the whole of it is not more than ``least``."""
+    impulses: Array = (np.abs(multipliers.values[..., k]) * solution.point_shares).sum(axis=1)
+    return impulses if impulses.sum() > least else 0.0 * impulses
 
 
-def _held(axes: Axes, solution: SolutionView, multipliers: NamedValues, k: int) -> None:
-    """Tint the intervals over which a limit holds back."""
-    held = (np.abs(_strength(multipliers, k)) > ACTIVE).all(axis=1)
+def _held(axes: Axes, solution: SolutionView, multipliers: Array, impulses: Array) -> None:
+    """Tint the intervals over which a limit holds back: at most of their points, or by a large part of all it does."""
+    strong = np.abs(multipliers) > ACTIVE * float(np.abs(multipliers).max(initial=0.0))
+    held = ((strong.mean(axis=1) > 0.5) | (impulses > MUCH * impulses.sum())) & (impulses > 0.0)
     ends = np.flatnonzero(np.diff(np.concatenate([[False], held, [False]]).astype(int)))
     for first, last in zip(ends[::2], ends[1::2], strict=True):
         axes.axvspan(solution.t[first], solution.t[last], color=BOUND, alpha=0.07, lw=0.0, zorder=0)
-
-
-def _area(axes: Axes, solution: SolutionView, multipliers: NamedValues, k: int) -> None:
-    """The integral of the multiplier of a state's bounds, by which the costate jumps or bends."""
-    if np.abs(_strength(multipliers, k)).max(initial=0.0) > 0.0:
-        total = float((multipliers.values[..., k] * solution.point_shares).sum())
-        _note(axes, f"bound: ∫ μ dt = {total:.4g}", BOUND)
 
 
 def _note(axes: Axes, text: str, colour: str = INK) -> None:
@@ -191,7 +191,8 @@ def _hamiltonian(axes: Axes, solution: SolutionView) -> None:
     values, times = solution.hamiltonian, solution.point_times
     _curve(axes, times.ravel(), values.ravel(), INK, "Hamiltonian")
     middle, spread = float(np.median(values)), float(np.ptp(values))
-    least = 0.02 * max(1e-3, abs(middle))
+    terms = np.abs(solution.multipliers.dynamics.values * solution.rates).sum(axis=2)
+    least = 0.02 * max(abs(middle), float(terms.max()))
     if spread < least:
         axes.set_ylim(middle - least, middle + least)
     _note(axes, f"{middle:.6g} ± {0.5 * spread:.1g}")
@@ -207,7 +208,7 @@ def _mesh(axes: Axes, solution: SolutionView) -> None:
         axes.set_ylim(0.0, 1.0)
         low = 0.0
     else:
-        shown = np.maximum(errors, LEAST)
+        shown = np.clip(errors, LEAST, MOST)
         axes.stairs(shown, t, color=SERIES[5], lw=1.2, baseline=None)
         axes.stairs(shown, t, color=SERIES[5], alpha=0.22, fill=True, baseline=shown.min() / 30.0)
         axes.set_yscale("log")

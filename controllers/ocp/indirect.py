@@ -7,15 +7,17 @@ With H(x, u, λ, t) = L + λ'f, minimised, and by automatic differentiation thro
     s(x(T), T) = 0,   λ(T) = Psi_x + s_x' ν,   and for a free T   H(T) + Psi_T + s_T' ν = 0.
 
 The thesis writes H = λ'f - L, maximised: its λ is minus ours. Solved by collocation with residual control
-(scipy.integrate.solve_bvp); the costates of the direct solution, its multipliers, are the guess. Not covered, and
-refused by name: a path constraint, a bound of a state or of T that is active, controls that are bounded and not
-separable in H, an end constraint whose limit is not 0.
+(scipy.integrate.solve_bvp); the costates of the direct solution, its multipliers, are the guess. i and s are the end
+conditions that hold with equality, each less the limit that holds. Not covered, and refused by name: a path constraint,
+a bound of a state or of T that is active, controls in which H is linear, or that are bounded and not separable in it.
+What is refused here, ``pontryagin`` judges along the direct solution.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -75,7 +77,7 @@ def solve_indirect(solution: Solution, *, tolerance: float = 1e-8, most_nodes: i
     costates = np.array([np.interp(tau, known, column) for column in (solution.costates * scale).T])
     y = np.vstack([solution.state(tau * solution.duration).T / scale[:, None], costates])
     free = int(problem.free_duration)
-    multipliers = np.zeros(len(ends[0]) + len(ends[1]))
+    multipliers = np.zeros(sum(len(end.rows) for end in ends))
     unknown = np.concatenate([[solution.duration] * free, multipliers])
 
     def duration(k: Array) -> float:
@@ -149,18 +151,24 @@ def _path_values(solution: Solution) -> Array:
     return np.array(problem.path.map(len(t))(solution.x.T, solution.control(t).T, t[None, :], p).full().T)
 
 
-def _active_ends(solution: Solution) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """The rows of i and s that hold with equality."""
+class _Ends(NamedTuple):
+    """Rows of i or s that hold with equality, and the limit of each."""
+
+    rows: tuple[int, ...]
+    limits: tuple[float, ...]
+
+
+def _active_ends(solution: Solution) -> tuple[_Ends, _Ends]:
+    """The conditions at the start and at the end that hold with equality."""
     problem, p = solution.problem, solution.parameters
     initial = problem.initial(solution.x[0], p).full()[:, 0]
     final = problem.final(solution.x[-1], solution.duration, p).full()[:, 0]
-    rows = []
+    ends = []
     for values, (lower, upper) in ((initial, problem.initial_bounds), (final, problem.final_bounds)):
-        at_lower, at_upper = values - lower <= _ACTIVE, upper - values <= _ACTIVE
-        if (at_lower & (lower != 0.0)).any() or (at_upper & (upper != 0.0)).any():
-            raise ProblemError(f"{problem.name}: an end constraint holds with a limit other than 0; allowed: 0")
-        rows.append(tuple(int(k) for k in np.flatnonzero(at_lower | at_upper)))
-    return rows[0], rows[1]
+        limits = np.where(values - lower <= _ACTIVE, lower, upper)
+        rows = np.flatnonzero((values - lower <= _ACTIVE) | (upper - values <= _ACTIVE))
+        ends.append(_Ends(tuple(rows.tolist()), tuple(limits[rows].tolist())))
+    return ends[0], ends[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,15 +228,15 @@ def _pontryagin(problem: ProblemFunctions) -> ca.Function:
 
 
 @lru_cache(maxsize=16)
-def _conditions(problem: ProblemFunctions, initial: tuple[int, ...], final: tuple[int, ...]) -> ca.Function:
+def _conditions(problem: ProblemFunctions, initial: _Ends, final: _Ends) -> ca.Function:
     """(y(0), y(T), u_guess(T), T, ν, p) -> the boundary conditions."""
     nx, scale = problem.nx, problem.state_scale
     y_0, y_1, guess = ca.SX.sym("y_0", 2 * nx), ca.SX.sym("y_1", 2 * nx), ca.SX.sym("u", problem.nu)
     duration, p = ca.SX.sym("T"), ca.SX.sym("p", len(problem.parameters))
-    nu_0, nu_1 = ca.SX.sym("nu_0", len(initial)), ca.SX.sym("nu_1", len(final))
+    nu_0, nu_1 = ca.SX.sym("nu_0", len(initial.rows)), ca.SX.sym("nu_1", len(final.rows))
     x_0, x_1 = y_0[:nx] * scale, y_1[:nx] * scale
-    start = problem.initial(x_0, p)[list(initial)] if initial else ca.SX(0, 1)
-    end = problem.final(x_1, duration, p)[list(final)] if final else ca.SX(0, 1)
+    start = problem.initial(x_0, p)[list(initial.rows)] - ca.DM(initial.limits) if initial.rows else ca.SX(0, 1)
+    end = problem.final(x_1, duration, p)[list(final.rows)] - ca.DM(final.limits) if final.rows else ca.SX(0, 1)
     bolza = problem.terminal_cost(x_1, duration, p) + ca.dot(nu_1, end)
     rows = [start, y_0[nx:] + ca.gradient(ca.dot(nu_0, start), y_0)[:nx], end, y_1[nx:] - ca.gradient(bolza, y_1)[:nx]]
     if problem.free_duration:

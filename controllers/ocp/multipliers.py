@@ -10,7 +10,7 @@ A limit that is raised by δ changes the least J by -δ times its multiplier (al
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +29,7 @@ def column_of(name: str, names: Sequence[str]) -> int | list[int] | None:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NamedValues(Mapping[str, Array]):
+class NamedValues:
     """Values (..., n) of which each of n names has its own (...,), and a vector "x" those of "x[0]", "x[1]", ..."""
 
     names: tuple[str, ...]

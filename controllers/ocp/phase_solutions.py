@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import casadi as ca
 import numpy as np
@@ -12,7 +13,7 @@ from mathnavi.controllers.ocp.dual_solution import own_names, quadrature
 from mathnavi.controllers.ocp.lowering import functions_of
 from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues, distinct
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.replay import replayed
+from mathnavi.controllers.ocp.replay import GIVEN_NODES, replayed
 from mathnavi.controllers.ocp.solution import Outcome, Solution
 from mathnavi.controllers.ocp.statement import Statement
 from mathnavi.sim.interfaces.checks import allowed_for
@@ -40,7 +41,7 @@ class MultiPhaseSolution:
 
     @property
     def ok(self) -> bool:
-        """True if this is a solution of the transcribed problem."""
+        """True if this is a solution of the problem: solved, and within the tolerance when it is replayed."""
         return self.stacked.ok
 
     @property
@@ -98,7 +99,8 @@ def phase_solution(stacked: Solution, name: str, phase: Statement, elapsed: floa
         replay=None,
     )
     cost = _running_cost(view) + float(problem.terminal_cost(x[-1], duration, view.parameters))
-    return replayed(dataclasses.replace(view, cost=cost), stacked.tolerance), begin
+    tolerance = stacked.tolerance if math.isfinite(stacked.tolerance) else GIVEN_NODES
+    return replayed(dataclasses.replace(view, cost=cost), tolerance), begin
 
 
 def _running_cost(view: Solution) -> float:

@@ -38,11 +38,14 @@ from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_st
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, ProblemFunctions
+from mathnavi.controllers.ocp.problem_table import duration_row, limit_rows
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.statement import Duration, Statement
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import ProblemError
+from mathnavi.sim.interfaces.short_tables import Row as TableRow
+from mathnavi.sim.interfaces.short_tables import html_table, short_table
 
 KNOWN: dict[str, Callable[[], ProblemFunctions]] = {}
 """problems with a known optimum by name, which ``mathnavi.controllers.ocp.problems.library`` enters"""
@@ -408,8 +411,29 @@ class OptimalControlProblem:
         return self._compiled[1]
 
     def __repr__(self) -> str:
-        states, controls = ([v.name for v in each] for each in (self.statement.states, self.statement.controls))
-        return f"OptimalControlProblem({self.name!r}, states {states}, controls {controls})"
+        """A short table: what is stated, with its limits, and which states have no dynamics yet."""
+        return short_table(*self._table())
+
+    def _repr_html_(self) -> str:
+        """The same table, for a notebook."""
+        return html_table(*self._table())
+
+    def _table(self) -> tuple[str, list[TableRow]]:
+        s = self.statement
+        rows = limit_rows("state", [(v.name, v.lower, v.upper) for v in s.states])
+        rows += limit_rows("control", [(v.name, v.lower, v.upper) for v in s.controls])
+        rows += limit_rows("path", [(row.name, row.lower, row.upper) for row in s.path])
+        for at, stated, values in (("start of ", s.initial, s.starts), ("end of ", s.final, s.ends)):
+            pinned = {at + name: value for name, value in values.items()}
+            others = [row for row in stated if row.name not in pinned]
+            rows += [(name, f"= {value}", "") for name, value in pinned.items()]
+            rows += limit_rows("", [(row.name, row.lower, row.upper) for row in others])
+        rows += limit_rows("parameter", [(each.name, each.nominal, each.nominal) for each in s.parameters])
+        if s.duration is not None:
+            rows.append(duration_row(s.duration.lower, s.duration.upper))
+        if missing := [v.name for v in s.states if v.name not in s.rates]:
+            rows.append(("no dynamics yet", ", ".join(missing), ""))
+        return f"OptimalControlProblem {self.name!r}", rows
 
     def _of_the_literature(self) -> ProblemFunctions:
         """The problem of this name whose optimum is known."""

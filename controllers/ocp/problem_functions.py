@@ -14,7 +14,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from mathnavi.controllers.ocp.problem_table import duration_row, limit_rows
 from mathnavi.sim.interfaces.errors import ProblemError
+from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table
 from mathnavi.sim.interfaces.signals import Array
 
 DURATION_LIMITS = (1e-3, 1e9)
@@ -28,7 +30,14 @@ class Interval(NamedTuple):
     upper: Array
 
 
-@dataclass(frozen=True, eq=False)
+def _less(limits: Interval, values: ca.DM) -> Interval:
+    """Limits less what the constrained expressions are without their states; as they are where that is not finite."""
+    own = values.full()[:, 0]
+    shift = np.where(np.isfinite(own), own, 0.0)
+    return Interval(limits.lower - shift, limits.upper - shift)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class ProblemFunctions:
     """An optimal control problem as compiled functions with their limits; every function is CasADi's, over SX columns.
 
@@ -61,6 +70,32 @@ class ProblemFunctions:
     guess_states: Array  # (k, nx)
     guess_controls: Array  # (k, nu)
     guess_duration: float  # [s]
+
+    def __repr__(self) -> str:
+        """A short table: states, controls, constraints and ends with their limits, and parameters."""
+        return short_table(*self._table())
+
+    def _repr_html_(self) -> str:
+        """The same table, for a notebook."""
+        return html_table(*self._table())
+
+    def _table(self) -> tuple[str, list[Row]]:
+        rows: list[Row] = []
+        nothing = ca.DM.zeros(self.nx)  # an end is stated as x - value = 0, and shown as x = value
+        for kind, names, limits in (
+            ("state", self.states, self.state_bounds),
+            ("control", self.controls, self.control_bounds),
+            ("path", self.path_names, self.path_bounds),
+            ("", self.initial_names, _less(self.initial_bounds, self.initial(nothing, self.nominal))),
+            ("", self.final_names, _less(self.final_bounds, self.final(nothing, self.guess_duration, self.nominal))),
+        ):
+            rows += limit_rows(kind, list(zip(names, limits.lower.tolist(), limits.upper.tolist(), strict=True)))
+        known = zip(self.parameters, self.nominal.tolist(), strict=True)
+        return self.name, [
+            *rows,
+            *limit_rows("parameter", [(name, value, value) for name, value in known]),
+            duration_row(*self.duration_bounds),
+        ]
 
     @property
     def nx(self) -> int:

@@ -18,8 +18,8 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from mathnavi.controllers.ocp.defects import defects
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.residual import local_errors
 from mathnavi.controllers.ocp.solution import Outcome, ReplayResult, Solution
 from mathnavi.controllers.ocp.transcriptions.scheme import weights
 from mathnavi.models.buffered_function import BufferedFunction
@@ -53,7 +53,7 @@ def replayed(solution: Solution, tolerance: float = GIVEN_NODES) -> Solution:
     began = time.perf_counter()
     growth = _growth(solution)
     found = _replay(solution, by_intervals=not growth <= ILL_POSED)
-    errors = local_errors(solution) if len(solution.scheme.points) > 1 else None
+    errors = np.abs(defects(solution).states).max(axis=1) if len(solution.scheme.points) > 1 else None
     return judged(solution.with_replay(found, errors, 1e3 * (time.perf_counter() - began)), tolerance)
 
 

@@ -48,7 +48,7 @@ class Timing:
     @property
     def total_ms(self) -> float:
         """All of it [ms]."""
-        return sum(astuple(self))
+        return self.build_ms + self.solve_ms + self.replay_ms + self.gate_ms
 
     def __repr__(self) -> str:
         """One line."""
@@ -129,7 +129,7 @@ class Solution:
     sensitivities: NamedValues  # (np,) dJ/dp of the least J, by the names of the parameters
     method: str = "direct"
     replay: ReplayResult | None = None
-    interval_errors: Array | None = None  # (N - 1,) local error η of each interval, over the states' scales
+    interval_errors: Array | None = None  # (N - 1,) largest defect of each interval, over the states' scales
     tolerance: float = math.nan  # of miss, path violation and cost error of the replay, that the status was judged by
 
     @property
@@ -319,7 +319,7 @@ class Solution:
         """
         content = io.BytesIO()
         arrays = {"format": np.array(FORMAT)} | encoded(self, RECORD)
-        np.savez_compressed(content, allow_pickle=False, **arrays)  # type: ignore[arg-type]
+        np.savez_compressed(content, allow_pickle=False, **arrays)
         write_bytes(Path(path), content.getvalue())
         return Path(path)
 
@@ -340,11 +340,12 @@ class Solution:
         from mathnavi.controllers.ocp.figure import solution_figure, written  # matplotlib takes a while to import
 
         known = (*self.problem.states, *self.problem.controls, *self.multipliers.path.names)
-        columns = [(name, column_of(name, known)) for name in names]
-        for name, column in columns:
+        chosen: list[str] = []
+        for name in names:
+            column = column_of(name, known)
             if column is None:
                 raise KeyError(f"{name!r} is no state, control or path constraint; {allowed_for(name, known)}")
-        chosen = [known[k] for _, column in columns for k in np.atleast_1d(column)]
+            chosen += [known[k] for k in ([column] if isinstance(column, int) else column)]
         figure = solution_figure(self, chosen)
         if path is not None:
             write_bytes(Path(path), written(figure, Path(path).suffix))

@@ -20,6 +20,7 @@ from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, const
 from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
 from mathnavi.controllers.ocp.finite import not_finite
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths
+from mathnavi.controllers.ocp.infeasible import contradiction
 from mathnavi.controllers.ocp.multipliers import NamedValues
 from mathnavi.controllers.ocp.nlp import bounded_controls, fractions_between, mixed_constraints, programme, variation
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
@@ -119,6 +120,9 @@ class Transcription:
         answer = self.solver.solve(x_0, known, bounds=None if arcs is None else self._bounds(arcs))
         if answer.status is Outcome.NOT_FINITE:
             answer = self._explained(answer, x_0, where, p)
+        if answer.status is Outcome.INFEASIBLE and arcs is None:
+            why = contradiction(self.programme, answer.x, known)
+            answer = dataclasses.replace(answer, message=why or answer.message)
         cost = answer.cost if self._functional is None else answer.cost - float(self._functional(answer.x, known))
         found = self._read(answer, where, p, known, shares, cost)
         if smoothing.any():  # it is no part of J
@@ -132,12 +136,14 @@ class Transcription:
         return found
 
     def _explained(self, answer: SolverAnswer, x_0: Array, grid: Grid, p: Array) -> SolverAnswer:
-        """The answer of a solve that met NaN or infinity, with what was not finite at the guess."""
+        """The answer of a solve that met NaN or infinity, with what was not finite at the guess or the last iterate."""
         nx, durations = self.problem.nx, self.layout.durations
-        z, w, last = self.layout.split(x_0)
-        duration = float(z[0, nx : nx + durations].sum()) if durations else self.problem.guess_duration
-        u = np.vstack([w[:, : self.problem.nu], last if self.scheme.shared else w[-1:, : self.problem.nu]])
-        found = not_finite(self.problem, z[:, :nx], u, grid.nodes * duration, p)
+        found = ""
+        for name, unknowns in (("guess", x_0), ("last iterate", answer.x)):
+            z, w, last = self.layout.split(unknowns)
+            duration = float(z[0, nx : nx + durations].sum()) if durations else self.problem.guess_duration
+            u = np.vstack([w[:, : self.problem.nu], last if self.scheme.shared else w[-1:, : self.problem.nu]])
+            found = found or not_finite(self.problem, z[:, :nx], u, grid.nodes * duration, p, name)
         return dataclasses.replace(answer, message=found or answer.message)
 
     def _bounds(self, arcs: Arcs) -> tuple[Array, Array, Array, Array]:

@@ -26,19 +26,24 @@ def unbounded(problem: ProblemFunctions, x: Array, u: Array, duration: float, *,
         duration: [s] T.
         diverged: the solver itself found that its iterates run away.
     """
-    found = [_final_time(problem, duration)] if problem.free_duration else []
+    durations = [("T", duration, problem.duration_bounds, problem.guess_duration)] if problem.free_duration else []
+    for i, name in enumerate(problem.states):  # of phases
+        if name.endswith(".duration"):
+            limits = float(problem.state_bounds.lower[i]), float(problem.state_bounds.upper[i])
+            durations.append((name, float(x[0, i]), limits, float(problem.state_scale[i])))
+    found = [_duration(*each) for each in durations]
     found += _running_away(problem.controls, u, problem.control_scale, problem.guess_controls, problem.control_bounds)
     if diverged or any(found):
         found += _running_away(problem.states, x, problem.state_scale, problem.guess_states, problem.state_bounds)
     return "; ".join(filter(None, found))
 
 
-def _final_time(problem: ProblemFunctions, duration: float) -> str:
-    for name, limit, default in zip(("lower", "upper"), problem.duration_bounds, DURATION_LIMITS, strict=True):
+def _duration(label: str, duration: float, limits: tuple[float, float], typical: float) -> str:
+    for name, limit, default in zip(("lower", "upper"), limits, DURATION_LIMITS, strict=True):
         if limit == default and abs(duration - limit) <= _AT_LIMIT * limit:
-            return f"T ends at {limit:g} s, its default {name} limit; state one, or a cost that bounds T"
-    if problem.duration_bounds[1] == DURATION_LIMITS[1] and duration > HUGE * problem.guess_duration:
-        return f"T runs to {duration:.2g} s; state an upper limit, or a cost that bounds T"
+            return f"{label} ends at {limit:g} s, its default {name} limit; state one, or a cost that bounds it"
+    if limits[1] == DURATION_LIMITS[1] and duration > HUGE * typical:
+        return f"{label} runs to {duration:.2g} s; state an upper limit, or a cost that bounds it"
     return ""
 
 

@@ -5,6 +5,7 @@ root, and the last one makes the picture:
 
 - ``mathnavi render`` prints the path of it;
 - ``mathnavi study NAME`` leaves NAME.png in its folder;
+- ``python -m mathnavi.renders.optimum NAME FILE`` says it;
 - ``chromium --screenshot=PATH`` says it.
 """
 
@@ -21,6 +22,7 @@ HERE = Path(__file__).resolve().parent  # of the repository, not of the links in
 README = HERE / "README.md"
 STUDIES = Path("renders/out/study")  # what `mathnavi study` writes to, by default
 MATHNAVI = ".venv/bin/mathnavi"
+OPTIMUM = (".venv/bin/python", "-m", "mathnavi.renders.optimum")
 _ROW = re.compile(r"^\| \[([\w.]+)\]\(\1\) \| (.+) \| (.+) \|$")
 
 Command = tuple[str, ...]
@@ -40,10 +42,14 @@ class GalleryPicture:
             return Path(printed.strip().rpartition("\n")[2])
         if last[:2] == (MATHNAVI, "study"):
             return STUDIES / f"{last[2]}.png"
+        if last[:3] == OPTIMUM:
+            return Path(last[-1])
         for word in last:
             if word.startswith("--screenshot="):
                 return Path(word.partition("=")[2])
-        raise ValueError(f"{self.name}: {shlex.join(last)!r} makes no picture; allowed: render, study, --screenshot")
+        raise ValueError(
+            f"{self.name}: {shlex.join(last)!r} makes no picture; allowed: render, study, renders.optimum, --screenshot"
+        )
 
 
 def entries(text: str) -> Mapping[str, GalleryPicture]:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from mathnavi.controllers.ocp.backend import Options as SolverOptions
     from mathnavi.controllers.ocp.monitors import Monitor
     from mathnavi.controllers.ocp.phases import MultiPhaseProblem
+    from mathnavi.controllers.ocp.pontryagin import check_pontryagin
     from mathnavi.controllers.ocp.problems.library import OptimalControlProblem
     from mathnavi.controllers.ocp.saved_solution import load_solution
     from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
@@ -91,6 +92,7 @@ _PLACES = {
     "Monitor": "controllers.ocp.monitors",
     "SolverOptions": "controllers.ocp.backend:Options",
     "load_solution": "controllers.ocp.saved_solution",
+    "check_pontryagin": "controllers.ocp.pontryagin",
     # terrain
     "load_terrain": "models.terrain.library",
     "import_terrain": "models.terrain.dem:import_dem",
@@ -147,6 +149,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "Monitor",
     "SolverOptions",
     "load_solution",
+    "check_pontryagin",
     "load_terrain",
     "import_terrain",
     "HeightField",

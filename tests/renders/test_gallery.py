@@ -10,9 +10,19 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mathnavi.renders import clip, video
+from mathnavi.controllers.ocp.problems.library import PROBLEMS
+from mathnavi.renders import clip, optimum, video
 from mathnavi.renders.gallery import __main__ as program
-from mathnavi.renders.gallery.table import HERE, MATHNAVI, README, Command, GalleryPicture, chosen, entries
+from mathnavi.renders.gallery.table import (
+    HERE,
+    MATHNAVI,
+    OPTIMUM,
+    README,
+    Command,
+    GalleryPicture,
+    chosen,
+    entries,
+)
 from mathnavi.sim.commands.arguments import FlagGroup, parse
 from mathnavi.sim.commands.render import RenderOptions
 from mathnavi.sim.commands.run import RunOptions
@@ -81,6 +91,10 @@ def test_every_command_can_be_given() -> None:
             assert entry.name == f"{last[2].replace('-', '_')}.png"
             assert set(last[3::2]) <= {"--terrain"}
             continue
+        if last[:3] == OPTIMUM:
+            assert last[3] in PROBLEMS
+            assert Path(last[4]).name == entry.name
+            continue
         (run,) = before
         assert run[:2] == (MATHNAVI, "run")
         if last[0] != MATHNAVI:
@@ -137,3 +151,14 @@ def test_a_picture_is_made_by_its_commands_or_the_reason_is_reported(
         assert why in line
     assert program.main(["g"]) == 2
     assert capsys.readouterr().err.startswith("gallery: NAME = 'g' is no picture")
+
+
+def test_the_picture_of_an_optimum_is_drawn_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "new" / "energy.svg"
+    assert optimum.main(["double integrator, energy", str(path)]) == 0
+    assert capsys.readouterr().out == f"{path}\n"
+    assert "costate of v" in path.read_text(encoding="utf-8")
+    assert optimum.main(["double integrator", str(path)]) == 2
+    assert "did you mean double integrator, " in capsys.readouterr().err
+    assert optimum.main(["double integrator, energy", str(tmp_path / "energy.gif")]) == 2
+    assert "allowed: .png, .svg, .pdf" in capsys.readouterr().err

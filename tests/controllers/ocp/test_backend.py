@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import get_args
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -12,11 +13,14 @@ from mathnavi.controllers import compilation
 from mathnavi.controllers.ocp.backend import Backend, NumericalSolver, Options
 from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
 from mathnavi.controllers.ocp.nlp import programme
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.controllers.ocp.solution import Outcome, Solution
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from mathnavi.controllers.solver_process import PROCESS
 
 NODES = 12
 COMPILED = pytest.mark.skipif(compilation.compiler() is None, reason="there is no C compiler named cc")
@@ -104,6 +108,63 @@ def test_a_limit_of_iterations_is_a_status(backend: Backend) -> None:
     found = transcription(missile("SM2"), MultipleShooting(1), NODES, options=Options(backend, iterations=2)).solve()
     assert not found.ok
     assert found.iterations <= 3
+
+
+def growing(guess: float) -> ProblemFunctions:
+    """x' = e^x + u from 0 to 1 in 1 s; at a guess of 5 FATROP 1.1 raises its regularisation without end."""
+    ocp = OptimalControlProblem("growing")
+    x, u = ocp.state("x", guess=(guess,)), ocp.control("u", lower=-1.0, upper=1.0)
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(x, ca.exp(x) + u)
+    ocp.start(x, 0.0)
+    ocp.end(x, 1.0)
+    return ocp.functions()
+
+
+def test_a_solve_that_does_not_return_is_ended_and_the_next_one_is_as_ever() -> None:
+    options = Options("fatrop", iterations=50, seconds=0.1)
+    good = transcription(growing(0.0), MultipleShooting(1), 6, options=options)
+    before = good.solve()
+    assert before.solved
+    lost = transcription(growing(5.0), MultipleShooting(1), 6, options=options).solve()
+    assert lost.status is Outcome.LIMIT
+    assert lost.message == "fatrop did not return within 0.1 s of CPU time"
+    after = good.solve()
+    np.testing.assert_array_equal(after.x, before.x)
+    assert (after.iterations, after.message) == (before.iterations, before.message)
+
+
+def test_a_solver_whose_process_was_killed_says_so_and_starts_another() -> None:
+    made = transcription(growing(0.0), MultipleShooting(1), 6, options=Options("fatrop"))
+    assert made.solve().solved
+    assert PROCESS._child is not None
+    PROCESS._child.kill()
+    PROCESS._child.wait()
+    lost = made.solve()
+    assert lost.status is Outcome.FAILED
+    assert "its process ended with -9" in lost.message
+    assert made.solve().solved
+
+
+def test_an_interrupted_solve_leaves_no_answer_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = transcription(growing(0.0), MultipleShooting(1), 6, options=Options("fatrop"))
+    expected = made.solve()
+
+    def interrupted(self: object, maxlength: int | None = None) -> bytes:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("multiprocessing.connection.Connection.recv_bytes", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            transcription(growing(0.1), MultipleShooting(1), 6, options=Options("fatrop")).solve()
+    np.testing.assert_array_equal(made.solve().x, expected.x)
+
+
+def test_ipopt_keeps_its_limit_of_time() -> None:
+    found = transcription(missile("SM2"), MultipleShooting(1), NODES, options=Options(seconds=1e-6)).solve()
+    assert found.status is Outcome.LIMIT
+    assert found.message == "Maximum_CpuTime_Exceeded"
 
 
 def test_fatrop_refuses_a_scheme_that_is_not_explicit() -> None:

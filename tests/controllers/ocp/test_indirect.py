@@ -101,14 +101,12 @@ def _held_by(what: str) -> OptimalControlProblem:
         return ocp
     ocp.duration(1.0)
     ocp.minimise(running=(u - 1.0) ** 2)
-    if what == "an end constraint":
-        ocp.end_constraint(x, lower=-math.inf, upper=0.5)
-    elif what == "a path constraint":
+    if what == "a path constraint":
         ocp.constrain(x, upper=0.5)
     return ocp
 
 
-@pytest.mark.parametrize("what", ["the bound of a state", "the bound of T", "an end constraint", "a path constraint"])
+@pytest.mark.parametrize("what", ["the bound of a state", "the bound of T", "a path constraint"])
 def test_what_is_active_and_not_among_the_conditions_is_refused(what: str) -> None:
     direct = solve(_held_by(what).functions(), 11)
     assert direct.solved
@@ -125,3 +123,18 @@ def test_a_state_that_an_end_condition_puts_on_its_bound_is_covered() -> None:
     ocp.start(x, 0.0)
     ocp.end(x, 1.0)
     assert solve_indirect(solve(ocp.functions(), 11)).converged
+
+
+@pytest.mark.parametrize(("limit", "end"), [(0.5, 0.5), (2.0, 1.0)])
+def test_an_end_that_is_limited_holds_only_where_it_has_to(limit: float, end: float) -> None:
+    ocp = OptimalControlProblem("limited end")
+    x, u = ocp.state("x"), ocp.control("u")
+    ocp.duration(1.0)
+    ocp.minimise(running=(u - 1.0) ** 2)
+    ocp.dynamics(x, u)
+    ocp.start(x, 0.0)
+    ocp.end_constraint(x, lower=-math.inf, upper=limit)
+    found = solve_indirect(solve(ocp.functions(), 11))
+    assert found.converged
+    assert found.x[-1, 0] == pytest.approx(end, abs=1e-9)
+    assert found.costates[-1, 0] == pytest.approx(2.0 * (1.0 - end), abs=1e-7)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.methods.gate import gated
+from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.goddard import goddard
 from mathnavi.controllers.ocp.replay import GIVEN_NODES, judged
@@ -95,8 +97,22 @@ def test_a_final_time_at_a_limit_that_nobody_stated_is_no_solution() -> None:
     found = longest(None).solve(5)
     assert found.status is Outcome.UNBOUNDED
     assert not found.ok
-    assert found.message == "T ends at 1e+09 s, its default upper limit; state one, or a cost that bounds T"
+    assert found.message == "T ends at 1e+09 s, its default upper limit; state one, or a cost that bounds it"
     assert longest(5.0).solve(5).status is Outcome.OPTIMAL
+
+
+def test_nor_is_a_phase_that_lasts_as_long_as_nobody_said() -> None:
+    ocp = MultiPhaseProblem("two")
+    phases = [ocp.phase(name) for name in ("first", "second")]
+    for phase in phases:
+        x, u = phase.state("x"), phase.control("u", lower=-1.0, upper=1.0)
+        phase.dynamics(x, u)
+        last = phase.free_duration(guess=1.0, **({"upper": 5.0} if phase is phases[0] else {}))
+        phase.minimise(terminal=-last)
+        if phase is phases[0]:
+            phase.start(x, 0.0)
+    ocp.link(*phases)
+    assert ocp.solve(5).message.startswith("second.duration ends at 1e+09 s, its default upper limit")
 
 
 def test_nor_is_the_least_final_time() -> None:
@@ -141,3 +157,24 @@ def test_a_large_value_that_is_meant_is_a_solution() -> None:
     ocp.duration(1.0)
     ocp.minimise(terminal=-x / 1e12)
     assert ocp.solve(5).status is not Outcome.UNBOUNDED
+
+
+@pytest.mark.parametrize(
+    ("rate", "found"),
+    [
+        (lambda x: ca.sqrt(x), "last iterate, where x = 0, u = "),  # the solver comes to the edge by itself
+        (lambda x: ca.sqrt(ca.fmax(x, 0.0)), "t = 2 s of the guess, where x = 0, u = 0"),
+    ],
+)
+def test_a_derivative_that_is_not_finite_is_named(rate: Callable[[ca.SX], ca.SX], found: str) -> None:
+    ocp = OptimalControlProblem("edge")
+    x, u = ocp.state("x", guess=(1.0, 1.0) if "last" in found else (1.0, 0.0)), ocp.control("u")
+    ocp.duration(2.0)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(x, u - rate(x))
+    ocp.start(x, 1.0)
+    ocp.end(x, -1.0)
+    solution = ocp.solve(9)
+    assert solution.status is Outcome.NOT_FINITE
+    assert solution.message.startswith("the derivative of the dynamics of x by x is not finite at t = 2 s of the ")
+    assert found in solution.message

@@ -1,0 +1,534 @@
+"""Pontryagin's conditions, judged one by one along a direct solution and its multipliers.
+
+With H = L + λ'f, minimised, path constraints d with multipliers μ and states on their bounds with multipliers μ_x,
+
+    adjoint        λ' = -(H_x + d_x'μ + μ_x): λ jumps where a limit of a state begins or ceases to hold
+    stationarity   H_u + d_u'μ vanishes inside the bounds of u, is <= 0 at an upper and >= 0 at a lower one
+    minimum        H(u) <= H(v) for every other admissible v
+    convexity      H_uu >= 0 over the controls that are free (Legendre and Clebsch)
+    Hamiltonian    dH/dt = H_t + μ'd_t: H is constant where nothing depends on t
+    start, end     λ(0) + i_x'ν_0 = 0,  λ(T) = Psi_x + s_x'ν
+    duration       H(T) + Psi_T + s_T'ν + κ = 0 for a free T, κ the multiplier of its bounds
+    signs          a multiplier is 0 where its limit does not hold, >= 0 at an upper and <= 0 at a lower limit
+
+A control in which H is linear has a switching function H_u. Where that vanishes over an arc, the minimum says nothing
+of the control; judged there is d(H_u)/dt = 0 and, of a single such control, -∂/∂u d²(H_u)/dt² >= 0 (Kelley). Whatever
+cannot be judged is listed by name with its reason. A residual is over the size of the terms that it is a sum of; that
+of a differential equation is the mean over time by which the integrated right side leaves the left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property, lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from mathnavi.controllers.ocp.multipliers import NamedValues
+from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
+from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.transcriptions.scheme import integral_weights, weights
+from mathnavi.sim.interfaces.errors import ProblemError
+from mathnavi.sim.interfaces.short_tables import html_table, short_table
+from mathnavi.sim.interfaces.signals import Array
+
+TOLERANCE = 1e-2
+"""allowed residual of a condition by default"""
+
+_TOUCHING = 1e-4  # of the range, the size or the scale: how near a limit counts as on it
+_SINGULAR = 3e-2  # of the largest switching function: how small it is on a singular arc
+_LEAST_ARC = 3  # intervals of a singular arc
+_SAMPLES = 21  # of a control, for the minimum
+_NEGLIGIBLE = 1e-3  # share of the other terms below which a multiplier says nothing
+_SMALL = 1e-9
+
+Flags = NDArray[np.bool_]
+
+
+class Verdict(Enum):
+    """What is found of a condition; the value is its word in a table."""
+
+    HOLDS = "holds"
+    VIOLATED = "violated"
+    NOT_JUDGED = "not judged"
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One of Pontryagin's conditions, as found along a solution."""
+
+    name: str
+    verdict: Verdict
+    residual: float = math.nan  # NaN where it is not judged
+    reason: str = ""  # why it is not judged
+
+
+@dataclass(frozen=True, repr=False)
+class PontryaginCheck:
+    """All conditions of a solution, and what each is found to be."""
+
+    problem: str
+    tolerance: float
+    conditions: tuple[Condition, ...]
+
+    @property
+    def holds(self) -> bool:
+        """True if no condition that can be judged is violated."""
+        return not any(condition.verdict is Verdict.VIOLATED for condition in self.conditions)
+
+    @property
+    def not_judged(self) -> tuple[Condition, ...]:
+        """The conditions that cannot be judged, each with its reason."""
+        return tuple(condition for condition in self.conditions if condition.verdict is Verdict.NOT_JUDGED)
+
+    def __getitem__(self, name: str) -> Condition:
+        """The condition of a name; KeyError names those that exist."""
+        for condition in self.conditions:
+            if condition.name == name:
+                return condition
+        raise KeyError(f"{name!r} is no condition; allowed: {', '.join(each.name for each in self.conditions)}")
+
+    def __repr__(self) -> str:
+        """A table: each condition, its verdict, and its residual or why there is none."""
+        return short_table(*self._table())
+
+    def _repr_html_(self) -> str:
+        """The same table, for a notebook."""
+        return html_table(*self._table())
+
+    def _table(self) -> tuple[str, list[tuple[str, str, str]]]:
+        rows = [(each.name, each.verdict.value, each.reason or f"{each.residual:.1e}") for each in self.conditions]
+        return f"Pontryagin's conditions of {self.problem}, residuals up to {self.tolerance:g}", rows
+
+
+def check_pontryagin(solution: Solution, *, tolerance: float = TOLERANCE) -> PontryaginCheck:
+    """Judge Pontryagin's conditions along a direct solution.
+
+    Args:
+        solution: by a collocation scheme.
+        tolerance: largest residual with which a condition holds.
+
+    Returns:
+        Every condition with its verdict; those that cannot be judged with their reason.
+
+    Raises:
+        ProblemError: for a solve that failed and a scheme of one point, whose control is held: the conditions then hold
+            in the mean of an interval only.
+    """
+    if not solution.solved:
+        raise ProblemError(f"the solution of {solution.problem.name} failed: {solution.status.value}")
+    if len(solution.scheme.points) < 2:
+        raise ProblemError(f"scheme = {solution.scheme.name} holds its control; allowed: a collocation scheme")
+    return PontryaginCheck(solution.problem.name, tolerance, tuple(_Judge(solution, tolerance).conditions()))
+
+
+def _not_judged(name: str, reason: str) -> Condition:
+    return Condition(name, Verdict.NOT_JUDGED, reason=reason)
+
+
+class _Judge:
+    """The terms of the conditions at the scheme's points (N - 1, k, ...), and what they amount to."""
+
+    def __init__(self, solution: Solution, tolerance: float) -> None:
+        self.solution, self.problem, self.tolerance = solution, solution.problem, tolerance
+        problem, m = self.problem, solution.multipliers
+        self.count, self.k = solution.u.shape[:2]
+        self.shares, self.times = solution.point_shares, solution.point_times
+        self.costates = m.dynamics.values
+        names = ("H", "H_size", "H_x", "H_t", "H_u", "u_size", "H_uu", "switching")
+        found = _terms(problem).map(self.times.size)(*self._arguments(solution.u))
+        nx, nu = problem.nx, problem.nu
+        shapes = ((), (), (nx,), (), (nu,), (nu,), (nu, nu), (nu,))
+        terms = {
+            name: np.array(value.full()).T.reshape(self.count, self.k, *shape)
+            for name, value, shape in zip(names, found, shapes, strict=True)
+        }
+        self.H, self.H_x, self.H_t, self.H_uu = terms["H"], terms["H_x"], terms["H_t"], terms["H_uu"]
+        self.H_u, self.switching = self._joined(terms["H_u"]), self._joined(terms["switching"])
+        self.H_size = max(float(terms["H_size"].max()), _SMALL)
+        self.u_size = np.maximum(terms["u_size"].max(axis=(0, 1)), _SMALL)
+        extent = problem.control_bounds.upper - problem.control_bounds.lower
+        self.u_scale = np.where(np.isfinite(extent), np.maximum(extent, _SMALL), problem.control_scale)
+        near = _TOUCHING * self.u_scale
+        self.at_lower = solution.u - problem.control_bounds.lower <= near
+        self.at_upper = problem.control_bounds.upper - solution.u <= near
+        self.linear = _linear_controls(problem)
+
+    def _arguments(self, u: Array) -> tuple[Array, ...]:
+        """Arguments of the functions of this module at all points, with controls u (N - 1, k, nu)."""
+        s, n = self.solution, self.times.size
+        mu = s.multipliers.path.values
+        return (
+            s.inner.reshape(n, -1).T,
+            u.reshape(n, -1).T,
+            self.times.reshape(1, n),
+            np.tile(s.parameters[:, None], (1, n)),
+            self.costates.reshape(n, -1).T,
+            mu.reshape(n, -1).T,
+        )
+
+    def _joined(self, values: Array) -> Array:
+        """Values with the mean, by shares, of both sides of a node whose control two intervals have in common."""
+        if not self.solution.scheme.shared:
+            return values
+        joined, first, last = values.copy(), self.shares[1:, 0, None], self.shares[:-1, -1, None]
+        mean = (first * values[1:, 0] + last * values[:-1, -1]) / (first + last)
+        joined[1:, 0], joined[:-1, -1] = mean, mean
+        return joined
+
+    def conditions(self) -> Iterator[Condition]:
+        yield self._adjoint()
+        if self.problem.nu:
+            yield self._judged("stationarity", self._stationarity())
+            yield from self._minimum()
+            yield from self._convexity()
+        yield self._judged("Hamiltonian", self._rate_of_hamiltonian())
+        yield from self._ends()
+        yield self._judged("signs", self._signs())
+        yield from self._not_unique()
+
+    def _judged(self, name: str, residual: float) -> Condition:
+        verdict = Verdict.HOLDS if residual <= self.tolerance else Verdict.VIOLATED  # NaN is none of them
+        return Condition(name, verdict, residual)
+
+    # the adjoint equation
+
+    def _halves(self, smooth: Array, atoms: Array) -> tuple[Array, Array]:
+        """Integrals (N - 1, ...) over the first and the second half of every interval.
+
+        ``smooth`` is a function of time at the points, ``atoms`` are integrals that each point stands for.
+        """
+        points = np.array(self.solution.scheme.points)
+        ends = integral_weights(self.solution.scheme.points, np.array([0.5, 1.0]))
+        d = np.diff(self.solution.t)
+        early = np.where(np.abs(points - 0.5) < 1e-12, 0.5, points < 0.5)
+        first: Array = np.einsum("n,k,nk...->n...", d, ends[0], smooth) + np.einsum("k,nk...->n...", early, atoms)
+        whole = np.einsum("n,k,nk...->n...", d, ends[1], smooth) + atoms.sum(axis=1)
+        return first, whole - first
+
+    def _forces(self) -> tuple[Array, Array]:
+        """Integrals of H_x + d_x'μ + μ_x over both halves of every interval."""
+        return self._halves(self.H_x, self.solution.multipliers.states.values * self.shares[:, :, None])
+
+    @property
+    def _middle(self) -> Array:
+        """Costates (N - 1, nx) in the middle of every interval."""
+        basis = weights(self.solution.scheme.points, np.array([0.5]))[0]
+        middle: Array = np.einsum("k,nkm->nm", basis, self.costates)
+        return middle
+
+    @property
+    def _costate_size(self) -> Array:
+        """Size (nx,) of each costate; one that vanishes is measured by the others."""
+        scaled = np.abs(self.costates).max(axis=(0, 1)) * self.problem.state_scale
+        least = max(1e-3 * float(scaled.max(initial=0.0)), _SMALL)
+        size: Array = np.maximum(scaled, least) / self.problem.state_scale
+        return size
+
+    def _adjoint(self) -> Condition:
+        first, second = self._forces()
+        defect = np.diff(self._middle, axis=0) + second[:-1] + first[1:]
+        drift = np.vstack([np.zeros(self.problem.nx), np.cumsum(defect, axis=0)])
+        apart = self.solution.grid.widths @ np.abs(drift - np.median(drift, axis=0))
+        return self._judged("adjoint", float((apart / self._costate_size).max(initial=0.0)))
+
+    # the control
+
+    def _stationarity(self) -> float:
+        inward = np.where(
+            self.at_upper, np.maximum(self.H_u, 0.0), np.where(self.at_lower, np.minimum(self.H_u, 0.0), self.H_u)
+        )
+        fixed = self.at_lower & self.at_upper
+        return float((np.abs(np.where(fixed, 0.0, inward)) / self.u_size).max(initial=0.0))
+
+    def _minimum(self) -> Iterator[Condition]:
+        problem, (lower, upper) = self.problem, self.problem.control_bounds
+        coupled = problem.path.jac_sparsity(0, 1).nnz() > 0
+        gains = [0.0]
+        for j, name in enumerate(problem.controls):
+            if coupled:
+                yield Condition(
+                    f"minimum over {name}", Verdict.NOT_JUDGED, reason="a path constraint limits the controls"
+                )
+            elif np.isfinite(lower[j]) and np.isfinite(upper[j]):
+                gains.append(max(self._gain(j, value) for value in np.linspace(lower[j], upper[j], _SAMPLES)))
+            elif not _quadratic(problem, j):
+                yield Condition(
+                    f"minimum over {name}", Verdict.NOT_JUDGED, reason="it has no bounds, and H is not quadratic in it"
+                )
+        yield self._judged("minimum", max(gains) / self.H_size)
+
+    def _gain(self, j: int, value: float) -> float:
+        """The largest fall of H where control j is another."""
+        other = self.solution.u.copy()
+        other[:, :, j] = value
+        found = _terms(self.problem).map(self.times.size)(*self._arguments(other))[0]
+        change = self._joined((self.H - np.array(found.full()).reshape(self.H.shape))[:, :, None])
+        return float(change.max())
+
+    def _convexity(self) -> Iterator[Condition]:
+        free = ~(self.at_lower | self.at_upper)
+        regular = free & ~np.array(self.linear)
+        masked = self.H_uu * regular[..., :, None] * regular[..., None, :]
+        size = max(float(np.abs(masked).max(initial=0.0)), _SMALL)
+        least = float(np.linalg.eigvalsh(masked).min(initial=0.0))
+        if not all(self.linear):
+            yield self._judged("convexity", max(0.0, -least) / size)
+        arcs = [(j, *arc) for j in range(self.problem.nu) if self.linear[j] for arc in self._singular_arcs(j)]
+        several = len({j for j, _, _ in arcs}) > 1 or sum(self.linear) > 1
+        for j, first, last in arcs:
+            yield from self._singular(j, first, last, several)
+
+    def _singular_arcs(self, j: int) -> Iterator[tuple[int, int]]:
+        """First interval, and the one after the last, of every arc on which a switching function vanishes."""
+        switching = np.abs(self.switching[:, :, j])
+        small = (switching <= _SINGULAR * max(float(switching.max()), _SMALL)).all(axis=1)
+        inside = ~(self.at_lower[:, :, j] | self.at_upper[:, :, j]).all(axis=1)
+        ends = np.flatnonzero(np.diff(np.concatenate([[False], small & inside, [False]]).astype(int)))
+        for first, last in zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True):
+            if last - first >= _LEAST_ARC:
+                yield first, last
+
+    def _singular(self, j: int, first: int, last: int, several: bool) -> Iterator[Condition]:
+        # The switching function is judged inside the arc: its ends lie in the first and the last interval.
+        inside = slice(first + 1, last - 1)
+        on_limit = np.concatenate([self._on_bound[inside], self._on_path[inside]], axis=2)
+        if (on_limit.mean(axis=(0, 1)) >= 0.5).any():  # a limit of a state holds, and determines the control
+            return
+        name, t = self.problem.controls[j], self.solution.t
+        arc = f"on the singular arc of {name} from {t[first]:.4g} to {t[last]:.4g} s"
+        yield _not_judged(f"minimum {arc}", f"H does not depend on {name} there")
+        if several or on_limit.any():
+            why = "several controls are linear in H" if several else "a limit holds on a part of it"
+            yield _not_judged(f"derivatives of H_u {arc}", why)
+            return
+        rate, size, kelley = (
+            np.array(value.full()).reshape(self.count, self.k)[inside]
+            for value in _switching(self.problem, j).map(self.times.size)(*self._arguments(self.solution.u)[:5])
+        )
+        yield self._judged(f"d(H_u)/dt = 0 {arc}", float(np.abs(rate).max() / max(float(size.max()), _SMALL)))
+        if not np.abs(kelley).max() > _SMALL * float(size.max()):
+            yield _not_judged(f"Kelley's condition {arc}", "the arc is of a higher order")
+        else:
+            yield self._judged(
+                f"Kelley's condition {arc}", max(0.0, -float(kelley.min())) / float(np.abs(kelley).max())
+            )
+
+    @cached_property
+    def _on_bound(self) -> Flags:
+        """(N - 1, k, nx) where a state is on a bound."""
+        return _touched(self.solution.inner, self.problem.state_bounds, self.problem.state_scale)
+
+    @cached_property
+    def _path(self) -> Array:
+        """Values (N - 1, k, nd) of the path constraints."""
+        return _path_values(self.solution)
+
+    @cached_property
+    def _on_path(self) -> Flags:
+        """(N - 1, k, nd) where a path constraint is on a limit."""
+        limits = self.problem.path_bounds
+        return _touched(self._path, limits, _sizes(self._path, limits))
+
+    # the Hamiltonian and the ends
+
+    def _rate_of_hamiltonian(self) -> float:
+        """dH/dt = H_t between the middles of the intervals; H there is its mean, in which ringing cancels."""
+        mean = (self.H * self.shares).sum(axis=1) / self.shares.sum(axis=1)
+        first, second = self._halves(self.H_t, np.zeros_like(self.H_t))
+        gained = np.concatenate([[0.0], np.cumsum(second[:-1] + first[1:])])
+        drift = mean - gained
+        return float(self.solution.grid.widths @ np.abs(drift - np.median(drift))) / self.H_size
+
+    def _ends(self) -> Iterator[Condition]:
+        s, problem, p, m = self.solution, self.problem, self.solution.parameters, self.solution.multipliers
+        first, second = self._forces()
+        size = self._costate_size
+        at_start, at_end = self._middle[0] + first[0], self._middle[-1] - second[-1]
+        nu_0, nu = m.initial.values, m.final.values
+        by_x, by_T = _end_gradients(problem)(s.x[-1], s.duration, p, nu)
+        start = np.abs(at_start + np.array(_start_gradient(problem)(s.x[0], p, nu_0).full())[:, 0]) / size
+        end = np.abs(at_end - np.array(by_x.full())[:, 0]) / size
+        points = s.scheme.points
+        for name, row, known, residual in (("start", 0, points[0] == 0.0, start), ("end", -1, points[-1] == 1.0, end)):
+            lost = _touched(s.x[row], problem.state_bounds, problem.state_scale) & (residual > self.tolerance)
+            if not known and lost.any():
+                states = ", ".join(state for state, on in zip(problem.states, lost, strict=True) if on)
+                why = f"{s.scheme.name} has no point there, and {states} is on its bound"
+                yield _not_judged(f"{name} of {states}", why)
+                residual = np.where(lost, 0.0, residual)
+            yield self._judged(name, float(residual.max(initial=0.0)))
+        if problem.free_duration:
+            at_T = float((weights(points, np.ones(1))[0] * self.H[-1]).sum())
+            size_T = max(self.H_size, abs(float(by_T)))
+            yield self._judged("duration", abs(at_T + float(by_T) + m.duration) / size_T)
+
+    # multipliers
+
+    def _signs(self) -> float:
+        s, problem, m = self.solution, self.problem, self.solution.multipliers
+        initial = np.array(problem.initial(s.x[0], s.parameters).full())[:, 0]
+        final = np.array(problem.final(s.x[-1], s.duration, s.parameters).full())[:, 0]
+        of_ends = max(float((self._costate_size * problem.state_scale).max(initial=0.0)), _SMALL)
+        worst = [
+            _wrong_signs(m.states, s.inner, problem.state_bounds, problem.state_scale, self.H_size),
+            _wrong_signs(m.path, self._path, problem.path_bounds, _sizes(self._path, problem.path_bounds), self.H_size),
+            _wrong_signs(m.initial, initial, problem.initial_bounds, _sizes(initial, problem.initial_bounds), of_ends),
+            _wrong_signs(m.final, final, problem.final_bounds, _sizes(final, problem.final_bounds), of_ends),
+        ]
+        if problem.free_duration:
+            T, own = np.array([s.duration]), NamedValues(("T",), np.array([m.duration]))
+            bounds = Interval(*(np.array([bound]) for bound in problem.duration_bounds))
+            worst.append(_wrong_signs(own, T, bounds, T, s.duration * self.H_size))
+        return max(worst)
+
+    def _not_unique(self) -> Iterator[Condition]:
+        """States that stay on a bound because every control that moves them is on one of its own."""
+        problem = self.problem
+        depends = np.array(ca.DM(problem.dynamics.jac_sparsity(0, 1), 1.0).full(), bool).reshape(problem.nx, problem.nu)
+        on_bound: Flags = np.asarray(self._on_bound.all(axis=1))
+        pressed: Flags = np.asarray((self.at_lower | self.at_upper).all(axis=1))
+        for i, name in enumerate(problem.states):
+            moving = depends[i]
+            if moving.any():
+                there = on_bound[:, i] & pressed[:, moving].all(axis=1)
+                if there.any():
+                    held = ", ".join(u for u, on in zip(problem.controls, moving, strict=True) if on)
+                    why = f"{name} and {held} are on their bounds at once: only the sum of what holds them is known"
+                    yield _not_judged(f"multipliers of {name} and {held} apart", why)
+
+
+def _touched(values: Array, limits: Interval, scale: Array) -> Flags:
+    near = _TOUCHING * scale
+    touched: Flags = (values - limits.lower <= near) | (limits.upper - values <= near)
+    return touched
+
+
+def _sizes(values: Array, limits: Interval) -> Array:
+    """Sizes (n,) of constraints: of their limits and of the values (..., n) that they take."""
+    finite = [np.abs(np.where(np.isfinite(limit), limit, 0.0)) for limit in limits]
+    own = np.abs(values).max(axis=tuple(range(values.ndim - 1)), initial=0.0)
+    sizes: Array = np.maximum(np.maximum(*finite), np.maximum(own, _SMALL))
+    return sizes
+
+
+def _wrong_signs(own: NamedValues, values: Array, limits: Interval, scale: Array, size: float) -> float:
+    """The largest multiplier of a wrong sign, or of a limit that does not hold, over the largest of its kind.
+
+    Multipliers are compared as shares of the cost, times the scale of what they limit; ``size`` is what these are
+    small beside.
+    """
+    near = 10.0 * _TOUCHING * scale
+    wrong = _beyond(own.values, values - limits.lower <= near, limits.upper - values <= near)
+    largest = max(float(np.abs(own.values * scale).max(initial=0.0)), _NEGLIGIBLE * size)
+    return float(np.abs(wrong * scale).max(initial=0.0)) / largest
+
+
+def _beyond(values: Array, at_upper: Flags, at_lower: Flags) -> Array:
+    """Values where they should be 0, inside; the positive ones at an upper, the negative ones at a lower limit."""
+    outside = [at_upper & at_lower, at_upper, at_lower]
+    parts = [np.zeros_like(values), np.maximum(values, 0.0), np.minimum(values, 0.0)]
+    return np.select(outside, parts, values)
+
+
+def _path_values(solution: Solution) -> Array:
+    times = solution.point_times.ravel()
+    x, u = solution.inner.reshape(len(times), -1), solution.u.reshape(len(times), -1)
+    p = np.tile(solution.parameters[:, None], (1, len(times)))
+    values = solution.problem.path.map(len(times))(x.T, u.T, times[None, :], p)
+    return np.array(values.full()).T.reshape(*solution.point_times.shape, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Symbols:
+    x: ca.SX
+    u: ca.SX
+    t: ca.SX
+    p: ca.SX
+    costate: ca.SX
+    mu: ca.SX
+    f: ca.SX
+    running: ca.SX
+
+    @property
+    def hamiltonian(self) -> ca.SX:
+        return self.running + ca.dot(self.costate, self.f)
+
+    @property
+    def arguments(self) -> list[ca.SX]:
+        return [self.x, self.u, self.t, self.p, self.costate]
+
+
+def _symbols(problem: ProblemFunctions) -> _Symbols:
+    x, u, t = ca.SX.sym("x", problem.nx), ca.SX.sym("u", problem.nu), ca.SX.sym("t")
+    p, costate = ca.SX.sym("p", len(problem.parameters)), ca.SX.sym("costate", problem.nx)
+    mu = ca.SX.sym("mu", len(problem.path_bounds.lower))
+    return _Symbols(x, u, t, p, costate, mu, problem.dynamics(x, u, t, p), problem.running_cost(x, u, t, p))
+
+
+@lru_cache(maxsize=64)
+def _terms(problem: ProblemFunctions) -> ca.Function:
+    """(x, u, t, p, λ, μ) -> H, |L| + Σ|λ f|, H_x + d_x'μ, H_t + d_t'μ, H_u + d_u'μ, |L_u| + |f_u|'|λ|, H_uu, H_u."""
+    s = _symbols(problem)
+    H = s.hamiltonian
+    whole = H + ca.dot(s.mu, problem.path(s.x, s.u, s.t, s.p))
+    size = ca.fabs(s.running) + ca.sum1(ca.fabs(s.costate * s.f))
+    by_u = ca.fabs(ca.jacobian(s.f, s.u)).T @ ca.fabs(s.costate) + ca.fabs(ca.gradient(s.running, s.u))
+    curvature = ca.vec(ca.densify(ca.hessian(whole, s.u)[0]))
+    results = [H, size, ca.gradient(whole, s.x), ca.gradient(whole, s.t), ca.gradient(whole, s.u), by_u, curvature]
+    results.append(ca.gradient(H, s.u))
+    return ca.Function("terms", [*s.arguments, s.mu], [ca.densify(result) for result in results])
+
+
+@lru_cache(maxsize=64)
+def _linear_controls(problem: ProblemFunctions) -> tuple[bool, ...]:
+    """The controls of which H is a linear function, whatever the others are."""
+    s = _symbols(problem)
+    curvature = ca.hessian(s.hamiltonian + ca.dot(s.mu, problem.path(s.x, s.u, s.t, s.p)), s.u)[0]
+    return tuple(bool(ca.simplify(curvature[:, j]).is_zero()) for j in range(problem.nu))
+
+
+@lru_cache(maxsize=64)
+def _quadratic(problem: ProblemFunctions, j: int) -> bool:
+    """True if H is at most quadratic in a control, so that a stationary convex point is its minimum."""
+    s = _symbols(problem)
+    return not ca.depends_on(ca.hessian(s.hamiltonian, s.u)[0][j, j], s.u)
+
+
+@lru_cache(maxsize=64)
+def _switching(problem: ProblemFunctions, j: int) -> ca.Function:
+    """(x, u, t, p, λ) -> d(H_u)/dt, the size of its terms, -∂/∂u d²(H_u)/dt², for a control in which H is linear."""
+    s = _symbols(problem)
+    adjoint = -ca.gradient(s.hamiltonian, s.x)
+
+    def terms(value: ca.SX) -> ca.SX:
+        by_x, by_costate = ca.gradient(value, s.x) * s.f, ca.gradient(value, s.costate) * adjoint
+        return ca.vertcat(by_x, by_costate, ca.gradient(value, s.t))
+
+    switching = ca.gradient(s.hamiltonian, s.u)[j]
+    parts = terms(switching)
+    rate = ca.sum1(parts)
+    kelley = -ca.gradient(ca.sum1(terms(rate)), s.u)[j]
+    return ca.Function("switching", s.arguments, [ca.densify(rate), ca.sum1(ca.fabs(parts)), ca.densify(kelley)])
+
+
+@lru_cache(maxsize=64)
+def _start_gradient(problem: ProblemFunctions) -> ca.Function:
+    """(x(0), p, ν_0) -> i_x'ν_0."""
+    x, p = ca.SX.sym("x", problem.nx), ca.SX.sym("p", len(problem.parameters))
+    nu = ca.SX.sym("nu", len(problem.initial_bounds.lower))
+    return ca.Function("start", [x, p, nu], [ca.densify(ca.gradient(ca.dot(nu, problem.initial(x, p)), x))])
+
+
+@lru_cache(maxsize=64)
+def _end_gradients(problem: ProblemFunctions) -> ca.Function:
+    """(x(T), T, p, ν) -> Psi_x + s_x'ν, Psi_T + s_T'ν."""
+    x, T, p = ca.SX.sym("x", problem.nx), ca.SX.sym("T"), ca.SX.sym("p", len(problem.parameters))
+    nu = ca.SX.sym("nu", len(problem.final_bounds.lower))
+    value = problem.terminal_cost(x, T, p) + ca.dot(nu, problem.final(x, T, p))
+    return ca.Function("end", [x, T, p, nu], [ca.densify(ca.gradient(value, x)), ca.densify(ca.gradient(value, T))])

@@ -1,0 +1,183 @@
+"""A process of its own for solvers that may not return: the kernel ends it when a solve has used up its time.
+
+No limit of iterations stops FATROP 1.1 while it raises the regularisation of one iteration without end, and nothing
+stops C++ from within its own process. So its solves run in a child process, one for all of a process's solvers, which
+sets an interval timer of its own CPU time (ITIMER_PROF) before each: where that runs out, SIGPROF ends it. CPU time,
+so that a machine that is busy with something else ends no solve. The next solve starts another child.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import itertools
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+
+import casadi as ca
+import numpy as np
+
+from mathnavi.models.buffered_function import BufferedFunction
+from mathnavi.sim.interfaces.signals import Array
+
+_LOAD, _SOLVE = 0, 1
+_HEADER = struct.Struct("<BQd")  # what is asked, the number of the solver, the limit of CPU time [s]
+_REPLY = struct.Struct("<?qQ")  # success, iterations (-1 for an exception), length of the message
+_NUMBERS = itertools.count(1)
+
+
+@dataclass(frozen=True)
+class ProcessReport:
+    """How a solve in the child process ended."""
+
+    success: bool
+    message: str
+    iterations: int | None  # None where the solver raised an exception, or its process ended
+    timed_out: bool = False
+
+
+class SolverProcess:
+    """The child process of this process; it starts with the first solve, and again after it was ended."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._owner = 0  # process that started the child: one that is forked from it starts its own
+        self._child: subprocess.Popen[bytes] | None = None
+        self._connection: Connection | None = None
+        self._loaded: set[int] = set()
+
+    def solve(self, solver: RemoteSolver, seconds: float) -> ProcessReport:
+        """Solve with a solver's arguments within ``seconds`` of CPU time; its results stand in its arrays."""
+        with self._lock:
+            if self._child is None or self._owner != os.getpid():
+                self._start()
+            try:
+                return self._asked(solver, seconds)
+            except (EOFError, ConnectionError):
+                code = self._ended()
+                timed_out = code == -signal.SIGPROF
+                reason = f"did not return within {seconds:g} s of CPU time"
+                return ProcessReport(False, reason if timed_out else f"its process ended with {code}", None, timed_out)
+            except BaseException:  # interrupted: what the child answers belongs to nobody
+                self._ended()
+                raise
+
+    def close(self) -> None:
+        """End the child process, if there is one."""
+        with self._lock:
+            if self._child is not None and self._owner == os.getpid():
+                self._ended()
+
+    def _asked(self, solver: RemoteSolver, seconds: float) -> ProcessReport:
+        connection = self._connection
+        assert connection is not None
+        if solver.number not in self._loaded:
+            connection.send_bytes(_HEADER.pack(_LOAD, solver.number, 0.0) + solver.function.serialize().encode())
+            self._loaded.add(solver.number)
+        arguments = b"".join(array.tobytes() for array in solver.arguments)
+        connection.send_bytes(_HEADER.pack(_SOLVE, solver.number, seconds) + arguments)
+        reply = connection.recv_bytes()
+        success, iterations, length = _REPLY.unpack_from(reply)
+        start = _REPLY.size + length
+        message = reply[_REPLY.size : start].decode()
+        if iterations < 0:
+            return ProcessReport(False, message, None)
+        values = np.frombuffer(reply, offset=start)
+        for array in solver.results:
+            array[:], values = values[: len(array)], values[len(array) :]
+        return ProcessReport(success, message, iterations)
+
+    def _start(self) -> None:
+        ours, theirs = socket.socketpair()
+        with theirs:
+            self._child = subprocess.Popen(
+                [sys.executable, "-m", "mathnavi.controllers.solver_process", str(theirs.fileno())],
+                pass_fds=(theirs.fileno(),), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                start_new_session=True,
+            )  # fmt: skip
+        self._connection = Connection(ours.detach())
+        self._loaded, self._owner = set(), os.getpid()
+
+    def _ended(self) -> int:
+        """Make sure that the child has ended; returns its exit code."""
+        assert self._child is not None
+        assert self._connection is not None
+        self._connection.close()
+        if self._child.poll() is None:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._child.wait(0.2)
+        self._child.kill()
+        code = self._child.wait()
+        self._child = self._connection = None
+        return code
+
+
+PROCESS = SolverProcess()
+atexit.register(PROCESS.close)
+
+
+class RemoteSolver:
+    """An NLP solver of CasADi that runs in the child process, with its arguments and results as arrays.
+
+    ``arguments`` and ``results`` are those of the function, in their order: contiguous float64 arrays.
+    """
+
+    def __init__(self, function: ca.Function, arguments: Sequence[Array], results: Sequence[Array]) -> None:
+        self.function, self.arguments, self.results = function, tuple(arguments), tuple(results)
+        self.number = next(_NUMBERS)
+
+    def solve(self, seconds: float) -> ProcessReport:
+        """Solve within ``seconds`` of CPU time."""
+        return PROCESS.solve(self, seconds)
+
+
+class _LoadedSolver:
+    """A solver in the child process."""
+
+    def __init__(self, serialised: bytes) -> None:
+        function = ca.Function.deserialize(serialised.decode())
+        self._arguments = [np.zeros(function.nnz_in(k)) for k in range(function.n_in())]
+        self._results = [np.zeros(function.nnz_out(k)) for k in range(function.n_out())]
+        self._evaluate = BufferedFunction(function, self._arguments, self._results)
+
+    def answer(self, arguments: bytes, seconds: float) -> bytes:
+        values = np.frombuffer(arguments)
+        for array in self._arguments:
+            array[:], values = values[: len(array)], values[len(array) :]
+        signal.setitimer(signal.ITIMER_PROF, seconds)
+        try:
+            self._evaluate()
+        except RuntimeError as error:  # FATROP's way to give up
+            message = str(error).strip().splitlines()[-1].encode()
+            return _REPLY.pack(False, -1, len(message)) + message
+        finally:
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
+        statistics = self._evaluate.stats()
+        message = str(statistics["return_status"]).encode()
+        head = _REPLY.pack(bool(statistics["success"]), int(statistics["iter_count"]), len(message)) + message
+        return head + b"".join(array.tobytes() for array in self._results)
+
+
+def serve(connection: Connection) -> None:
+    """Load and solve what is asked for, until the other end is closed."""
+    solvers: dict[int, _LoadedSolver] = {}
+    with contextlib.suppress(EOFError, ConnectionError):
+        while True:
+            message = connection.recv_bytes()
+            asked, number, seconds = _HEADER.unpack_from(message)
+            if asked == _LOAD:
+                solvers[number] = _LoadedSolver(message[_HEADER.size :])
+            else:
+                connection.send_bytes(solvers[number].answer(message[_HEADER.size :], seconds))
+
+
+if __name__ == "__main__":
+    serve(Connection(int(sys.argv[1])))

@@ -1,0 +1,82 @@
+"""An infeasible problem names the constraints that cannot hold together."""
+
+from __future__ import annotations
+
+import casadi as ca
+import pytest
+
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.solution import Outcome
+from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
+
+
+def sledge(T: float | None = 1.0) -> tuple[OptimalControlProblem, ca.SX, ca.SX, ca.SX]:
+    """x'' = u from rest, |u| <= 1, v free of limits; T [s] fixed, or at most 2 s."""
+    ocp = OptimalControlProblem("sledge")
+    x, v, u = ocp.state("x"), ocp.state("v"), ocp.control("u", lower=-1.0, upper=1.0)
+    if T is None:
+        ocp.free_duration(guess=1.0, upper=2.0)
+    else:
+        ocp.duration(T)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(x, v)
+    ocp.dynamics(v, u)
+    ocp.start(x, 0.0)
+    ocp.start(v, 0.0)
+    return ocp, x, v, u
+
+
+def message(ocp: OptimalControlProblem, scheme: Scheme | None = None) -> str:
+    found = ocp.solve(8) if scheme is None else solve(ocp.functions(), 4, scheme=scheme)
+    assert found.status is Outcome.INFEASIBLE, found.status
+    return found.message
+
+
+@pytest.mark.parametrize("scheme", [None, Trapezoid(), LegendreGaussLobatto(4)])
+def test_an_end_that_is_out_of_reach(scheme: Scheme | None) -> None:
+    ocp, x, _, _ = sledge()
+    ocp.end(x, 5.0)
+    violated, others = message(ocp, scheme).split(": cannot hold with ")
+    assert violated == "end of x (violated by 4.5)"  # a time of 1 s at |u| = 1 leads 0.5 far
+    assert set(others.split("; ")) == {"start of x", "start of v", "u <= 1"}
+
+
+def test_a_final_time_that_is_too_short() -> None:
+    ocp, x, _, _ = sledge(None)
+    ocp.end(x, 5.0)
+    violated, others = message(ocp).split(": cannot hold with ")
+    assert violated == "end of x (violated by 3)"
+    assert set(others.split("; ")) == {"start of x", "start of v", "u <= 1", "T <= 2"}
+
+
+def test_a_path_constraint_and_an_end() -> None:
+    ocp, x, v, _ = sledge()
+    ocp.constrain(v <= 0.1)
+    ocp.end(x, 0.2)
+    found = message(ocp)
+    assert "end of x" in found
+    assert "v <= 0.1" in found
+
+
+def test_two_path_constraints_that_contradict_each_other() -> None:
+    ocp, x, _, u = sledge()
+    ocp.constrain(x + u, lower=0.5)
+    ocp.constrain(x + u**3, upper=0.0)
+    found = message(ocp)
+    assert "path: 0.5 <= (x+u)" in found
+    assert "<= 0" in found
+
+
+def test_a_limit_of_a_state_and_the_dynamics() -> None:
+    ocp = OptimalControlProblem("flood")
+    x = ocp.state("x", upper=1.0)
+    ocp.duration(3.0)
+    ocp.minimise(running=x**2)
+    ocp.dynamics(x, 1.0)
+    ocp.start(x, 0.0)
+    found = message(ocp)
+    assert "start of x (violated by 2)" in found
+    assert "x <= 1" in found

@@ -1,0 +1,158 @@
+"""Pontryagin's conditions, judged along direct solutions: what holds, what does not, and what cannot be judged."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.multipliers import NamedValues
+from mathnavi.controllers.ocp.pontryagin import PontryaginCheck, Verdict, check_pontryagin
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problems.bryson_denham import bryson_denham
+from mathnavi.controllers.ocp.problems.double_integrator import double_integrator_time
+from mathnavi.controllers.ocp.problems.goddard import goddard
+from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.transcriptions.euler import Euler
+from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
+from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+
+SCHEMES = (HermiteSimpson(), LegendreGaussLobatto(3), RadauIIA(3))
+
+
+def verdicts(found: PontryaginCheck) -> dict[str, str]:
+    return {condition.name: condition.verdict.value for condition in found.conditions}
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
+def test_a_limit_of_a_state_that_holds_is_judged_by_the_jumps_of_its_costate(scheme: Scheme) -> None:
+    found = check_pontryagin(solve(bryson_denham(), 28, scheme=scheme), tolerance=1e-3)
+    assert set(verdicts(found).values()) == {"holds"}
+    assert {"adjoint", "stationarity", "minimum", "convexity", "Hamiltonian", "start", "end", "signs"} == set(
+        verdicts(found)
+    )
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
+def test_a_control_that_switches_follows_the_sign_of_its_switching_function(scheme: Scheme) -> None:
+    found = check_pontryagin(solve(double_integrator_time(), 31, scheme=scheme))
+    assert found.holds
+    assert not found.not_judged
+    assert found["duration"].verdict is Verdict.HOLDS
+    assert found["stationarity"].residual < 1e-6
+    assert found["minimum"].residual < 1e-6
+
+
+def test_a_limited_end_and_a_limited_duration_are_judged() -> None:
+    ocp = OptimalControlProblem("limited")
+    x, v, u = ocp.state("x", guess=(0.0, 1.0)), ocp.state("v"), ocp.control("u")
+    ocp.free_duration(guess=0.8, lower=0.1, upper=1.5)
+    ocp.minimise(running=u**2 / 2)
+    ocp.dynamics(x, v)
+    ocp.dynamics(v, u)
+    ocp.constrain(u + x, upper=3.0, name="sum")
+    ocp.start(x, 0.0)
+    ocp.start(v, 0.0)
+    ocp.end(x, 1.0)
+    ocp.end_constraint(v, lower=-math.inf, upper=0.7, name="slow")
+    solution = solve(ocp.functions(), 15)
+    found = check_pontryagin(solution)
+    assert found.holds, found
+    assert found["minimum over u"].reason == "a path constraint limits the controls"
+    assert solution.multipliers.final["slow"] > 0.1
+    assert solution.multipliers.duration > 0.1
+
+
+def test_an_arc_on_a_limit_of_a_state_is_not_singular() -> None:
+    ocp = OptimalControlProblem("speed limit")
+    x, v, u = ocp.state("x", guess=(0.0, 3.0)), ocp.state("v"), ocp.control("u", lower=-1.0, upper=1.0)
+    T = ocp.free_duration(guess=4.0, lower=0.5, upper=20.0)
+    ocp.minimise(terminal=T)
+    ocp.dynamics(x, v)
+    ocp.dynamics(v, u)
+    ocp.constrain(v + 0.0 * x, upper=1.25, name="limit")
+    for state, end in ((x, 3.0), (v, 0.0)):
+        ocp.start(state, 0.0)
+        ocp.end(state, end)
+    found = check_pontryagin(solve(ocp.functions(), 31), tolerance=0.05)
+    assert found.holds, found
+    assert not found.not_judged
+
+
+def test_goddard_says_what_cannot_be_judged() -> None:
+    found = check_pontryagin(solve(goddard(), 40), tolerance=0.1)
+    reasons = {condition.name.split(" of F from")[0]: condition.reason for condition in found.not_judged}
+    assert reasons["minimum on the singular arc"] == "H does not depend on F there"
+    assert reasons["multipliers of m and F apart"].startswith("m and F are on their bounds at once")
+    names = [name.split(" on the singular")[0] for name in verdicts(found)]
+    assert "d(H_u)/dt = 0" in names
+    assert verdicts(found)[next(name for name in verdicts(found) if name.startswith("Kelley"))] == "holds"
+    assert "not judged" in repr(found)
+
+
+def test_a_singular_arc_of_several_linear_controls_is_not_judged() -> None:
+    ocp = OptimalControlProblem("two linear controls")
+    x, y = ocp.state("x"), ocp.state("y")
+    a, b = (ocp.control(name, lower=-1.0, upper=1.0) for name in "ab")
+    ocp.duration(2.0)
+    ocp.minimise(running=x**2 + y**2)
+    ocp.dynamics(x, a)
+    ocp.dynamics(y, b)
+    ocp.start(x, 0.5)
+    ocp.start(y, -0.5)
+    found = check_pontryagin(solve(ocp.functions(), 25))
+    assert any(condition.reason == "several controls are linear in H" for condition in found.not_judged)
+
+
+@pytest.fixture(scope="module")
+def swing() -> Solution:
+    ocp = OptimalControlProblem("swing")
+    a, w, u = ocp.state("a", guess=(0.0, 1.0)), ocp.state("w"), ocp.control("u", lower=-5.0, upper=5.0)
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2 + ocp.t * a**2)
+    ocp.dynamics(a, w)
+    ocp.dynamics(w, u - ca.sin(a))
+    for state, end in ((a, 1.0), (w, 0.0)):
+        ocp.start(state, 0.0)
+        ocp.end(state, end)
+    return solve(ocp.functions(), 25)
+
+
+def test_every_condition_is_violated_by_something(swing: Solution) -> None:
+    """The check is no tautology: each condition fails where just what it is about is spoilt."""
+    assert check_pontryagin(swing, tolerance=1e-3).holds
+    m = swing.multipliers
+
+    def spoilt(**changes: object) -> set[str]:
+        found = check_pontryagin(dataclasses.replace(swing, **changes), tolerance=1e-3)  # type: ignore[arg-type]
+        return {name for name, verdict in verdicts(found).items() if verdict == "violated"}
+
+    def with_costates(values: np.ndarray) -> object:
+        return dataclasses.replace(m, dynamics=NamedValues(m.dynamics.names, values))
+
+    tilted = m.dynamics.values * (1.0 + 0.1 * swing.point_times[:, :, None])
+    assert {"adjoint", "end", "Hamiltonian", "stationarity"} <= spoilt(multipliers=with_costates(tilted))
+    assert {"stationarity", "convexity"} & spoilt(multipliers=with_costates(-m.dynamics.values))
+    assert spoilt(u=swing.u + 0.2) >= {"stationarity", "minimum"}
+    wrong_end = dataclasses.replace(m, final=NamedValues(m.final.names, 1.1 * m.final.values))
+    assert spoilt(multipliers=wrong_end) == {"end"}
+    wrong_start = dataclasses.replace(m, initial=NamedValues(m.initial.names, 1.1 * m.initial.values))
+    assert spoilt(multipliers=wrong_start) == {"start"}
+    wrong_sign = dataclasses.replace(m, states=NamedValues(m.states.names, m.states.values + 1e-2))
+    assert "signs" in spoilt(multipliers=wrong_sign)
+
+
+def test_what_has_no_conditions_is_refused(swing: Solution) -> None:
+    with pytest.raises(ValueError, match="holds its control"):
+        check_pontryagin(solve(swing.problem, 25, scheme=Euler()))
+    failed = dataclasses.replace(swing, status=next(s for s in type(swing.status) if s.name == "INFEASIBLE"))
+    with pytest.raises(ValueError, match="failed"):
+        check_pontryagin(failed)
+    with pytest.raises(KeyError, match="allowed: adjoint"):
+        check_pontryagin(swing)["costates"]

@@ -32,6 +32,7 @@ from rich.table import Table
 from benchmarks import ocp_dymos, ocp_maptor
 from benchmarks.comparison import Comparison, alone
 from benchmarks.progress import progress
+from mathnavi.controllers.ocp.methods.hp import hp
 from mathnavi.controllers.ocp.methods.refinement import refine
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.library import PROBLEMS, KnownOptimum
@@ -90,15 +91,19 @@ def softwares() -> list[Software]:
 
 
 def our_settings() -> dict[str, Prepare]:
-    """Refinement from a coarse tolerance to a fine one, then the other adaptive methods of the study, in its order."""
+    """Refinement from a coarse tolerance to a fine one, then hp refinement, then the study's other adaptive methods."""
 
     def refined(tolerance: float, problem: ProblemFunctions) -> Solve:
         return lambda: accepted(problem, refine(_unknown(problem), most_nodes=NODES, tolerance=tolerance))
+
+    def with_switches(tolerance: float, problem: ProblemFunctions) -> Solve:
+        return lambda: accepted(problem, hp(_unknown(problem), tolerance=tolerance))
 
     def otherwise(method: Method, problem: ProblemFunctions) -> Solve:
         return lambda: accepted(problem, method(_unknown(problem), NODES))
 
     settings: dict[str, Prepare] = {f"refinement, {t:g}": partial(refined, t) for t in MESH_TOLERANCES}
+    settings |= {f"hp refinement, {t:g}": partial(with_switches, t) for t in MESH_TOLERANCES[1:]}
     others = {name: method for name, method in ADAPTIVE.items() if name != "refinement"}
     return settings | {name: partial(otherwise, method) for name, method in others.items()}
 

@@ -44,7 +44,7 @@ def defects(solution: Solution) -> Defects:
     t = (solution.t[:-1, None] + c * d[:, None]).ravel()
     rates = np.einsum("gk,nkm->ngm", basis, solution.rates)
     x = solution.x[:-1, None, :] + d[:, None, None] * np.einsum("gk,nkm->ngm", steps, solution.rates)
-    u = np.clip(np.einsum("gk,nkm->ngm", basis, solution.u), *problem.control_bounds).reshape(len(t), -1)
+    u = np.clip(np.einsum("gk,nkm->ngm", basis, solution.u), *problem.control_bounds).reshape(len(t), problem.nu)
     e = np.zeros_like(x)
     with np.errstate(all="ignore"):
         for _ in range(_SWEEPS):
@@ -56,7 +56,7 @@ def defects(solution: Solution) -> Defects:
     own = integral_weights(points, np.array([1.0]))[0]
     k = len(points)
     at = (solution.t[:-1, None] + np.array(points) * d[:, None]).ravel()
-    inner = solution.inner.reshape(len(at), -1), solution.u.reshape(len(at), -1)
+    inner = solution.inner.reshape(len(at), -1), solution.u.reshape(len(at), problem.nu)
     stated = d * (running_costs(solution, *inner, at).reshape(-1, k) @ own)
     values = (
         ends,

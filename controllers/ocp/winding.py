@@ -43,7 +43,7 @@ def _is_angle(solution: Solution, j: int) -> bool:
 
 def _values(solution: Solution, u: Array) -> Array:
     problem, t = solution.problem, solution.point_times.ravel()
-    x, u = solution.inner.reshape(len(t), -1), u.reshape(len(t), -1)
+    x, u = solution.inner.reshape(len(t), -1), u.reshape(len(t), problem.nu)
     p = np.tile(solution.parameters[:, None], (1, len(t)))
     path = np.array(problem.path.map(len(t))(x.T, u.T, t[None, :], p).full().T)
     return np.column_stack([along(problem, x, u, t, solution.parameters), running_costs(solution, x, u, t), path])

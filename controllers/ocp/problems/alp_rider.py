@@ -5,8 +5,8 @@
         x3' = -3 x3 + 5 x4 + u1 - u2,        x4' = 5 x3 - 3 x4 + u1 + 3 u2,
         |x|^2 >= 3 p(t; 3, 12) + 3 p(t; 6, 10) + 3 p(t; 10, 6) + 8 p(t; 15, 4) + 0.01,   p(t; a, b) = exp(-b (t - a)^2)
 
-The constraint binds from t = 0.36 to 18.43, between layers of 0.01 s at both ends: J* = 2030.8543. Ways over a peak with
-x mirrored to -x are local optima that cost 1e-7 more.
+The constraint binds from t = 0.36 to 18.43, between layers of 0.01 s at both ends: J* = 2030.8543. Ways over a peak
+with x mirrored to -x are local optima that cost 1e-7 more.
 """
 
 from __future__ import annotations

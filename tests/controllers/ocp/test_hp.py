@@ -62,6 +62,16 @@ def test_a_tolerance_is_reached_with_no_more_nodes_than_it_needs() -> None:
     assert loose.nodes < tight.nodes
 
 
+def test_a_problem_without_a_control_is_integrated() -> None:
+    ocp = OptimalControlProblem("decay")
+    x = ocp.state("x", guess=(1.0, 0.5))
+    ocp.duration(1.0)
+    ocp.minimise(terminal=x)
+    ocp.dynamics(x, -x)
+    ocp.start(x, 1.0)
+    assert hp(ocp.functions()).cost == pytest.approx(math.exp(-1.0), rel=1e-8)
+
+
 def test_what_no_method_solves_is_a_status() -> None:
     ocp = OptimalControlProblem("out of reach")
     x, u = ocp.state("x"), ocp.control("u", lower=-1.0, upper=1.0)

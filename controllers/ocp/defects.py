@@ -84,5 +84,6 @@ def _violations(solution: Solution, x: Array, u: Array, t: Array) -> Array:
 def running_costs(solution: Solution, x: Array, u: Array, t: Array) -> Array:
     """Running cost L (n,) at states (n, nx), controls (n, nu) and times (n,)."""
     p = np.tile(solution.parameters[:, None], (1, len(t)))
-    values = solution.problem.running_cost.map(len(t))(x.T, u.T, t[None, :], p)
-    return np.array(values.full())[0]
+    values: Array = solution.problem.running_cost.map(len(t))(x.T, u.T, t[None, :], p).full()
+    costs: Array = values[0]
+    return costs

@@ -43,6 +43,7 @@ _MOST_VISITS = 2  # to the same structure, before the rounds stay with it
 _SMOOTHING = 1e-2  # first weight ρ, over |J|
 _JITTER = 1e-4  # of that weight for a control that J or the dynamics bend: it would jitter in a narrow interval
 _MOST_BENT = 4  # rounds in which only a violated constraint asks for nodes
+_COARSE = 1e-3  # sum of errors above which a structure is kept
 _LEAST = 1e-3  # of the tolerance, the defects are asked to be
 _ROUNDING = 1e-9  # relative change of J that the solver's own tolerance leaves
 
@@ -120,7 +121,10 @@ def hp(
     for number in range(_ROUNDS):
         errors, seen, own = interval_errors(current, defects(current)), structure(current), plan.placed(current)
         visits = sum(seen.same(other) for other in visited)
-        settled = free or seen.same(own) or visits >= _MOST_VISITS or len(seen) > min(_MOST_ARCS, most_nodes - 1)
+        coarse = len(own) > 1 and errors.total > _COARSE  # a mesh that is too coarse shows arcs that are none
+        settled = (
+            free or coarse or seen.same(own) or visits >= _MOST_VISITS or len(seen) > min(_MOST_ARCS, most_nodes - 1)
+        )
         small = errors.total <= allowed and errors.path.max() <= VIOLATION * allowed
         smooth = plan.added(current) <= tolerance * abs(current.cost)
         fair = small or (errors.total <= allowed and bent >= _MOST_BENT)

@@ -1,6 +1,7 @@
 """How the runs of a scenario are drawn: a module that config.json names, with a ``Drawing`` called ``drawing``.
 
-A run that names none is a flight. A scenario names an entry point of the group ``mathnavi.drawings``, by its name or
+A run that names none is a flight if it has a terrain; any other is drawn by its scene and its log alone
+(``mathnavi.renders.generic``). A scenario names an entry point of the group ``mathnavi.drawings``, by its name or
 its module, "drawing": "my_package.pictures". A module that is not installed so is imported from a folder only where the
 folder is trusted (``mathnavi.sim.plugin.trust``), or where the run was flown by this process.
 """
@@ -79,9 +80,13 @@ class Drawing(Generic[R]):
 
 def drawing_of(directory: str | Path) -> Drawing[Any]:
     """The drawing of the run in a folder; errors as of ``Drawing.load_run``, UntrustedError for code of a stranger."""
-    path = existing_folder(directory) / CONFIG
-    document, _ = read_run_document(existing_folder(directory))
-    return _drawing_at(present_name(FLIGHT if document.drawing is None else document.drawing), str(path))
+    folder = existing_folder(directory)
+    document, _ = read_run_document(folder)
+    if document.drawing is None and document.terrain is None and "terrain" not in document.fields:
+        from mathnavi.renders.generic.drawing import drawing_for  # which needs this module
+
+        return drawing_for(folder)
+    return _drawing_at(present_name(FLIGHT if document.drawing is None else document.drawing), str(folder / CONFIG))
 
 
 def _drawing_at(name: str, where: str) -> Drawing[Any]:

@@ -87,11 +87,20 @@ class Stage:
 
     def look(self, view: View, optics: Optics, groups: Sequence[int]) -> None:
         """Put the camera in its place and show these groups of geoms; ``place`` what moves before the scene begins."""
+        self._camera.type = mujoco.mjtCamera.mjCAMERA_FREE
         self._camera.lookat[:] = view.lookat
         self._camera.distance = view.distance
         self._camera.azimuth, self._camera.elevation = view.azimuth, view.elevation
+        self._set_optics(optics, optics.field_of_view, groups)
+
+    def look_through(self, camera: int, optics: Optics, groups: Sequence[int]) -> None:
+        """Look through a camera of the model, with its own field of view."""
+        self._camera.type, self._camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, camera
+        self._set_optics(optics, float(self.model.cam_fovy[camera]), groups)
+
+    def _set_optics(self, optics: Optics, field_of_view: float, groups: Sequence[int]) -> None:
         visual = self.model.vis
-        visual.global_.fovy, visual.map.znear, visual.map.zfar = optics.field_of_view, optics.near, optics.far
+        visual.global_.fovy, visual.map.znear, visual.map.zfar = field_of_view, optics.near, optics.far
         self._options.geomgroup[:] = 0
         self._options.geomgroup[list(groups)] = 1
 

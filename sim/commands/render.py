@@ -25,7 +25,7 @@ class RenderOptions:
     """folder of a run; the picture is written into it"""
     camera: str | None = None
     """flights have chase, overview, top; fleets overview, top, arrival; missiles chase, side, target; robots top,
-    chase; bodies, arms panel, scene"""
+    chase; bodies, arms panel, scene; others fixed, track, top, those of the model, board"""
     still: bool = False
     """a picture instead of a video"""
     time: float | None = None

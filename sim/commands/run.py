@@ -29,7 +29,7 @@ from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.interfaces.input_files import run_inputs
 from mathnavi.sim.plugin.trust import trusting, within_record
-from mathnavi.sim.records.run_folder import LEFT, NothingToDrawError
+from mathnavi.sim.records.run_folder import LEFT, SCENE, NothingToDrawError
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 
@@ -87,7 +87,7 @@ def main(argv: Sequence[str]) -> int:
         with trusting():  # its drawing is the one of the scenario that has been flown
             stale |= _drawn(claim.new)
         removed = sorted(name for name in stale if (folder / name).exists())
-        claim.install(dropped=(*removed, LEFT))
+        claim.install(dropped=(*removed, LEFT, SCENE))
         when_interrupted(lambda: f"the run is in {folder}, its pictures may not be; to begin again")
         if replaced:  # by chance, perhaps: nobody named the folder
             gone = f", and removed its {', '.join(removed)}" if removed else ""

@@ -35,19 +35,22 @@ class RecordedMotion:
             size = len(body.state_names(name))
             if x.shape != (len(t), size):
                 raise ValueError(f"truth.x of {name} is {x.shape}; allowed: {(len(t), size)}")
-        self.plant, self._t, self._states, self._inputs = body, t, states, inputs
+        self.plant, self.t, self.states, self.inputs = body, t, states, inputs
         bodies = {body.model.body(b).name: b for b in range(body.model.nbody)}
         self._airframes = {name: bodies[f"{name}/airframe"] for name in states if f"{name}/airframe" in bodies}
 
     @property
     def duration(self) -> float:
         """[s]."""
-        return float(self._t[-1])
+        return float(self.t[-1])
 
     def show(self, t: float) -> None:
         """Put every vehicle where it was at the last sample at or before ``t`` [s]."""
-        row = max(int(np.searchsorted(self._t, t + TIME_TOLERANCE, side="right")) - 1, 0)
-        for name in self._states:
+        self.show_sample(max(int(np.searchsorted(self.t, t + TIME_TOLERANCE, side="right")) - 1, 0))
+
+    def show_sample(self, row: int) -> None:
+        """Put every vehicle where it was at a sample."""
+        for name in self.states:
             self._place(name, row)
 
     def body(self, name: str) -> int:
@@ -60,16 +63,25 @@ class RecordedMotion:
 
     def path(self, name: str, count: int) -> Array:
         """(k, 3) [m] where that body was, at ``count`` samples at most, evenly spread."""
-        rows = np.unique(np.linspace(0, len(self._t) - 1, min(count, len(self._t))).astype(np.int64))
+        rows = np.unique(np.linspace(0, len(self.t) - 1, min(count, len(self.t))).astype(np.int64))
         at, points = self.body(name), []
         for row in rows:
             self._place(name, int(row))
             points.append(self.plant.data.xpos[at].copy())
         return np.array(points)
 
+    def place(self, name: str, x: Array) -> Array:
+        """(3,) [m] where the body of a vehicle is in a state (nx,), its input aside."""
+        self._put(name, x, np.zeros(self.inputs[name].shape[1]))
+        found: Array = self.plant.data.xpos[self.body(name)].copy()
+        return found
+
     def _place(self, name: str, row: int) -> None:
-        x, model, data = self._states[name][row], self.plant.model, self.plant.data
+        self._put(name, self.states[name][row], self.inputs[name][row])
+
+    def _put(self, name: str, x: Array, u: Array) -> None:
+        model, data = self.plant.model, self.plant.data
         if name in self._airframes:
             k = int(model.body_mocapid[self._airframes[name]])
-            data.mocap_pos[k], data.mocap_quat[k] = airframe_pose(x[:3], x[3:], self._inputs[name][row])
+            data.mocap_pos[k], data.mocap_quat[k] = airframe_pose(x[:3], x[3:], u)
         self.plant.place(name, x)

@@ -48,7 +48,7 @@ def plain_name(name: object, what: str) -> str:
     FieldError unless it is a text of 1 to 100 bytes (UTF-8) that is printable, has neither "/" nor "\\", and begins
     with neither "." nor "-".
     """
-    if not isinstance(name, str) or not _is_plain(name):
+    if not isinstance(name, str) or not is_plain_name(name):
         raise FieldError(
             f"{what} = {name!r:.120}; allowed: a name of 1 to {_LONGEST_PLAIN} bytes, printable, without slashes, that "
             "begins with neither . nor -"
@@ -56,7 +56,7 @@ def plain_name(name: object, what: str) -> str:
     return name
 
 
-def _is_plain(name: str) -> bool:
+def is_plain_name(name: str) -> bool:
     return (
         name.isprintable()
         and 1 <= len(name.encode()) <= _LONGEST_PLAIN

@@ -7,6 +7,7 @@
 | ``events.jsonl`` | one event a line, in the order in which they were recorded |
 | ``log.npz`` | the arrays of ``mathnavi.sim.engine.log`` |
 | ``log.json`` | shape and type of each array; names and units of each vehicle's states |
+| ``scene.npz`` | shapes and poses (``mathnavi.sim.engine.scene_record``), of a run whose scenario names no drawing |
 
 Everything that needs a recorded run reads it here: ``read_log`` for a single vehicle, ``read_fleet`` for several.
 """
@@ -27,7 +28,7 @@ import numpy as np
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.errors import FieldError, RunFolderError
 from mathnavi.sim.interfaces.reading import files
-from mathnavi.sim.interfaces.reading.arrays import read_npz
+from mathnavi.sim.interfaces.reading.arrays import NUMBERS_AND_TEXTS, read_npz
 from mathnavi.sim.interfaces.schema import known_fields, shortened
 from mathnavi.sim.interfaces.signals import Array, Event, Plan, Status
 from mathnavi.sim.interfaces.writing import write_bytes, write_text
@@ -39,7 +40,9 @@ from mathnavi.sim.records.former_names import with_present_names
 from mathnavi.sim.records.log_arrays import COMMAND, TIME, TRUTH, check_arrays
 
 CONFIG, SUMMARY, EVENTS, ARRAYS, ARRAY_INDEX = "config.json", "summary.json", "events.jsonl", "log.npz", "log.json"
+SCENE = "scene.npz"
 RUN_FILES = (CONFIG, EVENTS, ARRAYS, ARRAY_INDEX, SUMMARY)
+RECORDED = (*RUN_FILES, SCENE)  # all that a run may write
 LEFT = f".{ARRAYS}.partial"  # left by a run of an earlier version that was killed
 STATUS_CHANGE = "estimator-status"  # kind of the events that say so
 FLEET_TRUTH = f".{TRUTH}"  # ending of the names of a fleet's arrays of true states
@@ -52,22 +55,35 @@ class NothingToDrawError(ValueError):
 # ---- writing
 
 
-def write_run(folder: Path, config: Mapping[str, Any], summary: Mapping[str, Any], recording: Recording) -> None:
+def write_run(
+    folder: Path,
+    config: Mapping[str, Any],
+    summary: Mapping[str, Any],
+    recording: Recording,
+    scene: Mapping[str, Array] | None = None,
+) -> None:
     """Write a run's folder, whole or not at all; other files in it are kept.
 
-    Raises RunFolderError and OSError as ``claimed_folder.claimed`` does; OSError names the file.
+    ``scene`` are the arrays of ``mathnavi.sim.engine.scene_record``, of a run that is drawn by them. Raises
+    RunFolderError and OSError as ``claimed_folder.claimed`` does; OSError names the file.
     """
     with claimed(folder) as claim:
-        write_run_files(claim.new, config, summary, recording)
-        claim.install()
+        write_run_files(claim.new, config, summary, recording, scene)
+        claim.install(dropped=RECORDED)
 
 
-def write_run_files(folder: Path, config: Mapping[str, Any], summary: Mapping[str, Any], recording: Recording) -> None:
+def write_run_files(
+    folder: Path,
+    config: Mapping[str, Any],
+    summary: Mapping[str, Any],
+    recording: Recording,
+    scene: Mapping[str, Array] | None = None,
+) -> None:
     """Write the files of a run into a folder that is there; OSError names the one that could not be written."""
     arrays = recording.arrays()
-    archive = io.BytesIO()
-    np.savez_compressed(archive, allow_pickle=False, **arrays)
-    write_bytes(folder / ARRAYS, archive.getvalue())
+    _write_npz(folder / ARRAYS, arrays)
+    if scene is not None:
+        _write_npz(folder / SCENE, scene)
     shapes = {name: {"shape": list(value.shape), "dtype": str(value.dtype)} for name, value in arrays.items()}
     write_json(folder / ARRAY_INDEX, {"arrays": shapes, "states": recording.state_names, "time": "t [s]"})
     events = [{"t": e.t, "agent": e.agent, "kind": e.kind, "message": e.message} for e in recording.events]
@@ -75,6 +91,12 @@ def write_run_files(folder: Path, config: Mapping[str, Any], summary: Mapping[st
     made_by = {"versions": {"mathnavi": version("mathnavi"), **versions()}, "machine": machine()}
     write_json(folder / CONFIG, {**config, **made_by})
     write_json(folder / SUMMARY, {**summary, "version": version("mathnavi")})
+
+
+def _write_npz(path: Path, arrays: Mapping[str, Array]) -> None:
+    archive = io.BytesIO()
+    np.savez_compressed(archive, allow_pickle=False, **arrays)
+    write_bytes(path, archive.getvalue())
 
 
 # ---- reading
@@ -274,6 +296,21 @@ def _plans(arrays: Mapping[str, Array]) -> tuple[Plan, ...]:
 def read_arrays(directory: str | Path) -> dict[str, Array]:
     """Every array of a run's log by its dotted name; errors as of ``read_log``."""
     return _read_arrays(existing_folder(directory) / ARRAYS)
+
+
+def read_scene(directory: str | Path) -> dict[str, Array] | None:
+    """The arrays of a run's scene (``mathnavi.sim.engine.scene_record``); None where it has none."""
+    path = existing_folder(directory) / SCENE
+    return read_npz(path, RunFolderError, kinds=NUMBERS_AND_TEXTS) if path.exists() else None
+
+
+def read_scene_cameras(directory: str | Path) -> tuple[str, ...] | None:
+    """Names of the cameras of a run's scene; None where it has no scene."""
+    path, name = existing_folder(directory) / SCENE, "camera.names"
+    if not path.exists():
+        return None
+    found = read_npz(path, RunFolderError, kinds=NUMBERS_AND_TEXTS, names=(name,))
+    return tuple(str(each) for each in found[name].ravel().tolist()) if name in found else ()
 
 
 def read_record(directory: str | Path) -> tuple[dict[str, Any], dict[str, Any], tuple[Event, ...]]:

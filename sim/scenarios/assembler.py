@@ -3,7 +3,8 @@
     plug-ins        the scenario's own where none are given, checked against the mission
     random streams  one for each source of chance, in the order that the scenario lists
     faults          of every group of faults in the configuration, around planner, sensors and plant
-    certificate     around the planner of a flight, unless its plug-in declares ``certified = False``
+    certificate     around the planner of a flight, unless its plug-in declares ``certified = False``, or a function
+                    in the place of ``Certified.of``
     record          config.json: enough to build the same loop again, and to draw its run
 
 A scenario says the rest: its mission, its vehicle, its referee, its metrics and its task.
@@ -136,8 +137,9 @@ class Assembler:
         planner, sensors = self.with_planner_faults(raw), self.sensors(mission, *others)
         if certified_flight is not None and getattr(self.config, "filter", False):
             planner, tracker = filtered(planner, tracker, CommandFilter.of(certified_flight))
-        elif certified_flight is not None and getattr(self.controller.plugin, "certified", True):
-            planner = Certified.of(planner, certified_flight, tracker)
+        elif certified_flight is not None and (certified := getattr(self.controller.plugin, "certified", True)):
+            certify = certified if callable(certified) else Certified.of
+            planner = certify(planner, certified_flight, tracker)
         return VehicleStack(sensors, estimator, planner, tracker, self.asked(mission))
 
     def first_plan(self, mission: Any, flight: FlightMission) -> Plan:

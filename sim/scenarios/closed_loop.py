@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal
@@ -28,13 +28,23 @@ from mathnavi.sim.plugin.registry import PluginSpec, of_stranger
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.claimed_folder import claimed
 from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
-from mathnavi.sim.records.run_folder import RUN_FILES, write_run, write_run_files
+from mathnavi.sim.records.run_folder import RECORDED, write_run, write_run_files
 from mathnavi.sim.scenarios.task import Task
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SHOWN = 12  # figures of a summary in a short table
+
+
+def _no_scene() -> None:
+    """The scene of a run that is drawn without."""
+
+
+def _scene(plant: Plant, recording: Recording) -> dict[str, Array] | None:
+    from mathnavi.sim.engine.scene_record import scene_arrays  # imports mujoco
+
+    return scene_arrays(plant, recording)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -50,6 +60,7 @@ class RunResult:
     success: bool
     folder: Path | None = None  # which it was read from or saved in
     trusted: bool = True  # its drawing may be any code: of who flew the run; False for one read from a folder
+    scene: Callable[[], dict[str, Array] | None] = _no_scene  # makes its scene's arrays, where it is drawn by them
 
     @cached_property
     def arrays(self) -> dict[str, Array]:
@@ -74,11 +85,11 @@ class RunResult:
 
     def write(self, folder: Path) -> None:
         """Write the run's folder, whole or not at all."""
-        write_run(folder, self.config, self.summary, self.recording)
+        write_run(folder, self.config, self.summary, self.recording, self.scene())
 
     def write_files(self, folder: Path) -> None:
         """Write the files of the run into a folder that is there."""
-        write_run_files(folder, self.config, self.summary, self.recording)
+        write_run_files(folder, self.config, self.summary, self.recording, self.scene())
 
     def save(self, folder: str | Path) -> Path:
         """Write config.json, summary.json, events.jsonl, log.npz and log.json into a folder, and return it.
@@ -91,10 +102,10 @@ class RunResult:
             self.write(target)
         elif target.resolve() != self.folder.resolve():
             with claimed(target) as claim:
-                for name in RUN_FILES:
+                for name in RECORDED:
                     if (self.folder / name).is_file():
                         write_bytes(claim.new / name, read_bytes(self.folder / name, RunFolderError, MOST_LINES))
-                claim.install(dropped=RUN_FILES)
+                claim.install(dropped=RECORDED)
         object.__setattr__(self, "folder", target)
         return target
 
@@ -192,7 +203,9 @@ class ClosedLoop:
         began = time.perf_counter()
         recording = simulate(self.plant, self.agents, self.duration, self.finished, progress, self.network)
         summary, success = self.summarise(recording, time.perf_counter() - began)
-        return RunResult(recording, summary, self.config, success)
+        drawn = self.config.get("drawing") is not None or "terrain" in self.config
+        scene = _no_scene if drawn else partial(_scene, self.plant, recording)
+        return RunResult(recording, summary, self.config, success, scene=scene)
 
 
 def built(

@@ -98,7 +98,7 @@ def test_a_shell_completes(shell: str) -> None:
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     for line, expected in (
         ("mathnavi run safe-flight --faults.gust-r", ["--faults.gust-rms"]),
-        ("mathnavi run safe-flight --terrain ", ["canyon", "jacksboro", "tian_shan"]),
+        ("mathnavi run safe-flight --terrain ", ["canyon", "jacksboro", "plain", "tian_shan"]),
     ):
         words = " ".join([*line.split(), *(["''"] if line.endswith(" ") else [])])
         script = ASKED[shell].format(words=words, line=line)

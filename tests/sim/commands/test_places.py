@@ -17,7 +17,7 @@ from mathnavi.sim.commands.cli import main
 from mathnavi.sim.interfaces.checks import plain_name
 from mathnavi.sim.interfaces.errors import FieldError, TerrainError
 from mathnavi.sim.records.files import inside
-from mathnavi.sim.scenarios.closed_loop import RUN_FILES
+from mathnavi.sim.records.run_folder import RUN_FILES
 
 HOSTILE = [
     "../../../../precious", "..", ".", "/", "/etc/passwd", "a/b", "a\\b", "", " ", " a", "a ", "-x", "--out", ".hidden",

@@ -9,8 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.models.terrain.library import load_terrain
+from mathnavi.sim.interfaces.fields import plain
 from mathnavi.sim.interfaces.signals import Event
-from mathnavi.sim.studies.flight.hunt.measures import ANNOUNCED, violations
+from mathnavi.sim.search.space import drawn
+from mathnavi.sim.studies.flight.hunt.measures import ANNOUNCED, clearance_in_bounds, violations
+from mathnavi.sim.studies.flight.hunt.spaces import HOLES, SAFE_FLIGHT, UPDATES, Hunt
 from mathnavi.sim.studies.flight.hunt.study import Hole
 
 T = np.arange(0.0, 10.0, 0.1)
@@ -92,17 +96,55 @@ def test_a_contact_is_a_violation_wherever_it_happens() -> None:
 
 
 @pytest.mark.parametrize(
-    ("searches", "draws", "mean", "shown"),
+    ("searches", "draws", "product", "median", "mean", "shown"),
     [
-        ((40, 90), (400, None), 1400.0, True),
-        ((40, 90), (None, None), math.inf, True),
-        ((40, None), (None, None), math.inf, False),
-        ((40, 90), (30, 100), 65.0, False),
-        ((200,), (None,), math.inf, False),
+        ((40, 90), (400, None), (None,), 65.0, 1400.0, True),
+        ((40, 90, None), (None, None), (None,), 90.0, math.inf, True),
+        ((40, None, None), (None, None), (None,), math.inf, math.inf, False),
+        ((40, 90), (30, 100), (None,), 65.0, 65.0, False),
+        ((200,), (None,), (None,), 200.0, math.inf, False),
+        ((40, 90), (400, None), (None, 7), 65.0, 1400.0, False),
     ],
 )
-def test_power_is_a_find_in_time_where_draws_need_more(
-    searches: tuple[int | None, ...], draws: tuple[int | None, ...], mean: float, shown: bool
+def test_power_is_a_find_in_time_where_draws_need_more_and_none_in_the_product(
+    searches: tuple[int | None, ...],
+    draws: tuple[int | None, ...],
+    product: tuple[int | None, ...],
+    median: float,
+    mean: float,
+    shown: bool,
 ) -> None:
-    hole = Hole("hole", searches, draws, 1000)
-    assert (hole.mean_draws, hole.shown) == (mean, shown)
+    hole = Hole("hole", searches, draws, 1000, product)
+    assert (hole.median, hole.mean_draws, hole.shown) == (median, mean, shown)
+
+
+def test_clearance_counts_in_tracking_bounds() -> None:
+    flown: Any = SimpleNamespace(
+        config={"mission": {"tracking_bound": {"vertical": 4.0}}}, summary={"clearance_margin_m": -1.0}
+    )
+    assert clearance_in_bounds(flown) == {"clearance_in_bounds": -0.25}
+
+
+def at(share: float, hunt: Hunt) -> dict[str, Any]:
+    """The fields of a mission at a share of every range."""
+    return plain(hunt.make(drawn(hunt.space, [share] * len(hunt.space))).config)
+
+
+@pytest.mark.parametrize("hunt", [SAFE_FLIGHT, UPDATES], ids=lambda hunt: hunt.name)
+def test_ends_lie_on_either_side_of_the_middle(hunt: Hunt) -> None:
+    fields = at(0.5, hunt)
+    (x, y, z), (to_x, to_y, _) = fields["start"], fields["target"]
+    ground = load_terrain(fields["terrain"])
+    assert (0.5 * (x + to_x), 0.5 * (y + to_y)) == pytest.approx((320.0, 320.0))
+    assert math.hypot(to_x - x, to_y - y) == pytest.approx(150.0)
+    assert z - float(ground.height(x, y)) == pytest.approx(fields["clearance_min"] + 40.0)
+
+
+def test_the_mutant_with_half_the_bound_begins_as_low_as_it_certifies() -> None:
+    """And the product as low as it does, with the whole bound."""
+    holed = HOLES[-1]
+    low = [0.5] * 5 + [0.0] + [0.5] * (len(holed.mutant.space) - 6)
+    for hunt in (holed.mutant, holed.product):
+        mission = hunt.make(drawn(hunt.space, low)).build().config["mission"]
+        height = mission["start"][2] - float(load_terrain("plain").z.max()) - mission["clearance_min"]
+        assert height == pytest.approx(mission["tracking_bound"]["vertical"], abs=0.01)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mathnavi.controllers.flight.certificate import Certificate
+from mathnavi.controllers.flight.certificate import Certificate, remainder
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.planner import StopAndHover
 from mathnavi.controllers.flight.plugin import FlightConfig
@@ -17,16 +17,18 @@ from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.aerial.plan_status import FlightStatus
 from mathnavi.sim.interfaces.signals import Estimate, Plan, PlanRequest, Status
+from mathnavi.sim.search.space import drawn
 from mathnavi.sim.studies.flight.hunt.mutants import (
     BlindCertificate,
     CertifiedFromAnywhere,
+    CertifiedTooEarly,
     ConstantVelocityStart,
     HalvedBound,
     LatePlansFlown,
     NoClearanceCheck,
     NoStartCheck,
-    Retimed,
 )
+from mathnavi.sim.studies.flight.hunt.spaces import HOLES, HoledHunt
 from tests.flight import mission
 
 CONFIG = FlightConfig()
@@ -66,14 +68,15 @@ class Answers:
 
 @pytest.mark.parametrize("mutant", [NoClearanceCheck, NoStartCheck, LatePlansFlown, HalvedBound])
 def test_every_mutant_begins_at_the_start_and_doubts_a_lost_estimate(mutant: Any, flight: FlightMission) -> None:
-    planner: Any = mutant.build(mutant.Config(grid_nodes=5), flight)[0]
-    certified = planner._planner if isinstance(planner, Retimed) else planner
-    certified._planner = Answers(Plan.failure(Status.SOLVER_FAILED))
+    raw, tracker = mutant.build(mutant.Config(grid_nodes=5), flight)
+    certify = mutant.certified if callable(mutant.certified) else Certified.of
+    planner = certify(raw, flight, tracker)
+    planner._planner = Answers(Plan.failure(Status.SOLVER_FAILED))
     beside = Estimate(0.0, flight.start_state + np.array([0.01, 0.01, -0.01, 0.0, 0.0, 0.0]))
-    first = certified.plan(PlanRequest(0.0, 0.0, beside, None))
+    first = planner.plan(PlanRequest(0.0, 0.0, beside, None))
     assert first.x[0].tolist() == flight.start_state.tolist()
     uncertain = dataclasses.replace(beside, covariance=np.eye(6) * 1e4)
-    assert "guarantee-lost" in certified.monitor(PlanRequest(0.1, 2.0, uncertain, first)).notes
+    assert "guarantee-lost" in planner.monitor(PlanRequest(0.1, 2.0, uncertain, first)).notes
 
 
 def test_one_certificate_does_not_see_the_ground(certificate: Certificate, plan: Plan) -> None:
@@ -108,11 +111,18 @@ def test_one_planner_begins_where_the_vehicle_would_be_at_constant_velocity(plan
     assert within.request.estimate.x.tolist() == [21.0, 2.0, -5.0, 10.0, 0.0, -4.0]
 
 
-def test_one_planner_flies_every_so_many_plans_later_than_certified(plan: Plan) -> None:
-    planner = Retimed(Answers(plan), 2, 0.3)
-    request = PlanRequest(0.0, 0.0, Estimate(0.0, plan.x[0]), plan)
-    starts = [planner.plan(request).t_start for _ in range(4)]
-    assert starts == pytest.approx([plan.t_start, plan.t_start + 0.3] * 2)
+def test_one_planner_flies_a_late_plan_from_when_it_is_ready(
+    flight: FlightMission, certificate: Certificate, plan: Plan
+) -> None:
+    t, period = 1.0, Answers.period
+    following = remainder(plan, t + period)
+    late = dataclasses.replace(following, ready=t + period + 0.3)
+    bound = tracking_bound(CONFIG.bandwidth, flight)
+    request = PlanRequest(t, t + period, Estimate(t, state_at(plan, t)), plan)
+    for answer, begins in ((following, t + period), (late, t + period + 0.3)):
+        planner = CertifiedTooEarly(Answers(answer), lambda made: StopAndHover(made, period), certificate, bound, 1.3)
+        flown = planner.plan(request)
+        assert (flown.ready <= flown.t_start, flown.t_start) == (True, pytest.approx(begins))
 
 
 def test_one_tracker_declares_half_of_its_bound(flight: FlightMission) -> None:
@@ -120,3 +130,12 @@ def test_one_tracker_declares_half_of_its_bound(flight: FlightMission) -> None:
     _, tracker = HalvedBound.build(CONFIG, flight)
     halves = dataclasses.astuple(tracker.bound)  # type: ignore[attr-defined]
     assert halves == pytest.approx([0.5 * value for value in dataclasses.astuple(whole)])
+
+
+@pytest.mark.parametrize("holed", HOLES, ids=lambda holed: holed.mutant.name)
+def test_what_a_mutant_certifies_is_asked_by_the_loop_as_the_products_is(holed: HoledHunt) -> None:
+    """No fault stands between: it would hide the monitor of every control step."""
+    middle = [0.45, 0.3, 0.3, 0.6, 0.6, *(0.5 for _ in holed.mutant.space[5:])]
+    for hunt in (holed.mutant, holed.product):
+        planner = hunt.make(drawn(hunt.space, middle)).build().agents["vehicle"].planner
+        assert isinstance(planner, Certified)

@@ -49,6 +49,12 @@ def violations(outcome: RunResult) -> dict[str, Any]:
     }
 
 
+def clearance_in_bounds(outcome: RunResult) -> dict[str, Any]:
+    """A measure: the margin of clearance over the tracking bound that the controller declares."""
+    bound = outcome.config["mission"]["tracking_bound"]["vertical"]
+    return {"clearance_in_bounds": outcome.summary["clearance_margin_m"] / bound}
+
+
 def _clearance(outcome: RunResult) -> list[tuple[str, float, float]]:
     """(kind, relative margin, time [s])."""
     h_min = outcome.config["fields"]["clearance_min"]

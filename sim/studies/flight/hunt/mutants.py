@@ -1,7 +1,7 @@
 """Four controllers with one part of the guarantee left out each, for the study ``hunt`` to find.
 
 They are named by their place, "mathnavi.sim.studies.flight.hunt.mutants:NoClearanceCheck", and are no installed
-plug-ins. Each certifies its plans itself, with its one defect, and so declares ``certified = False``.
+plug-ins. All else is as ``flight`` has it: faults act on the planner, within what certifies its plans.
 
     NoClearanceCheck    a plan is flown however low it is; the planner keeps its clearance at the nodes, softly
     NoStartCheck        a plan is flown wherever it starts; the planner predicts its start at constant velocity
@@ -13,65 +13,50 @@ from __future__ import annotations
 
 import dataclasses
 from functools import partial
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Interval
 
 from mathnavi.controllers.flight.certificate import Certificate, Refusal, TrackingBound
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.planner import StopAndHover
-from mathnavi.controllers.flight.plugin import FlightConfig
+from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from mathnavi.controllers.flight.plugin import planner as flight_planner
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.models.aerial.mission import FlightMission
-from mathnavi.models.aerial.plan_status import FlightStatus
-from mathnavi.sim.interfaces.bounds import FINITE, Count, configuration
+from mathnavi.models.terrain.height_field import HIGHEST
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Estimate, Plan, PlanRequest
 
 Parts = tuple[Planner, Tracker]
 
 
-def _parts(
-    config: FlightConfig,
+def _certified(
+    planner: Planner,
     mission: FlightMission,
-    bound: TrackingBound,
+    tracker: CriticallyDamped,
     *,
     certificate: type[Certificate] = Certificate,
-    certified: type[Certified] = Certified,
-    predicted: bool = False,
-) -> Parts:
-    """Planner and tracker as ``flight`` has them, with the classes and the bound that are given."""
-    tracker = CriticallyDamped(mission.control_period, config.bandwidth, tracking_bound(config.bandwidth, mission))
-    tracker.bound = bound
-    sound = Certificate.of(mission, bound, tracker.held)
+    kind: type[Certified] = Certified,
+) -> Certified:
+    """The planner behind a certificate, as ``Certified.of`` makes it, with the classes that are given."""
+    sound = Certificate.of(mission, tracker.bound, tracker.held)
     made = certificate(**{entry.name: getattr(sound, entry.name) for entry in dataclasses.fields(sound)})
-    raw: Planner = flight_planner(config, mission, bound)
-    within = ConstantVelocityStart(raw) if predicted else raw
-    fallback = partial(StopAndHover, period=raw.period)
+    fallback = partial(StopAndHover, period=planner.period)
     worst = mission.quality.worst(mission.gust)
-    return certified(within, fallback, made, bound, mission.deadline_factor, worst, mission.start_state), tracker
+    return kind(planner, fallback, made, tracker.bound, mission.deadline_factor, worst, mission.start_state)
 
 
 class BlindCertificate(Certificate):
     """A certificate that does not ask for clearance, only for a plan over the map."""
 
     def check_clearance(self, plan: Plan) -> Refusal | None:
-        refusal = super().check_clearance(plan)
-        return refusal if refusal is not None and refusal.status is FlightStatus.OFF_MAP else None
+        return Certificate.check_clearance(dataclasses.replace(self, clearance_min=-HIGHEST), plan)
 
 
-class NoClearanceCheck:
+class NoClearanceCheck(FlightController):
     """Flies plans however low they are."""
 
-    Config = FlightConfig
-    certified = False
-
-    @staticmethod
-    def build(config: FlightConfig, mission: FlightMission) -> Parts:
-        """Return the planner of a mission, and the tracker of its plans."""
-        return _parts(config, mission, tracking_bound(config.bandwidth, mission), certificate=BlindCertificate)
+    certified = staticmethod(partial(_certified, certificate=BlindCertificate))  # type: ignore[assignment]
 
 
 class ConstantVelocityStart:
@@ -99,64 +84,36 @@ class CertifiedFromAnywhere(Certified):
         return super()._examined(plan, dataclasses.replace(request, estimate=here, current=None))
 
 
-class NoStartCheck:
+class NoStartCheck(FlightController):
     """Flies plans wherever they start."""
 
-    Config = FlightConfig
-    certified = False
+    certified = staticmethod(partial(_certified, kind=CertifiedFromAnywhere))  # type: ignore[assignment]
 
     @staticmethod
     def build(config: FlightConfig, mission: FlightMission) -> Parts:
         """Return the planner of a mission, and the tracker of its plans."""
-        bound = tracking_bound(config.bandwidth, mission)
-        return _parts(config, mission, bound, certified=CertifiedFromAnywhere, predicted=True)
+        planner, tracker = FlightController.build(config, mission)
+        return ConstantVelocityStart(planner), tracker
 
 
-@configuration
-class LateConfig(FlightConfig):
-    """Fields of ``--planner``."""
-
-    late_every: Count = 4
-    """one of so many plans is late"""
-    lateness: Annotated[float, Interval(ge=0.0, le=2.0), FINITE] = 0.1
-    """how late it is [s]"""
-
-
-class Retimed:
-    """A planner, of whose plans one in ``every`` is ``lateness`` [s] late, and begins then."""
-
-    def __init__(self, planner: Planner, every: int, lateness: float) -> None:
-        self.period = planner.period
-        self._planner, self._every, self._lateness = planner, every, lateness
-        self._asked = 0
+class CertifiedTooEarly(Certified):
+    """Certifies plans for when they were asked for, and has those that are late begin when they are ready."""
 
     def plan(self, request: PlanRequest) -> Plan:
-        """The plan, later than it was certified for if it is one of those that are late."""
-        plan = self._planner.plan(request)
-        self._asked += 1
-        if not plan.ok or request.current is None or self._asked % self._every:
-            return plan
-        return dataclasses.replace(plan, t=plan.t + self._lateness)
+        """The plan, later than it was certified for if it is late."""
+        plan = super().plan(request)
+        late = plan.ready - plan.t_start if plan.ok else 0.0
+        return dataclasses.replace(plan, t=plan.t + late) if late > 0.0 else plan
 
 
-class LatePlansFlown:
+class LatePlansFlown(FlightController):
     """Flies plans that are ready after their start."""
 
-    Config = LateConfig
-    certified = False
-
-    @staticmethod
-    def build(config: LateConfig, mission: FlightMission) -> Parts:
-        """Return the planner of a mission, and the tracker of its plans."""
-        planner, tracker = _parts(config, mission, tracking_bound(config.bandwidth, mission))
-        return Retimed(planner, config.late_every, config.lateness), tracker
+    certified = staticmethod(partial(_certified, kind=CertifiedTooEarly))  # type: ignore[assignment]
 
 
-class HalvedBound:
+class HalvedBound(FlightController):
     """Certifies plans for half of what the tracker may be beside them."""
-
-    Config = FlightConfig
-    certified = False
 
     @staticmethod
     def build(config: FlightConfig, mission: FlightMission) -> Parts:
@@ -166,4 +123,6 @@ class HalvedBound:
         half = TrackingBound(
             0.5 * whole.horizontal, 0.5 * whole.vertical, 0.5 * whole.speed, 0.5 * whole.feedback, held
         )
-        return _parts(config, mission, half)
+        tracker = CriticallyDamped(mission.control_period, config.bandwidth, whole)
+        tracker.bound = half
+        return flight_planner(config, mission, half), tracker

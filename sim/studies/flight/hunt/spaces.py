@@ -1,25 +1,30 @@
 """Where the study ``hunt`` searches: for each hunt a scenario, the fields that are searched over, and its trials.
 
-All missions are short, in canyons of 640 m. What is searched over are noise and gusts as declared to the controller,
-faults, bounds, heights, seeds and what changes on the way.
+All missions are short, in canyons of 640 m and over level ground. What is searched over are noise and gusts as
+declared to the controller, faults, bounds, ends, heights, seeds and what changes on the way.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
+from mathnavi.controllers.flight.tracker import tracking_bound
 from mathnavi.models.terrain.library import load_terrain
+from mathnavi.sim.plugin.registry import PluginSpec, load
+from mathnavi.sim.scenarios.flight_parts import mission_but_ends
 from mathnavi.sim.search.space import Choice, Dimension, Range, Values
 from mathnavi.sim.sweep.trial import Trial, trial
 
-MEASURE = "mathnavi.sim.studies.flight.hunt.measures:violations"
+MEASURES = "mathnavi.sim.studies.flight.hunt.measures"
 MUTANTS = "mathnavi.sim.studies.flight.hunt.mutants"
 SEEDS = 100_000
 CANYONS = ("canyon:3", "canyon:7")
 GRID = {"planner.grid_nodes": 17}  # of the cost-to-go, so that a mission is built quickly
-SHORT = {"drawn_separation": (0.2, 0.35), "deadline_factor": 1.5, **GRID}
+SHORT = {"deadline_factor": 1.5, **GRID}
 
 
 @dataclass(frozen=True)
@@ -32,12 +37,13 @@ class Hunt:
     fields: Mapping[str, Any] = field(default_factory=dict)  # at values of their own
     controller: str | None = None
     derived: Callable[[Values], dict[str, Any]] = lambda values: dict(values)  # fields, of the values of the space
+    measure: str = f"{MEASURES}:violations"
 
     def make(self, values: Values) -> Trial:
         """The trial at these values; FieldError where the configuration refuses them."""
         fields = {**self.fields, **self.derived(values)}
         seed = fields.pop("seed")
-        return trial(self.scenario, seed, self.controller, fields=fields, measure=MEASURE)
+        return trial(self.scenario, seed, self.controller, fields=fields, measure=self.measure)
 
 
 SEED = Range("seed", 0, SEEDS)
@@ -53,24 +59,45 @@ AIR = (
 )
 
 
-def _low(values: Values) -> dict[str, Any]:
-    """Ends drawn between h_min and ``height`` above it."""
-    fields = dict(values)
-    fields["drawn_heights"] = (0.0, fields.pop("height"))
+def _course(values: Values, clearance_min: float) -> dict[str, Any]:
+    """Start and target on either side of a middle, each so high above h_min = ``clearance_min`` [m]."""
+    fields = {name: value for name, value in values.items() if name not in COURSE_NAMES}
+    ground = load_terrain(fields["terrain"])
+    heading, half = float(values["heading"]), 0.5 * float(values["distance"])
+    for name, side in (("start", -half), ("target", half)):
+        x = float(values["middle_x"]) + side * math.cos(heading)
+        y = float(values["middle_y"]) + side * math.sin(heading)
+        fields[name] = (x, y, float(ground.height(x, y)) + clearance_min + float(values[f"{name}_height"]))
     return fields
+
+
+COURSE = (
+    Range("middle_x", 150.0, 490.0), Range("middle_y", 150.0, 490.0), Range("heading", 0.0, 2.0 * math.pi),
+    Range("distance", 80.0, 220.0), Range("start_height", 0.0, 80.0), Range("target_height", 0.0, 80.0),
+)  # fmt: skip
+COURSE_NAMES = frozenset(each.name for each in COURSE)
 
 
 SAFE_FLIGHT = Hunt(
     "safe-flight",
     (
-        Choice("terrain", CANYONS), SEED, *FAULTS, *AIR,
+        Choice("terrain", CANYONS), SEED, *COURSE, *FAULTS, *AIR,
         Choice("estimator.rate", (60.0, 20.0, 5.0, 1.0)), Range("planner.margin", 0.0, 25.0),
-        Range("height", 1.0, 60.0), Range("clearance_min", 2.0, 60.0),
-        Range("speed_max", 20.0, 150.0), Range("acceleration_max", 8.0, 40.0),
+        Range("clearance_min", 2.0, 60.0), Range("speed_max", 20.0, 150.0), Range("acceleration_max", 8.0, 40.0),
     ),
     fields={**SHORT, "estimator.timeout": 60.0},
-    derived=_low,
+    derived=lambda values: _course(values, float(values["clearance_min"])),
 )  # fmt: skip
+
+
+def _low(values: Values) -> dict[str, Any]:
+    """Ends drawn between ``LEAST`` and ``height`` above h_min."""
+    fields = dict(values)
+    fields["drawn_heights"] = (LEAST, LEAST + fields.pop("height"))
+    return fields
+
+
+LEAST = 4.0  # [m] that the ground rises across a hull, on the steepest walls
 
 
 def _fleet(values: Values) -> dict[str, Any]:
@@ -88,7 +115,7 @@ FLEET = Hunt(
         Range("separation", 2.0, 20.0), Range("height", 5.0, 60.0), Range("speed_max", 20.0, 100.0),
     ),
     scenario="simultaneous-arrival",
-    fields={"vehicles": 3, "drawn_distance": (0.2, 0.6), "clearance_min": 20.0, "spread": 10.0, **GRID},
+    fields={"vehicles": 3, "drawn_distance": (0.2, 0.4), "clearance_min": 20.0, "spread": 10.0, **GRID},
     derived=_fleet,
 )  # fmt: skip
 
@@ -102,7 +129,7 @@ QUADROTOR = Hunt(
         Range("height", 1.0, 10.0), Range("speed_max", 6.0, 14.0),
     ),
     scenario="quadrotor-canyon",
-    fields={"drawn_separation": (0.05, 0.12), "planner.flight.grid_nodes": 17},
+    fields={"drawn_separation": (0.04, 0.08), "planner.flight.grid_nodes": 17},
     derived=_low,
 )  # fmt: skip
 
@@ -112,13 +139,13 @@ def _changing(values: Values) -> dict[str, Any]:
 
     Places are shares of the map, the target's a step [m] from the middle of the map.
     """
-    fields = _low(values)
+    fields = _course(values, UPDATES_LOWEST)
     given = {name: fields.pop(name) for name in list(fields) if name in CHANGES}
     ground = load_terrain(fields["terrain"])
     hill = (given["hill_x"] * ground.width, given["hill_y"] * ground.depth, given["hill_radius"], given["hill_height"])
     x, y = given["radar_x"] * ground.width, given["radar_y"] * ground.depth
     there = (given["target_x"] * ground.width, given["target_y"] * ground.depth)
-    z = float(ground.height(*there)) + fields["drawn_heights"][1] + float(given["hill_height"]) + 60.0
+    z = float(ground.height(*there)) + float(values["target_height"]) + float(given["hill_height"]) + 60.0
     return {
         **fields,
         "uncharted": (hill,),
@@ -140,60 +167,119 @@ CHANGES = {
         Range("target_x", 0.1, 0.9), Range("target_y", 0.1, 0.9), Range("target_time", 1.0, 15.0),
     )
 }  # fmt: skip
+UPDATES_LOWEST = 10.0  # [m] h_min
 UPDATES = Hunt(
     "updates",
     (
-        Choice("terrain", CANYONS), SEED, *CHANGES.values(), Range("faults.solver_failure_rate", 0.0, 0.9),
-        Range("planner.margin", 0.0, 25.0), Range("height", 5.0, 60.0), Range("speed_max", 20.0, 100.0),
+        Choice("terrain", CANYONS), SEED, *COURSE, *CHANGES.values(), Range("faults.solver_failure_rate", 0.0, 0.9),
+        Range("planner.margin", 0.0, 25.0), Range("speed_max", 20.0, 100.0),
     ),
-    fields={**SHORT, "clearance_min": 10.0},
+    fields={**SHORT, "clearance_min": UPDATES_LOWEST},
     derived=_changing,
 )  # fmt: skip
 
 HUNTS = (SAFE_FLIGHT, FLEET, QUADROTOR, UPDATES)
 
 
+# ---- controllers with a hole
+
+LOWEST = 20.0  # [m] h_min
+ROUNDING = 1e-3  # [m]
+
+
+@dataclass(frozen=True)
+class HoledHunt:
+    """Missions of a mutant, and the same ones of the product's controller, which has no hole.
+
+    The hole is found where a mission comes below h_min; ``figure`` is what a search for it minimises.
+    """
+
+    mutant: Hunt
+    product: Hunt
+    figure: str = "clearance_margin_m"
+
+
+def _hole(
+    name: str,
+    attribute: str,
+    *space: Dimension,
+    ends: tuple[Dimension, ...] | None = None,
+    derived: Callable[[Values], dict[str, Any]] | None = None,
+    product: Callable[[Values], dict[str, Any]] | None = None,
+    measured: str = "",
+    fields: Mapping[str, Any],
+) -> HoledHunt:
+    given = {"clearance_min": LOWEST, "deadline_factor": 1.5, "control_rate": 20.0, **GRID, **fields}
+    measure = f"{MEASURES}:{measured}" if measured else ""
+    mutant = Hunt(
+        name,
+        (SEED, *(ends or ENDS), *space),
+        fields=given,
+        controller=f"{MUTANTS}:{attribute}",
+        derived=derived or _between,
+        measure=measure,
+    )
+    flown = replace(mutant, name=f"{name}: product", controller=None, derived=product or mutant.derived)
+    return HoledHunt(mutant, flown, measured or "clearance_margin_m")
+
+
 def _between(values: Values) -> dict[str, Any]:
     """From one place over the canyon to another, both ``height`` above h_min."""
-    fields = dict(values)
-    height, ground = fields.pop("height"), load_terrain(CANYONS[0])
+    return _ends(values, CANYONS[0], float(values["height"]))
+
+
+def _level(bounds: float, values: Values) -> dict[str, Any]:
+    """Over level ground at the least height that is certified with so many tracking bounds, and ``height`` of the
+    tracking bound more.
+    """
+    fields = {name: value for name, value in values.items() if name not in ("seed", *ENDS_NAMES)}
+    made = trial("safe-flight", fields={**LEVEL, **fields})
+    estimator = PluginSpec(load("estimators", made.estimator), made.estimator_config)
+    mission = mission_but_ends(made.config, load_terrain(made.config.terrain), estimator)
+    rise = tracking_bound(made.controller_config.bandwidth, mission).vertical
+    return _ends(values, LEVEL["terrain"], (bounds + float(values["height"])) * rise + ROUNDING)
+
+
+def _ends(values: Values, terrain: str, height: float) -> dict[str, Any]:
+    """Start and target so high [m] above h_min."""
+    fields = {name: value for name, value in values.items() if name not in ENDS_NAMES}
+    ground = load_terrain(terrain)
     for name in ("start", "target"):
-        x, y = fields.pop(f"{name}_x"), fields.pop(f"{name}_y")
+        x, y = float(values[f"{name}_x"]), float(values[f"{name}_y"])
         fields[name] = (x, y, float(ground.height(x, y)) + LOWEST + height)
     return fields
 
 
-LOWEST = 20.0  # [m] h_min over the canyon of the mutants
-
-
-def _mutant(name: str, attribute: str, *space: Dimension, **fields: Any) -> Hunt:
-    given = {"terrain": CANYONS[0], "clearance_min": LOWEST, "deadline_factor": 1.5, **GRID, **fields}
-    return Hunt(name, (SEED, *space), fields=given, controller=f"{MUTANTS}:{attribute}", derived=_between)
-
-
 ENDS = tuple(Range(f"{end}_{axis}", 80.0, 560.0) for end in ("start", "target") for axis in "xy")
-MARGIN = Range("planner.margin", 0.0, 100.0)
-GUSTS = Range("faults.gust_rms", 0.0, 1.0)
-FAILURES = Range("faults.solver_failure_rate", 0.0, 0.95)
-# Missions that are high at both ends, so that what is found lies on the way.
+ENDS_NAMES = frozenset(("height", *(end.name for end in ENDS)))
+CANYON: Mapping[str, Any] = {"terrain": CANYONS[0]}
+LEVEL: Mapping[str, Any] = {
+    "terrain": "plain", "control_rate": 20.0, "planner.margin": 0.0, "acceleration_max": 40.0, "faults.gust_limit": 20.0
+}  # fmt: skip
+# Missions that are long, so that gusts have time: from the west to the east.
+ACROSS = (
+    Range("start_x", 80.0, 400.0), Range("start_y", 80.0, 880.0), Range("target_x", 560.0, 880.0),
+    Range("target_y", 80.0, 880.0),
+)  # fmt: skip
+# Missions in the canyon that are high at both ends, so that what is found lies on the way.
 HIGH = (
-    *ENDS, Range("height", 20.0, 200.0), MARGIN, Range("speed_max", 15.0, 150.0),
-    Range("acceleration_max", 3.0, 40.0), GUSTS, FAILURES,
+    Range("height", 20.0, 60.0), Range("planner.margin", 0.0, 10.0), Range("speed_max", 15.0, 150.0),
+    Range("acceleration_max", 3.0, 40.0), Range("planner.horizon", 10.0, 80.0), Range("faults.gust_rms", 0.0, 1.0),
+    Range("faults.solver_failure_rate", 0.0, 0.95),
 )  # fmt: skip
 HOLES = (
-    _mutant("no clearance check", "NoClearanceCheck", *HIGH),
-    _mutant(
-        "no start check", "NoStartCheck",
-        *ENDS, Range("height", 0.0, 200.0), MARGIN, Range("speed_max", 30.0, 150.0),
-        Range("acceleration_max", 8.0, 40.0), GUSTS, FAILURES,
+    _hole("no clearance check", "NoClearanceCheck", *HIGH, Range("planner.stretch", 1.0, 1.6), fields=CANYON),
+    _hole("no start check", "NoStartCheck", *HIGH, fields=CANYON),
+    _hole(
+        "late plans flown", "LatePlansFlown", *HIGH,
+        Range("faults.late_plan_rate", 0.0, 0.9), Range("faults.late_plan_latency", 1.7, 8.0), fields=CANYON,
     ),
-    _mutant(
-        "late plans flown", "LatePlansFlown",
-        *HIGH, Range("planner.late_every", 1, 10), Range("planner.lateness", 0.0, 1.0),
-    ),
-    _mutant(
+    _hole(
         "tracking bound halved", "HalvedBound",
-        *ENDS, Range("height", 0.0, 200.0), GUSTS, Range("faults.gust_time_constant", 0.5, 10.0, log=True),
-        **{"planner.margin": 0.0, "noise.position": 0.5, "speed_max": 40.0, "acceleration_max": 10.0},
+        Range("height", 0.0, 6.0), Range("speed_max", 20.0, 40.0), Range("planner.bandwidth", 0.6, 1.6),
+        Choice("estimator.rate", (20.0, 5.0, 2.0, 1.0)),
+        Range("faults.gust_rms", 0.0, 3.0), Range("faults.gust_time_constant", 0.2, 10.0, log=True),
+        ends=ACROSS, derived=partial(_level, 0.5), product=partial(_level, 1.0), measured="clearance_in_bounds",
+        fields=LEVEL,
     ),
 )  # fmt: skip

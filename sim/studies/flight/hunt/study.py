@@ -2,7 +2,7 @@
 
 Four directed searches look for the least margin of clearance, separation and deadline that no event has announced the
 loss of. Whether such a search would find a hole is measured on four controllers that have one (``mutants``): how many
-missions it takes, and how many random draws take.
+missions it takes, and how many random draws take. The product's controller is searched in the same spaces.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from statistics import median
 from typing import Any
 
 import matplotlib
@@ -23,12 +24,11 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.search.directed import Sampler, directed
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator, Objective
-from mathnavi.sim.studies.flight.hunt.spaces import HOLES, HUNTS, Hunt
+from mathnavi.sim.studies.flight.hunt.spaces import HOLES, HUNTS, HoledHunt, Hunt
 from mathnavi.sim.studies.framework.study import Setup, StudyError, StudyResult
 from mathnavi.sim.sweep.execution import Pool, Progress
 
 MARGIN = Objective("relative_margin")
-CLEARANCE = Objective("clearance_margin_m")
 FEWEST = 2000  # missions of a hunt from which its claim is judged
 ENOUGH = 200  # missions within which a search has to find a hole
 SEED, BATCH = 0, 8
@@ -44,8 +44,8 @@ class HuntConfig:
     tries: Count = ENOUGH
     """at most, of a search for the hole of a mutant"""
     draws: Count = 400
-    """at most, of random draws for the same"""
-    repeats: Count = 2
+    """at most, of a lot of random draws for the same"""
+    repeats: Count = 3
     """searches for each hole, and as many lots of random draws"""
 
 
@@ -53,7 +53,7 @@ class HuntStudy:
     """Directed searches for a mission that violates the guarantee without an event that says so."""
 
     Config = HuntConfig
-    quick = HuntConfig(missions=16, tries=16, draws=16, repeats=1)
+    quick = HuntConfig(missions=8, tries=8, draws=8, repeats=1)
     title = "The hunt for holes in the guarantee"
     on_terrain = False
 
@@ -72,7 +72,8 @@ class HuntStudy:
                 "gusts, faults, bounds, heights, seeds and what changes on the way. What is minimised is the least of "
                 "the margins of clearance, separation and deadline, each relative to its bound; a violation that an "
                 "event has announced counts as none. The mutants are controllers with one check left out each; their "
-                "hole is found when a mission comes below h_min.",
+                "hole is found when a mission comes below h_min. The product's controller is searched in the same "
+                "spaces, with as many missions.",
                 *_violations(found),
             ),
             rows=[*rows, *(hole.row for hole in holes)],
@@ -92,7 +93,9 @@ class HuntStudy:
                 Claim(
                     "search.power", "target",
                     "The search finds the hole of a controller that lacks one check, sooner than random draws do.",
-                    "beyond the thesis", f"in under {ENOUGH} missions each, where random draws need more",
+                    "beyond the thesis",
+                    f"in under {ENOUGH} missions each (median of the searches), where random draws need more (mean); "
+                    "none in the product",
                     "; ".join(hole.text for hole in holes), all(hole.shown for hole in holes),
                 ),
             ),
@@ -141,6 +144,13 @@ class Hole:
     searches: tuple[int | None, ...]
     draws: tuple[int | None, ...]
     most_draws: int
+    of_product: tuple[int | None, ...]
+    """likewise, by each search in the same space with the product's controller"""
+
+    @property
+    def median(self) -> float:
+        """Missions of the median search; inf where that found nothing."""
+        return median(math.inf if count is None else float(count) for count in self.searches)
 
     @property
     def drawn(self) -> int:
@@ -155,17 +165,16 @@ class Hole:
 
     @property
     def shown(self) -> bool:
-        """True if every search found it in time, and random draws need more than ``ENOUGH`` and than any search."""
-        known = [count for count in self.searches if count is not None]
-        if len(known) < len(self.searches):
-            return False
-        return max(known) < ENOUGH < self.mean_draws
+        """True if the median search found it within ``ENOUGH`` missions, random draws need more, and no search found
+        one in the product.
+        """
+        return self.median < ENOUGH < self.mean_draws and not any(self.of_product)
 
     @property
     def text(self) -> str:
-        """Both counts, to be read."""
+        """All counts, to be read."""
         mean = f"{self.mean_draws:.0f}" if math.isfinite(self.mean_draws) else f"more than {self.drawn}"
-        return f"{self.name}: {_counts(self.searches)} against {mean} draws"
+        return f"{self.name}: {_counts(self.searches)} against {mean} draws; product: {_counts(self.of_product)}"
 
     @property
     def row(self) -> dict[str, Any]:
@@ -173,25 +182,34 @@ class Hole:
         return {
             "hunt": self.name, "searches": _counts(self.searches), "draws": _counts(self.draws),
             "mean_draws": self.mean_draws if math.isfinite(self.mean_draws) else None,
+            "product": _counts(self.of_product),
         }  # fmt: skip
 
 
-def _hole(hunter: Hunter, hunt: Hunt, config: HuntConfig) -> Hole:
-    """Search for a hole, and draw for it."""
+def _hole(hunter: Hunter, holed: HoledHunt, config: HuntConfig) -> Hole:
+    """Search for a hole, draw for it, and search for one in the product."""
+    objective = Objective(holed.figure)
 
-    def until(sampler: Sampler, most: int, repeat: int) -> int | None:
-        found = hunter.searched(hunt, CLEARANCE, most, sampler=sampler, seed=SEED + repeat, until=BELOW)
-        return next((each.number + 1 for each in found if CLEARANCE.reached(each.figure, BELOW)), None)
+    def counts(hunt: Hunt, sampler: Sampler, most: int) -> tuple[int | None, ...]:
+        """Missions until the hole, of each repetition."""
+        lots = [
+            hunter.searched(hunt, objective, most, sampler=sampler, seed=SEED + repeat, until=BELOW)
+            for repeat in range(config.repeats)
+        ]
+        return tuple(
+            next((each.number + 1 for each in lot if objective.reached(each.figure, BELOW)), None) for lot in lots
+        )
 
     return Hole(
-        hunt.name,
-        tuple(until("tpe", config.tries, repeat) for repeat in range(config.repeats)),
-        tuple(until("random", config.draws, repeat) for repeat in range(config.repeats)),
+        holed.mutant.name,
+        counts(holed.mutant, "tpe", config.tries),
+        counts(holed.mutant, "random", config.draws),
         config.draws,
+        counts(holed.product, "tpe", config.tries),
     )
 
 
-BELOW = -1e-3  # [m] of the margin of clearance, that no rounding explains
+BELOW = -1e-3  # [m], or tracking bounds, of the margin of clearance, that no rounding explains
 
 
 # ---- what was found
@@ -248,8 +266,13 @@ def _table(rows: Sequence[dict[str, Any]]) -> Table:
 
 
 def _hole_table(holes: Sequence[Hole]) -> Table:
-    columns = ("mutant", "missions of each search", "random draws of each lot", "draws in the mean")
-    cells = [(hole.name, _counts(hole.searches), _counts(hole.draws), f"{hole.mean_draws:.0f}") for hole in holes]
+    columns = ("mutant", "missions of each search", "random draws of each lot", "draws in the mean", "in the product")
+    cells = [
+        (
+            hole.name, _counts(hole.searches), _counts(hole.draws), f"{hole.mean_draws:.0f}", _counts(hole.of_product)
+        )
+        for hole in holes
+    ]  # fmt: skip
     return Table("Missions until the hole of a mutant is found", columns, cells)
 
 

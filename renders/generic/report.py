@@ -1,0 +1,65 @@
+"""The run of a scenario without a drawing on one page: summary, charts, two pictures of the scene, events."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from mathnavi.renders import page
+from mathnavi.renders.figures import cost_figure
+from mathnavi.renders.generic.figures import errors_figure, inputs_figure, states_figure
+from mathnavi.renders.generic.run_data import GenericRun
+from mathnavi.renders.generic.shot_list import highlight, verdict
+from mathnavi.renders.page import Drawn, Markup, quantity
+from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
+from mathnavi.sim.records.figure_names import SHORTFALL, label
+
+MOST_TILES = 5
+
+
+def report(run: GenericRun) -> Markup:
+    """The report's HTML."""
+    charts = page.section("States, inputs and errors", *page.figure_blocks(_figures(run)))
+    return run_page(run, _headline(run), (*_pictures(run), charts), by_vehicle=len(run.vehicles) > 1)
+
+
+def at_a_glance(run: GenericRun) -> Figure:
+    """The states over time, with their estimates."""
+    return states_figure(run)
+
+
+def _headline(run: GenericRun) -> Headline:
+    figures = {key: value for key, value in run.summary.items() if isinstance(value, bool | int | float)}
+    figures = {key: value for key, value in figures.items() if key not in ("seed", SHORTFALL)}
+    tiles = {label(key)[0]: quantity(key, value) for key, value in list(figures.items())[:MOST_TILES]}
+    sentence = verdict(run)
+    return Headline(
+        run.title, f"{sentence[0].upper()}{sentence[1:]}{why(run.summary)}.", SHORTFALL not in run.summary, tiles
+    )
+
+
+def _pictures(run: GenericRun) -> list[Markup]:
+    if run.scene is None:
+        return []
+    middle = sum(highlight(run)) / 2.0
+    return [
+        still_block(
+            run.directory, "fixed", run.duration, "The whole run.", "Where it went, at the end of the run."
+        ),
+        still_block(
+            run.directory, "track", middle, f"The scene {middle:.1f} s after the start.",
+            f"The scene {middle:.1f} s after the start; the estimate is drawn over it where there is one.",
+        ),
+    ]  # fmt: skip
+
+
+def _figures(run: GenericRun) -> list[Drawn]:
+    drawn: list[Drawn] = [("states", states_figure(run), "The states over time, truth and estimate.")]
+    if (inputs := inputs_figure(run)) is not None:
+        drawn.append(("inputs", inputs, "The commands to the actuators, in their order in the model."))
+    if (errors := errors_figure(run)) is not None:
+        drawn.append(("errors", errors, "Estimate less truth, state by state."))
+    for log in list(run.vehicles.values())[:1]:
+        if log.plans:
+            cost = cost_figure(log.plans, log.adopted, run.duration)
+            drawn.append(("cost", cost, "The objective of the plan that is followed, over time."))
+    return [*drawn, *solve_figures(run.summary), *event_figures(run, run.duration)]

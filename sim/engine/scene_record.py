@@ -1,0 +1,163 @@
+"""What can be seen of a run in MuJoCo: the shapes of its model, and where each body was, sample by sample.
+
+It stands for itself: whoever draws the run needs neither its scenario nor the files of its model, and nothing in it is
+executed. ``scene.npz`` in the run's folder holds it, array by array:
+
+| array | what it holds |
+|---|---|
+| ``t`` | (n,) [s] |
+| ``bodies`` | (nb,) names; 0 is the world |
+| ``pos``, ``quat`` | (n, nb, 3) [m], (n, nb, 4) poses of the bodies |
+| ``estimate.pos``, ``estimate.quat`` | likewise by the estimate, NaN before the first; absent if it cannot |
+| ``vehicles``, ``vehicle_bodies`` | (nv,) names, and the body that shows where each is |
+| ``geom.*`` | of shapes: ``body``, ``type``, ``size``, ``pos``, ``quat``, ``rgba``, ``data`` (which mesh or field) |
+| ``mesh.K.vertices``, ``mesh.K.faces`` | (m, 3) [m], (f, 3) |
+| ``field.K.heights``, ``field.K.size`` | (rows, columns) in [0, 1]; (4,) [m] |
+| ``camera.*`` | of nc cameras of the model: ``names``, ``body``, ``pos``, ``quat``, ``field_of_view`` [degrees] |
+| ``plan.VEHICLE.*`` | ``t`` [s] and ``pos`` [m] at breakpoints, ``offsets`` (p + 1,), ``adopted`` (p,) [s] |
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.replay import RecordedMotion
+from mathnavi.sim.interfaces.protocols import Plant
+from mathnavi.sim.interfaces.signals import Array, Integers
+
+RATE = 60.0  # [1/s] of the poses, at most
+MOST_SAMPLES = 6000
+MESH, FIELD = int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_HFIELD)
+_SHOWN_GROUPS = (0, 1, 2)  # of geoms, as MuJoCo's viewer shows them
+
+
+def scene_arrays(plant: Plant, recording: Recording) -> dict[str, Array] | None:
+    """The arrays of a run's scene; None where the plant has no bodies in MuJoCo, or the run no samples."""
+    arrays = recording.arrays()
+    inputs = {name: _of_vehicle(arrays, name, "command.u") for name in recording.truths}
+    if not recording.length or any(u is None for u in inputs.values()):
+        return None
+    states = {name: x[: recording.length] for name, x in recording.truths.items()}
+    finite = _finite(list(states.values()))
+    count = len(finite) if finite.all() else int(finite.argmin())
+    if count == 0:
+        return None
+    t, u = recording.t[:count], {name: each[:count] for name, each in inputs.items() if each is not None}
+    try:
+        motion = RecordedMotion(plant, t, {name: x[:count] for name, x in states.items()}, u)
+    except ValueError:
+        return None
+    rows = _rows(t)
+    found = {"t": t[rows], **_shapes(motion.plant.model), **_poses(motion, rows, "")}
+    names = list(states)
+    found["vehicles"] = np.array(names)
+    found["vehicle_bodies"] = np.array([motion.body(name) for name in names])
+    for name in names:
+        found |= _plans(motion, name, arrays)
+    return found | _estimates(motion, rows, arrays)
+
+
+def _finite(states: list[Array]) -> NDArray[np.bool_]:
+    """(n,) whether all states of a sample are finite."""
+    return np.asarray(np.isfinite(np.hstack(states)).all(axis=1))
+
+
+def _of_vehicle(arrays: dict[str, Array], vehicle: str, name: str) -> Array | None:
+    return arrays.get(name, arrays.get(f"{vehicle}.{name}"))
+
+
+def _rows(t: Array) -> Integers:
+    """Samples that are kept."""
+    count = min(len(t), MOST_SAMPLES, int(RATE * float(t[-1] - t[0])) + 2)
+    rows: Integers = np.unique(np.linspace(0, len(t) - 1, count).round().astype(np.int64))
+    return rows
+
+
+def _shapes(model: mujoco.MjModel) -> dict[str, Array]:
+    """Geoms that are shown, with their meshes and fields, and the cameras."""
+    shown = np.flatnonzero(np.isin(model.geom_group, _SHOWN_GROUPS) & (model.geom_type <= MESH))
+    material, rgba = model.geom_matid[shown], model.geom_rgba[shown].copy()
+    rgba[material >= 0] = model.mat_rgba[material[material >= 0]]
+    found = {
+        "bodies": np.array([model.body(b).name for b in range(model.nbody)]),
+        "geom.body": model.geom_bodyid[shown],
+        "geom.type": model.geom_type[shown],
+        "geom.size": model.geom_size[shown],
+        "geom.pos": model.geom_pos[shown],
+        "geom.quat": model.geom_quat[shown],
+        "geom.rgba": rgba,
+        "geom.data": model.geom_dataid[shown],
+        "camera.names": np.array([model.camera(c).name for c in range(model.ncam)], dtype=np.str_),
+        "camera.body": model.cam_bodyid,
+        "camera.pos": model.cam_pos,
+        "camera.quat": model.cam_quat,
+        "camera.field_of_view": model.cam_fovy,
+    }
+    return {name: np.array(values) for name, values in (*found.items(), *_surfaces(model, shown))}
+
+
+def _surfaces(model: mujoco.MjModel, shown: Integers) -> Iterator[tuple[str, Array]]:
+    kinds, data = model.geom_type[shown], model.geom_dataid[shown]
+    for k in np.unique(data[kinds == MESH]).tolist():
+        mesh = model.mesh(k)
+        vertices, faces = int(mesh.vertadr[0]), int(mesh.faceadr[0])
+        yield f"mesh.{k}.vertices", model.mesh_vert[vertices : vertices + int(mesh.vertnum[0])]
+        yield f"mesh.{k}.faces", model.mesh_face[faces : faces + int(mesh.facenum[0])]
+    for k in np.unique(data[kinds == FIELD]).tolist():
+        rows, columns, first = int(model.hfield_nrow[k]), int(model.hfield_ncol[k]), int(model.hfield_adr[k])
+        yield f"field.{k}.heights", model.hfield_data[first : first + rows * columns].reshape(rows, columns)
+        yield f"field.{k}.size", model.hfield_size[k]
+
+
+def _poses(motion: RecordedMotion, rows: Integers, prefix: str) -> dict[str, Array]:
+    """Poses of all bodies at the samples."""
+    data, count = motion.plant.data, motion.plant.model.nbody
+    pos: Any = np.empty((len(rows), count, 3), np.float32)
+    quat: Any = np.empty((len(rows), count, 4), np.float32)
+    for k, row in enumerate(rows):
+        motion.show_sample(int(row))
+        pos[k], quat[k] = data.xpos, data.xquat
+    return {f"{prefix}pos": pos, f"{prefix}quat": quat}
+
+
+def _estimates(motion: RecordedMotion, rows: Integers, arrays: dict[str, Array]) -> dict[str, Array]:
+    """Poses where the newest estimate has the vehicles; nothing where its states are others than theirs."""
+    believed = {}
+    for name, x in motion.states.items():
+        times, values = (_of_vehicle(arrays, name, f"estimate.{part}") for part in ("t", "x"))
+        if times is None or values is None or values.shape[1:] != x.shape[1:]:
+            return {}
+        newest = np.searchsorted(times, motion.t + TIME_TOLERANCE, side="right") - 1
+        usable = (newest >= 0) & _finite([values])[np.maximum(newest, 0)]
+        believed[name] = np.where(usable[:, None], values[np.maximum(newest, 0)], np.nan)
+    known = _finite(list(believed.values()))[rows]
+    safe = {name: np.where(np.isfinite(values), values, motion.states[name]) for name, values in believed.items()}
+    try:
+        found = _poses(RecordedMotion(motion.plant, motion.t, safe, motion.inputs), rows, "estimate.")
+    except ValueError:  # no state of the vehicle: a quaternion that is not of length 1, for one
+        return {}
+    for values in found.values():
+        values[~known] = np.nan
+    return found
+
+
+def _plans(motion: RecordedMotion, name: str, arrays: dict[str, Array]) -> dict[str, Array]:
+    """Places of a vehicle's body along its plans; nothing where a plan's states are others than the vehicle's."""
+    t, x, offsets, adopted = (_of_vehicle(arrays, name, f"plan.{part}") for part in ("t", "x", "offsets", "adopted"))
+    if t is None or x is None or offsets is None or adopted is None or x.shape[1:] != motion.states[name].shape[1:]:
+        return {}
+    places: Any = np.full((len(t), 3), np.nan, np.float32)
+    try:
+        for k in np.flatnonzero(_finite([x])):
+            places[k] = motion.place(name, x[k])
+    except ValueError:  # states that no vehicle can have, as above
+        return {}
+    prefix = f"plan.{name}"
+    return {f"{prefix}.t": t, f"{prefix}.pos": places, f"{prefix}.offsets": offsets, f"{prefix}.adopted": adopted}

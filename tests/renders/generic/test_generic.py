@@ -1,0 +1,157 @@
+"""A scenario without a drawing of its own: its scene is recorded, drawn, and refused where it is forged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.generic.run_data import GenericRun, load_run
+from mathnavi.renders.generic.shot_list import BOARD, SCENE_CAMERAS
+from mathnavi.renders.report import write_report
+from mathnavi.renders.video import write_still
+from mathnavi.sim.engine.log import AgentRecorder, Recording
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
+from mathnavi.sim.engine.scene_record import scene_arrays
+from mathnavi.sim.interfaces.errors import RunFolderError
+from mathnavi.sim.interfaces.signals import Array, Estimate, Event, Plan
+from mathnavi.sim.records.run_folder import SCENE, read_scene, write_run
+from tests.renders.drawn import needs_opengl
+from tests.renders.reading import checked_report
+
+MODEL = """
+<mujoco>
+  <asset>
+    <mesh name="keel" vertex="0 0 0  1 0 0  0 1 0  0 0 1"/>
+    <hfield name="shore" nrow="2" ncol="3" size="4 4 1 0.1" elevation="0 1 0 1 0 1"/>
+    <material name="red" rgba="0.9 0.1 0.1 1"/>
+  </asset>
+  <worldbody>
+    <geom type="plane" size="0 0 1" contype="0" conaffinity="0"/>
+    <geom type="hfield" hfield="shore" pos="0 20 0"/>
+    <camera name="pier" pos="5 -12 4" xyaxes="1 0 0 0 0.3 1" fovy="60"/>
+    <camera name="../../../out" pos="0 0 9"/>
+    <body name="cart/hull" pos="0 0 1">
+      <joint name="cart/x" type="slide" axis="1 0 0"/>
+      <geom type="box" size="0.6 0.4 0.3" material="red" mass="1"/>
+      <geom type="mesh" mesh="keel" pos="0 0 0.3" mass="0.1"/>
+      <body name="cart/mast" pos="0 0 0.3">
+        <joint name="cart/turn" type="hinge" axis="0 0 1"/>
+        <geom type="capsule" size="0.05" fromto="0 0 0 0 0 1" mass="0.1"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor name="cart/force" joint="cart/x"/></actuator>
+</mujoco>
+"""
+T = np.linspace(0.0, 2.0, 41)
+STATES = ("position_x [m]", "position_turn [rad]", "velocity_x [m/s]", "velocity_turn [rad/s]")
+CONFIG = {"scenario": "lake:Crossing", "seed": 2, "fields": {}, "controller": {"name": "a.b:Helm", "fields": {}}}
+
+
+def recording(x: Array) -> Recording:
+    agent = AgentRecorder("cart", [Event(0.5, "cart", "late", "a plan")], np.ones((len(T), 1)), {})
+    for t, state in zip(T, x, strict=True):
+        agent.estimate(Estimate(t, np.add(state, (0.5, 0.1, 0.0, 0.0))))
+    agent.adopted(0.0, Plan(np.array([0.0, 3.0]), np.vstack([x[0], x[-1] + 1.0]), np.ones((1, 1)), np.zeros(1, int)))
+    return Recording(T, {"cart": x}, {"cart": agent}, agent.events, {"cart": STATES}, len(T))
+
+
+def moved() -> Array:
+    return np.column_stack([5.0 * T, T, np.full_like(T, 5.0), np.ones_like(T)])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of a cart with a mast, past a field of heights."""
+    plant = MujocoPlant(
+        mujoco.MjModel.from_xml_string(MODEL), {"cart": VehicleSetup(np.zeros(4))}, np.random.default_rng(0)
+    )
+    place, record = tmp_path_factory.mktemp("run"), recording(moved())
+    write_run(place, CONFIG, {"arrived": True, "path_length_m": 10.0}, record, scene_arrays(plant, record))
+    return place
+
+
+def test_the_scene_holds_every_shape_and_where_it_was(folder: Path) -> None:
+    run = load_run(folder)
+    assert run.scene is not None
+    a = run.scene.arrays
+    np.testing.assert_allclose(a["pos"][:, 1, 0], 5.0 * run.scene.t, atol=1e-5)
+    np.testing.assert_allclose(a["estimate.pos"][:, 1, 0], 5.0 * run.scene.t + 0.5, atol=1e-5)
+    assert len(a["geom.type"]) == 5
+    assert a["geom.rgba"][2].tolist() == pytest.approx([0.9, 0.1, 0.1, 1.0])
+    ahead = run.scene.plans["cart"].ahead(1.5)
+    assert ahead is not None
+    np.testing.assert_allclose(ahead[:, 0], [5.5, 11.0])
+    assert drawing_of(folder).cameras == (*SCENE_CAMERAS, "pier", BOARD)  # no camera whose name would lead elsewhere
+
+
+@needs_opengl
+@pytest.mark.parametrize("camera", [*SCENE_CAMERAS, "pier", BOARD])
+def test_each_camera_shows_the_vehicle(camera: str, folder: Path, tmp_path: Path) -> None:
+    from PIL import Image
+
+    still = partial(write_still, folder, camera, width=480, height=270)
+    first, second = (
+        np.asarray(Image.open(still(tmp_path / f"{k}.png", t=t)).convert("RGB")).astype(int)
+        for k, t in enumerate((0.2, 1.8))
+    )
+    assert first.std() > 10.0
+    assert (np.abs(first - second).max(axis=-1) > 40).sum() > 30  # what moves is seen to move
+    if camera != BOARD:
+        red, green, blue = second.reshape(-1, 3).T
+        assert ((red > green + 60) & (red > blue + 60)).sum() > 30  # the red hull
+
+
+def test_a_run_of_numbers_alone_has_its_board_and_its_report(tmp_path: Path) -> None:
+    write_run(tmp_path, CONFIG, {"arrived": True}, recording(moved()))
+    assert drawing_of(tmp_path).cameras == (BOARD,)
+    write_report(tmp_path)
+    source, page = checked_report(tmp_path)
+    assert "position x" in page.text
+    assert "<image" not in source
+    assert {frame.camera for frame in drawing_of(tmp_path).frames(load_run(tmp_path))} == {BOARD}
+
+
+def test_another_run_takes_the_former_scene_away(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / SCENE).write_bytes((folder / SCENE).read_bytes())
+    write_run(tmp_path, CONFIG, {"arrived": True}, recording(moved()))
+    assert not (tmp_path / SCENE).exists()
+
+
+FORGED: dict[str, tuple[Callable[[dict[str, Array]], object], str]] = {
+    "missing": (lambda a: a.pop("geom.size"), r"geom\.size is missing"),
+    "shape": (lambda a: a.update(pos=a["pos"][:, :, :2]), r"pos has shape .*; allowed: 3"),
+    "mesh": (lambda a: a.update({"mesh.0.faces": a["mesh.0.faces"] + 100}), "the mesh 0 is missing or not whole"),
+    "field": (lambda a: a.update({"field.0.heights": np.full((2, 3), np.nan)}), "the field 0 is missing or not whole"),
+    "body": (lambda a: a.update({"geom.body": a["geom.body"] + 9}), r"geom\.body holds indices that do not exist"),
+    "endless": (lambda a: a.update(pos=a["pos"] * 1e30), r"pos holds values that are not finite, or beyond"),
+    "time": (lambda a: a.update(t=a["t"][::-1]), "t does not increase"),
+    "plans": (lambda a: a.update({"plan.cart.offsets": np.array([0, 99])}), "the plans of cart do not fit together"),
+    "texts": (lambda a: a.update(bodies=np.arange(3)), "bodies holds int64; allowed: texts"),
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_a_forged_scene_is_refused_by_name(name: str, folder: Path, tmp_path: Path) -> None:
+    forge, said = FORGED[name]
+    arrays = read_scene(folder)
+    assert arrays is not None
+    forge(arrays)
+    write_run(tmp_path, CONFIG, {}, recording(moved()), arrays)
+    with pytest.raises(RunFolderError, match=f"{SCENE}: {said}"):
+        load_run(tmp_path)
+
+
+def test_the_tour_covers_the_run(folder: Path) -> None:
+    run: GenericRun = load_run(folder)
+    frames = drawing_of(folder).frames(run, fps=10)
+    times = [frame.t for frame in frames]
+    assert times == sorted(times)
+    assert (times[0], times[-1]) == (0.0, run.duration)
+    assert {frame.camera for frame in frames} == {"fixed", "track"}

@@ -5,7 +5,8 @@ Over a window of T = 50 ms the estimated rates v^ have to add up to what the rea
     |sum h v^ - sum (y_k - y_{k-1})| / T  <=  s / 2 + 6 sqrt(2) |sigma| / T,
 
 s being the highest mean rate over such windows, forgotten with a time constant of 1 s, and sigma the standard
-deviations of a reading. Before this has held for once the estimate is initialising. Where it does not hold any more the
+deviations of a reading, as declared or, if that is more, as the second differences of the readings show, whose variance
+is 6 sigma^2. Before this has held for once the estimate is initialising. Where it does not hold any more the
 estimate is lost, and the answer is the newest reading with Butterworth's low-pass of the differences. Rates that add up
 to more than twice s have run away.
 """
@@ -25,7 +26,7 @@ from mathnavi.sim.interfaces.signals import Array, Status
 
 _WINDOW = 0.05  # [s] T
 _FEWEST = 4  # readings of a window
-_MEMORY = 1.0  # [s]
+_MEMORY, _NOISE_MEMORY = 1.0, 0.2  # [s] of s and of sigma
 _SHARE, _RUN_AWAY = 0.5, 2.0  # of s
 _DEVIATIONS = 6.0 * math.sqrt(2.0)
 _CUTOFF = 0.08  # of the rate of the readings
@@ -41,6 +42,8 @@ class SafeAnswer:
         self._past: deque[tuple[float, Array]] = deque()  # (h, displacements (2, n), read and estimated) of the window
         self._T, self._sums = 0.0, np.zeros((2, self._manifold.dimension))  # over it
         self._y: Array | None = None  # the last reading
+        self._moved: Array | None = None  # from the one before to it
+        self._declared = self._shown = 0.0  # |sigma|^2
         self._scale = 0.0  # s
         self._proven = False  # whether the estimate was ever trusted
         self.trusted = False  # whether the observer's estimate is to be answered
@@ -74,6 +77,10 @@ class SafeAnswer:
             self._begin(y)
             return
         self._y = y
+        if self._moved is not None:
+            kept = math.exp(-h / _NOISE_MEMORY)
+            self._shown = kept * self._shown + (1.0 - kept) * float(np.square(moved - self._moved).sum()) / 6.0
+        self._moved = moved
         if estimate is None:
             self._clear()
             self._trust(False)
@@ -92,14 +99,15 @@ class SafeAnswer:
         self._differences.start(y)
         self._y = y
         self._clear()
-        self._noise = _DEVIATIONS * float(np.sqrt(reading_variance(self._mission, y).sum()))
+        self._declared = self._shown = float(reading_variance(self._mission, y).sum())
+        self._moved = None
 
     def _judge(self, h: float) -> None:
         """Judge the estimate by the window that ends with the newest reading, h [s] after the one before."""
         T = self._T
         moved, summed = self._sums / T
         self._scale = max(float(np.linalg.norm(moved)), self._scale * math.exp(-h / _MEMORY))
-        noise = self._noise / T
+        noise = _DEVIATIONS * math.sqrt(max(self._declared, self._shown)) / T
         self._trust(bool(np.linalg.norm(summed - moved) <= _SHARE * self._scale + noise))
         self.ran_away = not float(np.linalg.norm(summed)) <= _RUN_AWAY * self._scale + noise
         if self.ran_away:

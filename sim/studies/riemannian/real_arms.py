@@ -19,7 +19,7 @@ from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.interfaces.protocols import Estimator
-from mathnavi.sim.interfaces.signals import Array, Status
+from mathnavi.sim.interfaces.signals import Status
 from mathnavi.sim.metrics.tuning import RecordedCall, spread, tuned
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.claims import Claim
@@ -122,7 +122,7 @@ def _judged(estimator: Estimator, calls: Sequence[RecordedCall], rates: slice) -
     truth = np.array([call.truth[rates] for call in calls])
     estimates = [estimator.update(call.t, call.measurements, call.command) for call in calls]
     error = np.linalg.norm(np.array([estimate.x[rates] for estimate in estimates]) - truth, axis=1)
-    ok: Array = np.array([estimate.status is Status.OK for estimate in estimates])
+    ok = np.array([estimate.status is Status.OK for estimate in estimates])
     speed, window = np.linalg.norm(truth, axis=1), max(1, round(PAST / (t[1] - t[0])))
     greatest = np.array([speed[max(0, k - window) : k + 1].max() for k in range(len(speed))])
     late = t >= BEGIN

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import mujoco
@@ -105,6 +105,14 @@ def test_limits_that_are_hit_are_forces_of_the_model() -> None:
     assert (run.y[:, :7].max(axis=0) > 0.4 - 1e-3).all()
     estimates, _ = observed(run)
     assert velocity_rms(run, estimates) < 0.5 * best_butterworth(run)
+
+
+def test_noise_that_was_not_declared_is_estimated() -> None:
+    run = moved("servo-six")
+    noisy = replace(run, y=run.y + 2e-3 * np.random.default_rng(0).standard_normal(run.y.shape))
+    estimates, _ = observed(noisy)
+    assert velocity_rms(noisy, estimates) < 0.5 * best_butterworth(noisy)
+    assert {estimate.status for estimate in estimates[100:]} == {Status.OK}
 
 
 class Wrong(MechanismSystem):

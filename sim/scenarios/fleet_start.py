@@ -69,11 +69,16 @@ def started_fleet(
     Raises MissionError for starts or slots that cannot be, and where none that can are drawn.
     """
     rng, failing = parts.streams["draws"], parts.streams["planner_faults"]
+    # Ends that are drawn are too low where no first plan can be certified from them, and are drawn again.
+    if config.target is not None:
+        check_above_ground("target", config.target, common)
     for (one, a), (other, b) in combinations(zip(config.names, config.start, strict=False), 2):
         if math.dist(a, b) < config.separation:
             raise MissionError(
                 f"start of {one} and of {other} are {math.dist(a, b):.2f} m apart; allowed: >= {config.separation:g} m"
             )
+    for name, start in zip(config.names, config.start, strict=False):
+        check_above_ground(f"start of {name}", start, common)
     reasons: list[str] = []
     given = bool(config.start) and config.target is not None
     for _ in range(1 if given else _DRAWS):
@@ -151,7 +156,6 @@ def _check_apart(config: SimultaneousArrivalConfig, fleet: Mapping[str, StartedV
 def _slots(config: SimultaneousArrivalConfig, common: FlightMission, target: Point) -> list[Point]:
     """Slots (x, y, z) [m] on a ring about the target, at its height or as high as the ground asks for."""
     x, y, z = target
-    check_above_ground("target", target, common)
     n = config.vehicles
     radius = 0.5 * config.slot_spacing / math.sin(math.pi / n)
     angles = [2.0 * math.pi * k / n for k in range(n)]
@@ -203,7 +207,6 @@ def _level(config: SimultaneousArrivalConfig, common: FlightMission, k: int) -> 
 def _vehicle(
     name: str, mission: FlightMission, centre: Point, parts: Assembler, streams: RandomStreams
 ) -> StartedVehicle:
-    check_above_ground(f"start of {name}", mission.start, mission)
     raw, tracker = checked_controller(parts.controller, mission, TrackingBound)
     if not hasattr(raw, "length_to_go"):
         raise PluginError(

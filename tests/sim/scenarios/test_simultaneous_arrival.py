@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.models.aerial.dynamics import HULL_RADIUS
 from mathnavi.sim.metrics.fleet import arrival_times, least_separation
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
@@ -122,6 +123,15 @@ def test_a_fleet_with_given_starts_starts_there(terrain: str) -> None:
     height = float(flight.mountains().height(*middle))
     expected = config(terrain, start=starts, target=(*middle, height + 300.0))
     assert SimultaneousArrival.build(expected, 7).config["fields"]["start"] == [list(start) for start in starts]
+
+
+def test_a_start_that_is_drawn_too_low_is_drawn_again(terrain: str) -> None:
+    """The ground rises across the hull, so that a start just above h_min of the ground below its centre is too low."""
+    built = SimultaneousArrival.build(config(terrain, vehicles=2, drawn_heights=(0.0, 1.0)), 2)
+    ground = flight.mountains().inflated(HULL_RADIUS, 0.0)
+    for place in built.config["mission"]["vehicles"].values():
+        x, y, z = place["start"]
+        assert z >= float(ground.height(x, y)) + 50.0
 
 
 def test_new_information_is_sent_to_all(terrain: str) -> None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
+from mathnavi.controllers.flight.certificate import raised_ground
 from mathnavi.controllers.flight.tracker import tracking_bound
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.plugin.registry import PluginSpec, load
@@ -22,6 +23,7 @@ from mathnavi.sim.sweep.trial import Trial, trial
 MEASURES = "mathnavi.sim.studies.flight.hunt.measures"
 MUTANTS = "mathnavi.sim.studies.flight.hunt.mutants"
 SEEDS = 100_000
+ROUNDING = 1e-3  # [m]
 CANYONS = ("canyon:3", "canyon:7")
 GRID = {"planner.grid_nodes": 17}  # of the cost-to-go, so that a mission is built quickly
 SHORT = {"deadline_factor": 1.5, **GRID}
@@ -59,16 +61,28 @@ AIR = (
 )
 
 
-def _course(values: Values, clearance_min: float) -> dict[str, Any]:
-    """Start and target on either side of a middle, each so high above h_min = ``clearance_min`` [m]."""
+def _course(fixed: Mapping[str, Any], values: Values) -> dict[str, Any]:
+    """Start and target on either side of a middle, each so high above what a plan has to keep."""
     fields = {name: value for name, value in values.items() if name not in COURSE_NAMES}
-    ground = load_terrain(fields["terrain"])
+    keep = _lowest({**fixed, **fields})
     heading, half = float(values["heading"]), 0.5 * float(values["distance"])
     for name, side in (("start", -half), ("target", half)):
         x = float(values["middle_x"]) + side * math.cos(heading)
         y = float(values["middle_y"]) + side * math.sin(heading)
-        fields[name] = (x, y, float(ground.height(x, y)) + clearance_min + float(values[f"{name}_height"]))
+        fields[name] = (x, y, keep(x, y) + float(values[f"{name}_height"]))
     return fields
+
+
+def _lowest(fields: Mapping[str, Any]) -> Callable[[float, float], float]:
+    """The least height z [m] at (x, y) [m] at which a plan of ``safe-flight`` with these fields is certified: h_min
+    above the ground, which is raised by the tracking bound and the hull.
+    """
+    made = trial("safe-flight", fields={name: value for name, value in fields.items() if name != "seed"})
+    estimator = PluginSpec(load("estimators", made.estimator), made.estimator_config)
+    mission = mission_but_ends(made.config, load_terrain(made.config.terrain), estimator)
+    bound = tracking_bound(made.controller_config.bandwidth, mission)
+    ground = raised_ground(mission.terrain, bound.horizontal + mission.reach, bound.vertical)
+    return lambda x, y: float(ground.height(x, y)) + mission.clearance_min + ROUNDING
 
 
 COURSE = (
@@ -78,6 +92,7 @@ COURSE = (
 COURSE_NAMES = frozenset(each.name for each in COURSE)
 
 
+PATIENT = {**SHORT, "estimator.timeout": 60.0}
 SAFE_FLIGHT = Hunt(
     "safe-flight",
     (
@@ -85,8 +100,8 @@ SAFE_FLIGHT = Hunt(
         Choice("estimator.rate", (60.0, 20.0, 5.0, 1.0)), Range("planner.margin", 0.0, 25.0),
         Range("clearance_min", 2.0, 60.0), Range("speed_max", 20.0, 150.0), Range("acceleration_max", 8.0, 40.0),
     ),
-    fields={**SHORT, "estimator.timeout": 60.0},
-    derived=lambda values: _course(values, float(values["clearance_min"])),
+    fields=PATIENT,
+    derived=partial(_course, PATIENT),
 )  # fmt: skip
 
 
@@ -139,8 +154,8 @@ def _changing(values: Values) -> dict[str, Any]:
 
     Places are shares of the map, the target's a step [m] from the middle of the map.
     """
-    fields = _course(values, UPDATES_LOWEST)
-    given = {name: fields.pop(name) for name in list(fields) if name in CHANGES}
+    given = {name: values[name] for name in CHANGES}
+    fields = _course(CHARTED, {name: value for name, value in values.items() if name not in CHANGES})
     ground = load_terrain(fields["terrain"])
     hill = (given["hill_x"] * ground.width, given["hill_y"] * ground.depth, given["hill_radius"], given["hill_height"])
     x, y = given["radar_x"] * ground.width, given["radar_y"] * ground.depth
@@ -167,14 +182,14 @@ CHANGES = {
         Range("target_x", 0.1, 0.9), Range("target_y", 0.1, 0.9), Range("target_time", 1.0, 15.0),
     )
 }  # fmt: skip
-UPDATES_LOWEST = 10.0  # [m] h_min
+CHARTED = {**SHORT, "clearance_min": 10.0}
 UPDATES = Hunt(
     "updates",
     (
         Choice("terrain", CANYONS), SEED, *COURSE, *CHANGES.values(), Range("faults.solver_failure_rate", 0.0, 0.9),
         Range("planner.margin", 0.0, 25.0), Range("speed_max", 20.0, 100.0),
     ),
-    fields={**SHORT, "clearance_min": UPDATES_LOWEST},
+    fields=CHARTED,
     derived=_changing,
 )  # fmt: skip
 
@@ -184,7 +199,6 @@ HUNTS = (SAFE_FLIGHT, FLEET, QUADROTOR, UPDATES)
 # ---- controllers with a hole
 
 LOWEST = 20.0  # [m] h_min
-ROUNDING = 1e-3  # [m]
 
 
 @dataclass(frozen=True)

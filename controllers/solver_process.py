@@ -32,6 +32,8 @@ _LOAD, _SOLVE = 0, 1
 _HEADER = struct.Struct("<BQd")  # what is asked, the number of the solver, the limit of CPU time [s]
 _REPLY = struct.Struct("<?qQ")  # success, iterations (-1 for an exception), length of the message
 _NUMBERS = itertools.count(1)
+# -P and a path that the process sets by itself: no casadi.py of the current folder is taken for the library.
+_START = "import sys; sys.path[:] = sys.argv[2:]; from mathnavi.controllers.solver_process import main; main()"
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,7 @@ class SolverProcess:
         ours, theirs = socket.socketpair()
         with theirs:
             self._child = subprocess.Popen(
-                [sys.executable, "-m", "mathnavi.controllers.solver_process", str(theirs.fileno())],
+                [sys.executable, "-P", "-c", _START, str(theirs.fileno()), *filter(None, sys.path)],
                 pass_fds=(theirs.fileno(),), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
                 start_new_session=True,
             )  # fmt: skip
@@ -179,5 +181,6 @@ def serve(connection: Connection) -> None:
                 connection.send_bytes(solvers[number].answer(message[_HEADER.size :], seconds))
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Serve the process at the other end of the socket whose number is the first argument."""
     serve(Connection(int(sys.argv[1])))

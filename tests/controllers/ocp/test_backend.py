@@ -135,6 +135,13 @@ def test_a_solve_that_does_not_return_is_ended_and_the_next_one_is_as_ever() -> 
     assert (after.iterations, after.message) == (before.iterations, before.message)
 
 
+def test_the_process_takes_no_module_of_the_current_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "casadi.py").write_text("raise SystemExit('not the library')", encoding="utf-8")
+    PROCESS.close()
+    monkeypatch.chdir(tmp_path)
+    assert transcription(growing(0.0), MultipleShooting(1), 6, options=Options("fatrop")).solve().solved
+
+
 def test_a_solver_whose_process_was_killed_says_so_and_starts_another() -> None:
     made = transcription(growing(0.0), MultipleShooting(1), 6, options=Options("fatrop"))
     assert made.solve().solved

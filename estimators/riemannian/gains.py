@@ -25,6 +25,9 @@ from mathnavi.estimators.velocity.poles import pole_weights
 GainName = Literal["constant", "printed"]
 CurvatureName = Literal["minus-one", "matched", "none", "plus-one"]
 
+DEFAULT_BANDWIDTH = 10.0
+"""omega [1/s] where none is given and none is tuned"""
+
 _CONSTANT_C = {"minus-one": -1.0, "none": 0.0, "plus-one": 1.0}
 _SMALL = 1e-4  # [rad] below which tan(a) / a is 1 to 3e-9
 _PRINTED_A, _PRINTED_B, _PRINTED_FLOOR = 3.0, 3.0, 1e-7
@@ -34,7 +37,7 @@ _PRINTED_A, _PRINTED_B, _PRINTED_FLOOR = 3.0, 3.0, 1e-7
 class IntrinsicGains:
     """Gains A [1/s], B [1/s^2] and C by the distance theta between x and xi, on a space of curvature ``kappa``."""
 
-    bandwidth: float = 10.0  # omega [1/s]
+    bandwidth: float = DEFAULT_BANDWIDTH  # omega [1/s]
     damping: float = 1.0  # zeta
     law: GainName = "constant"
     curvature: CurvatureName = "minus-one"

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Le
 
-from mathnavi.estimators.riemannian.gains import CurvatureName, GainName, IntrinsicGains
+from mathnavi.estimators.riemannian.gains import DEFAULT_BANDWIDTH, CurvatureName, GainName, IntrinsicGains
 from mathnavi.estimators.riemannian.sampled import SampledIntrinsicObserver
 from mathnavi.estimators.riemannian.tuning import BandwidthTuning
 from mathnavi.estimators.velocity.position_observer import PositionObserver
@@ -28,7 +28,6 @@ from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array
 
 _FASTEST = 1e4  # [1/s]
-_BANDWIDTH = 10.0  # [1/s] where none is given and it is not tuned
 
 
 @configuration
@@ -138,7 +137,7 @@ class _Intrinsic:
             raise FieldError(f"tuning = 'innovations' on {manifold.name}; allowed: on mechanisms and attitudes")
         kappa = manifold.kappa or 0.0
         self._config, self._mission, self._manifold = config, mission, manifold
-        omega = config.bandwidth or _BANDWIDTH
+        omega = config.bandwidth or DEFAULT_BANDWIDTH
         self._gains = IntrinsicGains(omega, config.damping, config.gains, config.curvature, kappa)
         self._observer: SampledIntrinsicObserver | None = None
         self._distance = np.nan

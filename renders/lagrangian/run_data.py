@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.estimators.riemannian.gains import IntrinsicGains
+from mathnavi.estimators.riemannian.gains import DEFAULT_BANDWIDTH, IntrinsicGains
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.constant_curvature import hyperbolic_space, sphere
 from mathnavi.models.manifold.manifold import CutLocusError, Manifold
@@ -45,6 +45,7 @@ class LagrangianRun(LoggedRun):
     t_estimate: Array  # (m,) [s]
     estimate: Array  # (m, nx)
     innovation: Array | None  # (m,) distance between a reading and its prediction; NaN before the first
+    has_tuned_bandwidths: bool  # whether the observer's follow the innovations
 
     @property
     def diverged(self) -> bool:
@@ -106,11 +107,11 @@ class LagrangianRun(LoggedRun):
 
     @cached_property
     def lyapunov_gain(self) -> float | None:
-        """B of V and W; None for an estimator that is not the observer (D.6)."""
+        """B of V and W; None for an estimator that is not the observer (D.6), or has a bandwidth for each joint."""
         fields = self.log.config["estimator"]["fields"]
-        if not {"bandwidth", "gains"} <= set(fields):
+        if not {"bandwidth", "gains"} <= set(fields) or self.has_tuned_bandwidths:
             return None
-        return IntrinsicGains(float(fields["bandwidth"]), law=fields["gains"]).velocity()
+        return IntrinsicGains(float(fields["bandwidth"] or DEFAULT_BANDWIDTH), law=fields["gains"]).velocity()
 
     @cached_property
     def magnification(self) -> float:
@@ -208,4 +209,16 @@ def _described(log: RunLog, mission: Mapping[str, Any], arrays: Mapping[str, Arr
     if not (len(states) == log.x.shape[1] == size and x.shape == (len(t), size) and len(t)):
         raise RunFolderError(f"estimate.x {x.shape} and truth.x {log.x.shape} are not of the {size} states {states}")
     innovation = arrays["estimate.innovation"][seen, 0] if "estimate.innovation" in arrays else None
-    return LagrangianRun(log, manifold, space, mechanism, states, record.inputs, record.tolerance, t, x, innovation)
+    return LagrangianRun(
+        log,
+        manifold,
+        space,
+        mechanism,
+        states,
+        record.inputs,
+        record.tolerance,
+        t,
+        x,
+        innovation,
+        "estimate.bandwidth" in arrays,
+    )

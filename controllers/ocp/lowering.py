@@ -9,7 +9,7 @@ import numpy as np
 
 from mathnavi.controllers.ocp.comparisons import Row
 from mathnavi.controllers.ocp.expressions import check_symbols, column
-from mathnavi.controllers.ocp.guesses import Derived, integral, simulated
+from mathnavi.controllers.ocp.guesses import SAMPLES, Derived, integral, simulated
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.scaling import automatic_scale
 from mathnavi.controllers.ocp.statement import Statement, Variable, bounds, limits
@@ -79,7 +79,7 @@ def guesses_of(statement: Statement) -> Guesses:
     variables = [*statement.states, *statement.controls]
     times = np.unique(np.concatenate([v.guess.breaks(duration) for v in variables]))
     if statement.simulation is not None:
-        times = np.union1d(times, np.linspace(0.0, 1.0, 101))
+        times = np.union1d(times, np.linspace(0.0, 1.0, SAMPLES))
 
     def spread(over: list[Variable]) -> Array:
         columns = [v.guess.at(times, duration) for v in over]

@@ -21,7 +21,7 @@ from mathnavi.controllers.ocp.defects import defects
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, uniform
 from mathnavi.controllers.ocp.methods.hp_mesh import TINY, VIOLATION, interval_errors, meshed, with_boundaries
 from mathnavi.controllers.ocp.nlp import SHORTEST_ARC, variation
-from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.replay import check_tolerance, replayed
 from mathnavi.controllers.ocp.solution import Solution, Timing
 from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
@@ -110,6 +110,7 @@ def hp(
     Raises:
         ProblemError: for fewer than two nodes and a tolerance that is not positive.
     """
+    check_problem(problem)
     check_tolerance(tolerance)
     check_nodes(most_nodes, "most_nodes")
     plan, current = _first(problem, most_nodes, guess, parameters, options)

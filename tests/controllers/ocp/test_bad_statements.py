@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 
 from mathnavi.controllers.ocp.indirect import solve_indirect
+from mathnavi.controllers.ocp.methods.automatic import automatic
 from mathnavi.controllers.ocp.methods.by_name import solve_by
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.methods.distribution import distribute
+from mathnavi.controllers.ocp.methods.hp import hp
 from mathnavi.controllers.ocp.methods.redistribution import redistribute
 from mathnavi.controllers.ocp.methods.refinement import refine
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
@@ -133,6 +135,8 @@ def test_more_conditions_than_a_problem_without_control_can_meet_are_counted() -
         lambda ocp: refine(ocp),
         lambda ocp: redistribute(ocp, 5),
         lambda ocp: distribute(ocp, 5),
+        lambda ocp: hp(ocp),
+        lambda ocp: automatic(ocp),
         lambda ocp: solve_by(ocp, 5, "refine", None, guess=None, parameters=np.empty(0)),
         lambda ocp: transcription(ocp, HermiteSimpson(), 5),
         lambda ocp: solve_indirect(ocp),
@@ -226,6 +230,8 @@ def falling() -> ProblemFunctions:
         lambda problem: refine(problem),
         lambda problem: redistribute(problem, 7),
         lambda problem: distribute(problem, 7),
+        lambda problem: hp(problem),
+        lambda problem: automatic(problem),
     ],
 )
 def test_a_problem_without_a_control_works_in_every_method(method: Callable[[ProblemFunctions], Solution]) -> None:

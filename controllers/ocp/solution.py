@@ -226,7 +226,7 @@ class Solution:
     def hamiltonian(self) -> Array:
         """Hamiltonian H = L + λ'f (N - 1, k) at ``point_times``; constant in time where nothing depends on t."""
         problem, times = self.problem, self.point_times
-        x, u, t = self.inner.reshape(-1, problem.nx), self.u.reshape(-1, problem.nu), times.ravel()
+        x, u, t = self.inner.reshape(-1, problem.nx), self.u.reshape(times.size, problem.nu), times.ravel()
         cost = problem.running_cost.map(len(t))(x.T, u.T, t[None, :], np.tile(self.parameters[:, None], (1, len(t))))
         running = np.array(cost.full())[0].reshape(times.shape)
         values: Array = running + (self.multipliers.dynamics.values * self.rates).sum(axis=2)

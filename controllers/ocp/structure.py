@@ -101,8 +101,8 @@ def switching_constraints(problem: ProblemFunctions) -> NDArray[np.bool_]:
 
     Of a control that does not, a constraint makes a kink where it begins to hold, and that moves as smoothly as it.
     """
-    size = len(problem.path_bounds.lower), problem.nu
-    depends = np.array(ca.DM(problem.path.jac_sparsity(0, 1), 1.0).full(), dtype=bool).reshape(size)
+    depends = np.array(ca.DM(problem.path.jac_sparsity(0, 1), 1.0).full(), dtype=bool)
+    depends = depends.reshape(len(problem.path_bounds.lower), problem.nu)
     return np.asarray(depends.any(axis=1) & ~depends[:, ~linear_controls(problem)].any(axis=1))
 
 

@@ -63,7 +63,8 @@ def solve_indirect(solution: Solution, *, tolerance: float = 1e-8, most_nodes: i
         ProblemError: for a direct solution that failed and for a problem that these conditions do not cover.
     """
     if not isinstance(solution, Solution):
-        raise ProblemError(f"solution = {solution!r:.120}; allowed: a direct Solution")
+        shown = repr(solution).partition("\n")[0]
+        raise ProblemError(f"solution = {shown:.120}; allowed: a direct Solution")
     if not solution.solved:
         raise ProblemError(f"the direct solution of {solution.problem.name} failed: {solution.status.value}")
     _check_covered(solution)

@@ -149,6 +149,7 @@ class ProblemFunctions:
 def check_problem(problem: object) -> None:
     """Raise ProblemError for a problem that is no ``ProblemFunctions``, an ``OptimalControlProblem`` itself for one."""
     if not isinstance(problem, ProblemFunctions):
+        shown = repr(problem).partition("\n")[0]  # of a problem that is stated, its name
         raise ProblemError(
-            f"problem = {problem!r:.120}; allowed: ProblemFunctions, OptimalControlProblem.functions() for one"
+            f"problem = {shown:.120}; allowed: ProblemFunctions, OptimalControlProblem.functions() for one"
         )

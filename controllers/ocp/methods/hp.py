@@ -33,7 +33,7 @@ from mathnavi.sim.interfaces.signals import Array
 OPTIONS = Options(tolerance=1e-11)
 """tighter than that of other methods: what is compared from round to round is J"""
 TOLERANCE = 1e-6
-MOST_NODES = 200
+MOST_NODES = 300
 
 _STARTS = ((13, 3), (25, 3), (41, 2))  # nodes and points of an interval, until one is solved
 _ROUNDS = 14
@@ -42,7 +42,7 @@ _MOST_ARCS = 30
 _MOST_VISITS = 2  # to the same structure, before the rounds stay with it
 _SMOOTHING = 1e-2  # first weight ρ, over |J|
 _JITTER = 1e-4  # of that weight for a control that J or the dynamics bend: it would jitter in a narrow interval
-_MOST_BENT = 4  # rounds in which only a violated constraint asks for nodes
+_MOST_BENT = 6  # rounds in which only a violated constraint asks for nodes
 _COARSE = 1e-3  # sum of errors above which a structure is kept
 _LEAST = 1e-3  # of the tolerance, the defects are asked to be
 _ROUNDING = 1e-9  # relative change of J that the solver's own tolerance leaves

@@ -243,8 +243,9 @@ class ControllerPlugin(Protocol):
     def build(config: Any, mission: Any) -> tuple[Planner, Tracker]:
         """Fresh parts for one run. ``mission`` is the scenario's public description of the task.
 
-        A scenario that certifies plans also needs ``tracker.bound``, what the tracker keeps, and certifies unless the
-        plug-in has an attribute ``certified`` that is False.
+        A scenario that certifies plans also needs ``tracker.bound``, what the tracker keeps. It certifies unless the
+        plug-in has an attribute ``certified`` that is False; one that is a function, ``certified(planner, mission,
+        tracker)``, certifies in its own way: it returns the planner that is asked.
         """
         ...
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.models.aerial.dynamics import HULL_RADIUS
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.interfaces.fields import plain
 from mathnavi.sim.interfaces.signals import Event
@@ -137,7 +138,10 @@ def test_ends_lie_on_either_side_of_the_middle(hunt: Hunt) -> None:
     ground = load_terrain(fields["terrain"])
     assert (0.5 * (x + to_x), 0.5 * (y + to_y)) == pytest.approx((320.0, 320.0))
     assert math.hypot(to_x - x, to_y - y) == pytest.approx(150.0)
-    assert z - float(ground.height(x, y)) == pytest.approx(fields["clearance_min"] + 40.0)
+    bound = hunt.make(drawn(hunt.space, [0.5] * len(hunt.space))).build().config["mission"]["tracking_bound"]
+    certified = ground.inflated(bound["horizontal"] + HULL_RADIUS, bound["vertical"])
+    lowest = float(certified.height(x, y)) + fields["clearance_min"]
+    assert z - lowest == pytest.approx(40.0, abs=0.01)
 
 
 def test_the_mutant_with_half_the_bound_begins_as_low_as_it_certifies() -> None:

@@ -1,7 +1,8 @@
 """Where the study ``hunt`` searches: for each hunt a scenario, the fields that are searched over, and its trials.
 
 All missions are short, in canyons of 640 m and over level ground. What is searched over are noise and gusts as
-declared to the controller, faults, bounds, ends, heights, seeds and what changes on the way.
+declared to the controller, faults, bounds, ends, heights, seeds and what changes on the way; for the mutants also the
+planner's horizon, period and nodes.
 """
 
 from __future__ import annotations
@@ -198,7 +199,8 @@ HUNTS = (SAFE_FLIGHT, FLEET, QUADROTOR, UPDATES)
 
 # ---- controllers with a hole
 
-LOWEST = 20.0  # [m] h_min
+LOWEST, ABOVE = 20.0, 30.0  # [m] h_min, and ends above it
+CONTROL_RATE = 20.0  # [Hz]
 
 
 @dataclass(frozen=True)
@@ -223,23 +225,34 @@ def _hole(
     measured: str = "",
     fields: Mapping[str, Any],
 ) -> HoledHunt:
-    given = {"clearance_min": LOWEST, "deadline_factor": 1.5, "control_rate": 20.0, **GRID, **fields}
+    given = {"clearance_min": LOWEST, "deadline_factor": 1.5, "control_rate": CONTROL_RATE, **GRID, **fields}
     measure = f"{MEASURES}:{measured}" if measured else ""
     mutant = Hunt(
         name,
-        (SEED, *(ends or ENDS), *space),
+        (SEED, *(ends or RIM), *space),
         fields=given,
         controller=f"{MUTANTS}:{attribute}",
-        derived=derived or _between,
+        derived=derived or _to_the_plateau,
         measure=measure,
     )
     flown = replace(mutant, name=f"{name}: product", controller=None, derived=product or mutant.derived)
     return HoledHunt(mutant, flown, measured or "clearance_margin_m")
 
 
-def _between(values: Values) -> dict[str, Any]:
-    """From one place over the canyon to another, both ``height`` above h_min."""
-    return _ends(values, CANYONS[0], float(values["height"]))
+def _to_the_plateau(values: Values) -> dict[str, Any]:
+    """From the gorge to the plateau, both ends ``ABOVE`` h_min.
+
+    ``period_share`` is the period of the planner in horizons, ``reading`` that of the estimator in control steps, and
+    ``late`` the time [s] by which late plans are.
+    """
+    fields = _ends(values, CANYONS[0], ABOVE)
+    period = max(1, round(fields.pop("period_share") * fields["planner.horizon"] * CONTROL_RATE)) / CONTROL_RATE
+    fields["planner.period"] = period
+    if "reading" in fields:
+        fields["estimator.rate"] = CONTROL_RATE / fields.pop("reading")
+    if "late" in fields:
+        fields["faults.late_plan_latency"] = period + fields.pop("late")
+    return fields
 
 
 def _level(bounds: float, values: Values) -> dict[str, Any]:
@@ -256,7 +269,7 @@ def _level(bounds: float, values: Values) -> dict[str, Any]:
 
 def _ends(values: Values, terrain: str, height: float) -> dict[str, Any]:
     """Start and target so high [m] above h_min."""
-    fields = {name: value for name, value in values.items() if name not in ENDS_NAMES}
+    fields = {name: value for name, value in values.items() if name not in ENDS_NAMES} | {"terrain": terrain}
     ground = load_terrain(terrain)
     for name in ("start", "target"):
         x, y = float(values[f"{name}_x"]), float(values[f"{name}_y"])
@@ -264,29 +277,40 @@ def _ends(values: Values, terrain: str, height: float) -> dict[str, Any]:
     return fields
 
 
-ENDS = tuple(Range(f"{end}_{axis}", 80.0, 560.0) for end in ("start", "target") for axis in "xy")
-ENDS_NAMES = frozenset(("height", *(end.name for end in ENDS)))
-CANYON: Mapping[str, Any] = {"terrain": CANYONS[0]}
+ENDS_NAMES = frozenset(("height", "start_x", "start_y", "target_x", "target_y"))
 LEVEL: Mapping[str, Any] = {
-    "terrain": "plain", "control_rate": 20.0, "planner.margin": 0.0, "acceleration_max": 40.0, "faults.gust_limit": 20.0
+    "terrain": "plain", "control_rate": CONTROL_RATE, "planner.margin": 0.0, "acceleration_max": 40.0,
+    "faults.gust_limit": 20.0,
 }  # fmt: skip
 # Missions that are long, so that gusts have time: from the west to the east.
 ACROSS = (
     Range("start_x", 80.0, 400.0), Range("start_y", 80.0, 880.0), Range("target_x", 560.0, 880.0),
     Range("target_y", 80.0, 880.0),
 )  # fmt: skip
-# Missions in the canyon that are high at both ends, so that what is found lies on the way.
-HIGH = (
-    Range("height", 20.0, 60.0), Range("planner.margin", 0.0, 10.0), Range("speed_max", 15.0, 150.0),
-    Range("acceleration_max", 3.0, 40.0), Range("planner.horizon", 10.0, 80.0), Range("faults.gust_rms", 0.0, 1.0),
-    Range("faults.solver_failure_rate", 0.0, 0.95),
+# Ends between which the highest ground is under the target: a flight that completes is far above all ground, so that
+# what comes near to it are the plans themselves, around the rim.
+RIM = (
+    Range("start_x", 240.0, 390.0), Range("start_y", 270.0, 320.0), Range("target_x", 200.0, 345.0),
+    Range("target_y", 50.0, 90.0),
 )  # fmt: skip
+PLANS = (Range("planner.horizon", 4.0, 20.0, log=True), Range("period_share", 0.05, 0.9))
+# The monitor answers a plan that begins beside the vehicle by another at once, as long as it knows where that is. So
+# readings are rare here, and the estimate is lost between them, although it stays right for want of gusts.
+RARE = (Range("speed_max", 30.0, 80.0), Range("acceleration_max", 3.0, 20.0, log=True), Range("reading", 20, 120))
+BLIND: Mapping[str, Any] = {"planner.margin": 10.0, "estimator.timeout": 0.05, "deadline_factor": 2.0}
 HOLES = (
-    _hole("no clearance check", "NoClearanceCheck", *HIGH, Range("planner.stretch", 1.0, 1.6), fields=CANYON),
-    _hole("no start check", "NoStartCheck", *HIGH, fields=CANYON),
+    # Between two points at which the optimiser asks for clearance: few nodes, unequal arcs, and plans that are flown
+    # nearly to their end.
     _hole(
-        "late plans flown", "LatePlansFlown", *HIGH,
-        Range("faults.late_plan_rate", 0.0, 0.9), Range("faults.late_plan_latency", 1.7, 8.0), fields=CANYON,
+        "no clearance check", "NoClearanceCheck", *PLANS,
+        Range("speed_max", 20.0, 120.0), Range("acceleration_max", 2.0, 30.0, log=True),
+        Range("planner.nodes", 3, 13), Range("planner.stretch", 1.0, 1.4),
+        fields={"planner.margin": 20.0, "deadline_factor": 2.0},
+    ),
+    _hole("no start check", "NoStartCheck", *PLANS, *RARE, fields=BLIND),
+    _hole(
+        "late plans flown", "LatePlansFlown", *PLANS, *RARE,
+        Range("faults.late_plan_rate", 0.0, 0.6), Range("late", 0.0, 5.0), fields=BLIND,
     ),
     _hole(
         "tracking bound halved", "HalvedBound",

@@ -296,8 +296,8 @@ RIM = (
 PLANS = (Range("planner.horizon", 4.0, 20.0, log=True), Range("period_share", 0.05, 0.9))
 # The monitor answers a plan that begins beside the vehicle by another at once, as long as it knows where that is. So
 # readings are rare here, and the estimate is lost between them, although it stays right for want of gusts.
-RARE = (Range("speed_max", 30.0, 80.0), Range("acceleration_max", 3.0, 20.0, log=True), Range("reading", 20, 120))
-BLIND: Mapping[str, Any] = {"planner.margin": 10.0, "estimator.timeout": 0.05, "deadline_factor": 2.0}
+RARE = (Range("speed_max", 30.0, 80.0), Range("acceleration_max", 3.0, 20.0, log=True))
+BLIND: Mapping[str, Any] = {"estimator.timeout": 0.05, "deadline_factor": 2.0}
 HOLES = (
     # Between two points at which the optimiser asks for clearance: few nodes, unequal arcs, and plans that are flown
     # nearly to their end.
@@ -307,10 +307,13 @@ HOLES = (
         Range("planner.nodes", 3, 13), Range("planner.stretch", 1.0, 1.4),
         fields={"planner.margin": 20.0, "deadline_factor": 2.0},
     ),
-    _hole("no start check", "NoStartCheck", *PLANS, *RARE, fields=BLIND),
     _hole(
-        "late plans flown", "LatePlansFlown", *PLANS, *RARE,
-        Range("faults.late_plan_rate", 0.0, 0.6), Range("late", 0.0, 5.0), fields=BLIND,
+        "no start check", "NoStartCheck", *PLANS, *RARE, Range("reading", 2, 40),
+        fields={**BLIND, "planner.margin": 15.0},
+    ),
+    _hole(
+        "late plans flown", "LatePlansFlown", *PLANS, *RARE, Range("reading", 20, 140),
+        Range("faults.late_plan_rate", 0.0, 0.6), Range("late", 0.0, 5.0), fields={**BLIND, "planner.margin": 10.0},
     ),
     _hole(
         "tracking bound halved", "HalvedBound",

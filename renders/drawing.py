@@ -32,6 +32,7 @@ if TYPE_CHECKING:  # what makes pages takes a while to import, and the processes
     from mathnavi.renders.page import Markup
 
 FLIGHT = "mathnavi.renders.flight.drawing"
+GENERIC = "mathnavi.renders.generic.drawing:drawing_for"  # which makes the drawing of a folder
 CALLS = ("load_run", "shot_list", "highlight", "annotations")  # the functions of a drawing that this process calls
 
 R = TypeVar("R")
@@ -83,9 +84,8 @@ def drawing_of(directory: str | Path) -> Drawing[Any]:
     folder = existing_folder(directory)
     document, _ = read_run_document(folder)
     if document.drawing is None and document.terrain is None and "terrain" not in document.fields:
-        from mathnavi.renders.generic.drawing import drawing_for  # which needs this module
-
-        return drawing_for(folder)
+        made: Drawing[Any] = pkgutil.resolve_name(GENERIC)(folder)
+        return made
     return _drawing_at(present_name(FLIGHT if document.drawing is None else document.drawing), str(folder / CONFIG))
 
 

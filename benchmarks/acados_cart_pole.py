@@ -19,6 +19,7 @@ import os
 import sys
 import tempfile
 import time
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -40,9 +41,7 @@ def load(folder: Path, scratch: Path) -> Any:
     for name in ("blasfeo", "hpipm", "qpOASES_e"):  # the solver's library finds them by name once they are loaded
         ctypes.CDLL(str(install / "lib" / f"lib{name}.so"), mode=ctypes.RTLD_GLOBAL)
     sys.path.insert(0, str(folder))
-    from acados import acados_template
-
-    return acados_template
+    return import_module("acados.acados_template")
 
 
 def solver(acados: Any, scratch: Path, intervals: int, kind: str) -> Any:
@@ -73,27 +72,30 @@ def solver(acados: Any, scratch: Path, intervals: int, kind: str) -> Any:
     options = ocp.solver_options
     options.tf, options.integrator_type, options.nlp_solver_type = DURATION, "ERK", kind
     options.hessian_approx, options.nlp_solver_max_iter = "GAUSS_NEWTON", 500
-    options.qp_solver = "PARTIAL_CONDENSING_HPIPM"
+    options.qp_solver, options.qp_tol = "PARTIAL_CONDENSING_HPIPM", 1e-8
+    options.globalization = "MERIT_BACKTRACKING" if kind == "SQP" else "FIXED_STEP"
     ocp.code_export_directory = str(scratch / kind)
     return acados.AcadosOcpSolver(ocp, json_file=str(scratch / f"{kind}.json"), verbose=False)
 
 
 def cold(own: Any, intervals: int) -> tuple[int, float]:
     """Status and CPU time [s] of one solve from the straight line between the ends."""
-    own.reset()
     for i in range(intervals + 1):
         own.set(i, "x", END * i / intervals)
+        own.set(i, "lam", 0.0 * own.get(i, "lam"))
+    for i in range(intervals):
+        own.set(i, "u", np.zeros(1))
+        own.set(i, "pi", np.zeros(4))
     began = time.process_time()
     status = own.solve()
     return int(status), time.process_time() - began
 
 
-def steps(own: Any, x: Any, u: Any, count: int) -> list[float]:
-    """CPU time [s] of a real-time iteration, preparation and feedback, from ``count`` starts close to the solution."""
+def steps(own: Any, x: Any, u: Any, count: int) -> tuple[list[float], int]:
+    """CPU times [s] of a real-time iteration from ``count`` starts close to the solution, and how many failed."""
     generator = np.random.default_rng(0)
-    seconds = []
+    seconds, failed = [], 0
     for _ in range(count):
-        own.reset()
         for i, state in enumerate(x):
             own.set(i, "x", state)
         for i, control in enumerate(u):
@@ -102,10 +104,9 @@ def steps(own: Any, x: Any, u: Any, count: int) -> list[float]:
         own.set(0, "lbx", start)
         own.set(0, "ubx", start)
         began = time.process_time()
-        if own.solve() not in (0, 2):  # 2: one iteration was made, as many as there are
-            raise RuntimeError("acados: a real-time iteration failed")
+        failed += own.solve() not in (0, 2)  # 2: one iteration was made, as many as there are
         seconds.append(time.process_time() - began)
-    return seconds
+    return seconds, failed
 
 
 def main(folder: Path, intervals: int, repetitions: int) -> dict[str, Any]:
@@ -117,12 +118,13 @@ def main(folder: Path, intervals: int, repetitions: int) -> dict[str, Any]:
         solves = [cold(own, intervals) for _ in range(repetitions)]
         x = np.array([own.get(i, "x") for i in range(intervals + 1)])
         u = np.array([own.get(i, "u") for i in range(intervals)])
-        iterating = steps(solver(acados, scratch, intervals, "SQP_RTI"), x, u, 20 * repetitions)
+        iterating, failed = steps(solver(acados, scratch, intervals, "SQP_RTI"), x, u, 20 * repetitions)
         return {
             "solved": all(status == 0 for status, _ in solves),
             "seconds": [spent for _, spent in solves],
             "cost": float(own.get_cost()),
             "iteration_seconds": iterating,
+            "iteration_failures": failed,
             "states": x.tolist(),
             "controls": u.tolist(),
         }

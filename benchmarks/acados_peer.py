@@ -52,12 +52,21 @@ class Arguments:
 
 
 @dataclass(frozen=True)
+class RealTime:
+    """Real-time iterations from starts close to the solution."""
+
+    ms: float  # CPU time, median
+    failures: int
+    count: int
+
+
+@dataclass(frozen=True)
 class AcadosFindings:
     """Our attempts and acados', with its real-time iterations."""
 
     ours: list[Attempt] = field(default_factory=list)
     acados: dict[int, Attempt] = field(default_factory=dict)  # by the number of intervals
-    iteration_ms: dict[int, float] = field(default_factory=dict)  # median of a real-time iteration
+    iterations: dict[int, RealTime] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
@@ -70,8 +79,10 @@ class AcadosFindings:
             return []
         n, other = pairs[0]
         count = min(len(own.seconds), len(other.seconds))
-        times = (1e3 * np.array(attempt.seconds[:count]) for attempt in (own, other))
-        return [Comparison(f"{NAME}, {LEVEL:g}", "ms", *times, f"acados, SQP, {n} intervals", "other / ours")]
+        mine_ms, other_ms = (1e3 * np.array(attempt.seconds[:count]) for attempt in (own, other))
+        return [
+            Comparison(f"{NAME}, {LEVEL:g}", "ms", mine_ms, other_ms, f"acados, SQP, {n} intervals", "other / ours")
+        ]
 
     def show(self, console: Console) -> None:
         rows = [(f"acados, {n} intervals", attempt) for n, attempt in self.acados.items()]
@@ -81,14 +92,15 @@ class AcadosFindings:
                 f"{name}: J error {attempt.cost_error:.1e}, accuracy {attempt.accuracy:.1e}, "
                 f"{1e3 * np.median(attempt.seconds):.3g} ms, load {attempt.load:.1f}"
             )
-        for n, ms in self.iteration_ms.items():
-            console.print(f"acados, {n} intervals: {ms:.3g} ms for a real-time iteration")
+        for n, own in self.iterations.items():
+            failed = f"{own.failures} of {own.count} failed"
+            console.print(f"acados, {n} intervals: {own.ms:.3g} ms for a real-time iteration, {failed}")
 
     def plain(self) -> dict[str, Any]:
         return {
             "ours": [vars(attempt) for attempt in self.ours],
             "acados": {str(n): vars(attempt) for n, attempt in self.acados.items()},
-            "iteration_ms": {str(n): ms for n, ms in self.iteration_ms.items()},
+            "iterations": {str(n): vars(own) for n, own in self.iterations.items()},
         }
 
 
@@ -99,8 +111,8 @@ def missing(folder: Path) -> str:
     return "" if shutil.which("gcc") else "there is no gcc, which compiles its solvers"
 
 
-def solved(folder: Path, intervals: int, repetitions: int) -> tuple[Attempt, float]:
-    """One attempt of acados, judged by the replay, and the median time [ms] of a real-time iteration."""
+def solved(folder: Path, intervals: int, repetitions: int) -> tuple[Attempt, RealTime]:
+    """One attempt of acados, judged by the replay, and its real-time iterations."""
     command = [sys.executable, str(SCRIPT), str(folder), str(intervals), str(repetitions)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -121,7 +133,8 @@ def solved(folder: Path, intervals: int, repetitions: int) -> tuple[Attempt, flo
     accuracy = verdict.accuracy if found["solved"] else np.inf
     load = os.getloadavg()[0]
     attempt = Attempt(1.0 / intervals, verdict.cost_error, accuracy, tuple(found["seconds"]), load)
-    return attempt, 1e3 * float(np.median(found["iteration_seconds"]))
+    times = found["iteration_seconds"]
+    return attempt, RealTime(1e3 * float(np.median(times)), found["iteration_failures"], len(times))
 
 
 def run(arguments: Arguments, console: Console) -> AcadosFindings:
@@ -130,13 +143,13 @@ def run(arguments: Arguments, console: Console) -> AcadosFindings:
         console.print(f"acados is left out: {reason}", markup=False)
         return AcadosFindings()
     acados: dict[int, Attempt] = {}
-    iteration_ms: dict[int, float] = {}
+    iterations: dict[int, RealTime] = {}
     for n in arguments.intervals:
-        acados[n], iteration_ms[n] = solved(arguments.folder, n, arguments.repetitions)
+        acados[n], iterations[n] = solved(arguments.folder, n, arguments.repetitions)
         if acados[n].accuracy <= LEVEL:
             break
     ours = list(attempts(ocp_ours.solved, PROBLEMS[NAME], arguments.repetitions))
-    return AcadosFindings(ours, acados, iteration_ms)
+    return AcadosFindings(ours, acados, iterations)
 
 
 def main(arguments: Arguments) -> None:

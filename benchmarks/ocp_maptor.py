@@ -10,6 +10,7 @@ over the problem's scales, the guess is the problem's.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -28,16 +29,21 @@ IPOPT = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.
 def solved(problem: ProblemFunctions, tolerance: float) -> Trajectory | None:
     """Solution to MAPTOR's ``error_tolerance``; None where it did not converge."""
     import maptor
+    from maptor.exceptions import MAPTORBaseError
 
-    found = maptor.solve_adaptive(
-        _stated(problem),
-        error_tolerance=tolerance,
-        min_polynomial_degree=DEGREES[0],
-        max_polynomial_degree=DEGREES[1],
-        ode_solver_tolerance=0.1 * tolerance,
-        nlp_options=IPOPT,
-        show_summary=False,
-    )
+    try:
+        found = maptor.solve_adaptive(
+            _stated(problem),
+            error_tolerance=tolerance,
+            min_polynomial_degree=DEGREES[0],
+            max_polynomial_degree=DEGREES[1],
+            ode_solver_tolerance=0.1 * tolerance,
+            nlp_options=IPOPT,
+            show_summary=False,
+        )
+    except MAPTORBaseError as error:  # its way of ending a refinement that fails
+        print(f"MAPTOR: {error}", file=sys.stderr)
+        return None
     return _trajectory(problem, found) if found.status["success"] else None
 
 
@@ -89,7 +95,8 @@ def _stated(problem: ProblemFunctions) -> Any:
 
 def _inlined(function: ca.Function, *arguments: Any) -> ca.MX:
     """The function's expression in MAPTOR's symbols, no call of a function."""
-    return function.call(list(arguments), True, False)[0]
+    expression: ca.MX = function.call(list(arguments), True, False)[0]
+    return expression
 
 
 def _constraints(expression: ca.MX, bounds: Interval, rows: tuple[int, ...]) -> Iterator[ca.MX]:

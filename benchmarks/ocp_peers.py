@@ -112,9 +112,9 @@ class PeerFindings:
             assert own is not None
             assert other is not None
             count = min(len(own.seconds), len(other.seconds))
-            times = (1e3 * np.array(attempt.seconds[:count]) for attempt in (own, other))
+            mine_ms, other_ms = (1e3 * np.array(attempt.seconds[:count]) for attempt in (own, other))
             what = f"{entry.problem}, {common:g}"
-            rows.append(Comparison(what, "ms", *times, SHOWN[entry.software], "ours / other"))
+            rows.append(Comparison(what, "ms", mine_ms, other_ms, SHOWN[entry.software], "ours / other"))
         return rows
 
     def claims(self) -> list[dict[str, Any]]:

@@ -104,14 +104,16 @@ class _Replay:
 
         def rates(c: float, y: Array) -> Array:
             values = self._rates(y[:-1] * scale, self.control(i, c), t + c * d, problem.nominal)
-            return d * np.asarray(values.full()[:, 0])
+            scaled: Array = d * np.asarray(values.full()[:, 0])
+            return scaled
 
         grid = np.linspace(0.0, 1.0, DENSE + 1)
         y = np.append(start / scale, 0.0)
         found = solve_ivp(rates, (0.0, 1.0), y, method="DOP853", t_eval=grid, rtol=TOLERANCE, atol=TOLERANCE)
         if not found.success or not np.isfinite(found.y).all():
             return None
-        return found.y[:-1].T * scale, float(found.y[-1, -1])
+        states: Array = found.y[:-1].T * scale
+        return states, float(found.y[-1, -1])
 
     def violation(self, i: int, x: Array) -> float:
         """Largest violation of state bounds and path constraints along states (DENSE + 1, nx) of interval i."""

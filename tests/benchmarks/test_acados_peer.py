@@ -30,6 +30,6 @@ def test_the_figures_are_those_of_the_library() -> None:
 def test_acados_solves_the_same_problem() -> None:
     if reason := acados_peer.missing(acados_peer.FOLDER):
         pytest.skip(f"acados: {reason}")
-    attempt, iteration_ms = acados_peer.solved(acados_peer.FOLDER, 40, 1)
+    attempt, iterations = acados_peer.solved(acados_peer.FOLDER, 40, 1)
     assert attempt.accuracy < 2e-2  # a control held on 40 intervals
-    assert iteration_ms > 0.0
+    assert iterations.failures < iterations.count

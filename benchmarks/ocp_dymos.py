@@ -1,58 +1,50 @@
-"""A problem of ``mathnavi.controllers.ocp`` as dymos takes it.
+"""A problem of ``mathnavi.controllers.ocp`` in dymos' own terms: a trajectory of one phase and its refinement.
 
 dymos collocates at Legendre-Gauss-Radau points inside OpenMDAO and refines its grid by segment and by order (``hp``).
 The optimiser is SciPy's SLSQP, the only one for it that comes from the package index: dense, so time grows with the
 third power of the number of unknowns. With SNOPT or IPOPT through pyOptSparse, which has to be built by hand, dymos is
-faster. The dynamics are the problem's CasADi functions, all nodes at once, with their sparse derivatives; states and
-controls are over the problem's scales.
+faster. The ordinary differential equation is one component, evaluated at all nodes at once with its sparse derivatives;
+it also returns J so far, Psi(x, t) + ∫ L dt, whose last value is the objective, and what is constrained. Values of
+single states at the ends are fixed as such. States and controls are over the problem's scales.
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
-import math
 import os
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from benchmarks.ocp_statement import End, control_limits, ends, finite, limits
+from benchmarks.ocp_trajectory import Trajectory
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
-NAME = "dymos, SLSQP"
-ORDER, SEGMENTS, REFINEMENTS = 3, 6, 8  # of the first grid, and how often it may be refined
+ORDER, SEGMENTS, REFINEMENTS = 3, 8, 10  # of the first grid, and how often it may be refined
 
 
-def prepared(problem: ProblemFunctions, tolerance: float) -> Callable[[], float | None]:
-    """Function that solves the problem to dymos' ``tolerance`` and returns J, None where the optimiser failed."""
+def solved(problem: ProblemFunctions, tolerance: float) -> Trajectory | None:
+    """Solution to dymos' refinement ``tolerance``; None where the optimiser failed."""
     os.environ["OPENMDAO_REPORTS"] = "0"  # before OpenMDAO is imported: it would write folders of them
     with _quietly():
         import dymos as dm
 
         model, phase = _stated(problem, tolerance)
-
-    def solved() -> float | None:
-        with _quietly():
-            model.setup()
-            _guess(problem, phase)
-            result = dm.run_problem(
-                model,
-                refine_iteration_limit=REFINEMENTS,
-                refine_method="hp",
-                make_plots=False,
-                solution_record_file=None,
-            )
-            ends = [model.get_val(f"flight.phase.timeseries.x{i}")[-1, 0] for i in range(problem.nx)]
-            T = float(model.get_val("flight.phase.timeseries.time")[-1, 0])
-            gathered = float(model.get_val("flight.phase.timeseries.gathered")[-1, 0])
-        terminal = float(problem.terminal_cost(np.array(ends) * problem.state_scale, T, problem.nominal))
-        return terminal + gathered if result.success else None
-
-    return solved
+        model.setup()
+        _guess(problem, phase)
+        result = dm.run_problem(
+            model,
+            refine_iteration_limit=REFINEMENTS,
+            refine_method="hp",
+            make_plots=False,
+            solution_record_file=None,
+        )
+        return _trajectory(problem, model, phase) if result.success else None
 
 
 @contextlib.contextmanager
@@ -74,7 +66,7 @@ def _stated(problem: ProblemFunctions, tolerance: float) -> tuple[Any, Any]:
     import openmdao.api as om
 
     model = om.Problem()
-    model.driver = om.ScipyOptimizeDriver(optimizer="SLSQP", maxiter=500, tol=1e-7, disp=False)
+    model.driver = om.ScipyOptimizeDriver(optimizer="SLSQP", maxiter=500, tol=min(1e-7, 0.01 * tolerance), disp=False)
     model.driver.declare_coloring(show_summary=False)
     phase = dm.Phase(ode_class=_dynamics(problem), transcription=dm.Radau(num_segments=SEGMENTS, order=ORDER))
     trajectory = dm.Trajectory()
@@ -83,41 +75,52 @@ def _stated(problem: ProblemFunctions, tolerance: float) -> tuple[Any, Any]:
     shortest, longest = problem.duration_bounds
     length = {"duration_bounds": (shortest, longest)} if problem.free_duration else {"fix_duration": True}
     phase.set_time_options(units=None, fix_initial=True, targets=["t"], **length)
-    for i, scale in enumerate(problem.state_scale):
-        lower, upper = (_limit(side[i] / scale) for side in problem.state_bounds)
-        phase.add_state(f"x{i}", rate_source=f"f{i}", targets=[f"x{i}"], lower=lower, upper=upper)
-    phase.add_state("gathered", rate_source="L", fix_initial=True)  # ∫ L dt
-    for i, scale in enumerate(problem.control_scale):
-        lower, upper = (_limit(side[i] / scale) for side in problem.control_bounds)
+    start, end = ends(problem)
+    for i, (lower, upper) in enumerate(limits(problem.state_bounds, problem.state_scale)):
+        fixed = {"fix_initial": i in start.fixed, "fix_final": i in end.fixed}
+        phase.add_state(f"x{i}", rate_source=f"f{i}", targets=[f"x{i}"], lower=lower, upper=upper, **fixed)
+    phase.add_state("gathered", rate_source="L", targets=["gathered"], fix_initial=True)  # ∫ L dt
+    for i, (lower, upper) in enumerate(control_limits(problem)):
         free = {"continuity": False, "rate_continuity": False}
         phase.add_control(f"u{i}", targets=[f"u{i}"], lower=lower, upper=upper, **free)
     for k, (low, high) in enumerate(zip(*problem.path_bounds, strict=True)):
-        phase.add_path_constraint(f"d{k}", lower=_limit(low), upper=_limit(high))
-    for where, i, value in _fixed_ends(problem):
-        phase.add_boundary_constraint(f"x{i}", loc=where, equals=value)
-    _minimise(problem, phase)
+        phase.add_path_constraint(f"d{k}", lower=finite(low), upper=finite(high))
+    for where, name, own, bounds in (
+        ("initial", "i", start, problem.initial_bounds),
+        ("final", "s", end, problem.final_bounds),
+    ):
+        for k in own.others:
+            low, high = float(bounds.lower[k]), float(bounds.upper[k])
+            given = {"equals": low} if low == high else {"lower": finite(low), "upper": finite(high)}
+            phase.add_boundary_constraint(f"{name}{k}", loc=where, **given)
+    phase.add_objective("J", loc="final")
     phase.set_refine_options(refine=True, tol=tolerance)
     return model, phase
 
 
 def _dynamics(problem: ProblemFunctions) -> Any:
-    """The component that evaluates (f / scale, L, d) at all nodes, with its derivatives."""
+    """The component that evaluates (f / scale, L, d, i, s, J so far) at all nodes, with its derivatives."""
     import openmdao.api as om
 
     x, u, t = ca.SX.sym("x", problem.nx), ca.SX.sym("u", problem.nu), ca.SX.sym("t")
+    gathered = ca.SX.sym("gathered")
     scale, p = ca.DM(problem.state_scale), ca.DM(problem.nominal)
     X, U = x * scale, u * ca.DM(problem.control_scale)
     rates, running, path = (f(X, U, t, p) for f in (problem.dynamics, problem.running_cost, problem.path))
-    result = ca.vertcat(rates / scale, running, path)
-    known = ca.vertcat(x, u, t)
+    first, last = problem.initial(X, p), problem.final(X, t, p)
+    cost = problem.terminal_cost(X, t, p) + gathered
+    result = ca.vertcat(rates / scale, running, path, first, last, cost)
+    known = ca.vertcat(x, u, t, gathered)
     slope = ca.jacobian(result, known)
     where = list(zip(*slope.sparsity().get_triplet(), strict=True))
     values, slopes = (
         ca.Function("values", [known], [result]),
         ca.Function("slopes", [known], [slope.nz[:]]),
     )
-    inputs = [*(f"x{i}" for i in range(problem.nx)), *(f"u{i}" for i in range(problem.nu)), "t"]
-    outputs = [*(f"f{i}" for i in range(problem.nx)), "L", *(f"d{k}" for k in range(len(problem.path_bounds.lower)))]
+    inputs = [*(f"x{i}" for i in range(problem.nx)), *(f"u{i}" for i in range(problem.nu)), "t", "gathered"]
+    counted = (("f", rates), ("d", path), ("i", first), ("s", last))
+    named = {letter: [f"{letter}{k}" for k in range(rows.shape[0])] for letter, rows in counted}
+    outputs = [*named["f"], "L", *named["d"], *named["i"], *named["s"], "J"]
 
     class Dynamics(om.ExplicitComponent):
         def initialize(self) -> None:
@@ -146,46 +149,37 @@ def _dynamics(problem: ProblemFunctions) -> Any:
     return Dynamics
 
 
-def _limit(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
-def _fixed_ends(problem: ProblemFunctions) -> Iterator[tuple[str, int, float]]:
-    """(initial or final, i, value over the scale) of each end condition; ValueError if one is not x_i = value."""
-    x, T, p = ca.SX.sym("x", problem.nx), ca.SX.sym("T"), ca.DM(problem.nominal)
-    for where, conditions, bounds in (
-        ("initial", problem.initial(x, p), problem.initial_bounds),
-        ("final", problem.final(x, T, p), problem.final_bounds),
-    ):
-        slopes = ca.DM(ca.jacobian(conditions, x)).full()
-        at_zero = ca.DM(ca.substitute(conditions, x, ca.SX.zeros(problem.nx))).full()[:, 0]
-        for slope, offset, lower, upper in zip(slopes, at_zero, *bounds, strict=True):
-            named = np.flatnonzero(slope)
-            if len(named) != 1 or lower != upper:
-                raise ValueError(f"{problem.name}: an end condition is no fixed state; allowed: x_i = value")
-            i = int(named[0])
-            yield where, i, float((lower - offset) / slope[i] / problem.state_scale[i])
-
-
-def _minimise(problem: ProblemFunctions, phase: Any) -> None:
-    """dymos minimises one variable: T, a final state or ∫ L dt."""
-    x, T = ca.SX.sym("x", problem.nx), ca.SX.sym("T")
-    terminal = problem.terminal_cost(x, T, ca.DM(problem.nominal))
-    slopes = ca.DM(ca.substitute(ca.gradient(terminal, ca.vertcat(x, T)), ca.vertcat(x, T), 0)).full()[:, 0]
-    named = np.flatnonzero(slopes)
-    if len(named) == 0:
-        phase.add_objective("gathered", loc="final")
-    elif named[0] == problem.nx:
-        phase.add_objective("time", loc="final")
-    else:
-        phase.add_objective(f"x{named[0]}", loc="final", scaler=float(np.sign(slopes[named[0]])))
-
-
 def _guess(problem: ProblemFunctions, phase: Any) -> None:
     times = problem.guess_times * problem.guess_duration
     phase.set_time_val(initial=0.0, duration=problem.guess_duration)
+    fixed: tuple[End, End] = ends(problem)
     for i, scale in enumerate(problem.state_scale):
-        phase.set_state_val(f"x{i}", vals=problem.guess_states[:, i] / scale, time_vals=times)
+        values = problem.guess_states[:, i] / scale
+        for place, end in zip((0, -1), fixed, strict=True):
+            values[place] = end.fixed.get(i, values[place])
+        phase.set_state_val(f"x{i}", vals=values, time_vals=times)
     phase.set_state_val("gathered", vals=[0.0, 1.0])
     for i, scale in enumerate(problem.control_scale):
         phase.set_control_val(f"u{i}", vals=problem.guess_controls[:, i] / scale, time_vals=times)
+
+
+def _trajectory(problem: ProblemFunctions, model: Any, phase: Any) -> Trajectory:
+    """What it found: controls at all nodes of each segment, states at the segments' ends."""
+    grid = phase.options["transcription"].grid_data
+
+    def series(name: str) -> Any:
+        return np.array(model.get_val(f"flight.phase.timeseries.{name}"))[:, 0]
+
+    x = np.array([series(f"x{i}") * scale for i, scale in enumerate(problem.state_scale)]).T
+    u = np.array([series(f"u{i}") * scale for i, scale in enumerate(problem.control_scale)]).T
+    spans = [(int(first), int(beyond)) for first, beyond in grid.subset_segment_indices["all"]]
+    fractions = 0.5 * (np.array(grid.node_stau) + 1.0)
+    return Trajectory(
+        problem,
+        float(series("time")[-1]),
+        0.5 * (np.array(grid.segment_ends) + 1.0),
+        np.vstack([x[[first for first, _ in spans]], x[-1]]),
+        tuple(fractions[first:beyond] for first, beyond in spans),
+        tuple(u[first:beyond] for first, beyond in spans),
+        float(series("J")[-1]),
+    )

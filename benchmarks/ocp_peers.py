@@ -1,24 +1,23 @@
-"""Optimal control problems with known optima, from the statement to J within the tolerance, beside other people's.
+"""Problems of optimal control with known optima: CPU seconds to the same replayed accuracy, ours and other people's.
 
-    python benchmarks/ocp_peers.py [--repetitions 3] [--problems NAME NAME ...]
+    python benchmarks/ocp_peers.py [--repetitions 3] [--limit 60] [--problems NAME NAME ...]
 
-Everyone gets the same CasADi functions, bounds, scales and coarse guess. Each has a list of settings, from a coarse
-mesh tolerance to a fine one; the first whose J is within the problem's tolerance of the known optimum is the one that
-is timed, and a peer without one is named. Ours is held to more: the solution has to pass the replay gate, and J has to
-be as near when it is replayed. What is timed is all from the stated problem to J: transcription, solves, refinement,
-of ours the replays too; nothing is kept from the run before. Wall clock, since MAPTOR and dymos may use several
-threads.
+Each software states the problem in its own terms, from the same scales and the same coarse guess, and refines as it
+does by itself; ours is ``solve()``, which chooses its method. Each runs in a process of its own for each problem
+(``ocp_attempts``), with tolerances from 1e-3 to 1e-8, and one judge replays every solution (``ocp_trajectory``). Two
+are compared at the finest level of accuracy, of 1e-3, 1e-4, 1e-5 and 1e-6, that both have come to within the limit of
+time. Accuracy is the largest of the errors of J, of the replayed J, the replay's miss and its violation of bounds.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import gc
-import math
-import time
-from collections.abc import Callable, Sequence
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
@@ -29,40 +28,33 @@ from annotated_types import Ge
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import ocp_dymos, ocp_maptor
 from benchmarks.comparison import Comparison, alone
+from benchmarks.ocp_attempts import LEVELS, Attempt, level
 from benchmarks.progress import progress
-from mathnavi.controllers.ocp.methods.hp import hp
-from mathnavi.controllers.ocp.methods.refinement import refine
-from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.problems.library import PROBLEMS, KnownOptimum
-from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.sim.interfaces.bounds import Within, configuration
 from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.studies.nodes.ocp_problems import ADAPTIVE, Method
 
 OURS = "ours"
-NODES = 60  # that ours may use
-MESH_TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6)
-DEFAULT = (
-    "brachistochrone", "Bryson-Denham", "hypersensitive, short", "double integrator, time", "Goddard", "van der Pol",
-    "Rayleigh", "cart-pole",
+SHOWN = {OURS: "ours", "maptor": "MAPTOR", "dymos": "dymos, SLSQP"}
+AT_MOST = 0.2  # of MAPTOR's time: the claim
+SMALL = (
+    "brachistochrone", "Bryson-Denham", "double integrator, energy", "double integrator, time", "target line",
+    "lunar landing", "Zermelo", "steering",
 )  # fmt: skip
-SMALL = ("brachistochrone", "Bryson-Denham", "double integrator, time")  # what a dense optimiser does in seconds
-
-Solve = Callable[[], float | None]  # J, None where there is no solution
-Prepare = Callable[[ProblemFunctions], Solve]
+"""problems that dymos is given: what a dense optimiser does in a minute"""
 
 
 @configuration
 class Arguments:
-    """Measure our optimal control methods beside MAPTOR and dymos."""
+    """Measure our optimal control beside MAPTOR and dymos."""
 
-    problems: tuple[str, ...] = DEFAULT
+    problems: tuple[str, ...] = tuple(PROBLEMS)
     """names of problems"""
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 3
-    """runs of each"""
+    """runs of what is compared"""
+    limit: Annotated[int, Within(Ge(1), allowed=">= 1")] = 60
+    """CPU time [s] that a software has for a problem, with all its tolerances and repetitions"""
     out: Path = Path("renders/out/ocp_peers.json")
     """where the figures go"""
 
@@ -72,167 +64,149 @@ class Arguments:
 
 
 @dataclass(frozen=True)
-class Software:
-    """Somebody with the settings to try, in order."""
-
-    name: str
-    settings: dict[str, Prepare]
-    problems: tuple[str, ...] = tuple(PROBLEMS)  # that it is given
-
-
-def softwares() -> list[Software]:
-    """Ours first, then what is installed."""
-    found = [Software(OURS, our_settings())]
-    if find_spec("maptor"):
-        found.append(Software(ocp_maptor.NAME, _by_tolerance(ocp_maptor.prepared)))
-    if find_spec("dymos"):
-        found.append(Software(ocp_dymos.NAME, _by_tolerance(ocp_dymos.prepared), SMALL))
-    return found
-
-
-def our_settings() -> dict[str, Prepare]:
-    """Refinement from a coarse tolerance to a fine one, then hp refinement, then the study's other adaptive methods."""
-
-    def refined(tolerance: float, problem: ProblemFunctions) -> Solve:
-        return lambda: accepted(problem, refine(_unknown(problem), most_nodes=NODES, tolerance=tolerance))
-
-    def with_switches(tolerance: float, problem: ProblemFunctions) -> Solve:
-        return lambda: accepted(problem, hp(_unknown(problem), tolerance=tolerance))
-
-    def otherwise(method: Method, problem: ProblemFunctions) -> Solve:
-        return lambda: accepted(problem, method(_unknown(problem), NODES))
-
-    settings: dict[str, Prepare] = {f"refinement, {t:g}": partial(refined, t) for t in MESH_TOLERANCES}
-    settings |= {f"hp refinement, {t:g}": partial(with_switches, t) for t in MESH_TOLERANCES[1:]}
-    others = {name: method for name, method in ADAPTIVE.items() if name != "refinement"}
-    return settings | {name: partial(otherwise, method) for name, method in others.items()}
-
-
-def _by_tolerance(prepared: Callable[[ProblemFunctions, float], Solve]) -> dict[str, Prepare]:
-    def at(tolerance: float, problem: ProblemFunctions) -> Solve:
-        return prepared(problem, tolerance)
-
-    return {f"{tolerance:g}": partial(at, tolerance) for tolerance in MESH_TOLERANCES}
-
-
-def _unknown(problem: ProblemFunctions) -> ProblemFunctions:
-    """The same problem as one that no cache has seen."""
-    return dataclasses.replace(problem)
-
-
-def accepted(problem: ProblemFunctions, solution: Solution) -> float | None:
-    """The farther from the optimum of J and the replayed J; None without a solution that the gate passed."""
-    if not solution.solved or solution.status is Outcome.REFUSED:
-        return None
-    if solution.replay is None or not math.isfinite(solution.replay.cost):
-        return None
-    known = next(known for known in PROBLEMS.values() if known.problem() is problem)
-    return max((solution.cost, solution.replay.cost), key=known.error)
-
-
-@dataclass(frozen=True, eq=False)
 class Entry:
     """One software on one problem."""
 
     problem: str
     software: str
-    setting: str  # that is timed; empty if none came to the tolerance
-    error: float  # relative, with it
-    seconds: Array  # (R,) [s] wall clock
+    attempts: tuple[Attempt, ...]
+    ended: str = ""  # why it tried no more; empty where it came to its last tolerance or to the precision
+
+    def first(self, within: float) -> Attempt | None:
+        """The first attempt within a level of accuracy."""
+        return next((attempt for attempt in self.attempts if attempt.accuracy <= within), None)
+
+    @property
+    def finest(self) -> float | None:
+        """The finest level that it came to."""
+        return min((own for own in LEVELS if self.first(own)), default=None)
+
+    @property
+    def best(self) -> Attempt | None:
+        """The attempt that is shown: the first at the finest level; None without one."""
+        return None if self.finest is None else self.first(self.finest)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class PeerFindings:
-    """Errors and times of every software."""
+    """Accuracies and times of every software."""
 
     entries: list[Entry]
 
     @property
     def title(self) -> str:
-        return "optimal control problems, J to 1e-4"
+        return "optimal control, CPU time to the same replayed accuracy"
+
+    def _ours(self) -> dict[str, Entry]:
+        return {entry.problem: entry for entry in self.entries if entry.software == OURS}
 
     def comparisons(self) -> list[Comparison]:
-        ours = {entry.problem: entry for entry in self.entries if entry.software == OURS and entry.setting}
-        return [
-            Comparison(
-                entry.problem, "ms", 1e3 * ours[entry.problem].seconds, 1e3 * entry.seconds, entry.software,
-                "other / ours",
-            )
-            for entry in self.entries
-            if entry.software != OURS and entry.setting and entry.problem in ours
-        ]  # fmt: skip
+        rows = []
+        ours = self._ours()
+        for entry in self.entries:
+            mine = ours.get(entry.problem)
+            if entry.software == OURS or mine is None or mine.finest is None or entry.finest is None:
+                continue
+            common = max(mine.finest, entry.finest)
+            own, other = mine.first(common), entry.first(common)
+            assert own is not None
+            assert other is not None
+            count = min(len(own.seconds), len(other.seconds))
+            mine_ms, other_ms = (1e3 * np.array(attempt.seconds[:count]) for attempt in (own, other))
+            what = f"{entry.problem}, {common:g}"
+            rows.append(Comparison(what, "ms", mine_ms, other_ms, SHOWN[entry.software], "ours / other"))
+        return rows
+
+    def claims(self) -> list[dict[str, Any]]:
+        """The claim on MAPTOR's time, over the problems on which both came to a level."""
+        ratios = [row.ratio for row in self.comparisons() if row.software == SHOWN["maptor"]]
+        if not ratios:
+            return []
+        measured = float(np.median(ratios))
+        statement = f"our time over MAPTOR's at the same replayed accuracy, median of {len(ratios)} problems"
+        held = {"expected": f"<= {AT_MOST:g}", "measured": measured, "holds": measured <= AT_MOST}
+        return [{"id": "ocp.peers", "statement": statement, **held}]
 
     def show(self, console: Console) -> None:
-        shown = Table(title="first setting that comes to the tolerance")
-        for heading in ("problem", "software", "setting", "error", "ms"):
-            shown.add_column(heading, justify="right" if heading in ("error", "ms") else "left", no_wrap=True)
+        shown = Table(title="replayed accuracy that each comes to, and CPU time")
+        for heading in ("problem", "software", "tolerance", "J error", "accuracy", "CPU s", "load", ""):
+            shown.add_column(heading, justify="left" if heading in ("problem", "software", "") else "right")
         for entry in self.entries:
-            time_ms = f"{1e3 * np.median(entry.seconds):.0f}" if entry.setting else ""
-            shown.add_row(entry.problem, entry.software, entry.setting or "none", f"{entry.error:.0e}", time_ms)
+            shown.add_row(entry.problem, SHOWN[entry.software], *_cells(entry))
         console.print(shown)
+        for claim in self.claims():
+            sign = "holds" if claim["holds"] else "does not hold"
+            console.print(
+                f"{claim['id']}: {claim['statement']}: {claim['measured']:.3g}, wanted {claim['expected']}: {sign}"
+            )
 
     def plain(self) -> dict[str, Any]:
         return {
-            "nodes": NODES,
+            "claims": self.claims(),
             "entries": [
                 {
                     "problem": entry.problem,
-                    "software": entry.software,
-                    "setting": entry.setting or None,
-                    "error": entry.error,
-                    "seconds": entry.seconds.tolist(),
+                    "software": SHOWN[entry.software],
+                    "level": entry.finest,
+                    "ended": entry.ended or None,
+                    "attempts": [_plain(attempt) for attempt in entry.attempts],
                 }
                 for entry in self.entries
             ],
         }
 
 
-def first_setting(software: Software, known: KnownOptimum) -> tuple[str, float]:
-    """The first setting whose J is within the tolerance, with its error; none: an empty name and the least error."""
-    least = np.inf
-    for setting, prepare in software.settings.items():
-        cost = prepare(known.problem())()
-        error = np.inf if cost is None else known.error(cost)
-        if error <= known.tolerance:
-            return setting, error
-        least = min(least, error)
-    return "", least
+def _cells(entry: Entry) -> list[str]:
+    best = entry.best
+    if best is None:
+        least = min((attempt.accuracy for attempt in entry.attempts), default=np.inf)
+        return ["none", "", f"{least:.0e}" if np.isfinite(least) else "", "", "", entry.ended]
+    figures = [f"{best.tolerance:g}", f"{best.cost_error:.0e}", f"{best.accuracy:.0e}"]
+    return [*figures, f"{np.median(best.seconds):.3g}", f"{best.load:.1f}", entry.ended]
 
 
-def seconds(solve: Solve) -> float:
-    """Wall-clock time [s] of a solve; the rubbish of what was before is not its own."""
-    gc.collect()
-    began = time.perf_counter()
-    solve()
-    return time.perf_counter() - began
+def _plain(attempt: Attempt) -> dict[str, Any]:
+    finite = {"cost_error": attempt.cost_error, "accuracy": attempt.accuracy}
+    errors = {name: value if np.isfinite(value) else None for name, value in finite.items()}
+    own = {"tolerance": attempt.tolerance, "seconds": list(attempt.seconds), "load": attempt.load}
+    return own | errors | {"level": level(attempt.accuracy)}
+
+
+def measured(problem: str, software: str, repetitions: int, limit: int) -> Entry:
+    """The attempts of one software on one problem, in a process of its own that has ``limit`` [s] of CPU time."""
+    command = [sys.executable, "-m", "benchmarks.ocp_attempts", software, problem, str(repetitions), str(limit)]
+    environment = os.environ | {"OPENMDAO_REPORTS": "0"}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    found = tuple(_attempt(json.loads(line)) for line in done.stdout.splitlines() if line.startswith("{"))
+    if done.returncode == -signal.SIGXCPU:
+        return Entry(problem, software, found, f"ended after {limit} s")
+    if done.returncode:
+        raise RuntimeError(f"{SHOWN[software]}, {problem}: exit code {done.returncode}\n{done.stderr[-2000:]}")
+    return Entry(problem, software, found)
+
+
+def _attempt(line: Mapping[str, Any]) -> Attempt:
+    return Attempt(**{**line, "seconds": tuple(line["seconds"])})
+
+
+def contenders(problem: str) -> list[str]:
+    """Ours, and of the others those that are installed and can do the problem."""
+    peers = [name for name in ("maptor", "dymos") if find_spec(name)]
+    return [OURS, *(name for name in peers if name != "dymos" or problem in SMALL)]
 
 
 def run(arguments: Arguments, console: Console) -> PeerFindings:
-    """Look for the settings, then time everyone in turns."""
-    known_softwares = softwares()
-    for module, name in (("maptor", ocp_maptor.NAME), ("dymos", ocp_dymos.NAME)):
+    """Measure every software on every problem, one after the other."""
+    for module in ("maptor", "dymos"):
         if not find_spec(module):
-            console.print(f"{name} is left out: it is not installed (pip install -e '.[bench]')", markup=False)
+            console.print(f"{SHOWN[module]} is left out: it is not installed (pip install -e '.[bench]')", markup=False)
     entries: list[Entry] = []
     with progress(console, "problems of optimal control", len(arguments.problems)) as tell:
         for done, name in enumerate(arguments.problems):
             tell(done, name)
-            entries += _measured(name, [s for s in known_softwares if name in s.problems], arguments.repetitions)
+            for software in contenders(name):
+                entries.append(measured(name, software, arguments.repetitions, arguments.limit))
     return PeerFindings(entries)
-
-
-def _measured(name: str, contenders: Sequence[Software], repetitions: int) -> list[Entry]:
-    known = PROBLEMS[name]
-    chosen = [first_setting(software, known) for software in contenders]
-    timed: list[list[float]] = [[] for _ in contenders]
-    for _ in range(repetitions):
-        for software, (setting, _), times in zip(contenders, chosen, timed, strict=True):
-            if setting:
-                times.append(seconds(software.settings[setting](known.problem())))
-    return [
-        Entry(name, software.name, setting, error, np.array(times))
-        for software, (setting, error), times in zip(contenders, chosen, timed, strict=True)
-    ]
 
 
 def main(arguments: Arguments) -> None:

@@ -1,0 +1,23 @@
+"""A problem of ``mathnavi.controllers.ocp`` by ``solve()`` as it chooses itself, from the stated problem."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from benchmarks.ocp_trajectory import Trajectory
+from mathnavi.controllers.ocp.methods.automatic import automatic
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+
+
+def solved(problem: ProblemFunctions, tolerance: float) -> Trajectory | None:
+    """Solution to a ``tolerance`` of its replay, whatever its status says of that; None where there is none."""
+    unknown = dataclasses.replace(problem)  # the same problem as one that no cache has seen
+    solution = automatic(unknown, tolerance=tolerance)
+    if not solution.solved:
+        return None
+    points = tuple(np.array(solution.scheme.points) for _ in solution.u)
+    return Trajectory(
+        problem, solution.duration, solution.grid.nodes, solution.x, points, tuple(solution.u), solution.cost
+    )

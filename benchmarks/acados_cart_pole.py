@@ -73,6 +73,7 @@ def solver(acados: Any, scratch: Path, intervals: int, kind: str) -> Any:
     options.tf, options.integrator_type, options.nlp_solver_type = DURATION, "ERK", kind
     options.hessian_approx, options.nlp_solver_max_iter = "GAUSS_NEWTON", 500
     options.qp_solver, options.qp_tol = "PARTIAL_CONDENSING_HPIPM", 1e-8
+    options.hpipm_mode = "ROBUST"
     options.globalization = "MERIT_BACKTRACKING" if kind == "SQP" else "FIXED_STEP"
     ocp.code_export_directory = str(scratch / kind)
     return acados.AcadosOcpSolver(ocp, json_file=str(scratch / f"{kind}.json"), verbose=False)

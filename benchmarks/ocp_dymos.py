@@ -174,12 +174,13 @@ def _trajectory(problem: ProblemFunctions, model: Any, phase: Any) -> Trajectory
     u = np.array([series(f"u{i}") * scale for i, scale in enumerate(problem.control_scale)]).T
     spans = [(int(first), int(beyond)) for first, beyond in grid.subset_segment_indices["all"]]
     fractions = 0.5 * (np.array(grid.node_stau) + 1.0)
+    T = float(series("time")[-1])
     return Trajectory(
         problem,
-        float(series("time")[-1]),
+        T,
         0.5 * (np.array(grid.segment_ends) + 1.0),
         np.vstack([x[[first for first, _ in spans]], x[-1]]),
         tuple(fractions[first:beyond] for first, beyond in spans),
         tuple(u[first:beyond] for first, beyond in spans),
-        float(series("J")[-1]),
+        float(problem.terminal_cost(x[-1], T, problem.nominal)) + float(series("gathered")[-1]),
     )

@@ -1,6 +1,6 @@
 """Problems of optimal control with known optima: CPU seconds to the same replayed accuracy, ours and other people's.
 
-    python benchmarks/ocp_peers.py [--repetitions 3] [--limit 60] [--problems NAME NAME ...]
+    python -m benchmarks.ocp_peers [--repetitions 3] [--limit 60] [--problems NAME NAME ...]
 
 Each software states the problem in its own terms, from the same scales and the same coarse guess, and refines as it
 does by itself; ours is ``solve()``, which chooses its method. Each runs in a process of its own for each problem

@@ -88,13 +88,15 @@ class _Replay:
         self._rates = ca.Function("rates", [x, u, t, p], [ca.vertcat(rates / problem.state_scale, running)])
         self._slopes = ca.Function("slopes", [x, u, t, p], [ca.densify(ca.jacobian(rates, x))])
         self._polynomials = [
-            BarycentricInterpolator(points, values)
+            BarycentricInterpolator(points, values) if len(points) > 1 else None
             for points, values in zip(trajectory.points, trajectory.controls, strict=True)
         ]
 
     def control(self, i: int, fraction: Array | float) -> Array:
         """(..., nu) saturated control at fractions of interval i."""
-        values: Array = np.clip(self._polynomials[i](fraction), *self._trajectory.problem.control_bounds)
+        polynomial, held = self._polynomials[i], self._trajectory.controls[i][0]
+        known = np.broadcast_to(held, (*np.shape(fraction), len(held))) if polynomial is None else polynomial(fraction)
+        values: Array = np.clip(known, *self._trajectory.problem.control_bounds)
         return values
 
     def interval(self, i: int, start: Array) -> tuple[Array, float] | None:

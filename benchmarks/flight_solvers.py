@@ -1,6 +1,6 @@
 """One replan of the flight planner, solved by us and by other people's software: thread CPU time and cost.
 
-    python benchmarks/flight_solvers.py [--terrain NAME|FILE.npz] [--problems 600] [--repetitions 5]
+    python -m benchmarks.flight_solvers [--terrain NAME|FILE.npz] [--problems 600] [--repetitions 5]
 
 Problems are recorded from closed-loop missions of the scenario ``safe-flight`` (N = 13, seeds 1, 2, ...) and then
 solved again, in the order they arose and from the guess the planner had, by

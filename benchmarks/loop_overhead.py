@@ -1,6 +1,6 @@
 """Overhead of the closed loop over the physics in it: thread CPU time of a flight against that of its physics alone.
 
-    python benchmarks/loop_overhead.py [--seconds 120] [--repetitions 11]
+    python -m benchmarks.loop_overhead [--seconds 120] [--repetitions 11]
 
 The parts are those that ``safe-flight`` mounts: the plant with its terrain and sensors, the estimator ``full_state``,
 the tracker, the referee. Physics at 300 Hz; estimator, tracker and log at 60 Hz. The planner is idle: it hands out one

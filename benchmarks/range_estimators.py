@@ -1,6 +1,6 @@
 """Cost of an update of a range estimator: thread CPU time, ours beside a particle filter and beside filterpy's.
 
-    python benchmarks/range_estimators.py [--seconds 20] [--repetitions 7]
+    python -m benchmarks.range_estimators [--seconds 20] [--repetitions 7]
 
 Everyone gets the same readings of the same figure of eight, 100 a second, with two sensors and with four. What is
 compiled runs in one compiled loop (``mathnavi.sim.studies.ranging.range_convergence.costs``): the bank as it is flown,

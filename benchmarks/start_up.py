@@ -1,6 +1,6 @@
 """How long the command line takes to begin: help, version, list, a scenario's help, and a first flight without video.
 
-    python benchmarks/start_up.py [--before COMMIT] [--repetitions 5]
+    python -m benchmarks.start_up [--before COMMIT] [--repetitions 5]
 
 *Cold* is the first time after an installation: no module has been compiled to byte code (``PYTHONPYCACHEPREFIX`` points
 to an empty folder, so those of the libraries count too), and with ``--drop`` the cache of files in memory is emptied.

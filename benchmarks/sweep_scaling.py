@@ -1,6 +1,6 @@
 """How a sweep gains from a second process: the same short flights by one worker and by two, each into a fresh store.
 
-    python benchmarks/sweep_scaling.py [--trials 40] [--repetitions 3] [--workers 2]
+    python -m benchmarks.sweep_scaling [--trials 40] [--repetitions 3] [--workers 2]
 
 ``mathnavi.sim.sweep`` beside ``concurrent.futures.ProcessPoolExecutor``, which builds and runs the same trials in
 processes of its own, also with one thread each, and stores nothing. The time until as many trials have ended as there

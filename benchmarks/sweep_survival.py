@@ -1,6 +1,6 @@
 """A sweep that is killed again and again, and one on other workers, leave the same table of trials.
 
-    python benchmarks/sweep_survival.py [--trials 2000] [--kills 10] [--folder renders/out/survival]
+    python -m benchmarks.sweep_survival [--trials 2000] [--kills 10] [--folder renders/out/survival]
 
 The same sweep of short missions with mixed faults runs undisturbed on one process and on two, on a local Dask cluster,
 and on two processes that are killed (SIGKILL) at random moments and started again by the same command. Compared are the

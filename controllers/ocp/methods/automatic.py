@@ -73,6 +73,8 @@ def automatic(
     found = [first, moved]
     if moved.solved:
         found.append(hp(problem, tolerance=within, **(given | {"guess": moved})))
+    if not any(each.solved for each in found):
+        return first
     chosen = min(found, key=_error)
     others = ", ".join(f"{each.method} {_shown(each)}" for each in found if each is not chosen)
     spent = sum((each.timing for each in found), Timing())

@@ -19,11 +19,12 @@ import numpy as np
 from mathnavi.controllers.ocp.arcs import Arcs
 from mathnavi.controllers.ocp.defects import defects
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, uniform
+from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.methods.hp_mesh import TINY, VIOLATION, interval_errors, meshed, with_boundaries
 from mathnavi.controllers.ocp.nlp import SHORTEST_ARC, variation
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.replay import check_tolerance, replayed
-from mathnavi.controllers.ocp.solution import Solution, Timing
+from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing
 from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
 from mathnavi.controllers.ocp.structure import Structure, linear_controls, structure, without_structure
 from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
@@ -115,7 +116,7 @@ def hp(
     check_nodes(most_nodes, "most_nodes")
     plan, current = _first(problem, most_nodes, guess, parameters, options)
     if not current.solved:
-        return dataclasses.replace(current, method="hp")
+        return dataclasses.replace(_explained(current, problem, guess, parameters, options), method="hp")
     allowed, change, visited, free, bent = _MARGIN * tolerance, math.inf, [plan.structure], False, 0
     failures = 0
     for number in range(_ROUNDS):
@@ -158,6 +159,16 @@ def hp(
     if current.replay is None:
         current = replayed(current, tolerance)
     return dataclasses.replace(current, method="hp", message=f"{_described(plan)}; {current.message}")
+
+
+def _explained(
+    failed: Solution, problem: ProblemFunctions, guess: Solution | None, parameters: Array | None, options: Options
+) -> Solution:
+    """A failed solution; an infeasible one with the constraints that cannot hold together, found without arcs."""
+    if failed.status is not Outcome.INFEASIBLE:
+        return failed
+    plain = solve(problem, failed.nodes, guess=guess, parameters=parameters, options=options)
+    return plain if plain.status is Outcome.INFEASIBLE else failed
 
 
 def _first(

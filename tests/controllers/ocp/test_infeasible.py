@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import pytest
 
+from mathnavi.controllers.ocp.methods.by_name import Method
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.solution import Outcome
@@ -42,6 +43,15 @@ def test_an_end_that_is_out_of_reach(scheme: Scheme | None) -> None:
     violated, others = message(ocp, scheme).split(": cannot hold with ")
     assert violated == "end of x (violated by 4.5)"  # a time of 1 s at |u| = 1 leads 0.5 far
     assert set(others.split("; ")) == {"start of x", "start of v", "u <= 1"}
+
+
+@pytest.mark.parametrize("method", ["auto", "hp", "refine", "redistribute", "distribute"])
+def test_every_method_names_what_cannot_hold(method: Method) -> None:
+    ocp, x, _, _ = sledge()
+    ocp.end(x, 5.0)
+    found = ocp.solve(method=method)
+    assert found.status is Outcome.INFEASIBLE
+    assert "end of x (violated by 4.5): cannot hold with " in found.message
 
 
 def test_a_final_time_that_is_too_short() -> None:

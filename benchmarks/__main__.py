@@ -15,6 +15,8 @@ from rich.console import Console
 from benchmarks import acados_peer, flight_solvers, loop_overhead, ocp_peers, range_estimators, start_up, sweep_scaling
 from benchmarks.comparison import WIDTH, Findings, Machine, table, write
 
+OWN_TABLES = ("ocp_peers", "acados_peer")  # parts with a row for each problem, which is too much for the table of all
+
 
 @dataclass(frozen=True)
 class Arguments:
@@ -50,8 +52,9 @@ def main(arguments: Arguments) -> None:
     console, machine = Console(width=WIDTH), Machine.here()
     findings = {name: measure(console) for name, measure in parts(arguments.quick).items()}
     described = machine.plain() | {"quick": arguments.quick}
-    for name in ("ocp_peers", "acados_peer"):
-        findings[name].show(console)
+    for name in OWN_TABLES:
+        if name in findings:
+            findings[name].show(console)
     console.print(table(list(findings.values()), described))
     if arguments.quick:
         console.print("A quick run: rough figures.")

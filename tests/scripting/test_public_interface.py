@@ -14,9 +14,7 @@ import pytest
 import mathnavi as mn
 
 SOURCE = Path(mn.__file__)
-IMPORT = "import time; t = time.perf_counter(); import mathnavi; print(time.perf_counter() - t)"
 HEAVY = ("numpy", "mujoco", "casadi", "matplotlib", "numba")
-MOST = 0.1  # [s]
 
 
 def typed() -> dict[str, str]:
@@ -54,9 +52,7 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
         _ = mn.fly
 
 
-def test_it_is_imported_in_a_moment() -> None:
-    times = [float(subprocess.check_output([sys.executable, "-c", IMPORT], text=True)) for _ in range(5)]
-    assert min(times) < MOST
+def test_its_import_loads_no_library_that_takes_long() -> None:
     script = f"import sys, mathnavi; print([name for name in {HEAVY} if name in sys.modules])"
     assert subprocess.check_output([sys.executable, "-c", script], text=True).strip() == "[]"
 

@@ -23,14 +23,22 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.controllers.ocp.multipliers import NamedValues
-from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
+from mathnavi.controllers.ocp.pontryagin_terms import (
+    controls_linear_in_hamiltonian,
+    end_gradients,
+    hamiltonian_terms,
+    is_quadratic,
+    start_gradient,
+    switching_terms,
+)
+from mathnavi.controllers.ocp.problem_functions import Interval
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.transcriptions.scheme import integral_weights, weights
 from mathnavi.sim.interfaces.errors import ProblemError
@@ -141,7 +149,7 @@ class _Judge:
         self.shares, self.times = solution.point_shares, solution.point_times
         self.costates = m.dynamics.values
         names = ("H", "H_size", "H_x", "H_t", "H_u", "u_size", "H_uu", "switching")
-        found = _terms(problem).map(self.times.size)(*self._arguments(solution.u))
+        found = hamiltonian_terms(problem).map(self.times.size)(*self._arguments(solution.u))
         nx, nu = problem.nx, problem.nu
         shapes = ((), (), (nx,), (), (nu,), (nu,), (nu, nu), (nu,))
         terms = {
@@ -157,7 +165,7 @@ class _Judge:
         near = _TOUCHING * self.u_scale
         self.at_lower = solution.u - problem.control_bounds.lower <= near
         self.at_upper = problem.control_bounds.upper - solution.u <= near
-        self.linear = _linear_controls(problem)
+        self.linear = controls_linear_in_hamiltonian(problem)
 
     def _arguments(self, u: Array) -> tuple[Array, ...]:
         """Arguments of the functions of this module at all points, with controls u (N - 1, k, nu)."""
@@ -257,7 +265,7 @@ class _Judge:
                 )
             elif np.isfinite(lower[j]) and np.isfinite(upper[j]):
                 gains.append(max(self._gain(j, value) for value in np.linspace(lower[j], upper[j], _SAMPLES)))
-            elif not _quadratic(problem, j):
+            elif not is_quadratic(problem, j):
                 yield Condition(
                     f"minimum over {name}", Verdict.NOT_JUDGED, reason="it has no bounds, and H is not quadratic in it"
                 )
@@ -267,7 +275,7 @@ class _Judge:
         """The largest fall of H where control j is another."""
         other = self.solution.u.copy()
         other[:, :, j] = value
-        found = _terms(self.problem).map(self.times.size)(*self._arguments(other))[0]
+        found = hamiltonian_terms(self.problem).map(self.times.size)(*self._arguments(other))[0]
         change = self._joined((self.H - np.array(found.full()).reshape(self.H.shape))[:, :, None])
         return float(change.max())
 
@@ -309,7 +317,7 @@ class _Judge:
             return
         rate, size, kelley = (
             np.array(value.full()).reshape(self.count, self.k)[inside]
-            for value in _switching(self.problem, j).map(self.times.size)(*self._arguments(self.solution.u)[:5])
+            for value in switching_terms(self.problem, j).map(self.times.size)(*self._arguments(self.solution.u)[:5])
         )
         yield self._judged(f"d(H_u)/dt = 0 {arc}", float(np.abs(rate).max() / max(float(size.max()), _SMALL)))
         if not np.abs(kelley).max() > _SMALL * float(size.max()):
@@ -351,8 +359,8 @@ class _Judge:
         size = self._costate_size
         at_start, at_end = self._middle[0] + first[0], self._middle[-1] - second[-1]
         nu_0, nu = m.initial.values, m.final.values
-        by_x, by_T = _end_gradients(problem)(s.x[-1], s.duration, p, nu)
-        start = np.abs(at_start + np.array(_start_gradient(problem)(s.x[0], p, nu_0).full())[:, 0]) / size
+        by_x, by_T = end_gradients(problem)(s.x[-1], s.duration, p, nu)
+        start = np.abs(at_start + np.array(start_gradient(problem)(s.x[0], p, nu_0).full())[:, 0]) / size
         end = np.abs(at_end - np.array(by_x.full())[:, 0]) / size
         points = s.scheme.points
         for name, row, known, residual in (("start", 0, points[0] == 0.0, start), ("end", -1, points[-1] == 1.0, end)):
@@ -442,93 +450,3 @@ def _path_values(solution: Solution) -> Array:
     p = np.tile(solution.parameters[:, None], (1, len(times)))
     values = solution.problem.path.map(len(times))(x.T, u.T, times[None, :], p)
     return np.array(values.full()).T.reshape(*solution.point_times.shape, -1)
-
-
-@dataclass(frozen=True, eq=False)
-class _Symbols:
-    x: ca.SX
-    u: ca.SX
-    t: ca.SX
-    p: ca.SX
-    costate: ca.SX
-    mu: ca.SX
-    f: ca.SX
-    running: ca.SX
-
-    @property
-    def hamiltonian(self) -> ca.SX:
-        return self.running + ca.dot(self.costate, self.f)
-
-    @property
-    def arguments(self) -> list[ca.SX]:
-        return [self.x, self.u, self.t, self.p, self.costate]
-
-
-def _symbols(problem: ProblemFunctions) -> _Symbols:
-    x, u, t = ca.SX.sym("x", problem.nx), ca.SX.sym("u", problem.nu), ca.SX.sym("t")
-    p, costate = ca.SX.sym("p", len(problem.parameters)), ca.SX.sym("costate", problem.nx)
-    mu = ca.SX.sym("mu", len(problem.path_bounds.lower))
-    return _Symbols(x, u, t, p, costate, mu, problem.dynamics(x, u, t, p), problem.running_cost(x, u, t, p))
-
-
-@lru_cache(maxsize=64)
-def _terms(problem: ProblemFunctions) -> ca.Function:
-    """(x, u, t, p, λ, μ) -> H, |L| + Σ|λ f|, H_x + d_x'μ, H_t + d_t'μ, H_u + d_u'μ, |L_u| + |f_u|'|λ|, H_uu, H_u."""
-    s = _symbols(problem)
-    H = s.hamiltonian
-    whole = H + ca.dot(s.mu, problem.path(s.x, s.u, s.t, s.p))
-    size = ca.fabs(s.running) + ca.sum1(ca.fabs(s.costate * s.f))
-    by_u = ca.fabs(ca.jacobian(s.f, s.u)).T @ ca.fabs(s.costate) + ca.fabs(ca.gradient(s.running, s.u))
-    curvature = ca.vec(ca.densify(ca.hessian(whole, s.u)[0]))
-    results = [H, size, ca.gradient(whole, s.x), ca.gradient(whole, s.t), ca.gradient(whole, s.u), by_u, curvature]
-    results.append(ca.gradient(H, s.u))
-    return ca.Function("terms", [*s.arguments, s.mu], [ca.densify(result) for result in results])
-
-
-@lru_cache(maxsize=64)
-def _linear_controls(problem: ProblemFunctions) -> tuple[bool, ...]:
-    """The controls of which H is a linear function, whatever the others are."""
-    s = _symbols(problem)
-    curvature = ca.hessian(s.hamiltonian + ca.dot(s.mu, problem.path(s.x, s.u, s.t, s.p)), s.u)[0]
-    return tuple(bool(ca.simplify(curvature[:, j]).is_zero()) for j in range(problem.nu))
-
-
-@lru_cache(maxsize=64)
-def _quadratic(problem: ProblemFunctions, j: int) -> bool:
-    """True if H is at most quadratic in a control, so that a stationary convex point is its minimum."""
-    s = _symbols(problem)
-    return not ca.depends_on(ca.hessian(s.hamiltonian, s.u)[0][j, j], s.u)
-
-
-@lru_cache(maxsize=64)
-def _switching(problem: ProblemFunctions, j: int) -> ca.Function:
-    """(x, u, t, p, λ) -> d(H_u)/dt, the size of its terms, -∂/∂u d²(H_u)/dt², for a control in which H is linear."""
-    s = _symbols(problem)
-    adjoint = -ca.gradient(s.hamiltonian, s.x)
-
-    def terms(value: ca.SX) -> ca.SX:
-        by_x, by_costate = ca.gradient(value, s.x) * s.f, ca.gradient(value, s.costate) * adjoint
-        return ca.vertcat(by_x, by_costate, ca.gradient(value, s.t))
-
-    switching = ca.gradient(s.hamiltonian, s.u)[j]
-    parts = terms(switching)
-    rate = ca.sum1(parts)
-    kelley = -ca.gradient(ca.sum1(terms(rate)), s.u)[j]
-    return ca.Function("switching", s.arguments, [ca.densify(rate), ca.sum1(ca.fabs(parts)), ca.densify(kelley)])
-
-
-@lru_cache(maxsize=64)
-def _start_gradient(problem: ProblemFunctions) -> ca.Function:
-    """(x(0), p, ν_0) -> i_x'ν_0."""
-    x, p = ca.SX.sym("x", problem.nx), ca.SX.sym("p", len(problem.parameters))
-    nu = ca.SX.sym("nu", len(problem.initial_bounds.lower))
-    return ca.Function("start", [x, p, nu], [ca.densify(ca.gradient(ca.dot(nu, problem.initial(x, p)), x))])
-
-
-@lru_cache(maxsize=64)
-def _end_gradients(problem: ProblemFunctions) -> ca.Function:
-    """(x(T), T, p, ν) -> Psi_x + s_x'ν, Psi_T + s_T'ν."""
-    x, T, p = ca.SX.sym("x", problem.nx), ca.SX.sym("T"), ca.SX.sym("p", len(problem.parameters))
-    nu = ca.SX.sym("nu", len(problem.final_bounds.lower))
-    value = problem.terminal_cost(x, T, p) + ca.dot(nu, problem.final(x, T, p))
-    return ca.Function("end", [x, T, p, nu], [ca.densify(ca.gradient(value, x)), ca.densify(ca.gradient(value, T))])

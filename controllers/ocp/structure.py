@@ -43,10 +43,7 @@ class Structure:
     def limits(self, problem: ProblemFunctions) -> tuple[Interval, Interval]:
         """Limits of controls (A, nu) and path constraints (A, nd) on each arc, equal where they are held."""
         own, path = self.held[:, : problem.nu], self.held[:, problem.nu :]
-        return tuple(
-            Interval(np.where(held > 0, upper, lower), np.where(held < 0, lower, upper))
-            for held, (lower, upper) in ((own, problem.control_bounds), (path, problem.path_bounds))
-        )  # type: ignore[return-value]
+        return _held_to(own, problem.control_bounds), _held_to(path, problem.path_bounds)
 
     def without_arcs_below(self, length: float) -> Structure:
         """The structure without arcs shorter than ``length``, a fraction of T; neighbours that are equal become one."""
@@ -64,6 +61,12 @@ class Structure:
     def same(self, other: Structure) -> bool:
         """True if the arcs of both hold the same controls in the same order."""
         return np.array_equal(self.held, other.held)
+
+
+def _held_to(held: Integers, bounds: Interval) -> Interval:
+    """Limits (A, n) on each arc of what is held (A, n) at its lower limit (-1), at its upper one (1), or free (0)."""
+    lower, upper = bounds
+    return Interval(np.where(held > 0, upper, lower), np.where(held < 0, lower, upper))
 
 
 def structure(solution: Solution) -> Structure:

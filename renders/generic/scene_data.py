@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,8 @@ from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.run_folder import SCENE
 
 MOST_SIZE = 1e7  # [m] of a shape, and of its distance
+UNIT = 1e-3  # by which the length of a quaternion may be off
+Refused = Callable[[str], RunFolderError]  # makes the error of a file from what is wrong with it
 _SHAPES: Mapping[str, tuple[str | int, ...]] = {
     "t": ("samples",),
     "bodies": ("bodies",),
@@ -35,6 +37,7 @@ _SHAPES: Mapping[str, tuple[str | int, ...]] = {
     "camera.field_of_view": ("cameras",),
 }
 _TEXTS = ("bodies", "vehicles", "camera.names")
+_QUATERNIONS = ("quat", "geom.quat", "camera.quat")
 _INDICES = ("geom.body", "geom.type", "geom.data", "camera.body", "vehicle_bodies")
 
 
@@ -125,14 +128,18 @@ def scene_data(arrays: Mapping[str, Array], where: str) -> SceneData:
         least = -1 if name == "geom.data" else 0
         if not ((arrays[name] >= least) & (arrays[name] < most) & (arrays[name] % 1 == 0)).all():
             raise refused(f"{name} holds indices that do not exist; allowed: whole numbers from {least} to {most - 1}")
+    if len(optional) == 1:
+        raise refused(f"{next(iter(optional))} is there alone; allowed: estimate.pos and estimate.quat")
+    for name in _QUATERNIONS:
+        if not (np.abs(np.linalg.norm(arrays[name], axis=-1) - 1.0) < UNIT).all():
+            raise refused(f"{name} holds quaternions that are not of length 1")
     _check_surfaces(arrays, refused)
     names = arrays["vehicles"].tolist()
     return SceneData(dict(arrays), {name: plan for name in names if (plan := _plan(arrays, name, refused))})
 
 
-def _check_surfaces(arrays: Mapping[str, Array], refused: type[RunFolderError] | object) -> None:
+def _check_surfaces(arrays: Mapping[str, Array], refused: Refused) -> None:
     """Refuse meshes and fields that are not there or not whole."""
-    assert callable(refused)
     for kind, data in zip(arrays["geom.type"].tolist(), arrays["geom.data"].tolist(), strict=True):
         if kind == MESH:
             vertices, faces = (arrays.get(f"mesh.{data}.{part}") for part in ("vertices", "faces"))
@@ -160,8 +167,8 @@ def _is_field(heights: Array, size: Array) -> bool:
     return bool(whole and (heights >= 0.0).all() and (size > 0.0).all() and (size <= MOST_SIZE).all())
 
 
-def _plan(arrays: Mapping[str, Array], name: str, refused: object) -> PlanPaths | None:
-    assert callable(refused)
+def _plan(arrays: Mapping[str, Array], name: str, refused: Refused) -> PlanPaths | None:
+    """Paths of a vehicle's plans; None where there are none."""
     parts = [arrays.get(f"plan.{name}.{part}") for part in ("t", "pos", "offsets", "adopted")]
     if any(part is None for part in parts):
         return None

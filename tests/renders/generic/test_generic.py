@@ -131,6 +131,8 @@ FORGED: dict[str, tuple[Callable[[dict[str, Array]], object], str]] = {
     "field": (lambda a: a.update({"field.0.heights": np.full((2, 3), np.nan)}), "the field 0 is missing or not whole"),
     "body": (lambda a: a.update({"geom.body": a["geom.body"] + 9}), r"geom\.body holds indices that do not exist"),
     "endless": (lambda a: a.update(pos=a["pos"] * 1e30), r"pos holds values that are not finite, or beyond"),
+    "turned": (lambda a: a.update({"geom.quat": 0.0 * a["geom.quat"]}), r"geom\.quat holds quaternions that are not"),
+    "half": (lambda a: a.pop("estimate.quat"), r"estimate\.pos is there alone; allowed: estimate\.pos and"),
     "time": (lambda a: a.update(t=a["t"][::-1]), "t does not increase"),
     "plans": (lambda a: a.update({"plan.cart.offsets": np.array([0, 99])}), "the plans of cart do not fit together"),
     "texts": (lambda a: a.update(bodies=np.arange(3)), "bodies holds int64; allowed: texts"),

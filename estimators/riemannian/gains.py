@@ -87,8 +87,3 @@ class IntrinsicGains:
         if self.law == "printed":
             return -math.expm1(-self.position(theta) * h), self.velocity() * h
         return pole_weights(self.bandwidth, self.damping, h)
-
-    def disturbed_weights(self, h: float) -> tuple[float, float, float]:
-        """Weights alpha, beta [1/s] and gamma [1/s^2] of three poles at rho = e^(-omega h), h [s]."""
-        rho, left = math.exp(-self.bandwidth * h), -math.expm1(-self.bandwidth * h)
-        return 1.0 - rho**3, 1.5 * left**2 * (1.0 + rho) / h, left**3 / h**2

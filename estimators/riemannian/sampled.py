@@ -31,6 +31,7 @@ import numpy as np
 
 from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.estimators.riemannian.tuning import BandwidthTuning
+from mathnavi.estimators.velocity.poles import triple_pole_weights
 from mathnavi.models.manifold.manifold import is_beyond
 from mathnavi.models.manifold.system import LagrangianSystem, stepped
 from mathnavi.sim.interfaces.signals import Array
@@ -105,7 +106,7 @@ class SampledIntrinsicObserver:
         elif self.delta is None:
             alpha, beta = self._gains.weights(theta, h)
         else:
-            alpha, beta, gamma = self._gains.disturbed_weights(h)
+            alpha, beta, gamma = triple_pole_weights(self._gains.bandwidth, h)
         term = self._curvature_term(theta, L, h)
         after = manifold.exp(before, alpha * L)
         self.eta = manifold.transport(before, after, self.eta + beta * L + term)

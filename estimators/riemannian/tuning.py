@@ -21,6 +21,7 @@ import math
 
 import numpy as np
 
+from mathnavi.estimators.velocity.poles import triple_pole_weights
 from mathnavi.sim.interfaces.signals import Array
 
 _RATE = 0.15  # g
@@ -29,12 +30,6 @@ _MEMORY = 0.05  # [s] of the mean of L^2
 _OUTLYING = 9.0  # times that mean, beyond which L^2 counts no more
 _START, _MOST = 0.1, 1.0  # omega h
 _LEAST = 1.0  # [1/s] omega
-
-
-def disturbed_weights(omega: float | Array, h: float) -> tuple[Array, Array, Array]:
-    """Weights alpha, beta [1/s] and gamma [1/s^2] of three poles at rho = e^(-omega h), h [s]."""
-    rho, left = np.exp(-omega * h), -np.expm1(-omega * h)
-    return 1.0 - rho**3, 1.5 * left**2 * (1.0 + rho) / h, left**3 / h**2
 
 
 class BandwidthTuning:
@@ -56,4 +51,4 @@ class BandwidthTuning:
         white = self._s * np.minimum(1.0, (1.0 - rho) / (1.0 + rho) * crossing)
         r = np.minimum(self._z**2 / white, _LARGEST)
         self.omega = np.clip(self.omega * np.exp(_RATE * (1.0 - rho) * (r - 1.0)), _LEAST, self._most)
-        return disturbed_weights(self.omega, h)
+        return triple_pole_weights(self.omega, h)

@@ -13,6 +13,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from mathnavi.sim.interfaces.signals import Array
+
 
 def pole_weights(omega: float, zeta: float, h: float) -> tuple[float, float]:
     """alpha and beta [1/s], without cancellation where h [s] is short and without overflow where it is long."""
@@ -23,3 +27,9 @@ def pole_weights(omega: float, zeta: float, h: float) -> tuple[float, float]:
     decay, damped = zeta * omega, omega * math.sqrt(1.0 - zeta * zeta)
     versine = 2.0 * math.sin(0.5 * damped * h) ** 2  # 1 - cos(damped h)
     return alpha, (math.expm1(-decay * h) ** 2 + 2.0 * math.exp(-decay * h) * versine) / h
+
+
+def triple_pole_weights(omega: float | Array, h: float) -> tuple[Array, Array, Array]:
+    """alpha, beta [1/s] and gamma [1/s^2] of an observer of a triple integrator: three poles at rho = e^(-omega h)."""
+    rho, left = np.exp(-omega * h), -np.expm1(-omega * h)
+    return 1.0 - rho**3, 1.5 * left**2 * (1.0 + rho) / h, left**3 / h**2

@@ -11,6 +11,10 @@ servos, limits, damping, armature and friction:
     servo-six        six hinges
     servo-seven      seven hinges, with links of little inertia
     servo-gripper    seven hinges and two fingers, coupled, which one servo drives by a tendon
+
+and one that nothing holds:
+
+    swimmer          six links in a plane, in a viscous fluid, with a torque motor on each of five hinges
 """
 
 from __future__ import annotations
@@ -28,7 +32,7 @@ import numpy as np
 from mathnavi.models.mechanism.files import files_digest
 from mathnavi.models.mechanism.geometry import checked
 from mathnavi.models.mechanism.menagerie import PREFIX, menagerie_file
-from mathnavi.models.mechanism.names import MechanismName, ServoArmName
+from mathnavi.models.mechanism.names import FloatingName, MechanismName, ServoArmName
 from mathnavi.models.vehicle_names import check_vehicle_name
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.input_files import InputFile
@@ -47,7 +51,7 @@ def file_of(mechanism: MechanismName | str | Path) -> Path:
     """
     if str(mechanism).startswith(PREFIX):
         return menagerie_file(str(mechanism))
-    names = (*get_args(MechanismName), *get_args(ServoArmName))
+    names = (*get_args(MechanismName), *get_args(ServoArmName), *get_args(FloatingName))
     own = {name: _HERE / f"{name.replace('-', '_')}.xml" for name in names}
     suite = {f"{_SUITE}{file.stem}": file for file in (Path(dm_control.__file__).parent / "suite").glob("*.xml")}
     path = (own | suite).get(str(mechanism), Path(mechanism))

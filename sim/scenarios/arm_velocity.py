@@ -50,8 +50,8 @@ class ArmVelocityConfig(LagrangianFields):
     settled: float = 1.0
     """from when on errors count [s]"""
     mechanism: MechanismPlace = "two-link"
-    """rigid-body, cart-pendulum, two-link, seven-joint, servo-six, servo-seven, servo-gripper, dm_control:NAME of its
-    suite, menagerie:NAME of MuJoCo Menagerie, or the path of an MJCF file"""
+    """rigid-body, cart-pendulum, two-link, seven-joint, servo-six, servo-seven, servo-gripper, swimmer,
+    dm_control:NAME of its suite, menagerie:NAME of MuJoCo Menagerie, or the path of an MJCF file"""
     load: Annotated[float, Interval(ge=0.01, le=100.0), FINITE] = 1.0
     """mass of the last link, times what the observer believes"""
     start: Annotated[NumberList, FINITE_NUMBERS] = ()

@@ -31,8 +31,10 @@ from mathnavi.sim.studies.riemannian.mechanisms.runs import (
     BUTTERWORTH,
     EKF,
     HIGH_GAIN,
+    MOMENTUM,
     OBSERVER,
     SWEPT,
+    UKF,
     MechanismMotion,
     recorded,
 )
@@ -41,7 +43,8 @@ TUNED_AT, SHOWN_AT, BEGIN = 2.5, 3.0, 0.5  # [rad/s], [rad/s], [s] from when on 
 WITHIN = 1.1  # times the error of the best rival
 NOTHING = 1e-3  # of the greatest speed, below which an error counts as none
 TWICE, PAST = 2.0, 1.0  # times the greatest speed of the last second
-SMALL = 9  # joints, up to which the EKF, whose cost grows with their square, is a rival
+SMALL = 9  # joints, up to which the Kalman filters, whose cost grows with their square, are rivals
+NAMES = (OBSERVER, BUTTERWORTH, HIGH_GAIN, MOMENTUM, EKF, UKF)
 
 
 @dataclass(frozen=True)
@@ -69,8 +72,9 @@ class ArmCase:
 CASES = (
     *(ArmCase(arm, load) for arm in ("servo-six", "servo-seven", "servo-gripper") for load in (1.0, 1.5, 0.5)),
     ArmCase("servo-six", amplitude=2.9),
+    *(ArmCase("swimmer", load) for load in (1.0, 1.5)),
     *(ArmCase(f"dm_control:{name}", load) for name in ("acrobot", "manipulator", "fish") for load in (1.0, 1.5)),
-    ArmCase("dm_control:humanoid"),
+    *(ArmCase(f"dm_control:{name}", load) for name in ("humanoid",) for load in (1.0, 1.5)),
 )
 
 
@@ -91,8 +95,8 @@ class ArmErrors:
 def compared(case: ArmCase) -> list[ArmErrors]:
     """Run the observer and its rivals over the same readings; an exception becomes part of the result."""
     mission = recorded(case.motion(TUNED_AT, 1.0, 1))[0]
-    rivals = (BUTTERWORTH, HIGH_GAIN, EKF) if mission.system.manifold.dimension <= SMALL else (BUTTERWORTH, HIGH_GAIN)
-    return [_errors(name, case) for name in (OBSERVER, *rivals)]
+    names = NAMES if mission.system.manifold.dimension <= SMALL else (OBSERVER, BUTTERWORTH, HIGH_GAIN, MOMENTUM)
+    return [_errors(name, case) for name in names]
 
 
 def _errors(name: str, case: ArmCase) -> ArmErrors:
@@ -208,13 +212,12 @@ def claims(found: Sequence[Sequence[ArmErrors]]) -> list[Claim]:
 
 
 def _table(found: Sequence[Sequence[ArmErrors]]) -> Table:
-    names = (OBSERVER, BUTTERWORTH, HIGH_GAIN, EKF)
     rows = []
     for errors in found:
         by_name = {each.estimator: each for each in errors}
-        cells = [_cell(by_name[name]) if name in by_name else "-" for name in names]
+        cells = [_cell(by_name[name]) if name in by_name else "-" for name in NAMES]
         rows.append((errors[0].case, f"{errors[0].peak:.1f}", *cells, f"{100.0 * errors[0].lost:.1f}%"))
-    return Table("Error [rad/s, m/s]", ("mechanism", "peak", *names, "lost"), rows)
+    return Table("Error [rad/s, m/s]", ("mechanism", "peak", *NAMES, "lost"), rows)
 
 
 def _cell(e: ArmErrors) -> str:
@@ -227,7 +230,7 @@ def _figure(found: Sequence[Sequence[ArmErrors]]) -> Figure:
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(10.0, 0.42 * len(found) + 2.0), layout="constrained")
         axes = page.subplots()
-        for name, marker in ((BUTTERWORTH, "s"), (HIGH_GAIN, "^"), (EKF, "D"), (OBSERVER, "o")):
+        for name, marker in zip(NAMES, "os^vDP", strict=True):
             points = [
                 (each.error, k) for k, errors in enumerate(found) for each in errors
                 if each.estimator == name and np.isfinite(each.error) and each.error > 0.0
@@ -237,5 +240,5 @@ def _figure(found: Sequence[Sequence[ArmErrors]]) -> Figure:
         axes.set_ylim(len(found) - 0.5, -0.5)
         axes.set_xscale("log")
         axes.set_xlabel("error of the joint velocities [rad/s, m/s]")
-        axes.legend(ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+        axes.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return page

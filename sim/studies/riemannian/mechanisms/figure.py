@@ -17,6 +17,7 @@ from mathnavi.sim.studies.riemannian.mechanisms.runs import (
     DISTURBED_TUNED,
     EKF,
     HIGH_GAIN,
+    MOMENTUM,
     OBSERVER,
     TUNED,
     UKF,
@@ -25,7 +26,7 @@ from mathnavi.sim.studies.riemannian.mechanisms.runs import (
 
 COLOURS = {
     OBSERVER: "#0d5fa8", TUNED: "#6aa5d8", DISTURBED: "#0f9472", DISTURBED_TUNED: "#7cc9b0",
-    BUTTERWORTH: "#c2183b", HIGH_GAIN: "#e07b00",
+    BUTTERWORTH: "#c2183b", HIGH_GAIN: "#e07b00", MOMENTUM: "#8a6d3b",
     EKF: "#7a4fb5", UKF: "#b79ad8",
 }  # fmt: skip
 

@@ -36,6 +36,7 @@ SUITE = (
 OBSERVER, TUNED = "observer", "observer, tuned"
 DISTURBED, DISTURBED_TUNED = "observer, disturbance", "observer, disturbance, tuned"
 BUTTERWORTH, HIGH_GAIN, EKF, UKF = "Butterworth", "high gain", "EKF", "UKF"
+MOMENTUM = "momentum observer"
 BANDWIDTHS = (
     0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 30.0, 50.0, 80.0, 120.0, 200.0, 300.0, 500.0, 1000.0,
 )  # fmt: skip  # [1/s]
@@ -45,6 +46,7 @@ SWEPT: Mapping[str, tuple[str, str, tuple[float, ...]]] = {
     DISTURBED_TUNED: ("riemannian_observer", "bandwidth", BANDWIDTHS),
     BUTTERWORTH: ("filtered_differences", "cutoff", CUTOFFS),
     HIGH_GAIN: ("high_gain", "bandwidth", BANDWIDTHS),
+    MOMENTUM: ("momentum_observer", "bandwidth", BANDWIDTHS),
     EKF: ("lagrangian_ekf", "acceleration", DENSITIES),
     UKF: ("lagrangian_ukf", "acceleration", DENSITIES[::2]),  # a decade apart, for what it costs
 }

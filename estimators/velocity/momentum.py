@@ -1,0 +1,162 @@
+"""The plug-in ``momentum_observer``: a disturbance observer in generalised momenta (De Luca and Mattone, 2003).
+
+With p = M(q) v and tau_d a torque that the model lacks,
+
+    q' = M^-1 p,    p' = tau(q, v, u) + C(q, v)' v - g(q) + tau_d,    tau_d' = 0.
+
+The observer of De Luca and Mattone has v read and is a low-pass of tau_d, r = K (p - int (tau + C' v - g + r) dt). Here
+v is not read, so p is estimated as well, and the three errors have one triple pole. Between readings (q^, v^, tau_d^)
+follows the model, as ``LagrangianSystem.flow`` does it; at a reading, h after the one before, with rho = e^(-omega h)
+and L = y - q^- in the coordinates of the encoders,
+
+    q^ = q^- + alpha L,    p^ = p^- + M beta L,    tau_d^ = tau_d^- + M gamma L,
+
+    alpha = 1 - rho^3,    beta = 3/2 (1 - rho)^2 (1 + rho) / h,    gamma = (1 - rho)^3 / h^2.
+
+``disturbance`` among the extra arrays of the estimate is tau_d^ (nv,) [N m, N].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from mathnavi.estimators.velocity.poles import triple_pole_weights
+from mathnavi.estimators.velocity.position_observer import PositionObserver
+from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
+from mathnavi.models.manifold.manifold import Manifold
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.system import LagrangianSystem, integrate, stepped
+from mathnavi.sim.interfaces.bounds import Positive, configuration
+from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array
+
+
+@configuration
+class MomentumObserverConfig:
+    """Fields of ``--estimator``."""
+
+    bandwidth: Positive = 30.0
+    """omega, of the triple pole at -omega [1/s]"""
+    timeout: Positive = 0.5
+    """without a reading after which the estimate is lost [s]"""
+
+
+class MomentumObserver:
+    """The momentum-based disturbance observer of a mechanism."""
+
+    Config = MomentumObserverConfig
+
+    @staticmethod
+    def build(config: MomentumObserverConfig, mission: LagrangianMission) -> PositionObserver:
+        """Build the estimator of one run.
+
+        Raises FieldError for a system without a mass matrix.
+        """
+        return PositionObserver(_Momentum(config, mission), mission, config.timeout)
+
+    @staticmethod
+    def sensors(config: MomentumObserverConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
+        """Sensors that the system has to carry for this estimator."""
+        return (mission.sensor,)
+
+    @staticmethod
+    def quality(config: MomentumObserverConfig, mission: LagrangianMission) -> None:
+        """Nothing is certified from it."""
+
+    @staticmethod
+    def properties(config: MomentumObserverConfig) -> ObserverProperties:
+        """Table 2.1."""
+        return ObserverProperties(
+            Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL,
+            note="the bandwidth has to exceed what the acceleration changes by with the velocity; a constant torque "
+            "that the model lacks leaves no error",
+        )  # fmt: skip
+
+
+@runtime_checkable
+class _WithMass(Protocol):
+    """A manifold that knows its metric as a matrix in the coordinates of the encoders."""
+
+    def mass(self, p: Array) -> Array:
+        """Mass matrix (n, n) at p (size,)."""
+        ...
+
+
+class _Disturbed:
+    """A ``LagrangianSystem`` with one more torque, for ``integrate``."""
+
+    def __init__(self, system: LagrangianSystem, mass: _WithMass) -> None:
+        self._system, self._mass = system, mass
+        self.manifold: Manifold = system.manifold
+        self.states, self.inputs = system.states, system.inputs
+        self.constant, self.amplitude = system.constant, system.amplitude
+        self.velocity_dependent = system.velocity_dependent
+        self.torque = np.zeros(system.manifold.dimension)
+        self._stepped = stepped(system)
+
+    def acceleration(self, x: Array) -> Array:
+        """M^-1 tau_d (n,) at x (size,)."""
+        a: Array = np.linalg.solve(self._mass.mass(x), self.torque)
+        return a
+
+    def force(self, x: Array, v: Array, u: Array) -> Array:
+        return self._system.force(x, v, u) + self.acceleration(x)
+
+    def flow(self, state: Array, u: Array, h: float) -> Array:
+        if self._stepped is None:
+            return integrate(self, state, u, h)
+        x, v = state[: self.manifold.size], state[self.manifold.size :]
+        return np.concatenate(self._stepped.step(x, v, u, h, self.acceleration(x)))
+
+
+class _Momentum:
+    """A ``VelocityLaw``."""
+
+    def __init__(self, config: MomentumObserverConfig, mission: LagrangianMission) -> None:
+        manifold = mission.system.manifold
+        if not isinstance(manifold, _WithMass) or manifold.vector_size != manifold.dimension:
+            raise FieldError(f"estimator = 'momentum_observer' on {manifold.name}; allowed: on mechanisms")
+        self._mass: _WithMass = manifold
+        self._mission, self._manifold, self._bandwidth = mission, mission.system.manifold, config.bandwidth
+        self._system = _Disturbed(mission.system, manifold)
+
+    @property
+    def state(self) -> Array:
+        return self._state
+
+    @property
+    def extra(self) -> Mapping[str, Array]:
+        return {"disturbance": self._system.torque.copy()}
+
+    def start(self, y: Array) -> None:
+        self._state = np.concatenate([y, np.zeros(self._manifold.vector_size)])
+        self._system.torque = np.zeros(self._manifold.dimension)
+        self._y = y  # the last reading that was used
+        self._gate, self._outlier_counter = SpeedGate(self._mission, y), OutlierCounter()
+
+    def predict(self, h: float, u: Array, y: Array | None) -> None:
+        self._state = self._system.flow(self._state, u, h)
+
+    def correct(self, y: Array, h: float) -> bool:
+        manifold, size = self._manifold, self._manifold.size
+        x, v = self._state[:size], self._state[size:]
+        moved, L = innovation(manifold, self._y, y), innovation(manifold, x, y)
+        good = moved is not None and L is not None and self._gate.passes(self._y, moved, h)
+        if not self._outlier_counter.admits(good):
+            return False
+        if L is None or not good:
+            self.start(y)
+            return True
+        alpha, beta, gamma = triple_pole_weights(self._bandwidth, h)
+        M = self._mass.mass(x)
+        after = manifold.point(x, alpha * L)
+        momentum = M @ (v + beta * L)
+        self._system.torque = self._system.torque + gamma * (M @ L)
+        self._state = np.concatenate([after, np.linalg.solve(self._mass.mass(after), momentum)])
+        self._y = y
+        return True

@@ -163,7 +163,8 @@ class VelocityObserver(LagrangianObserver):
     ``mujoco.MjModel``. y is qpos (nq,) [m, rad], u is ctrl (nu,), the velocity is qvel (nv,) [m/s, rad/s].
 
     ``method`` is a plug-in: riemannian_observer, high_gain, momentum_observer, lagrangian_ekf, lagrangian_ukf or
-    filtered_differences, and ``fields`` are its own. ``noise`` [rad, m] and ``speed_max`` as of an ``IntrinsicObserver``.
+    filtered_differences, and ``fields`` are its own. ``noise`` [rad, m] and ``speed_max`` as of an
+    ``IntrinsicObserver``.
 
     Raises FieldError for a model that is no such mechanism and for a field or a value that is not allowed, PluginError
     for a method that is not known.

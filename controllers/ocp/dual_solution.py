@@ -17,8 +17,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from mathnavi.controllers.ocp.layout import bounded_states
 from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues, distinct
-from mathnavi.controllers.ocp.nlp import Programme, bounded_states
+from mathnavi.controllers.ocp.nlp import Programme
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights
 from mathnavi.sim.interfaces.signals import Array

@@ -19,9 +19,10 @@ import numpy as np
 from mathnavi.controllers.ocp.arcs import Arcs
 from mathnavi.controllers.ocp.defects import defects
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, uniform
+from mathnavi.controllers.ocp.layout import variation
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.methods.hp_mesh import TINY, VIOLATION, interval_errors, meshed, with_boundaries
-from mathnavi.controllers.ocp.nlp import SHORTEST_ARC, variation
+from mathnavi.controllers.ocp.nlp import SHORTEST_ARC
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.replay import check_tolerance, replayed
 from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing

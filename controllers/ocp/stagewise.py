@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from scipy.sparse import coo_array
 
 from mathnavi.sim.interfaces.signals import Array, Integers
 
@@ -298,7 +297,8 @@ def _assembled(parts: Sequence[_Part], height: int, width: int, constant: Factor
 
 def _sparse(values: Array, rows: Integers, columns: Integers, shape: tuple[int, int]) -> ca.DM:
     """A sparse matrix, entries at the same place added up."""
-    matrix = coo_array((values, (rows, columns)), shape=shape).tocsc()
-    matrix.sum_duplicates()
-    pattern = ca.Sparsity(*shape, matrix.indptr.tolist(), matrix.indices.tolist())
-    return ca.DM(pattern, matrix.data)
+    height, width = shape
+    keys, where = np.unique(columns * height + rows, return_inverse=True)  # CasADi counts column by column
+    ends = np.searchsorted(keys, height * np.arange(width + 1))
+    pattern = ca.Sparsity(height, width, ends.tolist(), (keys % height).tolist() if height else [])
+    return ca.DM(pattern, np.bincount(where, values, minlength=len(keys)))

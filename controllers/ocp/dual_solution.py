@@ -6,7 +6,8 @@ is the jump. The costate of a point is the factor of its rate in the Lagrangian 
 
     λ_j = 1 / (b_j d) ∂/∂f_j (cost + Λ'flow + Λ_inner'inner + ...),
 
-with the quadrature's weights b_j: as accurate as the states (Hager, Numerische Mathematik 2000).
+with the quadrature's weights b_j: as accurate as the states (Hager, Numerische Mathematik 2000). Where collocation is
+linear in the rates, so are these.
 """
 
 from __future__ import annotations
@@ -17,9 +18,12 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from mathnavi.controllers.ocp.layout import bounded_states
 from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues, distinct
-from mathnavi.controllers.ocp.nlp import Programme, bounded_states
+from mathnavi.controllers.ocp.nlp import Programme
+from mathnavi.controllers.ocp.pointwise import COLLOCATIONS
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.transcriptions.collocation import integration_matrix
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights
 from mathnavi.sim.interfaces.signals import Array
 
@@ -114,6 +118,11 @@ def point_shares(b: Array, d: Array, *, joined: bool) -> Array:
 def _costates_at_points(problem: ProblemFunctions, scheme: Scheme, answer: Answer, factors: tuple[Array, ...]) -> Array:
     """Costates (N - 1, k, nx); ``factors`` are the multipliers of flow, inner, path and states, a row an interval."""
     count, k = len(answer.t) - 1, len(scheme.points)
+    if isinstance(scheme, COLLOCATIONS):  # (b_j Λ + Σ_m A_mj Λ_m) / b_j
+        A, b = integration_matrix(scheme.points)
+        inner = factors[1].reshape(count, len(A), problem.nx)
+        costates: Array = factors[0][:, None, :] + np.einsum("mj,nmi->nji", A / b, inner)
+        return costates
     inside = [0.0 < c < 1.0 for c in scheme.points] if scheme.interior else [False] * k
     found = _costate_function(problem, scheme).map(count)(
         answer.x[:-1].T,

@@ -15,125 +15,31 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.distribution import NodeDistribution
+from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution
+from mathnavi.controllers.ocp.layout import (
+    ProgrammeLayout,
+    bounded_controls,
+    bounded_states,
+    fractions_between,
+    mixed_constraints,
+    variation,
+)
 from mathnavi.controllers.ocp.mesh import Mesh
+from mathnavi.controllers.ocp.pointwise import COLLOCATIONS, collocation_blocks
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.stagewise import Assembly, Block
-from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, gauss_legendre, weights
+from mathnavi.controllers.ocp.stagewise import Assembly, Block, Stage
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, weights
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 RELATIVE_WIDTHS = (0.02, 20.0)
 """bounds of D_i where the nodes are unknowns"""
-SLOPE = 1e-3
-"""share of a control's slope in its variation"""
 SHORTEST_ARC = 1e-6
 """least length of an arc, over the guess of T"""
-
-
-@dataclass(frozen=True, eq=False)
-class ProgrammeLayout:
-    """Layout of the vector of unknowns (size,): the place and the scale of each part, see the module."""
-
-    problem: ProblemFunctions
-    scheme: Scheme
-    nodes: int  # N
-    moving: bool  # True if the nodes are unknowns
-    constants: int  # number of the distribution's constants s
-    arcs: int = 1  # A
-
-    @property
-    def free_duration(self) -> bool:
-        """True if T is an unknown."""
-        return self.problem.free_duration
-
-    @property
-    def durations(self) -> int:
-        """Number of unknown durations: the lengths of several arcs, or T if it is free."""
-        return self.arcs if self.arcs > 1 else int(self.free_duration)
-
-    @property
-    def state_size(self) -> int:
-        """Size of z_i = (x_i, T, s, τ_i)."""
-        return self.problem.nx + self.durations + self.constants + int(self.moving)
-
-    @property
-    def own_points(self) -> int:
-        """Number of an interval's control points that are not those of the next."""
-        return len(self.scheme.points) - int(self.scheme.shared)
-
-    @property
-    def input_size(self) -> int:
-        """Size of w_i = (U_i, X_i, D_i), but for the last stage."""
-        p = self.problem
-        return self.own_points * p.nu + self.scheme.interior * p.nx + int(self.moving)
-
-    @property
-    def last_input_size(self) -> int:
-        """Size of w_N in the last stage: its control, if the scheme shares it between intervals."""
-        return self.problem.nu if self.scheme.shared else 0
-
-    @property
-    def smoothed(self) -> int:
-        """Number of controls whose variation within an interval a weight ρ holds down: all that may jump at nodes."""
-        return self.problem.nu if fractions_between(self.scheme) else 0
-
-    @property
-    def size(self) -> int:
-        """Number of unknowns."""
-        return (self.nodes - 1) * (self.state_size + self.input_size) + self.state_size + self.last_input_size
-
-    @cached_property
-    def state_scale(self) -> Array:
-        """Scales (state_size,) of z."""
-        duration = np.full(self.durations, self.problem.guess_duration)
-        return np.concatenate([self.problem.state_scale, duration, np.ones(self.constants + int(self.moving))])
-
-    @cached_property
-    def input_scale(self) -> Array:
-        """Scales (input_size,) of w."""
-        p = self.problem
-        return np.concatenate(
-            [
-                np.tile(p.control_scale, self.own_points),
-                np.tile(p.state_scale, self.scheme.interior),
-                np.ones(int(self.moving)),
-            ]
-        )
-
-    @cached_property
-    def scale(self) -> Array:
-        """Scales (size,) of the unknowns."""
-        stage = np.concatenate([self.state_scale, self.input_scale])
-        last = [self.state_scale, self.problem.control_scale if self.scheme.shared else np.empty(0)]
-        return np.concatenate([np.tile(stage, self.nodes - 1), *last])
-
-    def split(self, unknowns: Array) -> tuple[Array, Array, Array]:
-        """Split scaled unknowns (size,) into z (N, state_size), w (N - 1, input_size) and w_N (last_input_size,).
-
-        The parts are in the problem's units, no longer over their scales.
-        """
-        values = unknowns * self.scale
-        stage = self.state_size + self.input_size
-        body = values[: (self.nodes - 1) * stage].reshape(self.nodes - 1, stage)
-        tail = values[(self.nodes - 1) * stage :]
-        z = np.vstack([body[:, : self.state_size], tail[: self.state_size]])
-        return z, body[:, self.state_size :], tail[self.state_size :]
-
-    def join(self, z: Array, w: Array, last: Array) -> Array:
-        """Join z (N, state_size), w (N - 1, input_size) and w_N (last_input_size,) to scaled unknowns (size,).
-
-        The inverse of ``split``.
-        """
-        body = np.hstack([z[:-1], w]).ravel()
-        joined: Array = np.concatenate([body, z[-1], last]) / self.scale
-        return joined
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,41 +83,57 @@ def programme(
     x = ca.MX.sym("x", layout.size)
     parameters = ca.MX.sym("p", len(problem.parameters))
     places_known = [] if layout.moving else [ca.MX.sym("D", count)] if arcs == 1 else _arc_shares(count, arcs)
-    start, (interval, functional), end = _start(layout), _interval(layout, distribution), _end(layout)
+    smoothing = ca.MX.sym("rho", layout.smoothed, count)
+    pointwise = isinstance(scheme, COLLOCATIONS) and isinstance(distribution, Fixed)
+    interval = None if pointwise else _interval(layout, distribution)
+    start, end = _start(layout), _end(layout)
+    between = 0 if interval is None else interval.between
+    own_lower, own_upper = _interval_limits(layout, distribution, layout.own_points + between)
 
     # Rows of g: the first interval's gap, what holds at the start, the rest of the first interval, the other intervals
     # and what holds at the end.
     shift = len(start.lower)
-    places = np.arange(count * len(interval.lower)).reshape(count, -1) + shift
+    places = np.arange(count * len(own_lower)).reshape(count, -1) + shift
     places[0, :nz] -= shift
     at_start, at_end = nz + np.arange(shift)[None, :], places[-1, -1] + 1 + np.arange(len(end.lower))[None, :]
     lower, upper = (
         np.concatenate([each[:nz], first, each[nz:], np.tile(each, count - 1), last])
-        for first, each, last in zip(start.limits, interval.limits, end.limits, strict=True)
-    )
-    columns = np.arange(interval.v.numel()) + stride * np.arange(count)[:, None]
-    known: list[ca.MX] = [ca.repmat(parameters, 1, count), ca.MX(ca.DM(range(count)).T)]
-    if arcs > 1:
-        known += places_known
-    elif places_known:
-        known += [_starts(places_known[0]), places_known[0].T]
-    smoothing = ca.MX.sym("rho", layout.smoothed, count)
-    known.append(smoothing)
-    blocks = (
-        start.block(columns[:1, :nz], at_start, parameters),
-        interval.block(columns, places, ca.vertcat(*known)),
-        end.block(count * stride + np.arange(end.v.numel())[None, :], at_end, parameters),
+        for first, each, last in (
+            (start.lower, own_lower, end.lower),
+            (start.upper, own_upper, end.upper),
+        )
     )
     p = ca.vertcat(parameters, *(ca.vec(each) for each in (*places_known, smoothing)))
-    shares = dataclasses.replace(interval, cost=functional).block(columns, places, ca.vertcat(*known))
+    functional = None
+    if interval is None:
+        shares = places_known if arcs > 1 else [_starts(places_known[0]), places_known[0].T / count]
+        blocks, linear = collocation_blocks(layout, places, parameters, *shares, smoothing)
+    else:
+        columns = np.arange(interval.stage.v.numel()) + stride * np.arange(count)[:, None]
+        known: list[ca.MX] = [ca.repmat(parameters, 1, count), ca.MX(ca.DM(range(count)).T)]
+        if arcs > 1:
+            known += places_known
+        elif places_known:
+            known += [_starts(places_known[0]), places_known[0].T]
+        known.append(smoothing)
+        own = Block(interval.stage, columns, places, ca.vertcat(*known))
+        blocks, linear = [own], None
+        if not interval.functional.is_zero():
+            stage = Stage(interval.stage.v, interval.stage.data, interval.stage.rows, interval.functional)
+            functional = Assembly(x, p, len(lower), [dataclasses.replace(own, stage=stage)]).f
+    blocks = [
+        Block(start.stage, np.arange(nz)[None, :], at_start, parameters),
+        *blocks,
+        Block(end.stage, count * stride + np.arange(end.stage.v.numel())[None, :], at_end, parameters),
+    ]
     x_lower, x_upper = _variable_bounds(layout, distribution)
-    path_rows = [len(interval.lower) - nz] * count + [len(end.lower)]
+    path_rows = [len(own_lower) - nz] * count + [len(end.lower)]
     path_rows[0] += shift
     return Programme(
         layout=layout,
         x=x,
         p=p,
-        assembly=Assembly(x, p, len(lower), blocks),
+        assembly=Assembly(x, p, len(lower), blocks, linear),
         lower=lower,
         upper=upper,
         x_lower=x_lower,
@@ -222,26 +144,13 @@ def programme(
         held_rows=places[:, nz + scheme.interior * problem.nx :],
         initial_rows=at_start[0],
         final_rows=at_end[0],
-        functional=None if functional.is_zero() else Assembly(x, p, len(lower), [shares]).f,
+        functional=functional,
     )
 
 
 def _arc_shares(count: int, arcs: int) -> list[ca.MX]:
     """E and W, (A, N - 1) each."""
     return [ca.MX.sym(name, arcs, count) for name in ("E", "W")]
-
-
-def variation(scheme: Scheme) -> Array:
-    """Matrix (k, k) whose quadratic form is the mean square of a control less its straight line over an interval.
-
-    The line's own slope counts for a thousandth.
-    """
-    abscissae, share = gauss_legendre(len(scheme.points))
-    basis, b = weights(scheme.points, 0.5 * (abscissae + 1.0)), 0.5 * share
-    slope = np.outer(abscissae, (b * abscissae) @ basis / (b @ abscissae**2))
-    bent = basis - b @ basis - slope
-    matrix: Array = bent.T @ (b[:, None] * bent) + SLOPE * slope.T @ (b[:, None] * slope)
-    return matrix
 
 
 def _starts(widths: ca.MX) -> ca.MX:
@@ -251,28 +160,25 @@ def _starts(widths: ca.MX) -> ca.MX:
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
-    """Expressions of the start, of an interval or of the end, with the limits of their rows."""
+class _End:
+    """What holds at the start or at the end, with the limits of its rows."""
 
-    v: ca.SX  # unknowns
-    data: ca.SX
-    rows: ca.SX
-    cost: ca.SX
+    stage: Stage
     lower: Array
     upper: Array
 
-    @property
-    def limits(self) -> tuple[Array, Array]:
-        return self.lower, self.upper
 
-    def block(self, columns: Integers, places: Integers, known: ca.MX) -> Block:
-        return Block(self.v, self.data, self.rows, self.cost, columns, places, known)
+@dataclass(frozen=True, eq=False)
+class _Interval:
+    """What holds along an interval."""
+
+    stage: Stage
+    functional: ca.SX  # () the distribution's I_i, which the stage's cost contains
+    between: int  # points, beside the scheme's own, at which path constraints hold
 
 
-def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[_Part, ca.SX]:
-    """Rows of an interval, scaled: its gap, the scheme's inner equations, what holds along it. Its functional I_i too,
-    which the part's cost contains.
-    """
+def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> _Interval:
+    """Rows of an interval, scaled: its gap, the scheme's inner equations, what holds along it."""
     problem, scheme, count = layout.problem, layout.scheme, layout.nodes - 1
     nx, nu = problem.nx, problem.nu
     z, w = ca.SX.sym("z", layout.state_size), ca.SX.sym("w", layout.input_size)
@@ -337,64 +243,30 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[
         flow.append(z[-1] + relative / count)
     inner = interval.inner / np.tile(problem.state_scale, scheme.interior) if scheme.interior else ca.SX(0, 1)
     gap, held = z_next - ca.vertcat(*flow), ca.vertcat(*along)
-    lower, upper = _along_bounds(layout, distribution, layout.own_points + len(interval.between))
-    equations = np.zeros(gap.numel() + inner.numel())
     functional, smoothed = ca.SX(distribution.functional(mesh)), ca.SX(0)
     for k, row in enumerate(variation(scheme).tolist() if layout.smoothed else []):
         for own, other in zip(row, U, strict=True):
             smoothed += own * ca.dot(smoothing, U[k] * other / problem.control_scale**2)
-    part = _Part(
+    stage = Stage(
         v=ca.vertcat(z, w, z_next, u_next),
         data=ca.vertcat(p, index, before, share, smoothing),
         rows=ca.vertcat(gap, inner, held),
         cost=interval.cost + functional + smoothed,
-        lower=np.concatenate([equations, lower]),
-        upper=np.concatenate([equations, upper]),
     )
-    return part, functional
+    return _Interval(stage, functional, len(interval.between))
 
 
-def bounded_states(problem: ProblemFunctions) -> list[int]:
-    """Indices of the states with a finite bound along the path."""
-    lower, upper = problem.state_bounds
-    return np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)).tolist()
-
-
-def mixed_constraints(problem: ProblemFunctions) -> list[int]:
-    """Indices of the path constraints that depend on a control."""
-    return sorted(set(problem.path.jac_sparsity(0, 1).row()))
-
-
-def bounded_controls(problem: ProblemFunctions) -> list[int]:
-    """Indices of the controls with a finite bound."""
-    lower, upper = problem.control_bounds
-    return np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)).tolist()
-
-
-def fractions_between(scheme: Scheme) -> tuple[float, ...]:
-    """Fractions of an interval at which bounds of a control that may jump at nodes hold beside the scheme's points.
-
-    The start, where the control is extrapolated, and the middles between two points; none for a control that is held
-    or shared between intervals.
-    """
-    points = scheme.points
-    if scheme.shared or len(points) == 1:
-        return ()
-    ends = (0.0,) if points[-1] == 1.0 else (0.0, 1.0)
-    return (*ends, *(0.5 * (a + b) for a, b in pairwise(points)))
-
-
-def _along_bounds(layout: ProgrammeLayout, distribution: NodeDistribution, points: int) -> tuple[Array, Array]:
-    """Limits of the path constraints of an interval at so many points, in the order of the stage function.
+def _interval_limits(layout: ProgrammeLayout, distribution: NodeDistribution, points: int) -> tuple[Array, Array]:
+    """Limits of the rows of an interval with path constraints at so many points, in the order of the stage function.
 
     States at nodes and interior states are unknowns and bounded as such; a midpoint that is an expression is not.
     """
     problem, scheme = layout.problem, layout.scheme
-    bounded = bounded_states(problem)
+    bounded, equations = bounded_states(problem), np.zeros(layout.state_size + scheme.interior * problem.nx)
     hidden = max(0, len(scheme.points) - 2) if scheme.interior == 0 else 0
     vanishing = np.zeros(distribution.constraints(_sample_mesh(problem), ca.SX.zeros(distribution.constants)).numel())
     lower, upper = (
-        np.concatenate([np.tile(path, points), np.tile(states[bounded], hidden), vanishing, between])
+        np.concatenate([equations, np.tile(path, points), np.tile(states[bounded], hidden), vanishing, between])
         for path, states, between in zip(
             problem.path_bounds, problem.state_bounds, _bounds_between(problem, scheme), strict=True
         )
@@ -419,15 +291,15 @@ def _sample_mesh(problem: ProblemFunctions) -> Mesh:
     return Mesh(1, ca.SX(0), one, one, column, column)
 
 
-def _start(layout: ProgrammeLayout) -> _Part:
+def _start(layout: ProgrammeLayout) -> _End:
     """Rows at the first node, i(x(0); p)."""
     problem = layout.problem
     z, p = ca.SX.sym("z", layout.state_size), ca.SX.sym("p", len(problem.parameters))
     rows = problem.initial(z[: problem.nx] * ca.DM(problem.state_scale), p)
-    return _Part(z, p, rows, ca.SX(0), *problem.initial_bounds)
+    return _End(Stage(z, p, rows, ca.SX(0)), *problem.initial_bounds)
 
 
-def _end(layout: ProgrammeLayout) -> _Part:
+def _end(layout: ProgrammeLayout) -> _End:
     """Rows at the last node, s(x(T), T; p) and path constraints, and the terminal cost."""
     problem = layout.problem
     z, w = ca.SX.sym("z", layout.state_size), ca.SX.sym("w", layout.last_input_size)
@@ -455,7 +327,7 @@ def _end(layout: ProgrammeLayout) -> _Part:
         shortest, longest = problem.duration_bounds
         lower = np.append(lower, shortest / problem.guess_duration)
         upper = np.append(upper, longest / problem.guess_duration)
-    return _Part(ca.vertcat(z, w), p, rows, problem.terminal_cost(x, duration, p), lower, upper)
+    return _End(Stage(ca.vertcat(z, w), p, rows, problem.terminal_cost(x, duration, p)), lower, upper)
 
 
 def _variable_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[Array, Array]:

@@ -4,7 +4,8 @@ A transcription knows its own error only at its nodes, and an optimiser that may
 solution is replayed from x(0) with what its actuators can do: the control as the scheme interpolates it, saturated to
 its bounds. Where it ends, what it violates on the way and what it costs are reported apart, and so is how far the
 scheme's control would have left its bounds. Where a replay is ill-posed, because the linearised flow of the open loop
-grows beyond 1e4, each interval is integrated from its own node instead, and the scaled defects are added up.
+grows beyond 1e4, each interval is integrated from its own node instead, and the scaled defects are added up. Intervals
+inside which all is smooth are integrated together (see ``picard``), others by an integrator with step-size control.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from mathnavi.controllers.ocp.defects import defects
+from mathnavi.controllers.ocp.picard import flight
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Outcome, ReplayResult, Solution
 from mathnavi.controllers.ocp.transcriptions.scheme import weights
@@ -80,25 +82,29 @@ def check_tolerance(tolerance: float) -> None:
 
 def _replay(solution: Solution, *, by_intervals: bool) -> ReplayResult:
     problem, scale = solution.problem, solution.problem.state_scale
-    starts, y, cost, path_violation, defects = solution.x / scale, solution.x[0] / scale, 0.0, 0.0, 0.0
-    control_violation = max(_control_violation(solution, i) for i in range(solution.nodes - 1))
+    starts, y, cost, defects = solution.x / scale, solution.x[0] / scale, 0.0, 0.0
+    fractions = np.linspace(0.0, 1.0, DENSE + 1)
+    at_once = flight(solution, fractions, _TOLERANCE, by_intervals=by_intervals)
+    flown = np.empty((solution.nodes - 1, DENSE + 1, problem.nx))
     for i in range(solution.nodes - 1):
         if by_intervals:
             y = starts[i]
-        path = _integrated(solution, i, y)
+        path = (at_once.states[i], float(at_once.costs[i])) if at_once else _integrated(solution, i, y)
         if path is None:
             end = np.full(problem.nx, np.nan)
+            control_violation = _control_violation(solution)
             return ReplayResult(math.inf, math.inf, control_violation, math.inf, math.nan, end, by_intervals)
-        states, gained = path
-        path_violation = max(path_violation, _path_violation(solution, i, states * scale))
+        flown[i], gained = path
         cost += gained
-        y = states[-1]
+        y = flown[i, -1]
         defects += float(np.abs(y - starts[i + 1]).max())
+    path_violation = _path_violation(solution, flown * scale, fractions)
     miss = defects if by_intervals else float(np.abs(y - starts[-1]).max())
     end = y * scale
     cost += float(problem.terminal_cost(end, solution.duration, solution.parameters))
     error = abs(cost - solution.cost) / max(1.0, abs(solution.cost))
     cost_error = error if math.isfinite(error) else math.inf
+    control_violation = _control_violation(solution)
     return ReplayResult(miss, path_violation, control_violation, cost_error, cost, end, by_intervals)
 
 
@@ -156,15 +162,15 @@ def _rates_function(problem: ProblemFunctions, points: tuple[float, ...]) -> ca.
     return ca.Function("rates", [c, y, known], [ca.vertcat(rates, d * problem.running_cost(x, u, t, p))])
 
 
-def _path_violation(solution: Solution, i: int, states: Array) -> float:
-    """Largest violation of state bounds and path constraints at states (n, nx) spread evenly over interval i."""
+def _path_violation(solution: Solution, states: Array, fractions: Array) -> float:
+    """Largest violation of state bounds and path constraints at states (N - 1, n, nx) at fractions (n,)."""
     problem = solution.problem
-    t = np.linspace(solution.t[i], solution.t[i + 1], len(states))
     worst = _excess(states, *problem.state_bounds, problem.state_scale)
     if len(problem.path_bounds.lower):
-        u = np.clip(_control(solution, i, len(states)), *problem.control_bounds)
+        t = (solution.t[:-1, None] + fractions * np.diff(solution.t)[:, None]).ravel()
+        u = np.clip(_control(solution, fractions), *problem.control_bounds).reshape(len(t), -1)
         p = np.tile(solution.parameters[:, None], (1, len(t)))
-        d = problem.path.map(len(t))(states.T, u.T, t[None, :], p).full().T
+        d = problem.path.map(len(t))(states.reshape(len(t), -1).T, u.T, t[None, :], p).full().T
         lower, upper = problem.path_bounds
         sizes = np.maximum(
             np.abs(np.where(np.isfinite(lower), lower, 0.0)), np.abs(np.where(np.isfinite(upper), upper, 0.0))
@@ -173,17 +179,17 @@ def _path_violation(solution: Solution, i: int, states: Array) -> float:
     return worst
 
 
-def _control_violation(solution: Solution, i: int) -> float:
-    """How far the scheme's control leaves its bounds in interval i, over their range (one bound: over the scale)."""
+def _control_violation(solution: Solution) -> float:
+    """How far the scheme's control leaves its bounds, over their range (one bound: over the scale)."""
     problem = solution.problem
     extent = problem.control_bounds.upper - problem.control_bounds.lower
     scale = np.where(np.isfinite(extent) & (extent > 0.0), extent, problem.control_scale)
-    return _excess(_control(solution, i, DENSE + 1), *problem.control_bounds, scale)
+    return _excess(_control(solution, np.linspace(0.0, 1.0, DENSE + 1)), *problem.control_bounds, scale)
 
 
-def _control(solution: Solution, i: int, count: int) -> Array:
-    """(count, nu) the scheme's control, not saturated, evenly over interval i."""
-    values: Array = weights(solution.scheme.points, np.linspace(0.0, 1.0, count)) @ solution.u[i]
+def _control(solution: Solution, fractions: Array) -> Array:
+    """(N - 1, n, nu) the scheme's control, not saturated, at fractions (n,) of each interval."""
+    values: Array = np.einsum("ck,nkm->ncm", weights(solution.scheme.points, fractions), solution.u)
     return values
 
 

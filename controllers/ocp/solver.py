@@ -21,8 +21,9 @@ from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
 from mathnavi.controllers.ocp.finite import not_finite
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths
 from mathnavi.controllers.ocp.infeasible import contradiction
+from mathnavi.controllers.ocp.layout import bounded_controls, fractions_between, mixed_constraints, variation
 from mathnavi.controllers.ocp.multipliers import NamedValues
-from mathnavi.controllers.ocp.nlp import bounded_controls, fractions_between, mixed_constraints, programme, variation
+from mathnavi.controllers.ocp.nlp import programme
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme

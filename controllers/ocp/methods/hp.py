@@ -5,7 +5,8 @@ Each round solves by Radau collocation, compares every interval with its own dyn
 them, the next programme has arcs whose lengths are unknowns; a control that a bound holds is held there. A control that
 enters linearly and is free, on a singular arc, is kept from ringing by a small weight ρ on what it varies within an
 interval beside its straight line: J is at most ρ times that variation above its least value, and ρ falls until this is
-below the tolerance. The rounds end when the defects are small and J no longer changes.
+below the tolerance. The rounds end when the defects are small and J no longer changes or, of a smooth solution, is seen
+to be as good as its least value (see ``suboptimality``).
 """
 
 from __future__ import annotations
@@ -19,14 +20,16 @@ import numpy as np
 from mathnavi.controllers.ocp.arcs import Arcs
 from mathnavi.controllers.ocp.defects import defects
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, uniform
+from mathnavi.controllers.ocp.layout import variation
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.methods.hp_mesh import TINY, VIOLATION, interval_errors, meshed, with_boundaries
-from mathnavi.controllers.ocp.nlp import SHORTEST_ARC, variation
+from mathnavi.controllers.ocp.nlp import SHORTEST_ARC
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.replay import check_tolerance, replayed
 from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing
 from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
 from mathnavi.controllers.ocp.structure import Structure, linear_controls, structure, without_structure
+from mathnavi.controllers.ocp.suboptimality import suboptimality
 from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.winding import unwound
 from mathnavi.sim.interfaces.signals import Array
@@ -130,7 +133,7 @@ def hp(
         smooth = plan.added(current) <= tolerance * abs(current.cost)
         fair = small or (errors.total <= allowed and bent >= _MOST_BENT)
         bent += int(errors.total <= allowed and not small)
-        if settled and fair and smooth and change <= max(allowed, _ROUNDING):
+        if settled and fair and smooth and (change <= max(allowed, _ROUNDING) or _shown_best(current, allowed)):
             current = replayed(current, tolerance)
             error = math.inf if current.replay is None else current.replay.error
             if not small or error <= tolerance or allowed < _LEAST * tolerance:
@@ -159,6 +162,11 @@ def hp(
     if current.replay is None:
         current = replayed(current, tolerance)
     return dataclasses.replace(current, method="hp", message=f"{_described(plan)}; {current.message}")
+
+
+def _shown_best(solution: Solution, allowed: float) -> bool:
+    """True if the stationarity of a solution shows that J is within ``allowed``, relative, of its least value."""
+    return suboptimality(solution) <= allowed * abs(solution.cost)
 
 
 def _explained(

@@ -16,6 +16,14 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Rates, integral_weights
+from mathnavi.sim.interfaces.signals import Array
+
+
+def integration_matrix(points: tuple[float, ...]) -> tuple[Array, Array]:
+    """A (·, k), its rows those of the points inside ]0, 1[, and the quadrature b (k,)."""
+    inside = [c for c in points if 0.0 < c < 1.0]
+    every = integral_weights(points, np.array([*inside, 1.0]))
+    return every[:-1], every[-1]
 
 
 def collocated(
@@ -31,17 +39,16 @@ def collocated(
     """Equations of an interval that is collocated at ``points`` (k,); the other arguments are those of a scheme."""
     states = (*((x_0,) if points[0] == 0.0 else ()), *X, *((x_1,) if points[-1] == 1.0 else ()))
     pairs = [rates(x, u, t + c * d) for x, u, c in zip(states, U, points, strict=True)]
-    inside = [c for c in points if 0.0 < c < 1.0]
-    A = integral_weights(points, np.array([*inside, 1.0])).tolist()  # the last row is the quadrature
+    A, b = (matrix.tolist() for matrix in integration_matrix(points))
 
     def integral(row: Sequence[float], values: Sequence[ca.SX]) -> ca.SX:
         return d * sum((a * value for a, value in zip(row, values, strict=True)), ca.SX(0))
 
     f, cost = zip(*pairs, strict=True)
-    inner = [x_0 + integral(row, f) - x for row, x in zip(A[:-1], X, strict=True)]
+    inner = [x_0 + integral(row, f) - x for row, x in zip(A, X, strict=True)]
     return IntervalEquations(
-        flow=x_0 + integral(A[-1], f),
+        flow=x_0 + integral(b, f),
         inner=ca.vertcat(*inner) if inner else ca.SX(0, 1),
-        cost=integral(A[-1], cost),
+        cost=integral(b, cost),
         states=states,
     )

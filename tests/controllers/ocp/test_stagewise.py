@@ -8,15 +8,19 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from mathnavi.controllers.ocp import nlp as nlp_module
 from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
 from mathnavi.controllers.ocp.nlp import Programme, programme
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.problems.double_integrator import double_integrator_energy
 from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
+from mathnavi.controllers.ocp.transcriptions.gauss import GaussLegendre
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
 from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
+from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.sim.interfaces.signals import Array
 
@@ -43,6 +47,7 @@ CASES: list[tuple[ProblemFunctions, Scheme, NodeDistribution, int]] = [
     (constrained(), HermiteSimpson(), Fixed(), 4),
     (constrained(), HermiteSimpson(), Equidistributed(), 3),
     (constrained(), LegendreGaussLobatto(3), Fixed(), 3),
+    (constrained(), RadauIIA(3), Fixed(), 3),
     (missile("SM2"), MultipleShooting(1), Fixed(), 4),
 ]
 
@@ -98,3 +103,26 @@ def test_rows_stand_where_the_programme_says() -> None:
         assert touched.min() >= i * stride
         assert touched.max() < (i + 1) * stride + size
     assert sum(nlp.path_rows) + size * len(nlp.gap_start) == len(nlp.lower)
+
+
+@pytest.mark.parametrize("scheme", [RadauIIA(3), GaussLegendre(2), LegendreGaussLobatto(3), LegendreGaussLobatto(1)])
+@pytest.mark.parametrize("arcs", [1, 2])
+@pytest.mark.parametrize("problem", [constrained(), double_integrator_energy()], ids=lambda problem: problem.name)
+def test_a_collocation_programme_is_the_same_point_by_point_and_interval_by_interval(
+    problem: ProblemFunctions, arcs: int, scheme: Scheme, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    by_points = programme(problem, scheme, Fixed(), 4, arcs)
+    monkeypatch.setattr(nlp_module, "COLLOCATIONS", ())
+    by_intervals = programme(problem, scheme, Fixed(), 4, arcs)
+    x, p, mu = somewhere(by_points)
+    for result in ("f", "g"):
+        values = [
+            np.array(ca.Function(result, [each.x, each.p], [getattr(each.assembly, result)])(x, p))
+            for each in (by_points, by_intervals)
+        ]
+        np.testing.assert_allclose(*values, atol=1e-12)
+    for known in ("lower", "upper", "x_lower", "x_upper", "path_rows", "gap_start", "held_rows", "inner_rows"):
+        np.testing.assert_array_equal(getattr(by_points, known), getattr(by_intervals, known))
+    count = len(problem.parameters)
+    shares = [each.assembly.parameter_gradient(count)(x, p, mu).full() for each in (by_points, by_intervals)]
+    np.testing.assert_allclose(*shares, atol=1e-12)

@@ -1,0 +1,101 @@
+"""The flight planner's replan as acados is given it, and what it answers; acados runs in a process of its own.
+
+How its statement differs from ours is said in benchmarks/README.md.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mathnavi.controllers.flight.kernels import problem_data
+from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH
+from mathnavi.controllers.flight.problem import POINTS_ON_MANOEUVRE, POINTS_PER_ARC, PlanSolution, Problem
+from mathnavi.sim.interfaces.signals import Array
+
+SCRIPT = Path(__file__).with_name("acados_flight.py")
+NAMES = {"SQP": "acados, SQP", "SQP_RTI": "acados, RTI"}
+
+Answers = tuple[Array, list[PlanSolution | None]]
+"""ms (R, n), and the solution of each problem, None where it failed"""
+
+
+def solved(folder: Path, problems: Sequence[tuple[Problem, Array]], repetitions: int) -> dict[str, Answers]:
+    """The answers by name; RuntimeError with its last words where the process fails."""
+    parts = _by_environment(problems)
+    arrays: dict[str, Any] = {"environments": np.array(len(parts))}
+    for k, part in enumerate(parts):
+        arrays |= {f"{k}/{name}": np.asarray(value, float) for name, value in _stated(part).items()}
+    with tempfile.TemporaryDirectory() as name:
+        path = Path(name) / "problems.npz"
+        np.savez(path, **arrays)
+        command = [sys.executable, str(SCRIPT), str(folder), str(path), str(repetitions)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"acados: exit code {done.returncode}\n{done.stderr[-2000:]}")
+    found = json.loads(done.stdout.splitlines()[-1])
+    return {NAMES[kind]: _answers(answer) for kind, answer in found.items()}
+
+
+def _by_environment(problems: Sequence[tuple[Problem, Array]]) -> list[list[tuple[Problem, Array]]]:
+    """The problems of each environment, in their order."""
+    parts: list[list[tuple[Problem, Array]]] = []
+    for problem, guess in problems:
+        if not parts or parts[-1][0][0].environment is not problem.environment:
+            parts.append([])
+        parts[-1].append((problem, guess))
+    return parts
+
+
+def _stated(part: Sequence[tuple[Problem, Array]]) -> dict[str, Any]:
+    """An environment's splines and numbers, with the starts and guesses of its problems."""
+    problem = part[0][0]
+    environment, p, packed = problem.environment, problem.parameters, problem.packed
+    return {
+        "arcs": problem.arcs,
+        "h": p.h,
+        "manoeuvre": p.manoeuvre_duration,
+        "speed_max": p.speed_max,
+        "acceleration_max": p.acceleration_max,
+        "beta": p.beta,
+        "epsilon": p.epsilon,
+        "clearance": p.clearance,
+        "psi": p.psi_per_metre,
+        "terrain_weight": problem.terrain_weight,
+        "approach_weight": packed[problem_data.APPROACH_WEIGHT],
+        "climb_weight": packed[problem_data.CLIMB_WEIGHT],
+        "points_per_arc": POINTS_PER_ARC,
+        "points_on_manoeuvre": POINTS_ON_MANOEUVRE,
+        "border": problem_data.BORDER,
+        "width": environment.terrain.width,
+        "depth": environment.terrain.depth,
+        "spacing": environment.terrain.spacing,
+        "heights": environment.heights,
+        "ground": environment.cost.ground,
+        "ratio": environment.cost.ratio,
+        "scales": environment.cost.scales,
+        "target_length": TARGET_LENGTH,
+        "starts": [each.start for each, _ in part],
+        "guesses": [guess for _, guess in part],
+    }
+
+
+def _answers(parts: Sequence[dict[str, Any]]) -> Answers:
+    ms = np.hstack([np.array(part["ms"]) for part in parts])
+    solutions = [_solution(each) for part in parts for each in part["found"]]
+    return ms, solutions
+
+
+def _solution(found: dict[str, Any]) -> PlanSolution | None:
+    if found["unknowns"] is None:
+        return None
+    unknowns = np.array(found["unknowns"])
+    accelerations, climb = unknowns[:-1].reshape(-1, 3), max(0.0, float(unknowns[-1]))
+    return PlanSolution(accelerations, climb, np.nan, True, found["iterations"])

@@ -2,17 +2,16 @@
 
     L <- forgetting L + ln p(rho),   L <- L - max L
 
-is the logarithm of how likely a hypothesis is beside the best one, the past being forgotten; its weight is
-w_k = exp L_k / sum_j exp L_j. One whose score falls below a limit is dropped (its score is NaN), and so is a twin of the
-best: one that, turned by a rotation that maps the wall onto itself, is no farther from the best than its covariance
-allows, d' P^-1 d < twin.
+is the logarithm of how likely a hypothesis is beside the best one, the past being forgotten. One whose score falls
+below a limit is dropped (its score is NaN), and so is a twin of the best: one that, turned by a rotation that maps the
+wall onto itself, is no farther from the best than its covariance allows, d' P^-1 d < twin.
 
 **Noise.** Ranges have the noise and the outliers that the residuals of the best hypothesis show (``noise_kernels``).
 
 **Slip.** Wheels that slip, or whose size is another, move the robot where odometry does not say. A hypothesis then
 predicts less well than it believes, and its innovations are no longer white: nu_k correlates with those before it
-(Mehra, 1970). With the mean of white innovations n_i that forgets, m_i, of variance v, and the noise's share a_i of each
-innovation's variance,
+(Mehra, 1970). With the mean of white innovations n_i that forgets, m_i, of variance v, and the noise's share a_i of
+each innovation's variance,
 
     ln q <- ln q + eta mean_i (a_i n_i m_i / sqrt v),   m_i <- mu m_i + (1 - mu) n_i,   v = (1 - mu) / (1 + mu),
 

@@ -7,8 +7,8 @@ noise only one: so of the last n = 9 residuals of a ray the one in the middle is
     d = e_middle - median(e),     var d = (1 - 2 / n + var median) sigma^2 = .944 sigma^2   for a Gaussian,
 
 which neither an error that grows steadily nor up to four outliers change much. d is an outlier's with a probability
-1 - beta, p = (1 - epsilon) N(d; 0, .944 sigma^2), beta = p / (p + epsilon sqrt(r) / L), L the longest range in sight. Sums
-that forget, S <- lambda S + ..., make this expectation maximisation on line (Neal and Hinton, 1998):
+1 - beta, p = (1 - epsilon) N(d; 0, .944 sigma^2), beta = p / (p + epsilon sqrt(r) / L), L the longest range in sight.
+Sums that forget, S <- lambda S + ..., make this expectation maximisation on line (Neal and Hinton, 1998):
 
     sigma^2 = sum beta d^2 / .944 / sum beta,     epsilon = sum (1 - beta) / sum 1,
 

@@ -1,34 +1,88 @@
 """A bank of extended Kalman filters, compiled: K hypotheses of where a robot is, scored by what the rays tell.
 
-    L <- forgetting L - (NIS + ln |S|) / 2,   L <- L - max L
+    L <- forgetting L + ln p(rho),   L <- L - max L
 
 is the logarithm of how likely a hypothesis is beside the best one, the past being forgotten. One whose score falls
 below a limit is dropped (its score is NaN), and so is a twin of the best: one that, turned by a rotation that maps the
 wall onto itself, is no farther from the best than its covariance allows, d' P^-1 d < twin.
+
+**Noise.** Ranges have the noise and the outliers that the residuals of the best hypothesis show (``noise_kernels``).
+
+**Slip.** Wheels that slip, or whose size is another, move the robot where odometry does not say. A hypothesis then
+predicts less well than it believes, and its innovations are no longer white: nu_k correlates with those before it
+(Mehra, 1970). With the mean of white innovations n_i that forgets, m_i, of variance v, and the noise's share a_i of
+each innovation's variance,
+
+    ln q <- ln q + eta mean_i (a_i n_i m_i / sqrt v),   m_i <- mu m_i + (1 - mu) n_i,   v = (1 - mu) / (1 + mu),
+
+ends where they are white again (Robbins and Monro, 1951): q [m^2/s] is the intensity of the process noise that each
+hypothesis adds to its pose and to the scale of its odometry, P <- P + q dt diag(1, 1, c_phi^2, c_b^2), between a least
+and a most value.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from mathnavi.estimators.ranging.feasible_set_kernels import solved
-from mathnavi.estimators.ranging.kalman_kernels import RaySensors, condition, predict
+from mathnavi.estimators.ranging.kalman_kernels import Innovations, RaySensors, condition, predict
+from mathnavi.estimators.ranging.noise_kernels import NoiseSums, learn_noise, noise_of, remember
 from mathnavi.models.field.kernels import WallShape
 from mathnavi.models.unicycle.kernels import wrapped
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.interfaces.signals import Array, Integers
 
-Hypotheses = tuple[Array, Array, Array, Array]
-"""K of them: x (K, 4), P (K, 4, 4), score (K,), NaN where there is none, and misfit (K,), the mean of NIS per ray"""
+LEAST_SLIP, MOST_SLIP = 1e-6, 0.05
+"""[m^2/s] bounds of q"""
 
-Scoring = tuple[float, float, float, float]
-"""what is left of a score (forgetting) and of a misfit (memory) after an update; the score at which a hypothesis is
-dropped (lowest); d' P^-1 d below which two are the same (twin)"""
+_BY_HEADING, _BY_SCALE = 3.0, 1.0  # [rad/m], [1/m] c_phi, c_b
+_ADAPTATION = 0.1  # eta
+_AVERAGING = 0.97  # mu
+_AVERAGED = math.sqrt((1.0 - _AVERAGING) / (1.0 + _AVERAGING))  # sqrt v
+_LARGEST = 4.0  # magnitude of a product n m / sqrt v, beyond which it is cut
+
+
+class Hypotheses(NamedTuple):
+    """K hypotheses, changed in place."""
+
+    x: Array  # (K, 4)
+    P: Array  # (K, 4, 4)
+    score: Array  # (K,) L, NaN where there is none
+    misfit: Array  # (K,) the mean of NIS per ray
+    slip: Array  # (K,) [m^2/s] q
+    mean: Array  # (K, l) m
+    recent: Array  # (K, l, WINDOW) last residuals of each ray over their declared deviation
+    count: Integers  # (K, l) how many there were
+
+
+class Scoring(NamedTuple):
+    """How hypotheses are judged."""
+
+    forgetting: float  # what is left of a score after an update
+    memory: float  # what is left of a misfit after one
+    lowest: float  # score at which a hypothesis is dropped
+    twin: float  # d' P^-1 d below which two are the same
+
 
 Symmetry = tuple[int, float, float]
 """number of the rotations that map the wall onto itself, the identity included; their centre (c_1, c_2) [m]"""
+
+
+def no_hypotheses(count: int, rays: int, window: int) -> Hypotheses:
+    """Room for so many hypotheses of a robot with so many rays."""
+    return Hypotheses(
+        np.zeros((count, 4)),
+        np.zeros((count, 4, 4)),
+        np.full(count, np.nan),
+        np.ones(count),
+        np.full(count, LEAST_SLIP),
+        np.zeros((count, rays)),
+        np.zeros((count, rays, window)),
+        np.zeros((count, rays), np.int64),
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -36,54 +90,91 @@ def predict_each(bank: Hypotheses, u: Array, W: Array, wall: WallShape, dt: floa
     """Predict every hypothesis that is alive, in place, over dt [s] under a reading u (2,) of variances W (2,); see
     ``predict``.
     """
-    x, P, score, _ = bank
-    for k in range(len(x)):
-        if not math.isnan(score[k]):
-            predict(x[k], P[k], u, W, wall, dt)
+    for k in range(len(bank.score)):
+        if math.isnan(bank.score[k]):
+            continue
+        P, q = bank.P[k], bank.slip[k] * dt
+        predict(bank.x[k], P, u, W, wall, dt)
+        P[0, 0] += q
+        P[1, 1] += q
+        P[2, 2] += q * _BY_HEADING**2
+        P[3, 3] += q * _BY_SCALE**2
 
 
 @njit(cache=True, nogil=True)
 def condition_each(
-    bank: Hypotheses, best: int, z: Array, wall: WallShape, sensors: RaySensors, scoring: Scoring
+    bank: Hypotheses,
+    best: int,
+    z: Array,
+    wall: WallShape,
+    sensors: RaySensors,
+    noise: NoiseSums,
+    scoring: Scoring,
+    innovations: Innovations,
 ) -> tuple[int, float, int]:
     """Condition every hypothesis that is alive on ranges z (l,) [m], NaN where lost, in place; see ``condition``.
 
-    Updates scores and misfits too. Returns the index of the best hypothesis, ``best`` among equals, its NIS, and the
-    number of rays in it.
+    ``sensors`` have the declared noise, ``noise`` what is known of the true one, updated by the best hypothesis.
+    Updates scores, misfits and slips too. Returns the index of the best hypothesis, ``best`` among equals, its NIS, and
+    the number of rays in it.
     """
-    forgetting, memory, _, _ = scoring
-    x, P, score, misfit = bank
-    best_nis, best_rays = math.nan, 0
-    nis_of, rays_of = np.empty(len(x)), np.zeros(len(x), np.int64)
-    for k in range(len(x)):
+    score, misfit = bank.score, bank.misfit
+    sigma, epsilon = noise_of(noise)
+    true = RaySensors(
+        sensors.angles, sigma * sensors.relative, sigma * sensors.absolute, sensors.gate, epsilon, sensors.longest
+    )
+    nis_of, rays_of = np.zeros(len(score)), np.zeros(len(score), np.int64)
+    for k in range(len(score)):
         if math.isnan(score[k]):
             continue
-        nis, log_det, rays, _ = condition(x[k], P[k], z, wall, sensors)
-        score[k] = forgetting * score[k] - 0.5 * (nis + log_det)
+        likelihood, nis, rays = condition(bank.x[k], bank.P[k], z, wall, true, innovations)
+        score[k] = scoring.forgetting * score[k] + likelihood
         if rays > 0:
-            misfit[k] = memory * misfit[k] + (1.0 - memory) * nis / rays
+            misfit[k] = scoring.memory * misfit[k] + (1.0 - scoring.memory) * nis / rays
         nis_of[k], rays_of[k] = nis, rays
-    for k in range(len(x)):
+        for i in range(len(z)):
+            innovations.variance[i] /= sigma * sigma
+        remember(bank.recent[k], bank.count[k], innovations.residual, innovations.variance)
+        if k == best:
+            learn_noise(
+                noise, bank.recent[k], bank.count[k], innovations.residual, innovations.variance, sensors.longest
+            )
+        bank.slip[k] = _slip(bank.slip[k], bank.mean[k], innovations)
+    for k in range(len(score)):
         if score[k] > score[best] or (math.isnan(score[best]) and not math.isnan(score[k])):
             best = k
-    best_nis, best_rays = nis_of[best], rays_of[best]
     greatest = score[best]
-    for k in range(len(x)):
+    for k in range(len(score)):
         score[k] -= greatest
-    return best, best_nis, best_rays
+    return best, nis_of[best], rays_of[best]
+
+
+@njit(cache=True, nogil=True)
+def _slip(q: float, mean: Array, innovations: Innovations) -> float:
+    """q [m^2/s] after one update; the means m (l,) are changed in place."""
+    product, rays = 0.0, 0
+    for i in range(len(mean)):
+        white = innovations.white[i]
+        if math.isnan(white):
+            continue
+        rays += 1
+        product += innovations.share[i] * min(max(white * mean[i] / _AVERAGED, -_LARGEST), _LARGEST)
+        mean[i] = _AVERAGING * mean[i] + (1.0 - _AVERAGING) * white
+    if rays == 0:
+        return q
+    return min(max(q * math.exp(_ADAPTATION * product / rays), LEAST_SLIP), MOST_SLIP)
 
 
 @njit(cache=True, nogil=True)
 def drop(bank: Hypotheses, best: int, scoring: Scoring, symmetry: Symmetry) -> None:
     """Drop, in place, the hypotheses that are too unlikely, and the twins of the best one under the symmetry."""
-    _, _, lowest, twin = scoring
-    x, P, score, _ = bank
+    x, P, score = bank.x, bank.P, bank.score
     rotations, c_1, c_2 = symmetry
     d = np.empty(3)
     for k in range(len(x)):
         if k == best or math.isnan(score[k]):
             continue
-        if score[k] < lowest:
+        if score[k] < scoring.lowest:
             score[k] = math.nan
             continue
         dx, dy = x[k, 0] - c_1, x[k, 1] - c_2
@@ -94,6 +185,6 @@ def drop(bank: Hypotheses, best: int, scoring: Scoring, symmetry: Symmetry) -> N
             d[1] = c_2 + s * dx + c * dy - x[best, 1]
             d[2] = wrapped(x[k, 2] + angle - x[best, 2])
             w = solved(P[best], d)
-            if d[0] * w[0] + d[1] * w[1] + d[2] * w[2] < twin:
+            if d[0] * w[0] + d[1] * w[1] + d[2] * w[2] < scoring.twin:
                 score[k] = math.nan
                 break

@@ -6,9 +6,21 @@ become the hypotheses, an extended Kalman filter each (``kalman_kernels``). What
 decides between them (``bank_kernels``), and the best one's estimate is the estimate. Where the start is known there is
 but one.
 
-A hypothesis that is the best of all and still at odds with the rays, by the mean of NIS per ray over the last half
-second, is not believed: the robot was carried away, or no hypothesis was near the truth. Then the last readings make
-new ones, which the old one has to beat. The status of that estimate is ``INITIALISING``, so the log has an event.
+**Weights.** Errors that the model leaves out are the same for many readings, so that ten of them count as one: with the
+logarithm L_k of its likelihood a hypothesis has the weight
+
+    w_k = exp(L_k / 10) / sum_j exp(L_j / 10)
+
+(a tempered likelihood; Thrun, Burgard and Fox, Probabilistic Robotics, 2005, section 6.3.4). While the best weight is
+less than twice that of all others together, the wall cannot tell these poses apart: the status is ``INITIALISING``, and
+``extra`` has all poses with their weights.
+
+**Noise, outliers and slip** need not be as declared: the bank estimates the scale of the ranges' noise and the share of
+outliers (``noise_kernels``) and how much wheels slip (``bank_kernels``) while it runs.
+
+**Misfit.** A hypothesis that is the best of all and still at odds with the rays, by the mean of NIS per ray over the
+last half second, is not believed: the robot was carried away, or no hypothesis was near the truth. Then the last
+readings make new ones, which the old one has to beat.
 """
 
 from __future__ import annotations
@@ -21,9 +33,18 @@ import numpy as np
 from annotated_types import Gt, Interval, Lt
 from scipy.special import chdtri
 
-from mathnavi.estimators.ranging.bank_kernels import condition_each, drop, predict_each
+from mathnavi.estimators.ranging.bank_kernels import (
+    LEAST_SLIP,
+    Scoring,
+    condition_each,
+    drop,
+    no_hypotheses,
+    predict_each,
+)
 from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, project, pushed
-from mathnavi.estimators.ranging.model import STATES, RangeModel, chi_square_gate
+from mathnavi.estimators.ranging.kalman_kernels import no_innovations
+from mathnavi.estimators.ranging.model import RangeModel, chi_square_gate
+from mathnavi.estimators.ranging.noise_kernels import WINDOW, declared_noise, noise_of
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
@@ -46,6 +67,8 @@ _MOVED = 0.005  # of a range: between what is read on the way and what is read i
 _FEASIBLE = 1e-4  # probability that a pose which is feasible is refused
 _NEAREST = 0.1  # [m, rad] between hypotheses at the start
 _REMEMBERED = 0.5  # [s] over which the misfit is averaged
+_TEMPERED = 0.1  # power of a likelihood in the weights
+_TWICE = 2.0  # times the weight of all others that the best hypothesis has where the pose is known
 _TWIN = 1.0  # d' P^-1 d below which two hypotheses are the same
 
 
@@ -65,7 +88,7 @@ class FeasibleSetBankConfig:
         tuple[float, float, float], Each(Interval(gt=0.0, le=100.0), allowed="three values > 0 and <= 100")
     ] = (0.6, 0.4, 0.5)
     """standard deviations of a hypothesis at the start, X Y HEADING [m, m, rad]"""
-    forgetting: Probability = 0.995
+    forgetting: Probability = 0.9995
     """what is left of a score after an update"""
     lowest: Annotated[float, Lt(0.0)] = -20.0
     """score beside the best one's at which a hypothesis is dropped"""
@@ -91,27 +114,25 @@ class FeasibleSetBank:
     def __init__(self, config: FeasibleSetBankConfig, mission: RangingMission) -> None:
         self.period = mission.period
         self._config, self._model, self._timeout_monitor = config, RangeModel(mission), TimeoutMonitor(config.timeout)
-        limit = chi_square_gate(config.gate)
-        self._sensors = self._model.sensors(limit)
-        self._misfit_limit = config.misfit + mission.ranging.outliers * limit  # an outlier counts as the gate
+        self._gate = chi_square_gate(config.gate)
+        self._sensors = self._model.sensors(self._gate)
+        self._noise = declared_noise(mission.ranging.outliers)
         memory = max(0.0, 1.0 - mission.period / _REMEMBERED)
-        self._scoring = (config.forgetting, memory, config.lowest, _TWIN)
+        self._scoring = Scoring(config.forgetting, memory, config.lowest, _TWIN)
         self._symmetry = (max(mission.curve.symmetry, 1), *mission.curve.centre)
         self._candidates = self._model.anywhere(np.random.default_rng(config.seed), config.candidates)
         self._candidates[:, 3] = 0.0
         self._nothing = mission.start_pose
-        count = config.hypotheses
-        self._x, self._P = np.zeros((count, STATES)), np.zeros((count, STATES, STATES))
-        self._score, self._misfit = np.full(count, np.nan), np.ones(count)  # NaN of a hypothesis that is none
-        self._bank = self._x, self._P, self._score, self._misfit  # changed in place
+        self._bank = no_hypotheses(config.hypotheses, mission.sensors, WINDOW)
+        self._innovations = no_innovations(mission.sensors)
         self._best = 0
         self._ranges = np.full((config.readings, mission.sensors), np.nan)  # the last ones
         self._inputs = np.zeros((config.readings, 2))  # over the periods that ended with them
         self._calls = 0
         self._t = 0.0  # [s] of the hypotheses
         if mission.start is not None:
-            self._x[0], self._P[0] = self._model.start()
-            self._score[0] = 0.0
+            self._bank.x[0], self._bank.P[0] = self._model.start()
+            self._bank.score[0] = 0.0
 
     @staticmethod
     def build(config: FeasibleSetBankConfig, mission: RangingMission) -> FeasibleSetBank:
@@ -143,27 +164,32 @@ class FeasibleSetBank:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (3,) [m, m, rad] at t [s]: pose and covariance of the best hypothesis.
 
-        ``command`` (2,) stands in where odometry says nothing. ``extra`` has the ``hypotheses`` (K, 3) and their
-        ``scores`` (K,), NaN where there is none, and ``nis`` (2,), that of the best and the number of rays in it, NaN
-        where there was no update.
+        ``command`` (2,) stands in where odometry says nothing. ``extra`` has the ``hypotheses`` (K, 3), their
+        ``scores`` (K,) and ``weights`` (K,), NaN where there is none; ``nis`` (2,), that of the best and the number of
+        rays in it, NaN where there was no update; ``noise`` (2,), the ranges' standard deviation over the declared one
+        and the share of outliers; and ``slip`` (1,) [m^2/s], the intensity of the process noise by which wheels slip.
         """
         rho, u = self._model.ranges(measurements), self._model.input(measurements, command)
         self._timeout_monitor.note(t, not np.isnan(rho).all())
         self._remember(rho, u)
-        nis, started = np.full(2, np.nan), False
+        nis = np.full(2, np.nan)
         if self._is_alive:
             if t > self._t:
                 predict_each(self._bank, u, self._model.W, self._model.wall, t - self._t)
             if not np.isnan(rho).all():
                 nis = self._condition(rho)
-        if not (self._is_alive and self._misfit[self._best] <= self._misfit_limit):
-            started = self._start()
+        if not self._is_alive or self._bank.misfit[self._best] > self._misfit_limit():
+            self._start()
         self._t = t
-        return self._estimate(t, nis, started)
+        return self._estimate(t, nis)
 
     @property
     def _is_alive(self) -> bool:
-        return not np.isnan(self._score[self._best])
+        return not np.isnan(self._bank.score[self._best])
+
+    def _misfit_limit(self) -> float:
+        """Mean of NIS per ray above which the best hypothesis is not believed; an outlier counts as the gate."""
+        return self._config.misfit + noise_of(self._noise)[1] * self._gate
 
     def _remember(self, rho: Array, u: Array) -> None:
         self._ranges[:-1], self._inputs[:-1] = self._ranges[1:], self._inputs[1:]
@@ -172,26 +198,28 @@ class FeasibleSetBank:
 
     def _condition(self, rho: Array) -> Array:
         self._best, nis, rays = condition_each(
-            self._bank, self._best, rho, self._model.wall, self._sensors, self._scoring
+            self._bank, self._best, rho, self._model.wall, self._sensors, self._noise, self._scoring, self._innovations
         )
         drop(self._bank, self._best, self._scoring, self._symmetry)
         return np.array([nis, rays]) if rays else np.full(2, np.nan)
 
-    def _start(self) -> bool:
-        """New hypotheses from the last readings, beside the best one so far; whether the readings do for that."""
+    def _start(self) -> None:
+        """New hypotheses from the last readings, where there are enough, beside the best one so far."""
         enough = 2 * np.isfinite(self._ranges).sum(axis=0) >= len(self._ranges)  # (l,) of each ray
         if self._calls < len(self._ranges) or enough.sum() < min(2, len(enough)):
-            return False
-        states = self._feasible(enough)
-        x, P, alive = self._x[self._best].copy(), self._P[self._best].copy(), self._is_alive
-        count, self._best = len(states), 0
-        self._x[:count] = states
-        self._P[:count] = self._model.covariance(self._config.deviation)
-        self._score[:], self._misfit[:] = np.nan, 1.0
-        self._score[:count] = 0.0
-        if alive and len(self._x) > 1:
-            self._x[-1], self._P[-1], self._score[-1] = x, P, 0.0
-        return True
+            return
+        states, bank, alive = self._feasible(enough), self._bank, self._is_alive
+        count, last = len(states), len(bank.score) - 1
+        if alive and last > 0:
+            for values in bank:
+                values[last] = values[self._best]
+            count = min(count, last)
+        bank.x[:count], bank.P[:count] = states[:count], self._model.covariance(self._config.deviation)
+        bank.slip[:count], bank.mean[:count], bank.count[:count] = LEAST_SLIP, 0.0, 0
+        bank.misfit[:] = 1.0
+        bank.score[:count], bank.score[count:last] = 0.0, np.nan
+        bank.score[last] = 0.0 if alive or count > last else np.nan
+        self._best = 0
 
     def _feasible(self, rays: Array) -> Array:
         """States (k, 4) whose poses are feasible by the ``rays`` (l,) that there are enough of, far from each other.
@@ -213,11 +241,21 @@ class FeasibleSetBank:
             states[chosen], self._inputs[after:], wall, self.period, 0.5 if len(self._inputs) % 2 == 0 else 0.0
         )
 
-    def _estimate(self, t: float, nis: Array, started: bool) -> Estimate:
-        hypotheses = np.where(np.isnan(self._score)[:, None], np.nan, self._x[:, :3])
-        extra = {"hypotheses": hypotheses, "scores": self._score.copy(), "nis": nis}
+    def _estimate(self, t: float, nis: Array) -> Estimate:
+        bank, best = self._bank, self._best
+        likely = np.exp(_TEMPERED * bank.score)
+        weights = likely / np.nansum(likely) if self._is_alive else likely
+        extra = {
+            "hypotheses": np.where(np.isnan(weights)[:, None], np.nan, bank.x[:, :3]),
+            "scores": bank.score.copy(),
+            "weights": weights,
+            "nis": nis,
+            "noise": np.array(noise_of(self._noise)),
+            "slip": bank.slip[best : best + 1].copy(),
+        }
         if not self._is_alive:
             return Estimate(t, self._nothing.copy(), None, Status.INITIALISING, extra)
-        status = Status.INITIALISING if started else self._timeout_monitor.status(t)
-        P = self._P[self._best, :3, :3]
-        return Estimate(t, self._x[self._best, :3].copy(), 0.5 * (P + P.T), status, extra)
+        is_known = weights[best] >= _TWICE * (1.0 - weights[best])
+        status = self._timeout_monitor.status(t) if is_known else Status.INITIALISING
+        P = bank.P[best, :3, :3]
+        return Estimate(t, bank.x[best, :3].copy(), 0.5 * (P + P.T), status, extra)

@@ -10,17 +10,26 @@ the prediction's covariance, independent of the others, so that conditioning on 
 at the prediction, is the update with all of them at once, whatever their order:
 
     nu_i = rho_i - h_i - H_i (x - x_predicted),   s_i = H_i P H_i' + r_i,
-    x <- x + P H_i' nu_i / s_i,   P <- P - P H_i' H_i P / s_i,   NIS = sum nu_i^2 / s_i,   ln |S| = sum ln s_i.
+    x <- x + P H_i' nu_i / s_i,   P <- P - P H_i' H_i P / s_i,   NIS = sum nu_i^2 / s_i.
 
 The last term of r_i is the variance of what the linearisation leaves out, for a Gaussian error of covariance P-. It is
-zero next to the others once the filter has locked, and until then keeps it from believing what it cannot know. A ray
-that was lost is passed over; one with nu_i^2 / s_i above the gate changes nothing and counts as one at the gate, the
-rays before it being believed.
+zero next to the others once the filter has locked, and until then keeps it from believing what it cannot know.
+
+A share epsilon of the ranges are outliers, uniform up to the longest range L in sight. A reading is none with the
+probability beta (probabilistic data association, Bar-Shalom and Tse, 1975), by which the update is weighed:
+
+    p_i = (1 - epsilon) N(nu_i; 0, s_i),   beta_i = p_i / (p_i + epsilon / L),   ln L = sum ln (p_i + epsilon / L),
+    x <- x + beta_i P H_i' nu_i / s_i,
+    P <- P - (beta_i - beta_i (1 - beta_i) nu_i^2 / s_i) P H_i' H_i P / s_i.
+
+With epsilon = 0 that is the extended Kalman filter. A ray that was lost is passed over; one with nu_i^2 / s_i above the
+gate counts as one at the gate in NIS.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -31,11 +40,33 @@ from mathnavi.sim.interfaces.signals import Array
 
 _GRAZING = 1e-3  # sine of the angle between a ray and the wall below which it tells nothing
 _HALVINGS = 30  # of a step that leads out of the wall
+_MOST_UNLIKELY = 50.0  # logarithm of the odds of an outlier beyond which it is one
 
 
-RaySensors = tuple[Array, float, float, float]
-"""angles (l,) [rad] off the heading; standard deviations of a range, relative to it and absolute [m]; the gate of
-nu^2 / s above which a reading is an outlier"""
+class RaySensors(NamedTuple):
+    """Range sensors of a robot and their errors."""
+
+    angles: Array  # (l,) [rad] off the heading
+    relative: float  # standard deviation of a range over its length
+    absolute: float  # standard deviation of a range beside that [m]
+    gate: float  # nu^2 / s that no reading exceeds in NIS
+    outliers: float = 0.0  # epsilon, fraction of single ranges
+    longest: float = 1.0  # L [m]
+
+
+class Innovations(NamedTuple):
+    """Innovations of one update, by ray, NaN of a ray that read nothing; written by ``condition``."""
+
+    residual: Array  # (l,) [m] z - h
+    variance: Array  # (l,) [m^2] of the range's noise
+    white: Array  # (l,) beta nu / sqrt(s): white with unit variance in a consistent filter
+    share: Array  # (l,) of the range's noise in s
+
+
+def no_innovations(rays: int) -> Innovations:
+    """Room for the innovations of one update of so many rays."""
+    residual, variance, white, share = np.full((4, rays), np.nan)
+    return Innovations(residual, variance, white, share)
 
 
 @njit(cache=True, nogil=True)
@@ -131,23 +162,20 @@ def expected_ranges(wall: WallShape, pose: Array, angles: Array) -> tuple[Array,
 
 @njit(cache=True, nogil=True)
 def condition(
-    x: Array,
-    P: Array,
-    z: Array,
-    wall: WallShape,
-    sensors: RaySensors,
-) -> tuple[float, float, int, int]:
+    x: Array, P: Array, z: Array, wall: WallShape, sensors: RaySensors, innovations: Innovations
+) -> tuple[float, float, int]:
     """Condition x (4,) and P (4, 4), in place, on ranges z (l,) [m] of ``sensors``, NaN where lost.
 
-    A step that would lead out of the wall is cut short. Returns NIS, ln |S|, the number of rays that read something and
-    the number of these within the gate.
+    A step that would lead out of the wall is cut short. Returns the logarithm of the likelihood, NIS and the number of
+    rays that read something.
     """
-    angles, relative, absolute, gate = sensors
+    angles, relative, absolute, gate, outliers, longest = sensors
     x_1, x_2, phi = x[0], x[1], x[2]
     predicted = P[:3, :3].copy()
     dx, H, D, PH = np.zeros(4), np.empty(3), np.empty(3), np.empty(4)
-    nis, log_det, read, used = 0.0, 0.0, 0, 0
+    likelihood, nis, read = 0.0, 0.0, 0
     for i in range(len(z)):
+        innovations.residual[i] = innovations.variance[i] = innovations.white[i] = innovations.share[i] = math.nan
         if not z[i] > 0.0:
             continue
         h, B, C = expected_range(wall, x_1, x_2, phi + angles[i], H, D)
@@ -156,24 +184,32 @@ def condition(
         for j in range(4):
             PH[j] = P[j, 0] * H[0] + P[j, 1] * H[1] + P[j, 2] * H[2]
         HPH = H[0] * PH[0] + H[1] * PH[1] + H[2] * PH[2]
-        s = HPH + (relative * h) ** 2 + absolute**2 + 0.5 * _square_trace(predicted, D, h, B, C, H)
+        r = (relative * h) ** 2 + absolute**2
+        s = HPH + r + 0.5 * _square_trace(predicted, D, h, B, C, H)
         nu = z[i] - h - H[0] * dx[0] - H[1] * dx[1] - H[2] * dx[2]
+        square = nu * nu / s
         read += 1
-        log_det += math.log(s)
-        if nu * nu > gate * s:
-            nis += gate
-            continue
-        used += 1
-        nis += nu * nu / s
+        nis += min(square, gate)
+        inlier = -0.5 * (square + math.log(2.0 * math.pi * s))
+        beta = 1.0
+        if outliers > 0.0:
+            inlier += math.log(1.0 - outliers)
+            odds = math.log(outliers / longest) - inlier
+            beta = 0.0 if odds > _MOST_UNLIKELY else 1.0 / (1.0 + math.exp(odds))
+            inlier += odds if odds > _MOST_UNLIKELY else math.log1p(math.exp(odds))
+        likelihood += inlier
+        innovations.residual[i], innovations.variance[i] = z[i] - h, r
+        innovations.white[i], innovations.share[i] = beta * nu / math.sqrt(s), r / s
+        gain = (beta - beta * (1.0 - beta) * square) / s
         for j in range(4):
-            dx[j] += PH[j] * nu / s
+            dx[j] += beta * PH[j] * nu / s
             for k in range(4):
-                P[j, k] -= PH[j] * PH[k] / s
+                P[j, k] -= gain * PH[j] * PH[k]
     step = step_within(wall, x_1, x_2, dx[0], dx[1])
     for j in range(4):
         x[j] += step * dx[j]
     x[2] = wrapped(x[2])
-    return nis, log_det, read, used
+    return likelihood, nis, read
 
 
 @njit(cache=True, nogil=True)

@@ -39,15 +39,16 @@ class RangeModel:
         self.angles = mission.alpha  # (l,) [rad]
         self.relative = ranging.relative
         self.absolute = math.hypot(ranging.absolute, LEAST_NOISE)  # [m]
+        self.outliers = ranging.outliers
         self.W = np.square(odometry.noise) + np.square(odometry.slip) + _LEAST_VARIANCE  # (2,) of what is new each time
         self._scale = odometry.bias  # standard deviation of b
-        self._longest = mission.sensors_carried()[0].longest  # [m]
+        self.longest = mission.sensors_carried()[0].longest  # [m]
         self._limits = np.array([mission.speed_max, mission.turn_rate_max])
         self._mission = mission
 
     def ranges(self, measurements: Sequence[Measurement]) -> Array:
         """Ranges (l,) [m] among ``measurements``, NaN where a ray was lost."""
-        return usable_ranges(measurements, len(self.angles), self._longest)
+        return usable_ranges(measurements, len(self.angles), self.longest)
 
     def input(self, measurements: Sequence[Measurement], command: Array) -> Array:
         """Input u (2,) [m/s, rad/s] over the period that ends now; ``command`` (2,) where odometry says nothing."""
@@ -60,7 +61,7 @@ class RangeModel:
 
     def sensors(self, gate: float) -> RaySensors:
         """The range sensors for compiled code, with the ``gate`` nu^2 / s above which a reading is an outlier."""
-        return self.angles, self.relative, self.absolute, gate
+        return RaySensors(self.angles, self.relative, self.absolute, gate, self.outliers, self.longest)
 
     def covariance(self, deviation: tuple[float, float, float]) -> Array:
         """Covariance (4, 4) of a pose known to standard deviations [m, m, rad], and of b as declared."""

@@ -45,7 +45,7 @@ def weigh(
 
     Returns N_eff. A range is never less likely than one at the gate, so that one that is wholly wrong does not decide.
     """
-    angles, relative, absolute, gate = sensors
+    angles, relative, absolute, gate, _, _ = sensors
     coefficients, polyline = wall
     log = np.empty(len(x))
     for n in range(len(x)):

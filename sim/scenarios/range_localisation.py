@@ -74,7 +74,8 @@ class RangeLocalisation:
             mission = dataclasses.replace(mission, start=known)
 
         stack = parts.stack(mission)
-        body = _body(config, mission, pose, _with_outages(stack.sensors, config), parts.streams["sensing"])
+        sensors = parts.sensors(_as_it_is(mission, config))
+        body = _body(config, mission, pose, _with_outages(sensors, config), parts.streams["sensing"])
         return parts.closed_loop(
             parts.disturbed(body, stack.planner.period, mass=1.0),
             {VEHICLE: stack.agent(2)},
@@ -128,6 +129,12 @@ def _mission(config: RangeLocalisationConfig) -> RangingMission:
         turn_rate_max=config.turn_rate_max,
         margin=config.margin,
     )
+
+
+def _as_it_is(mission: RangingMission, config: RangeLocalisationConfig) -> RangingMission:
+    """The mission with the true errors of the sensors in the place of the declared ones."""
+    ranging, odometry = config.mismatch.ranging(mission.ranging), config.mismatch.odometry(mission.odometry)
+    return dataclasses.replace(mission, ranging=ranging, odometry=odometry)
 
 
 # ---- the start

@@ -29,6 +29,7 @@ from mathnavi.sim.interfaces.bounds import (
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.number_lists import NumberList
+from mathnavi.sim.scenarios.fault_fields import Factor
 from mathnavi.sim.scenarios.redraw import ChanceFields
 
 _HALF_AXES = (3.763, math.sqrt(2.0))
@@ -115,6 +116,31 @@ class RangingNoise:
         return OdometryQuality(self.odometry_noise, self.odometry_bias, slip)
 
 
+@configuration(prefix="mismatch.")
+class RangingMismatch:
+    """The true errors of the sensors over the declared ones; wheels slip undeclared by their ``friction``."""
+
+    range_noise: Factor = 1.0
+    """factor of the standard deviation of a range"""
+    outliers: Fraction = 0.0
+    """fraction of single ranges that are outliers beside the declared ones"""
+    odometry_bias: Annotated[NonNegative, Le(0.5)] = 0.0
+    """relative error of the odometry beside the declared one, constant over a run"""
+
+    def ranging(self, declared: RangeQuality) -> RangeQuality:
+        """True errors of the ranges."""
+        return dataclasses.replace(
+            declared,
+            relative=self.range_noise * declared.relative,
+            absolute=self.range_noise * declared.absolute,
+            outliers=declared.outliers + self.outliers,
+        )
+
+    def odometry(self, declared: OdometryQuality) -> OdometryQuality:
+        """True errors of the odometry."""
+        return dataclasses.replace(declared, bias=declared.bias + self.odometry_bias)
+
+
 @configuration
 class RangeLocalisationConfig(ChanceFields):
     """Fields of the scenario."""
@@ -143,8 +169,14 @@ class RangeLocalisationConfig(ChanceFields):
     outage: Annotated[tuple[tuple[float, float], ...], Each(_OUTAGE)] = ()
     """T0 T1: no ranges from T0 to T1 [s]; may be given several times"""
     noise: RangingNoise = dataclasses.field(default_factory=RangingNoise)
+    mismatch: RangingMismatch = dataclasses.field(default_factory=RangingMismatch)
 
     def __post_init__(self) -> None:
+        if self.noise.outliers + self.mismatch.outliers > 1.0:
+            raise FieldError(
+                f"mismatch.outliers = {self.mismatch.outliers!r} with noise.outliers = {self.noise.outliers!r}; "
+                "allowed: together at most 1"
+            )
         if len({angle % 360.0 for angle in self.sensors}) < len(self.sensors):
             raise FieldError(f"sensors = {self.sensors!r} holds one direction twice; allowed: different directions")
         for value in self.start_error[:2]:

@@ -10,8 +10,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import pytest
 
-from mathnavi.estimators.ranging.bank_kernels import condition_each, drop
+from mathnavi.estimators.ranging.bank_kernels import Hypotheses, Scoring, condition_each, drop, no_hypotheses
 from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank, FeasibleSetBankConfig
+from mathnavi.estimators.ranging.kalman_kernels import RaySensors, no_innovations
+from mathnavi.estimators.ranging.noise_kernels import WINDOW, declared_noise
 from mathnavi.models.field.curve import BEAN, Curve
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
@@ -93,12 +95,16 @@ def test_without_noise_the_error_vanishes(sensors: str) -> None:
         assert last_errors(task, estimates) < (1e-3, 1e-3)
 
 
-def test_before_there_are_readings_enough_it_is_initialising_and_then_it_is_not() -> None:
+def test_until_one_hypothesis_is_twice_as_likely_as_all_others_it_is_initialising() -> None:
     task = mission()
-    estimates = [each for _, each in estimates_of(task, driven(task, STARTS[0], 0.3, rng=np.random.default_rng(0)))]
-    statuses = [estimate.status for estimate in estimates]
-    assert statuses[:10] == [Status.INITIALISING] * 10  # the tenth has hypotheses, which nothing has been asked of yet
-    assert statuses[10:] == [Status.OK] * (len(statuses) - 10)
+    estimates = [each for _, each in estimates_of(task, driven(task, STARTS[0], 1.0, rng=np.random.default_rng(0)))]
+    known = [estimate.status is Status.OK for estimate in estimates]
+    assert not any(known[:10])  # the tenth has hypotheses, which nothing has been asked of yet
+    assert known[-1]
+    for estimate, is_known in zip(estimates[9:], known[9:], strict=True):
+        weights = estimate.extra["weights"]
+        assert np.nansum(weights) == pytest.approx(1.0)
+        assert is_known == bool(np.nanmax(weights) >= 2.0 / 3.0)
     assert estimates[8].covariance is None
     assert estimates[9].covariance is not None
 
@@ -123,7 +129,7 @@ def test_outliers_are_survived() -> None:
     steps = [with_ranges(s, corrupted) for s in driven(task, STARTS[1], 5.0, rng=np.random.default_rng(2))]
     estimates = estimates_of(task, steps)
     assert max(last_errors(task, estimates)) < 0.15
-    assert all(estimate.status is Status.OK for _, estimate in estimates[10:])
+    assert all(estimate.status is Status.OK for _, estimate in estimates[100:])
 
 
 def test_lost_rays_are_done_without() -> None:
@@ -207,30 +213,37 @@ def test_hypotheses_fade_until_one_is_left() -> None:
         np.testing.assert_array_equal(estimate.extra["hypotheses"][best], estimate.x)
 
 
+def hypotheses_at(x: Array, deviation: float, rays: int) -> Hypotheses:
+    """Hypotheses at states x (K, 4) with a standard deviation [m, rad], all as likely."""
+    bank = no_hypotheses(len(x), rays, WINDOW)
+    bank.x[:], bank.P[:], bank.score[:] = x, deviation**2 * np.eye(4), 0.0
+    return bank
+
+
 def test_twins_under_the_symmetry_of_the_wall_are_one() -> None:
     x = np.array([[0.5, 0.2, 0.3, 0.0], [-0.5, -0.2, 0.3 + math.pi, 0.0], [0.5, -0.2, 0.3, 0.0], [1.0, 0.2, 0.3, 0.0]])
-    P, score = np.tile(1e-4 * np.eye(4), (4, 1, 1)), np.array([0.0, -1.0, -1.0, -30.0])
-    scoring, centre = (0.995, 0.98, -20.0, 1.0), FIELD.centre
-    drop((x, P, score, np.ones(4)), 0, scoring, (FIELD.symmetry, *centre))
-    np.testing.assert_array_equal(np.isnan(score), [False, True, False, True])
-    score = np.array([0.0, -1.0, -1.0, -3.0])
-    drop((x, P, score, np.ones(4)), 0, scoring, (1, *centre))
-    assert np.isfinite(score).all()
+    bank, scoring, centre = hypotheses_at(x, 1e-2, 2), Scoring(0.995, 0.98, -20.0, 1.0), FIELD.centre
+    bank.score[:] = [0.0, -1.0, -1.0, -30.0]
+    drop(bank, 0, scoring, (FIELD.symmetry, *centre))
+    np.testing.assert_array_equal(np.isnan(bank.score), [False, True, False, True])
+    bank.score[:] = [0.0, -1.0, -1.0, -3.0]
+    drop(bank, 0, scoring, (1, *centre))
+    assert np.isfinite(bank.score).all()
 
 
 def test_scores_are_how_likely_the_hypotheses_are() -> None:
     alpha, truth = np.array([-1.0, 0.0, 1.0]), np.array([0.5, 0.2, 0.3, 0.0])
-    x = np.array([[0.8, 0.2, 0.3, 0.0], truth, truth])
-    P, score, misfit = np.tile(1e-2 * np.eye(4), (3, 1, 1)), np.array([0.0, 0.0, np.nan]), np.ones(3)
-    z, sensors = FIELD.ranges(truth[:3], alpha)[0], (alpha, 0.05, 1e-4, 15.0)
-    bank, scoring = (x, P, score, misfit), (0.995, 0.98, -20.0, 1.0)
-    best, nis, rays = condition_each(bank, 0, z, FIELD.wall, sensors, scoring)
+    bank = hypotheses_at(np.array([[0.8, 0.2, 0.3, 0.0], truth, truth]), 0.1, 3)
+    bank.score[2] = np.nan
+    z, sensors = FIELD.ranges(truth[:3], alpha)[0], RaySensors(alpha, 0.05, 1e-4, 15.0, 0.0, 8.0)
+    scoring, noise = Scoring(0.995, 0.98, -20.0, 1.0), declared_noise(0.0)
+    best, nis, rays = condition_each(bank, 0, z, FIELD.wall, sensors, noise, scoring, no_innovations(3))
     assert (best, rays) == (1, 3)
     assert nis == pytest.approx(0.0, abs=1e-9)
-    assert score[1] == 0.0
-    assert score[0] < -0.5
-    assert np.isnan(score[2])
-    assert misfit[1] == pytest.approx(0.98)
+    assert bank.score[1] == 0.0
+    assert bank.score[0] < -0.5
+    assert np.isnan(bank.score[2])
+    assert bank.misfit[1] == pytest.approx(0.98)
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,12 @@ import pytest
 from hypothesis import given, settings
 
 from mathnavi.estimators.ranging.kalman_kernels import (
+    RaySensors,
     _square_trace,
     condition,
     expected_range,
     expected_ranges,
+    no_innovations,
     predict,
     step_within,
 )
@@ -23,6 +25,10 @@ from tests.estimators.ranging.walls import FIELD, angles, clear_pose, seeds, wal
 
 OPEN = 1e300  # a gate that refuses nothing
 RELATIVE, ABSOLUTE = 0.05, 0.01
+
+
+def sensors_at(angles: Array, gate: float = OPEN, outliers: float = 0.0) -> RaySensors:
+    return RaySensors(angles, RELATIVE, ABSOLUTE, gate, outliers, 8.0)
 
 
 def second_derivative(curve: Curve, pose: Array, alpha: float) -> tuple[float, Array, Array]:
@@ -103,10 +109,15 @@ def test_rays_one_after_the_other_are_the_update_with_all_of_them(
 
     after, covariance = x.copy(), P.copy()
     wall = curve.wall
-    nis, log_det, read, used = condition(after, covariance, h + nu, wall, (np.array(alpha), RELATIVE, ABSOLUTE, OPEN))
-    assert (read, used) == (len(h), len(h))
+    innovations = no_innovations(len(h))
+    likelihood, nis, read = condition(after, covariance, h + nu, wall, sensors_at(np.array(alpha)), innovations)
+    assert read == len(h)
     assert nis == pytest.approx(nu @ np.linalg.solve(S, nu), rel=1e-6)
-    assert log_det == pytest.approx(np.linalg.slogdet(S)[1], rel=1e-6, abs=1e-6)
+    _, log_det = np.linalg.slogdet(2.0 * math.pi * S)
+    assert likelihood == pytest.approx(-0.5 * (nis + log_det), rel=1e-6, abs=1e-6)
+    np.testing.assert_allclose(innovations.residual, nu, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(innovations.variance, np.square(RELATIVE * h) + ABSOLUTE**2)
+    assert innovations.white @ innovations.white == pytest.approx(nis)
     step = step_within(wall, *x[:2], *(K @ nu)[:2])
     assert math.remainder(after[2] - x[2] - step * (K @ nu)[2], 2.0 * math.pi) == pytest.approx(0.0, abs=1e-6)
     np.testing.assert_allclose((after - x)[[0, 1, 3]], step * (K @ nu)[[0, 1, 3]], atol=1e-6)
@@ -119,19 +130,42 @@ def test_a_lost_ray_is_as_if_there_were_no_sensor() -> None:
     wall, results = FIELD.wall, []
     for readings, angles_of in ((np.where([0, 1, 0], np.nan, z), alpha), (z[[0, 2]], alpha[[0, 2]])):
         x, P = np.array([*pose, 0.0]), 0.01 * np.eye(4)
-        found = condition(x, P, readings, wall, (angles_of, RELATIVE, ABSOLUTE, OPEN))
+        found = condition(x, P, readings, wall, sensors_at(angles_of), no_innovations(len(angles_of)))
         results.append((*found, *x, *P.ravel()))
     np.testing.assert_array_equal(*results)
 
 
-def test_a_ray_beyond_the_gate_changes_nothing_and_counts_as_one_at_the_gate() -> None:
+def test_an_outlier_changes_nothing_and_counts_as_a_ray_at_the_gate() -> None:
     pose, alpha, gate = np.array([0.5, 0.2, 0.3]), np.array([0.7]), 9.0
     z = FIELD.ranges(pose, alpha)[0]
     x, P = np.array([*pose, 0.0]), 1e-4 * np.eye(4)
-    nis, _, read, used = condition(x, P, 2.0 * z, FIELD.wall, (alpha, RELATIVE, ABSOLUTE, gate))
-    assert (nis, read, used) == (gate, 1, 0)
+    innovations = no_innovations(1)
+    likelihood, nis, read = condition(x, P, 2.0 * z, FIELD.wall, sensors_at(alpha, gate, 0.1), innovations)
+    assert (nis, read) == (gate, 1)
+    assert likelihood == pytest.approx(math.log(0.1 / 8.0))
+    assert innovations.white[0] == pytest.approx(0.0, abs=1e-9)
     np.testing.assert_allclose(x, [*pose, 0.0], rtol=1e-14)
-    np.testing.assert_array_equal(P, 1e-4 * np.eye(4))
+    np.testing.assert_allclose(P, 1e-4 * np.eye(4), rtol=1e-12)
+
+
+def test_a_reading_that_may_be_an_outlier_is_believed_by_how_likely_it_is_none() -> None:
+    """Probabilistic data association: the mean of both cases, and the covariance of their mixture."""
+    pose, alpha, epsilon = np.array([0.5, 0.2, 0.3]), np.array([0.7]), 0.3
+    h = float(FIELD.ranges(pose, alpha)[0][0])
+    start, z = 1e-4 * np.eye(4), np.array([h * (1.0 + 2.0 * RELATIVE)])
+    updated, covariance = np.array([*pose, 0.0]), start.copy()
+    likelihood, nis, _ = condition(updated, covariance, z, FIELD.wall, sensors_at(alpha), no_innovations(1))
+    inlier, outlier = (1.0 - epsilon) * math.exp(likelihood), epsilon / 8.0
+    beta = inlier / (inlier + outlier)
+    x, P = np.array([*pose, 0.0]), start.copy()
+    mixed, same, _ = condition(x, P, z, FIELD.wall, sensors_at(alpha, outliers=epsilon), no_innovations(1))
+    step = updated - [*pose, 0.0]
+    assert 0.1 < beta < 0.99
+    assert same == nis
+    assert mixed == pytest.approx(math.log(inlier + outlier))
+    np.testing.assert_allclose(x, [*pose, 0.0] + beta * step, rtol=1e-12)
+    spread = beta * (1.0 - beta) * np.outer(step, step)
+    np.testing.assert_allclose(P, beta * covariance + (1.0 - beta) * start + spread, atol=1e-14)
 
 
 @settings(max_examples=60, deadline=None)
@@ -143,7 +177,8 @@ def test_whatever_is_read_the_estimate_stays_within_the_wall(curve: Curve, alpha
     for _ in range(10):
         predict(x, P, rng.normal(scale=30.0, size=2), np.ones(2), wall, 0.1)
         assert curve.contains(x[:2])
-        condition(x, P, rng.uniform(0.01, 20.0, len(alpha)), wall, (np.array(alpha), RELATIVE, ABSOLUTE, OPEN))
+        rho, innovations = rng.uniform(0.01, 20.0, len(alpha)), no_innovations(len(alpha))
+        condition(x, P, rho, wall, sensors_at(np.array(alpha), outliers=0.1), innovations)
         assert curve.contains(x[:2])
         assert np.isfinite(P).all()
 

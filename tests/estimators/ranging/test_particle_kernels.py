@@ -10,6 +10,7 @@ from filterpy.monte_carlo import resampling
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mathnavi.estimators.ranging.kalman_kernels import RaySensors
 from mathnavi.estimators.ranging.particle_kernels import mode, propagate, resampled, roughen, weigh
 from mathnavi.models.field.curve import BEAN, Curve
 from mathnavi.models.unicycle.kernels import integrate
@@ -84,7 +85,7 @@ def test_weights_are_the_likelihoods_of_what_was_read(curve: Curve, alpha: tuple
     expected = before * np.exp(log - log.max())
     expected /= expected.sum()
     w = before.copy()
-    effective = weigh(x, w, z, curve.wall, (np.array(alpha), relative, absolute, gate))
+    effective = weigh(x, w, z, curve.wall, RaySensors(np.array(alpha), relative, absolute, gate))
     np.testing.assert_allclose(w, expected, rtol=1e-9, atol=1e-15)
     assert effective == pytest.approx(1.0 / np.square(expected).sum(), rel=1e-9)
 
@@ -93,7 +94,7 @@ def test_particles_that_all_are_impossible_are_all_alike() -> None:
     """Their weights sum to one and are finite, however unlikely what was read is."""
     x = around((0.5, 0.2, 0.3), 10, np.random.default_rng(0), 0.1)
     w = np.full(10, 0.1)
-    effective = weigh(x, w, np.array([50.0]), FIELD.wall, (np.zeros(1), 1e-9, 1e-9, 1e300))
+    effective = weigh(x, w, np.array([50.0]), FIELD.wall, RaySensors(np.zeros(1), 1e-9, 1e-9, 1e300))
     assert np.isfinite(w).all()
     assert w.sum() == pytest.approx(1.0)
     assert 1.0 <= effective <= 10.0

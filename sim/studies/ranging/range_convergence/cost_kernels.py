@@ -5,8 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from mathnavi.estimators.ranging.bank_kernels import Scoring, Symmetry, condition_each, drop, predict_each
-from mathnavi.estimators.ranging.kalman_kernels import RaySensors
+from mathnavi.estimators.ranging.bank_kernels import (
+    Hypotheses,
+    Scoring,
+    Symmetry,
+    condition_each,
+    drop,
+    predict_each,
+)
+from mathnavi.estimators.ranging.kalman_kernels import Innovations, RaySensors
+from mathnavi.estimators.ranging.noise_kernels import NoiseSums
 from mathnavi.estimators.ranging.particle_kernels import propagate, resampled, roughen, weigh
 from mathnavi.models.field.kernels import WallShape
 from mathnavi.sim.interfaces.signals import Array
@@ -14,22 +22,23 @@ from mathnavi.sim.interfaces.signals import Array
 
 @njit(cache=True, nogil=True)
 def bank_updates(
-    x: Array,
-    P: Array,
+    bank: Hypotheses,
     z: Array,
     u: Array,
     W: Array,
     wall: WallShape,
     sensors: RaySensors,
+    noise: NoiseSums,
     scoring: Scoring,
+    innovations: Innovations,
     symmetry: Symmetry,
     dt: float,
 ) -> int:
-    """Hypotheses x (K, 4), P (K, 4, 4), in place, over ranges z (n, l) and inputs u (n, 2); returns n."""
-    bank, best = (x, P, np.zeros(len(x)), np.ones(len(x))), 0
+    """Hypotheses, in place, over ranges z (n, l) and inputs u (n, 2); returns n."""
+    best = 0
     for k in range(len(z)):
         predict_each(bank, u[k], W, wall, dt)
-        best, _, _ = condition_each(bank, best, z[k], wall, sensors, scoring)
+        best, _, _ = condition_each(bank, best, z[k], wall, sensors, noise, scoring, innovations)
         drop(bank, best, scoring, symmetry)
     return len(z)
 

@@ -16,9 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.estimators.ranging.bank_kernels import Scoring, no_hypotheses
 from mathnavi.estimators.ranging.extended import RangeEkf
 from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank, FeasibleSetBankConfig
-from mathnavi.estimators.ranging.model import STATES, RangeModel, chi_square_gate
+from mathnavi.estimators.ranging.kalman_kernels import no_innovations
+from mathnavi.estimators.ranging.model import RangeModel, chi_square_gate
+from mathnavi.estimators.ranging.noise_kernels import WINDOW, declared_noise
 from mathnavi.estimators.ranging.particle import RangeParticle, RangeParticleConfig
 from mathnavi.estimators.ranging.unscented import RangeUkf
 from mathnavi.models.unicycle.mission import RangingMission
@@ -100,12 +103,15 @@ def _bank(readings: Readings, count: int, lowest: float, twin: float) -> Callabl
     for k in range(n):
         made = bank.update(k * period, (Measurement("ranges", k * period, readings.ranges[k]),), readings.inputs[k])
     poses = made.extra["hypotheses"][np.isfinite(made.extra["scores"])][:count]
-    x, P = np.zeros((len(poses), STATES)), np.tile(model.covariance(config.deviation), (len(poses), 1, 1))
-    x[:, :3] = poses
+    hypotheses = no_hypotheses(len(poses), mission.sensors, WINDOW)
+    hypotheses.x[:, :3], hypotheses.P[:], hypotheses.score[:] = poses, model.covariance(config.deviation), 0.0
     z, u, sensors = readings.ranges[n:], readings.inputs[n:], model.sensors(chi_square_gate(config.gate))
-    scoring = (config.forgetting, _MEMORY, lowest, twin)
+    noise, innovations = declared_noise(mission.ranging.outliers), no_innovations(mission.sensors)
+    scoring = Scoring(config.forgetting, _MEMORY, lowest, twin)
     symmetry = (mission.curve.symmetry, *mission.curve.centre)
-    return lambda: int(bank_updates(x, P, z, u, model.W, model.wall, sensors, scoring, symmetry, period))
+    return lambda: int(
+        bank_updates(hypotheses, z, u, model.W, model.wall, sensors, noise, scoring, innovations, symmetry, period)
+    )
 
 
 def _particles(readings: Readings) -> Callable[[], int]:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mathnavi.estimators.stagewise.model import Piece
-from mathnavi.estimators.velocity.error_state import FilterModel, acceleration_noise
+from mathnavi.estimators.velocity.error_state import acceleration_noise
 from mathnavi.estimators.velocity.readings import innovation, reading_variance, usable
 from mathnavi.estimators.velocity.state_errors import StateErrors
 from mathnavi.models.manifold.mission import LagrangianMission
@@ -31,11 +31,6 @@ class LagrangianModel:
         self.rows = self._manifold.dimension
         self.size = 2 * self.rows
         self._sigma: Array | None = None  # (n,) of a reading
-
-    @staticmethod
-    def of(config: FilterModel, mission: LagrangianMission) -> LagrangianModel:
-        """Model of the estimator ``lagrangian_ekf`` with a configuration."""
-        return LagrangianModel(mission, config.acceleration, config.noise_floor)
 
     @staticmethod
     def as_declared(mission: LagrangianMission) -> LagrangianModel:

@@ -5,7 +5,7 @@ It is the model of ``mathnavi.estimators.kalman``: linear, and discretised exact
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -40,7 +40,8 @@ class FlightModel:
         return FlightModel(mission, axis, np.diag([0.0, 0.0, rms**2]))
 
     def start(self, reading: Array | None) -> tuple[Array, Array]:
-        return np.concatenate([self._mission.start, np.zeros(6)]), np.kron(self._P, _EYE)
+        P: Array = np.kron(self._P, _EYE)
+        return np.concatenate([self._mission.start, np.zeros(6)]), P
 
     def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
         return ((end - begin, command.copy()),)
@@ -52,7 +53,8 @@ class FlightModel:
         key = round(h, 10)
         if key not in self._discrete:
             F, B, Q = self._axis.discretised(h)
-            self._discrete[key] = np.kron(F, _EYE), np.kron(B, _EYE), np.kron(Q, _EYE)
+            F, B, Q = (np.asarray(np.kron(block, _EYE), np.float64) for block in (F, B, Q))
+            self._discrete[key] = F, B, Q
         F, B, Q = self._discrete[key]
         return F @ x + B @ u, F, Q
 
@@ -71,6 +73,9 @@ class FlightModel:
         high = np.full(9, np.inf)
         high[6:] = max(self._mission.gust.limit, 3.0 * self._axis.gust_rms)
         return -high - x, high - x
+
+    def extra(self, x: Array) -> Mapping[str, Array]:
+        return {"gust": x[6:].copy()}
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array]:
         return x[:6].copy(), P[:6, :6].copy()

@@ -5,7 +5,7 @@ It is the model of ``mathnavi.estimators.velocity.error_state``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -14,8 +14,10 @@ from mathnavi.estimators.velocity.error_state import acceleration_noise
 from mathnavi.estimators.velocity.readings import innovation, reading_variance, usable
 from mathnavi.estimators.velocity.state_errors import StateErrors
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.signals import Array, Measurement
+from mathnavi.sim.interfaces.signals import NOTHING, Array, Measurement
 
+NOISE_FLOOR = 1e-4
+"""[rad, m] least standard deviation that a reading is trusted with, by an estimator"""
 _STEP = 1e-6  # of an error, in its unit
 
 
@@ -83,6 +85,9 @@ class LagrangianModel:
         """None: the speed is bounded in the metric, not by component."""
         high = np.full(self.size, np.inf)
         return -high, high
+
+    def extra(self, x: Array) -> Mapping[str, Array]:
+        return NOTHING
 
     def reported(self, x: Array, P: Array) -> tuple[Array, None]:
         return x.copy(), None

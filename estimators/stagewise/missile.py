@@ -5,7 +5,7 @@ It is the model of ``mathnavi.estimators.missile_kalman``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import casadi
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from mathnavi.estimators.missile_kalman import (
     MissileKalmanConfig,
     disturbance_deviation,
+    disturbing_input,
     start_deviation,
     transition,
 )
@@ -40,6 +41,7 @@ class MissileModel:
         self._disturbance, self._start, self._reading = disturbance, start, reading
         self._intensity = 2.0 * disturbance**2 / time_constant
         self._step: casadi.Function = transition(mission.coordinates, mission.body, time_constant)
+        self._input_of = disturbing_input(mission.coordinates)
         self._input_max = np.array(mission.input_max)
         self._history = InputHistory(mission.input_delay, self._inputs)
 
@@ -100,6 +102,9 @@ class MissileModel:
         high = np.full(self.size, np.inf)
         high[self.rows :] = _LARGEST * self._disturbance
         return -high - x, high - x
+
+    def extra(self, x: Array) -> Mapping[str, Array]:
+        return {"disturbance": np.array(self._input_of(x)).ravel()}
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array]:
         return x[: self.rows].copy(), P[: self.rows, : self.rows].copy()

@@ -10,7 +10,7 @@ taken whitened, to first order in e:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -61,6 +61,10 @@ class StagewiseModel(Protocol):
 
     def limits(self, x: Array) -> tuple[Array, Array]:
         """Least and largest errors (d,) at x that the mission allows, infinite where it sets none."""
+        ...
+
+    def extra(self, x: Array) -> Mapping[str, Array]:
+        """Further arrays of an ``Estimate``."""
         ...
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array | None]:

@@ -5,7 +5,7 @@ It is the model of ``mathnavi.estimators.ranging.extended``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from mathnavi.estimators.ranging.model import STATES, RangeModel
 from mathnavi.estimators.stagewise.model import Piece
 from mathnavi.models.unicycle.kernels import integrate_jacobians, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.sim.interfaces.signals import Array, Measurement
+from mathnavi.sim.interfaces.signals import NOTHING, Array, Measurement
 
 _LARGEST = 6.0  # standard deviations of the scale error
 
@@ -80,6 +80,9 @@ class RangingModel:
         """The scale error is within six standard deviations."""
         high = np.array([np.inf, np.inf, np.inf, max(_LARGEST * self._bias, 1e-9)])
         return -high - x, high - x
+
+    def extra(self, x: Array) -> Mapping[str, Array]:
+        return NOTHING
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array]:
         return x[:3].copy(), P[:3, :3].copy()

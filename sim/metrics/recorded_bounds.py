@@ -97,7 +97,8 @@ def ranging_bound(recording: Recording, name: str, mission: RangingMission) -> P
         return PosteriorBound.none("in a circle the pose is not observable", n)
     model = RangingModel(mission)
     x = np.column_stack([recording.truths[name][:, :3], np.zeros(n)])
-    inputs = [((h, _driven(*pair, h)),) for *pair, h in zip(x[:-1], x[1:], np.diff(recording.t), strict=True)]
+    steps = zip(x[:-1], x[1:], np.diff(recording.t).tolist(), strict=True)
+    inputs = [((h, _driven(before, after, h)),) for before, after, h in steps]
     weighted = [_of_ranges(model, *row, ranging.outliers) for row in zip(x, readings[:n], strict=True)]
     kept = (0, 1, 2, 3) if bias > 0.0 else (0, 1, 2)
     if mission.start is None:

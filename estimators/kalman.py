@@ -98,7 +98,7 @@ class Kalman:
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}
         self._filter = KalmanFilter(dim_x=3, dim_z=1, dim_u=1)
         self._filter.x = np.vstack([mission.start, np.zeros((2, 3))])  # (3, 3) one column an axis
-        self._filter.P = _first(config, mission)
+        self._filter.P = first_covariance(config, mission)
         self._filter.R = np.array([[self._model.fix_std**2]])
         self._filter.H = _H
         self._t: float | None = None  # [s] of the filter's state; None before the first call
@@ -194,7 +194,7 @@ class Kalman:
         return max(1.0, total / (_AXES * _WINDOW)) if total > _UNLIKELY else 1.0
 
 
-def _first(config: KalmanConfig, mission: FlightMission) -> Array:
+def first_covariance(config: KalmanConfig, mission: FlightMission) -> Array:
     """Covariance (3, 3) of the filter at the start, which the mission states: the stationary one, but for the stated.
 
     Anything wider would let the first fixes move the estimate by more than the declared quality says.

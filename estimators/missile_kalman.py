@@ -62,22 +62,13 @@ class MissileKalman:
         self.period = mission.control_period
         self._timeout_monitor, self._input_max = TimeoutMonitor(config.timeout), np.array(mission.input_max)
         self._size = coordinates.state_size
-        self._step = _transition(coordinates, mission.body, config.time_constant)
-        self._input_of = _disturbing_input(coordinates)
-        kinds = {"m": config.start_position_std, "m/s": config.start_velocity_std}
-        kinds |= {"rad": config.start_angle_std, "rad/s": config.start_rate_std}
-        disturbance = np.array(
-            [
-                math.hypot(config.force_std, mission.gust.force)
-                if name.startswith("F")
-                else math.hypot(config.moment_std, mission.gust.moment)
-                for name in coordinates.inputs
-            ]
-        )
+        self._step = transition(coordinates, mission.body, config.time_constant)
+        self._input_of = disturbing_input(coordinates)
+        disturbance = disturbance_deviation(config, mission)
         self._intensity = 2.0 * disturbance**2 / config.time_constant  # (nu,) of the disturbance's noise
         self._filter = external_prediction_ekf(self._size + len(disturbance), self._size)
         self._filter.x = np.concatenate([mission.start_state, np.zeros(len(disturbance))])
-        self._filter.P = np.diag([*(kinds[unit] for unit in coordinates.units), *disturbance]) ** 2
+        self._filter.P = np.diag([*start_deviation(config, mission), *disturbance]) ** 2
         self._filter.R = np.diag(np.maximum(mission.noise.deviations(coordinates), config.noise_floor) ** 2)
         self._H = np.eye(self._size, len(self._filter.x))
         self._t: float | None = None  # [s] of the filter's state; None before the first call
@@ -161,8 +152,27 @@ class MissileKalman:
         return error
 
 
+def disturbance_deviation(config: MissileKalmanConfig, mission: MissileMission) -> Array:
+    """Standard deviations (nu,) [N, N m] of the disturbance, with the gusts that the mission declares."""
+    return np.array(
+        [
+            math.hypot(config.force_std, mission.gust.force)
+            if name.startswith("F")
+            else math.hypot(config.moment_std, mission.gust.moment)
+            for name in mission.coordinates.inputs
+        ]
+    )
+
+
+def start_deviation(config: MissileKalmanConfig, mission: MissileMission) -> Array:
+    """Standard deviations (nx,) of the start as the mission states it."""
+    kinds = {"m": config.start_position_std, "m/s": config.start_velocity_std}
+    kinds |= {"rad": config.start_angle_std, "rad/s": config.start_rate_std}
+    return np.array([kinds[unit] for unit in mission.coordinates.units])
+
+
 @lru_cache(maxsize=8)
-def _disturbing_input(coordinates: Coordinates) -> casadi.Function:
+def disturbing_input(coordinates: Coordinates) -> casadi.Function:
     """(x, d) -> (R' d_F, d_M) (nu,), along the axes of the body."""
     z = casadi.SX.sym("z", coordinates.state_size + coordinates.input_size)
     theta = z[coordinates.index("theta")]
@@ -175,11 +185,11 @@ def _disturbing_input(coordinates: Coordinates) -> casadi.Function:
 
 
 @lru_cache(maxsize=8)
-def _transition(coordinates: Coordinates, body: Body, time_constant: float) -> casadi.Function:
+def transition(coordinates: Coordinates, body: Body, time_constant: float) -> casadi.Function:
     """((x, d), u, h) -> (x, d) after h [s] by one Runge-Kutta step, and its Jacobian."""
     nx, nu = coordinates.state_size, coordinates.input_size
     z, u, h = casadi.SX.sym("z", nx + nu), casadi.SX.sym("u", nu), casadi.SX.sym("h")
-    f, disturbing = coordinates.dynamics(body), _disturbing_input(coordinates)
+    f, disturbing = coordinates.dynamics(body), disturbing_input(coordinates)
 
     def rate(at: casadi.SX, _: float) -> casadi.SX:
         return casadi.vertcat(f(at[:nx], u + disturbing(at)), -at[nx:] / time_constant)

@@ -23,7 +23,8 @@ import numpy as np
 from mathnavi.controllers.flight.kernels import problem_data
 from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH
 from mathnavi.controllers.flight.problem import POINTS_ON_MANOEUVRE, PlanSolution, Problem
-from mathnavi.controllers.nlp_solver import (
+from mathnavi.models.buffered_function import BufferedFunction
+from mathnavi.models.nlp_solver import (
     IPOPT_WARM_START,
     NlpPlugin,
     NlpSolver,
@@ -32,7 +33,6 @@ from mathnavi.controllers.nlp_solver import (
     fatrop_settings,
     ipopt_settings,
 )
-from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.sim.interfaces.signals import Array
 
 _ITERATION_LIMIT = 200

@@ -6,7 +6,6 @@ from typing import Annotated, Literal
 
 from annotated_types import Interval
 
-from mathnavi.controllers.compilation import compiler
 from mathnavi.controllers.missile.autopilot import Autopilot, OpenLoop
 from mathnavi.controllers.missile.delay import DelayCompensation
 from mathnavi.controllers.missile.feedback_linearisation import FeedbackLinearisation
@@ -18,6 +17,7 @@ from mathnavi.controllers.missile.planner import MissilePlanner
 from mathnavi.controllers.missile.tvlqr import TimeVaryingLQR
 from mathnavi.controllers.ocp.backend import Backend
 from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
+from mathnavi.models.compilation import compiler
 from mathnavi.models.missile.coordinates import PLANAR
 from mathnavi.models.missile.mission import MissileMission
 from mathnavi.sim.interfaces.bounds import Positive, Within, configuration

@@ -1,4 +1,4 @@
-"""The numerical solver of a programme: ``mathnavi.controllers.nlp_solver`` with the options of ``ocp``."""
+"""The numerical solver of a programme: ``mathnavi.models.nlp_solver`` with the options of ``ocp``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import Ge, Le
 
-from mathnavi.controllers.nlp_solver import (
+from mathnavi.controllers.ocp.nlp import Programme
+from mathnavi.models.nlp_solver import (
     IPOPT_WARM_START,
     NlpPlugin,
     NlpSolver,
@@ -18,7 +19,6 @@ from mathnavi.controllers.nlp_solver import (
     fatrop_settings,
     ipopt_settings,
 )
-from mathnavi.controllers.ocp.nlp import Programme
 from mathnavi.sim.interfaces.bounds import Count, Positive, Probability, configuration
 from mathnavi.sim.interfaces.signals import Array
 

@@ -15,9 +15,9 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.nlp_solver import NlpSolver, Outcome, ipopt_settings
 from mathnavi.controllers.ocp.layout import bounded_states
 from mathnavi.controllers.ocp.nlp import Programme
+from mathnavi.models.nlp_solver import NlpSolver, Outcome, ipopt_settings
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 _WEIGHTS = {"dynamics": 100.0, "start": 10.0, "path": 2.0, "end": 1.0}

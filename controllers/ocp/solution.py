@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from mathnavi.controllers.nlp_solver import Outcome as Outcome
 from mathnavi.controllers.ocp.grid import Grid
 from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues, column_of
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.records import encoded
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
+from mathnavi.models.nlp_solver import Outcome as Outcome
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, vector_text
 from mathnavi.sim.interfaces.signals import Array, Integers

@@ -93,7 +93,7 @@ class ErrorStateFilter:
             return bundle.difference(self._system.flow(bundle.sum(before, e), u, h), after)
 
         mean, P = self._propagation(errors, self.covariance)
-        self._put(after, mean, P + self._process(h))
+        self._put(after, mean, P + acceleration_noise(self._model.acceleration, self._n, h))
         self._nis = math.nan
 
     def correct(self, y: Array, h: float) -> bool:
@@ -129,11 +129,13 @@ class ErrorStateFilter:
         P = self._bundle.turned(P, state[:size], self._state[:size])
         self.covariance = 0.5 * (P + P.T)
 
-    def _process(self, h: float) -> Array:
-        """Q of h [s], (2 n, 2 n)."""
-        block = np.array([[h**3 / 3.0, h**2 / 2.0], [h**2 / 2.0, h]])
-        every = block[:, np.newaxis, :, np.newaxis] * np.eye(self._n)[np.newaxis, :, np.newaxis, :]
-        return self._model.acceleration**2 * every.reshape(2 * self._n, 2 * self._n)
+
+def acceleration_noise(density: float, n: int, h: float) -> Array:
+    """Covariance Q (2 n, 2 n) over h [s] of white acceleration, the root of whose density on each axis is given."""
+    block = np.array([[h**3 / 3.0, h**2 / 2.0], [h**2 / 2.0, h]])
+    every = block[:, np.newaxis, :, np.newaxis] * np.eye(n)[np.newaxis, :, np.newaxis, :]
+    Q: Array = density**2 * every.reshape(2 * n, 2 * n)
+    return Q
 
 
 def filter_properties(note: str) -> ObserverProperties:

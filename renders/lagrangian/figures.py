@@ -81,7 +81,9 @@ def errors_figure(run: LagrangianRun) -> Figure:
             length, parts, place = drawn[:, column]
             i = _until(run, end)
             t = run.t_estimate[i]
-            _log(length, t, run.velocity_error[i], INK, 1.2)
+            _log(length, t, run.velocity_error[i], INK, 1.2, "error")
+            if run.least_deviation is not None:
+                _log(length, t, run.least_deviation[i], BOUND, 1.1, "σ of the Cramér-Rao bound")
             length.axhline(run.tolerance, color=BOUND, ls=":", lw=1.1)
             for k, name in enumerate(names):
                 _log(
@@ -96,6 +98,8 @@ def errors_figure(run: LagrangianRun) -> Figure:
         small = np.abs(run.errors.components[run.errors.components != 0.0])
         if small.size:  # a component that changes its sign dips to nothing
             drawn[1, 0].set_ylim(bottom=max(float(np.quantile(small, DIPS)), SMALLEST))
+        if run.least_deviation is not None:
+            drawn[0, 1].legend(ncols=2, **_LEGEND)
         columns = len(names) if len(names) <= MOST_IN_A_ROW else math.ceil(len(names) / 2)
         drawn[1, 1].legend(ncols=columns, **_LEGEND, handlelength=1.2, columnspacing=1.0)
         drawn[0, 1].annotate("allowed", (1.0, run.tolerance), (-2, 3), ha="right", color=BOUND,

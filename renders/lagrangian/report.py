@@ -26,6 +26,8 @@ def _headline(run: LagrangianRun, title: str) -> Headline:
         f"velocity error, RMS once settled (allowed {run.tolerance:g})": _measured(summary.get("velocity_rms"), unit),
         "at the end": _measured(float(run.velocity_error[-1]), unit),
     }
+    if summary.get("efficiency") is not None:
+        tiles["over the Cramér-Rao bound"] = page.number(summary["efficiency"])
     if run.has_begun_wrong:
         tiles["at the start"] = _measured(float(run.velocity_error[0]), unit)
         tiles["found to one percent after"] = quantity("found_from_s", summary.get("found_from_s"))

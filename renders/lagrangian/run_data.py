@@ -23,6 +23,7 @@ from mathnavi.renders.logged_run import LoggedRun
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.lagrangian import VelocityErrors
+from mathnavi.sim.records.log_arrays import CRAMER_RAO
 from mathnavi.sim.records.missions import MechanismRecord, SpaceRecord, read_mission
 from mathnavi.sim.records.run_folder import RunLog, last_at, read_log
 
@@ -82,6 +83,16 @@ class LagrangianRun(LoggedRun):
             for x, c in zip(self.truth, self.errors.components, strict=True)
         ]
         return v, v - np.array(error)
+
+    @cached_property
+    def least_deviation(self) -> Array | None:
+        """(m,) Cramér-Rao bound of the length of the velocity error at the estimates; None where there is none."""
+        bound = self.log.arrays.get(CRAMER_RAO)
+        n = self.manifold.dimension
+        if bound is None or bound.shape[1] != 2 * n:
+            return None
+        least: Array = np.linalg.norm(bound[np.searchsorted(self.t, self.t_estimate - TIME_TOLERANCE), n:], axis=1)
+        return least
 
     @property
     def velocity_names(self) -> tuple[str, ...]:

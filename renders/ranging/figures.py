@@ -40,13 +40,12 @@ def errors_figure(run: RangingRun) -> Figure:
         drawn = figure.subplots(2, 2, sharex="col", sharey="row", width_ratios=(1.0, 1.7))
         first = min(FIRST * decided(run), run.duration)
         rows = (
-            (run.position_error, None if run.deviation is None else run.deviation[0], 1.0, POSITION, "position [m]"),
-            (run.heading_error, None if run.deviation is None else run.deviation[1], 180.0 / math.pi, HEADING,
-             "heading [deg]"),
-        )  # fmt: skip
-        for axes, (error, deviation, factor, limit, name) in zip(drawn, rows, strict=True):
+            (run.position_error, 0, 1.0, POSITION, "position [m]"),
+            (run.heading_error, 1, 180.0 / math.pi, HEADING, "heading [deg]"),
+        )
+        for axes, (error, part, factor, limit, name) in zip(drawn, rows, strict=True):
             for panel, end in zip(axes, (first, run.duration), strict=True):
-                _draw_error(panel, run, factor * error, None if deviation is None else factor * deviation, end)
+                _draw_error(panel, run, factor * error, part, factor, end)
                 panel.axhline(factor * limit, color=BOUND, ls=":", lw=1.1)
                 panel.set(yscale="log", xlim=(0.0, end))
             small = factor * error[run.initialised & (error > 0.0)]
@@ -57,19 +56,23 @@ def errors_figure(run: RangingRun) -> Figure:
                              xycoords=("axes fraction", "data"), textcoords="offset points")  # fmt: skip
         drawn[0, 0].set_title("Errors: at the start")
         drawn[0, 1].set_title("over the whole run")
-        drawn[0, 1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
+        drawn[0, 1].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.2)
         for panel in drawn[1]:
             panel.set_xlabel("time [s]")
     return figure
 
 
-def _draw_error(axes: Axes, run: RangingRun, error: Array, deviation: Array | None, end: float) -> None:
+def _draw_error(axes: Axes, run: RangingRun, error: Array, part: int, factor: float, end: float) -> None:
+    """``part`` 0 is the position and 1 the heading, whose deviations are shown times ``factor``."""
     shown = np.flatnonzero(run.initialised & (run.beliefs.t <= end))
     i = shown[thinned(len(shown), 0)] if len(shown) else shown
     t = run.beliefs.t[i]
     axes.plot(t, np.maximum(error[i], SMALLEST), color=INK, lw=1.1, label="error")
-    if deviation is not None:
-        axes.plot(t, 3.0 * deviation[i], color=ESTIMATE, lw=1.4, label="3σ as the estimator says")
+    if run.deviation is not None:
+        axes.plot(t, 3.0 * factor * run.deviation[part][i], color=ESTIMATE, lw=1.4, label="3σ as the estimator says")
+    if run.least_deviation is not None:
+        least = factor * run.least_deviation[part][i]
+        axes.plot(t, least, color=BOUND, lw=1.1, label="σ of the Cramér-Rao bound")
 
 
 def bands_figure(run: RangingRun) -> Figure:

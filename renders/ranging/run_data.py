@@ -18,6 +18,7 @@ from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.consistency import normalised_error_squared
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
+from mathnavi.sim.records.log_arrays import CRAMER_RAO
 from mathnavi.sim.records.missions import RangingRecord, read_mission
 from mathnavi.sim.records.run_folder import ARRAYS, CONFIG, last_at, read_log
 
@@ -89,6 +90,15 @@ class RangingRun(LoggedRun):
         variance[stated, 1] = P[stated, 2, 2]
         metres, radians = np.sqrt(np.maximum(variance, 0.0)).T
         return metres, radians
+
+    @cached_property
+    def least_deviation(self) -> tuple[Array, Array] | None:
+        """Cramér-Rao bounds at the estimates: (k,) [m] of the position, (k,) [rad]; None where there are none."""
+        bound = self.log.arrays.get(CRAMER_RAO)
+        if bound is None or bound.shape[1] != 3:
+            return None
+        samples = np.clip(np.searchsorted(self.t, self.beliefs.t + 1e-9, side="right") - 1, 0, None)
+        return np.hypot(bound[samples, 0], bound[samples, 1]), bound[samples, 2]
 
     @cached_property
     def nees(self) -> Array:

@@ -1,12 +1,13 @@
 """``mathnavi estimate``: an estimator over the measurements and inputs of a finished run.
 
 The scenario is built again with this estimator, which names the sensors that it wants; what they read then, and what
-was commanded, is in the log. Truth, plans and the events of the other parts are kept.
+was commanded, is in the log. Truth, plans and the events of the other parts are kept. ``smoother`` in the place of the
+estimator's name is that of the recorded Kalman filter, over all readings of the run.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from mathnavi.estimators.stagewise.recorded_smoother import RecordedSmoother, Sample, Smoothing
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, flags, given, parse
 from mathnavi.sim.commands.deadline import check_deadline, watched
 from mathnavi.sim.commands.errors import BadInputError, bad_input
@@ -30,12 +32,14 @@ from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
 from mathnavi.sim.interfaces.checks import check_spares
+from mathnavi.sim.interfaces.fields import plain
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec, called, names
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.run_folder import ARRAYS, RunLog, read_log
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
+SMOOTHER = "smoother"
 USAGE = (
     "usage: mathnavi estimate ESTIMATOR DIR [OPTIONS]      ESTIMATOR: {}\n"
     "mathnavi estimate ESTIMATOR DIR --help lists the options."
@@ -63,7 +67,7 @@ def main(argv: Sequence[str]) -> int:
     if (code := watched("estimate", argv)) is not None:
         return code
     if {"-h", "--help"} & set(argv[:2]):
-        print(USAGE.format(", ".join(names("estimators"))))
+        print(USAGE.format(", ".join(_allowed())))
         return 0
     estimator, folder, words = _places(argv)
     prepare()
@@ -97,17 +101,30 @@ def main(argv: Sequence[str]) -> int:
 
 def _places(argv: Sequence[str]) -> tuple[str, Path, Sequence[str]]:
     """ESTIMATOR, DIR and the flags."""
-    for k, (place, allowed) in enumerate((("ESTIMATOR", ", ".join(names("estimators"))), ("DIR", "folder of a run"))):
+    for k, (place, allowed) in enumerate((("ESTIMATOR", ", ".join(_allowed())), ("DIR", "folder of a run"))):
         if len(argv) <= k or argv[k].startswith("-"):
             raise BadInputError(f"{place} is missing; allowed: {allowed}")
     return argv[0], Path(argv[1]), argv[2:]
+
+
+def _allowed() -> tuple[str, ...]:
+    return (*names("estimators"), SMOOTHER)
+
+
+def _estimator(name: str, run_config: RunConfig) -> PluginSpec:
+    """The plug-in called so, or the smoother of the recorded one."""
+    if name != SMOOTHER:
+        return restored_plugin("estimators", name, run_config)
+    recorded = restored_plugin("estimators", run_config.estimator, run_config)
+    with bad_input():
+        return PluginSpec.of(Smoothing(recorded.plugin, recorded.config))
 
 
 def _request(name: str, run_config: RunConfig, words: Sequence[str]) -> RunRequest:
     """The recorded run with another estimator, or with the same and its recorded fields unless they are given anew."""
     scenario = loaded("scenarios", run_config.scenario)
     controller = restored_plugin("controllers", run_config.controller, run_config)
-    estimator = restored_plugin("estimators", name, run_config)
+    estimator = _estimator(name, run_config)
     config = run_config.restored(scenario.Config, run_config.fields, "fields")
     groups = (
         FlagGroup(EstimateOptions),
@@ -156,6 +173,10 @@ def _playback(request: RunRequest, run_config: RunConfig, log: RunLog) -> Closed
     except ValueError as error:
         raise BadInputError(f"ESTIMATOR = {request.common.estimator} over {log.directory}: {error}") from error
     inputs = RecordedInputs(run, period)
+    made: dict[str, Any] = {"recorded": str(log.directory)}
+    if isinstance(agent.estimator, RecordedSmoother):
+        made |= _smoothed(agent.estimator, plant, log, request, run_config)
+        plant = RecordedPlant(vehicle, run, closed_loop.plant.dt, closed_loop.plant.sensors(vehicle))
 
     def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
         _restore(recording, log, vehicle)
@@ -167,8 +188,28 @@ def _playback(request: RunRequest, run_config: RunConfig, log: RunLog) -> Closed
         float(log.t[-1]),
         lambda t, truths: False,
         summarise,
-        {**closed_loop.config, "recorded": str(log.directory)},
+        closed_loop.config | made,
     )
+
+
+def _smoothed(
+    smoother: RecordedSmoother, plant: RecordedPlant, log: RunLog, request: RunRequest, run_config: RunConfig
+) -> dict[str, Any]:
+    """Smooth the whole run; what config.json says of it, with the estimator as it was recorded."""
+
+    def samples() -> Iterator[Sample]:
+        (name,) = plant.names
+        for k, t in enumerate(log.t.tolist()):
+            yield t, plant.sense(name), log.u[k - 1] if k else np.zeros_like(log.u[0])
+            if k + 1 < len(log.t):
+                plant.step({}, round((log.t[k + 1] - t) / plant.dt))
+
+    try:
+        smoother.smooth(samples())
+    except (ValueError, ArithmeticError) as error:  # LinAlgError is a ValueError
+        raise BadInputError(f"{SMOOTHER} over {log.directory}: {error}") from error
+    recorded = {"name": run_config.estimator, "fields": run_config.estimator_fields}
+    return {"estimator": recorded, SMOOTHER: plain(request.estimator.config)}
 
 
 def _restore(recording: Recording, log: RunLog, vehicle: str) -> None:

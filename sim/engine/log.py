@@ -1,9 +1,10 @@
 """Recording of a run while it flies: arrays over time, events, and the times its solvers took.
 
 Arrays have dotted names: ``t``, ``truth.x`` (n, nx), ``measurement.NAME`` (n, m; the newest, NaN where none),
-``estimate.t``, ``estimate.x``, ``command.u`` (n, nu; held over [t_i, t_i+1]), ``plan.*`` flat with ``plan.offsets``.
-A single vehicle is logged without a prefix, a fleet's arrays as ``VEHICLE.truth.x``. Wall-clock figures are kept
-apart from the arrays, so that the same seed gives the same log bit for bit.
+``estimate.t``, ``estimate.x``, ``command.u`` (n, nu; held over [t_i, t_i+1]), ``plan.*`` flat with ``plan.offsets``,
+and ``cramer_rao.deviation`` (n, m), bounds on the standard deviations of errors, where the metrics find any. A single
+vehicle is logged without a prefix, a fleet's arrays as ``VEHICLE.truth.x``. Wall-clock figures are kept apart from the
+arrays, so that the same seed gives the same log bit for bit.
 """
 
 from __future__ import annotations
@@ -93,6 +94,7 @@ class Recording:
     events: list[Event]
     state_names: dict[str, tuple[str, ...]]
     length: int = 0
+    cramer_rao: dict[str, Array] = field(default_factory=dict)  # (n, m) deviations by vehicle, where there is a bound
 
     @staticmethod
     def begin(plant: Plant, input_sizes: Mapping[str, int], length: int) -> Recording:
@@ -129,6 +131,8 @@ class Recording:
         for name, truth in self.truths.items():
             prefix = "" if len(self.truths) == 1 else f"{name}."
             out[f"{prefix}truth.x"] = truth
+            if name in self.cramer_rao:
+                out[f"{prefix}cramer_rao.deviation"] = self.cramer_rao[name]
             if name in self.agents:
                 out |= {f"{prefix}{key}": value for key, value in self.agents[name].arrays(self.length).items()}
         return out

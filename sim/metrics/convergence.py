@@ -1,4 +1,4 @@
-"""How fast the error of an estimate falls."""
+"""How fast the error of an estimate falls, and by which samples of a run it is judged."""
 
 from __future__ import annotations
 
@@ -6,9 +6,17 @@ import math
 
 import numpy as np
 
+from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.signals import Array
 
+LAST = 0.25
+"""of a run, by which convergence is judged"""
 _EXACT = 1e-12  # an error below is round-off
+
+
+def last_quarter(t: Array) -> slice:
+    """The samples of the last quarter of a run sampled at t (n,) [s]."""
+    return slice(int(np.searchsorted(t, (1.0 - LAST) * t[-1] - TIME_TOLERANCE)), None)
 
 
 def decay_rate(t: Array, error: Array, floor: float = 1e-6) -> float:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.signals import Array, Plan
+from mathnavi.sim.metrics.convergence import last_quarter
 from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, planner_share, solve_times
 
 if TYPE_CHECKING:  # the compiled kernels take a while to import, and most that import this only read names
@@ -93,6 +94,8 @@ def flight_summary(
     wall_seconds: float,
 ) -> dict[str, Any]:
     """The flat summary of one vehicle's flight, SI units in the names."""
+    from mathnavi.sim.metrics.recorded_bounds import estimates_at, flight_bound
+
     t, x, agent = recording.t, recording.truths[name], recording.agents[name]
     kinds = Counter(event.kind for event in recording.events if event.agent == name)
     distance = np.linalg.norm(x[:, :3] - np.array(mission.target), axis=1)
@@ -101,6 +104,9 @@ def flight_summary(
     share = np.maximum(np.hypot(error[:, 0], error[:, 1]) / bound.horizontal, np.abs(error[:, 2]) / bound.vertical)
     clearance = flown_clearance(t, x, mission)
     command = agent.commands[: recording.length - 1]
+    least = flight_bound(recording, name, mission)
+    recording.cramer_rao[name] = least.deviation
+    estimated = estimates_at(recording, name, 6) - x
     return {
         "arrived": arrived,
         "arrival_time_s": float(t[-1]) if arrived else None,
@@ -133,6 +139,7 @@ def flight_summary(
         "guarantee_lost": kinds["guarantee-lost"],
         "deadlines_lost": kinds["deadline-lost"],
         "radar_exposure_s": exposure(t, x, mission, radars),
+        **least.figures(estimated[:, list(least.judged)], last_quarter(t), "the last quarter"),
         **solve_times(agent.solve_ms),
         "real_time_factor": float(t[-1]) / wall_seconds,
         "seed": seed,

@@ -18,7 +18,9 @@ from mathnavi.models.missile.target import TargetMotion
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.signals import Array, Plan
+from mathnavi.sim.metrics.convergence import last_quarter
 from mathnavi.sim.metrics.planning import FAILURES, planner_share, solve_times
+from mathnavi.sim.metrics.recorded_bounds import estimates_at, missile_bound
 
 _ROUND_OFF = 1e-9  # relative excess of an input that does not count
 
@@ -121,6 +123,9 @@ def missile_summary(
     flown = np.flatnonzero(t <= end.t)
     error = coordinates.place(x) - coordinates.place(references(t, agent.plans, coordinates, mission.body))
     velocity = coordinates.velocity(end.x)
+    bound = missile_bound(recording, name, mission)
+    recording.cramer_rao[name] = bound.deviation
+    estimated = estimates_at(recording, name, coordinates.state_size) - x
     return {
         "miss_m": end.miss,
         "aspect_error_deg": _degrees_between(coordinates.nose(end.x), mission.final_direction),
@@ -131,6 +136,7 @@ def missile_summary(
         "flight_time_s": float(t[-1]),
         "cost": cost(t, x, applied, mission, end.t),
         "planned_cost": planned_cost,
+        **bound.figures(estimated[:, list(bound.judged)], last_quarter(t), "the last quarter"),
         "apex_m": float(joints[:, coordinates.joints.index("z")].max()),
         "attack_angle_max_deg": math.degrees(float(attack_angles(x[flown], coordinates).max())),
         "saturated_s": float(np.diff(t)[saturated].sum()),

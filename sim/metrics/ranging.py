@@ -21,13 +21,12 @@ from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.interfaces.signals import Array, Integers, Status
 from mathnavi.sim.metrics.consistency import normalised_error_squared
+from mathnavi.sim.metrics.convergence import last_quarter
 from mathnavi.sim.metrics.planning import planner_share
+from mathnavi.sim.metrics.recorded_bounds import ranging_bound
 
 POSITION, HEADING = 0.3, 0.2
 """[m], [rad] within which an estimate has converged"""
-
-LAST = 0.25
-"""of a run, by which convergence is judged"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +68,7 @@ class Errors:
     @property
     def last(self) -> slice:
         """The samples by which convergence is judged."""
-        return slice(int(np.searchsorted(self.t, (1.0 - LAST) * self.t[-1] - TIME_TOLERANCE)), None)
+        return last_quarter(self.t)
 
     @property
     def converged(self) -> bool:
@@ -92,7 +91,7 @@ def ranging_summary(
     """The flat summary of one robot's run, SI units in the names, angles in degrees.
 
     ``convergence_time_s`` is the last instant at which an error is above its limit, None where the run did not
-    converge; the greatest errors are those after it.
+    converge; the greatest errors are those after it. ``efficiency`` is that of the position over the last quarter.
     """
     t, agent = recording.t, recording.agents[name]
     path = recording.truths[name][:, :2]
@@ -102,6 +101,8 @@ def ranging_summary(
     found = errors.last_above() if converged else math.inf
     settled = t > found
     nees = float(errors.nees[last].mean())
+    bound = ranging_bound(recording, name, mission)
+    recording.cramer_rao[name] = bound.deviation
     return {
         "converged": converged,
         "position_rms_m": rms(errors.position[last]),
@@ -110,6 +111,7 @@ def ranging_summary(
         "position_error_max_m": float(errors.position[settled].max()) if settled.any() else None,
         "heading_error_max_deg": math.degrees(float(errors.heading[settled].max())) if settled.any() else None,
         "nees_mean": nees if math.isfinite(nees) else None,
+        **bound.figures(errors.difference[:, :2], last, "the last quarter"),
         "observable": _observable(mission),
         "lost_ranges": _lost(agent, recording.length),
         "initialising_s": _time_in(recording, name, Status.INITIALISING),

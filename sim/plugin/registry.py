@@ -14,7 +14,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from numbers import Real
-from typing import Any, TypeVar, get_type_hints
+from types import UnionType
+from typing import Any, TypeVar, get_args, get_type_hints
 
 from mathnavi.sim.interfaces.checks import allowed_for, plain_name
 from mathnavi.sim.interfaces.entry_points import named
@@ -237,10 +238,12 @@ def _unfit(plugin: Any, mission: Any) -> str:
     """The kind of mission that a plug-in is built for, where that is another one; else ""."""
     try:
         kind = get_type_hints(plugin.build).get("mission")
-        fits = not isinstance(kind, type) or isinstance(mission, kind)
+        fits = not isinstance(kind, type | UnionType) or isinstance(mission, kind)
     except (NameError, TypeError):  # hints that mean nothing here, or a protocol that cannot be asked
         return ""
-    return "" if fits or kind is None else kind.__name__
+    if fits or kind is None:
+        return ""
+    return " or ".join(each.__name__ for each in get_args(kind)) or str(kind.__name__)
 
 
 def _fitting(kind: str, mission: Any) -> list[str]:

@@ -4,6 +4,7 @@
 |---|---|
 | ``t`` | (n,) [s], increasing |
 | ``truth.x``, ``command.u``, ``measurement.NAME`` | (n, any) |
+| ``cramer_rao.deviation`` | (n, any) |
 | ``estimate.t``, ``estimate.x``, ``estimate.NAME`` | (k,) [s], (k, any), (k, ...) |
 | ``plan.offsets`` | (p + 1,) from 0 to b: where in the breakpoints each plan begins |
 | ``plan.t``, ``plan.x``, ``plan.u``, ``plan.phase`` | (b,) [s], (b, any), (b, any), (b,) |
@@ -23,6 +24,7 @@ from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array
 
 TIME, TRUTH, COMMAND = "t", "truth.x", "command.u"
+CRAMER_RAO = "cramer_rao.deviation"
 SAMPLED, ESTIMATED, PLANNED = "measurement.", "estimate.", "plan."
 _PLANS = {"t": 1, "x": 2, "u": 2, "phase": 1}  # dimensions of the arrays that have a row for each breakpoint
 
@@ -46,7 +48,7 @@ def check_arrays(arrays: Mapping[str, Array], path: Path, prefix: str = "") -> N
     if not (np.isfinite(t).all() and (np.diff(t) > 0.0).all()):
         raise RunFolderError(f"{str(path)!r}: t is not finite and increasing")
     for name, rows in arrays.items():
-        if name.startswith(SAMPLED) and not (rows.ndim == 2 and len(rows) == len(t)):
+        if (name.startswith(SAMPLED) or name == CRAMER_RAO) and not (rows.ndim == 2 and len(rows) == len(t)):
             raise _wrong(path, prefix, name, rows, f"({len(t)}, any)")
     _check_estimates(arrays, path, prefix)
     _check_plans(arrays, path, prefix)

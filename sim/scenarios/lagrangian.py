@@ -16,6 +16,7 @@ from annotated_types import Le
 from mathnavi.models.manifold.manifold import Manifold
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.ode_plant import OdePlant
 from mathnavi.sim.interfaces.bounds import Positive, TickRate, configuration
@@ -24,7 +25,9 @@ from mathnavi.sim.interfaces.errors import FieldError, MissionError
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.metrics.lagrangian import errors_of, lagrangian_summary
+from mathnavi.sim.metrics.lagrangian import VelocityErrors, errors_of, lagrangian_summary
+from mathnavi.sim.metrics.posterior_bound import PosteriorBound
+from mathnavi.sim.metrics.recorded_bounds import lagrangian_bound
 from mathnavi.sim.records.missions import LagrangianRecord
 from mathnavi.sim.scenarios.assembler import Assembler, VehicleStack
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
@@ -119,12 +122,25 @@ def summarise(
     figures = lagrangian_summary(recording, case.vehicle, case.manifold, fields.settled, seed, wall_seconds)
     if case.figures is not None:
         figures |= case.figures(recording, case.vehicle, case.manifold, fields.settled)
+    bound = lagrangian_bound(recording, case.vehicle, case.truth)
+    recording.cramer_rao[case.vehicle] = bound.deviation
+    figures |= _efficiency(bound, recording, case, fields.settled)
     figures["escaped"] = bool(recording.t[-1] < fields.duration - 0.5 * TICK)
     agent = recording.agents[case.vehicle]
     figures |= {"replans": agent.requests, "plans_adopted": len(agent.plans)}
     whole, found = Requirement("escaped", most=False), Requirement("velocity_rms", most=fields.tolerance)
     planned = [Requirement("plans_adopted", least=1)] if agent.requests else []  # not asked: commanded from outside
     return evaluate(figures, [whole, found, *planned, *case.requirements])
+
+
+def _efficiency(
+    bound: PosteriorBound, recording: Recording, case: LagrangianCase, settled: float
+) -> dict[str, float | str | None]:
+    """The efficiency of the velocity from ``settled`` [s] on, in components at the truth."""
+    errors = VelocityErrors.of(recording, case.vehicle, case.manifold)
+    newest = np.searchsorted(errors.t, recording.t + TIME_TOLERANCE, side="right") - 1
+    window = slice(int(np.searchsorted(recording.t, settled - TIME_TOLERANCE)), None)
+    return bound.figures(errors.components[newest], window, f"the run from {settled:g} s on")
 
 
 def _velocity_cost(case: LagrangianCase) -> StageCost:

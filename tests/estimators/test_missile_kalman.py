@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mathnavi.estimators.missile_kalman import MissileKalman, MissileKalmanConfig, _disturbing_input, _transition
+from mathnavi.estimators.missile_kalman import MissileKalman, MissileKalmanConfig, disturbing_input, transition
 from mathnavi.models.missile.coordinates import COORDINATES, PLANAR, SPATIAL, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL
 from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, Target
@@ -56,7 +56,7 @@ def test_the_transition_is_the_declared_flow_and_its_jacobian_is_that_of_differe
     z = rng.normal(size=size) * np.r_[np.full(coordinates.state_size, 0.3), np.full(coordinates.input_size, 300.0)]
     z[coordinates.index("u")] = 100.0
     u, h = rng.normal(size=coordinates.input_size) * 1e3, 0.004
-    step = _transition(coordinates, NOMINAL, 5.0)
+    step = transition(coordinates, NOMINAL, 5.0)
     after, jacobian = (np.array(part) for part in step(z, u, h))
     undisturbed = z.copy()
     undisturbed[coordinates.state_size :] = 0.0
@@ -73,7 +73,7 @@ def test_a_force_of_the_earth_frame_is_turned_into_the_body() -> None:
     dive = np.zeros(9)
     dive[3] = -0.5 * math.pi  # theta: the nose points down, the back ahead
     dive[6:] = 400.0, 100.0, 20.0
-    np.testing.assert_allclose(np.array(_disturbing_input(PLANAR)(dive)).ravel(), [100.0, -400.0, 20.0], atol=1e-9)
+    np.testing.assert_allclose(np.array(disturbing_input(PLANAR)(dive)).ravel(), [100.0, -400.0, 20.0], atol=1e-9)
 
 
 @both

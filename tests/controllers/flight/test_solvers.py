@@ -25,7 +25,7 @@ from mathnavi.controllers.flight.problem import (
 )
 from mathnavi.controllers.flight.reference import InteriorPoint
 from mathnavi.controllers.flight.sqp import CondensedSqp
-from mathnavi.controllers.nlp_solver import NlpPlugin
+from mathnavi.models.nlp_solver import NlpPlugin
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.sim.interfaces.signals import Array

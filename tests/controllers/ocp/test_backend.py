@@ -9,7 +9,6 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mathnavi.controllers import compilation
 from mathnavi.controllers.ocp.backend import Backend, NumericalSolver, Options
 from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
 from mathnavi.controllers.ocp.nlp import programme
@@ -20,7 +19,8 @@ from mathnavi.controllers.ocp.solution import Outcome, Solution
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
-from mathnavi.controllers.solver_process import PROCESS
+from mathnavi.models import compilation
+from mathnavi.models.solver_process import PROCESS
 
 NODES = 12
 COMPILED = pytest.mark.skipif(compilation.compiler() is None, reason="there is no C compiler named cc")

@@ -187,3 +187,33 @@ class Deaf(Slow):
     @staticmethod
     def sensors(config: NoFields, mission: TextbookMission) -> tuple[Sensor, ...]:
         return (Bell(),)
+
+
+@pytest.mark.parametrize("method", ["rts", "batch"])
+def test_the_smoother_of_a_recorded_filter_is_nearer_to_the_truth(
+    method: str, ranged: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--estimator.method", method, "--out", str(tmp_path / "smooth")]
+    assert main(["estimate", "smoother", str(ranged), *words]) == 0
+    summaries = [json.loads((run / "summary.json").read_text()) for run in (ranged, tmp_path / "smooth")]
+    assert summaries[1]["position_rms_m"] < summaries[0]["position_rms_m"]
+    before, after = arrays(ranged), arrays(tmp_path / "smooth")
+    np.testing.assert_array_equal(before["truth.x"], after["truth.x"])
+    assert after["estimate.x"].shape == before["estimate.x"].shape
+    config = json.loads((tmp_path / "smooth" / "config.json").read_text())
+    assert config["estimator"]["name"].endswith(":RangeEkf"), "it can be estimated again"
+    assert config["smoother"]["method"] == method
+    assert "smoother over" in capsys.readouterr().out
+
+
+@pytest.fixture(scope="module")
+def ranged(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The run of a robot whose start is known, by an extended Kalman filter."""
+    folder = tmp_path_factory.mktemp("ranged") / "run"
+    main(["run", *RANGES, "--start-known", "--estimator", "range_ekf", "--out", str(folder)])
+    return folder
+
+
+def test_a_run_of_another_estimator_is_not_smoothed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["estimate", "smoother", str(folder / "oscillation")]) == 2
+    assert "OutputInjection; allowed: kalman" in capsys.readouterr().err

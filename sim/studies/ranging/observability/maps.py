@@ -28,7 +28,8 @@ from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.patterns import figure_eight
 from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.metrics.ranging import HEADING, LAST, POSITION
+from mathnavi.sim.metrics.convergence import LAST
+from mathnavi.sim.metrics.ranging import HEADING, POSITION
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.scenarios.ranging_fields import WallFields
 

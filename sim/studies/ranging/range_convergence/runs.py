@@ -21,7 +21,8 @@ from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.sim.metrics.consistency import normalised_error_squared
-from mathnavi.sim.metrics.ranging import HEADING, LAST, POSITION
+from mathnavi.sim.metrics.convergence import LAST
+from mathnavi.sim.metrics.ranging import HEADING, POSITION
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.scenarios.ranging_fields import RangingNoise
 from mathnavi.sim.studies.ranging.observability.maps import SENSORS, drawn_start, driving, spread

@@ -11,7 +11,8 @@ from mathnavi.estimators.observability.region import ExactRun
 from mathnavi.estimators.ranging.observer import RangeObserver, RangeObserverConfig
 from mathnavi.models.angles import wrapped
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.metrics.ranging import HEADING, LAST, POSITION, rms
+from mathnavi.sim.metrics.convergence import LAST
+from mathnavi.sim.metrics.ranging import HEADING, POSITION, rms
 
 STRIDE = 5  # readings from one at which errors are taken to the next
 

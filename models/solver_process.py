@@ -33,7 +33,7 @@ _HEADER = struct.Struct("<BQd")  # what is asked, the number of the solver, the 
 _REPLY = struct.Struct("<?qQ")  # success, iterations (-1 for an exception), length of the message
 _NUMBERS = itertools.count(1)
 # -P and a path that the process sets by itself: no casadi.py of the current folder is taken for the library.
-_START = "import sys; sys.path[:] = sys.argv[2:]; from mathnavi.controllers.solver_process import main; main()"
+_START = "import sys; sys.path[:] = sys.argv[2:]; from mathnavi.models.solver_process import main; main()"
 
 
 @dataclass(frozen=True)

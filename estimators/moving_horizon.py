@@ -1,0 +1,147 @@
+"""Moving-horizon estimation as a plug-in for ranges, the missile, the flight by fixes, and mechanisms.
+
+The models are those of the Kalman filters ``range_ekf``, ``missile_kalman``, ``kalman`` and ``lagrangian_ekf`` with
+their standard fields; see ``mathnavi.estimators.stagewise.horizon`` for the method. However a solve ends, it ends as a
+status: where the programme was not solved the estimate is the prediction, and ``SOLVER_FAILED``; where the readings
+have not agreed with the estimate for the timeout, or its state leads nowhere, it is ``LOST``, and in the latter case
+begins anew at the next reading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Interval
+
+from mathnavi.estimators.kalman import Kalman, KalmanConfig
+from mathnavi.estimators.stagewise.horizon import MovingHorizon
+from mathnavi.estimators.stagewise.model import StageBuilder, StagewiseModel
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.manifold.manifold import CutLocusError
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.missile.mission import MissileMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.sim.interfaces.bounds import FINITE, Positive, configuration
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
+
+HorizonMission = RangingMission | MissileMission | FlightMission | LagrangianMission
+
+
+@configuration
+class MovingHorizonConfig:
+    """Fields of the command line."""
+
+    stages: Annotated[int, Interval(ge=2, le=200), FINITE] = 10
+    """of the window: times with readings, and the newest"""
+    iterations: Annotated[int, Interval(ge=1, le=20), FINITE] = 1
+    """of Gauss and Newton at each of them; 1 is the real-time iteration"""
+    slope: Positive = 1.5
+    """of Huber's function: standard deviations beyond which a residual counts by its size, not by its square"""
+    acceleration: Positive = 0.1
+    """of a mechanism: square root of the density of the acceleration that its model lacks [rad/s^1.5, m/s^1.5]"""
+    timeout: Positive = 0.5
+    """without a reading that agrees after which the estimate is lost [s]"""
+
+
+class MovingHorizonEstimator:
+    """Least squares over the last readings, with an arrival cost for all before."""
+
+    Config = MovingHorizonConfig
+
+    def __init__(self, config: MovingHorizonConfig, model: StagewiseModel, period: float, unknown: Array) -> None:
+        """``unknown`` is the state that is answered before there is one."""
+        self.period = period
+        self._model, self._builder = model, StageBuilder(model)
+        self._horizon = MovingHorizon(model, config.stages, config.iterations, config.slope)
+        self._timeout_monitor = TimeoutMonitor(config.timeout)  # of the readings that agreed
+        self._unknown = unknown
+
+    @staticmethod
+    def build(config: MovingHorizonConfig, mission: HorizonMission) -> MovingHorizonEstimator:
+        """Build the estimator of one run."""
+        if isinstance(mission, LagrangianMission):
+            from mathnavi.estimators.stagewise.lagrangian import NOISE_FLOOR, LagrangianModel
+
+            lagrangian = LagrangianModel(mission, config.acceleration, NOISE_FLOOR)
+            return MovingHorizonEstimator(config, lagrangian, mission.period, mission.start_state)
+        model, period = _model(mission)
+        start = model.start(None)
+        assert start is not None
+        return MovingHorizonEstimator(config, model, period, start[0])
+
+    @staticmethod
+    def sensors(config: MovingHorizonConfig, mission: HorizonMission) -> tuple[Sensor, ...]:
+        """Sensors that the vehicle has to carry for this estimator."""
+        if isinstance(mission, RangingMission):
+            return mission.sensors_carried()
+        if isinstance(mission, MissileMission):
+            return (mission.full_state_sensor(None),)
+        if isinstance(mission, FlightMission):
+            return Kalman.sensors(KalmanConfig(), mission)
+        return (mission.sensor,)
+
+    @staticmethod
+    def quality(config: MovingHorizonConfig, mission: HorizonMission) -> Any:
+        """Quality in the terms of the mission: that of the Kalman filter of the same model."""
+        if isinstance(mission, RangingMission):
+            return mission.ranging
+        if isinstance(mission, MissileMission):
+            return mission.full_state_covariance(0.0)
+        return Kalman.quality(KalmanConfig(), mission) if isinstance(mission, FlightMission) else None
+
+    @staticmethod
+    def properties(config: MovingHorizonConfig) -> ObserverProperties:
+        """Table 2.1."""
+        return ObserverProperties(
+            Domain.LOCAL, Rate.ASYMPTOTIC, InputDependence.NON_UNIFORM, Domain.LOCAL, Domain.GLOBAL,
+            note="as far as Gauss and Newton come in one iteration a reading",
+        )  # fmt: skip
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """Estimate at t [s] from the readings since the last call, ``command`` (nu,) held in between.
+
+        ``extra["deviation"]`` (d,) are standard deviations of the model's errors, NaN before there are any.
+        """
+        horizon, lost = self._horizon, False
+        try:
+            for stage in self._builder.add(t, measurements, command):
+                horizon.add(stage)
+                agreed = bool(stage.readings) and horizon.started and not horizon.failure and horizon.agrees
+                self._timeout_monitor.note(stage.t, agreed)
+        except (CutLocusError, np.linalg.LinAlgError, ArithmeticError):
+            horizon.forget()
+            lost = True
+        if horizon.started:
+            self._unknown = horizon.x
+        status = self._timeout_monitor.status(t)
+        if horizon.failure and status is Status.OK:
+            status = Status.SOLVER_FAILED
+        elif (lost or not horizon.started) and status is not Status.INITIALISING:
+            status = Status.LOST
+        P = horizon.P if horizon.started else np.full_like(horizon.P, np.nan)
+        x, covariance = self._model.reported(self._unknown, 0.5 * (P + P.T))
+        if not horizon.started:
+            covariance = None
+        deviation = np.sqrt(np.maximum(np.diag(P), 0.0))
+        return Estimate(t, x, covariance, status, {"deviation": deviation, **self._model.extra(self._unknown)})
+
+
+def _model(mission: RangingMission | MissileMission | FlightMission) -> tuple[StagewiseModel, float]:
+    """The model of a vehicle whose start is stated, and the period of its estimates [s]."""
+    if isinstance(mission, RangingMission):
+        from mathnavi.estimators.stagewise.ranging import RangingModel
+
+        return RangingModel(mission), mission.period
+    if isinstance(mission, MissileMission):
+        from mathnavi.estimators.missile_kalman import MissileKalmanConfig
+        from mathnavi.estimators.stagewise.missile import MissileModel
+
+        return MissileModel.of(MissileKalmanConfig(), mission), mission.control_period
+    from mathnavi.estimators.stagewise.flight import FlightModel
+
+    return FlightModel.of(KalmanConfig(), mission), mission.control_period

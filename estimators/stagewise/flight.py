@@ -1,0 +1,81 @@
+"""The point mass under gusts as a ``StagewiseModel``: the state (p, v, g) on three axes, fixes of the position.
+
+It is the model of ``mathnavi.estimators.kalman``: linear, and discretised exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mathnavi.estimators.kalman import AxisModel, KalmanConfig, clipped_rms, first_covariance
+from mathnavi.estimators.stagewise.model import Piece
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.sim.interfaces.signals import Array, Measurement
+
+_EYE = np.eye(3)
+
+
+class FlightModel:
+    """Position, velocity and gust (9,), [m, m/s, m/s^2] on each axis."""
+
+    size, rows = 9, 3
+
+    def __init__(self, mission: FlightMission, axis: AxisModel, P: Array) -> None:
+        """``P`` (3, 3) is the covariance of (p, v, g) on one axis at the start."""
+        self._mission, self._axis, self._P = mission, axis, P
+        self._discrete: dict[float, tuple[Array, Array, Array]] = {}
+
+    @staticmethod
+    def of(config: KalmanConfig, mission: FlightMission) -> FlightModel:
+        """Model of the estimator ``kalman`` with a configuration."""
+        return FlightModel(mission, AxisModel.of(config, mission), first_covariance(config, mission))
+
+    @staticmethod
+    def as_declared(mission: FlightMission) -> FlightModel:
+        """Model with the noise that the mission declares and nothing beside it; the start is exact."""
+        rms = clipped_rms(mission.gust)
+        axis = AxisModel(rms, mission.gust.time_constant, mission.position_noise)
+        return FlightModel(mission, axis, np.diag([0.0, 0.0, rms**2]))
+
+    def start(self, reading: Array | None) -> tuple[Array, Array]:
+        P: Array = np.kron(self._P, _EYE)
+        return np.concatenate([self._mission.start, np.zeros(6)]), P
+
+    def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
+        return ((end - begin, command.copy()),)
+
+    def reading(self, measurement: Measurement) -> Array | None:
+        return measurement.value.copy() if measurement.name == "position" else None
+
+    def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
+        key = round(h, 10)
+        if key not in self._discrete:
+            F, B, Q = self._axis.discretised(h)
+            F, B, Q = (np.asarray(np.kron(block, _EYE), np.float64) for block in (F, B, Q))
+            self._discrete[key] = F, B, Q
+        F, B, Q = self._discrete[key]
+        return F @ x + B @ u, F, Q
+
+    def residual(self, x: Array, y: Array) -> tuple[Array, Array]:
+        W = np.eye(3, 9) / self._axis.fix_std
+        return (y - x[:3]) / self._axis.fix_std, W
+
+    def sum(self, x: Array, e: Array) -> Array:
+        return x + e
+
+    def difference(self, other: Array, x: Array) -> Array:
+        return other - x
+
+    def limits(self, x: Array) -> tuple[Array, Array]:
+        """The gust on each axis is within the declared length of its vector."""
+        high = np.full(9, np.inf)
+        high[6:] = max(self._mission.gust.limit, 3.0 * self._axis.gust_rms)
+        return -high - x, high - x
+
+    def extra(self, x: Array) -> Mapping[str, Array]:
+        return {"gust": x[6:].copy()}
+
+    def reported(self, x: Array, P: Array) -> tuple[Array, Array]:
+        return x[:6].copy(), P[:6, :6].copy()

@@ -1,0 +1,200 @@
+"""Moving-horizon estimation: least squares over the last stages, with an arrival cost for all that came before.
+
+Over the stages of a window with states x_1, ..., x_M, the prior mean m and its covariance P at the first, one real-time
+iteration of Gauss and Newton solves the programme of ``horizon_programme`` about the states as they are, and moves them
+by its solution (M. Diehl, H. G. Bock and J. P. Schloeder, SIAM J. Control and Optimization 43, 2005). Outliers count by
+Huber's function of slope delta: the whitened residual r of a number has the weight min(1, delta / |r|), that of a new
+one with its predicted deviation in place of 1.
+
+When the window moves on, the prior takes in the readings of the stage that leaves, as an extended Kalman filter does
+that is linearised at the smoothed state, and is led to the next stage (C. V. Rao, J. B. Rawlings and D. Q. Mayne, IEEE
+Trans. Automatic Control 48, 2003). So of a linear model without outliers and limits it is the Kalman filter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mathnavi.estimators.stagewise.horizon_programme import HorizonProgramme
+from mathnavi.estimators.stagewise.model import Piece, Stage, StagewiseModel, advanced, residuals
+from mathnavi.estimators.stagewise.smoother import square_root
+from mathnavi.sim.interfaces.signals import Array
+
+_MOVED = 0.05  # deviations by which a state may move before its transition is linearised anew
+_GOOD = 4.0  # deviations within which a number of a reading agrees with the estimate
+
+
+@dataclass(eq=False)
+class _Node:
+    """A stage of the window."""
+
+    inputs: tuple[Piece, ...]
+    readings: tuple[Array, ...]
+    x: Array
+    at: Array = field(default_factory=lambda: np.empty(0))  # state of the node before that F is linearised at
+    reached: Array = field(default_factory=lambda: np.empty(0))  # where it leads
+    F: Array = field(default_factory=lambda: np.empty(0))
+    root: Array = field(default_factory=lambda: np.empty(0))  # of Q
+    Q: Array = field(default_factory=lambda: np.empty(0))
+    spread: Array | None = None  # predicted deviations of a new reading's residuals, in theirs
+
+
+class MovingHorizon:
+    """The window of a model with so many ``stages``; ``x`` and ``P`` are the state and its covariance at the newest."""
+
+    def __init__(self, model: StagewiseModel, stages: int, iterations: int, slope: float) -> None:
+        """``slope`` is delta, ``iterations`` those of Gauss and Newton at each stage with readings."""
+        self._model, self._stages, self._iterations, self._slope = model, stages, iterations, slope
+        self._programme = HorizonProgramme(model.size, model.rows, stages)
+        self._nodes: list[_Node] = []
+        self._prior: tuple[Array, Array]  # m, P at the first node
+        self._scale: Array  # (d,) of the errors
+        self.P = np.full((model.size, model.size), np.nan)
+        self.failure = ""  # the solver's message, where the last programme was not solved
+        self.agrees = False  # whether half of the numbers of the newest reading agree with the estimate
+
+    @property
+    def started(self) -> bool:
+        """True once there is a stage that the model can start at."""
+        return bool(self._nodes)
+
+    @property
+    def x(self) -> Array:
+        """State at the newest stage."""
+        return self._nodes[-1].x
+
+    def forget(self) -> None:
+        """Begin anew at the next stage."""
+        self._nodes = []
+
+    def add(self, stage: Stage) -> None:
+        """Take in the next stage; solve for each of its readings.
+
+        Raises LinAlgError, ArithmeticError or the model's own errors where its state leads nowhere.
+        """
+        for k, reading in enumerate(stage.readings or (None,)):
+            self._add(Stage(stage.t, () if k else stage.inputs, () if reading is None else (reading,)))
+
+    def _add(self, stage: Stage) -> None:
+        if not self._nodes:
+            started = self._model.start(stage.readings[0] if stage.readings else None)
+            if started is None:
+                return
+            x, P = started
+            self._prior, self.P = (x, P), P
+            self._scale = np.maximum(np.sqrt(np.maximum(np.diag(P), 0.0)), 1e-9)
+            self._nodes.append(_Node((), stage.readings, x))
+        else:
+            self._append(stage)
+        if stage.readings:
+            self._nodes[-1].spread = self._spread(stage)
+            self._solve()
+
+    def _append(self, stage: Stage) -> None:
+        last, inputs = self._nodes[-1], stage.inputs
+        x, F, Q = advanced(self._model, last.x, inputs)
+        self.P = F @ self.P @ F.T + Q
+        _check(x, self.P)
+        if not last.readings and len(self._nodes) > 1:  # nothing was read there: the two steps are one
+            self._nodes.pop()
+            node = _Node(last.inputs + inputs, stage.readings, x, last.at, x, F @ last.F, Q=F @ last.Q @ F.T + Q)
+        else:
+            node = _Node(inputs, stage.readings, x, last.x, x, F, Q=Q)
+        node.root = square_root(node.Q)
+        self._nodes.append(node)
+        while len(self._nodes) > self._stages:
+            self._shift()
+
+    def _shift(self) -> None:
+        """Let the first stage leave the window: its readings become part of the prior."""
+        leaving, first = self._nodes[0], self._nodes[1]
+        e, P = self._conditioned(leaving, self._model.difference(self._prior[0], leaving.x), self._prior[1])
+        self._relinearise(first, leaving)
+        mean = self._model.sum(self._reached(first, leaving), first.F @ e)
+        P = first.F @ P @ first.F.T + first.Q
+        self._prior = mean, 0.5 * (P + P.T)
+        _check(*self._prior)
+        self._nodes.pop(0)
+
+    def _solve(self) -> None:
+        model, programme = self._model, self._programme
+        for _ in range(self._iterations):
+            nodes, S = self._nodes, self._scale
+            padding = self._stages - len(nodes)
+            programme.clear()
+            m, P = self._prior
+            programme.A[0] = square_root(P) / S[:, np.newaxis]
+            programme.c[0] = model.difference(m, nodes[0].x) / S
+            for i, node in enumerate(nodes, start=padding):
+                if i > padding:
+                    before = self._nodes[i - padding - 1]
+                    self._relinearise(node, before)
+                    programme.A[i] = node.F * S / S[:, np.newaxis]
+                    programme.B[i] = node.root / S[:, np.newaxis]
+                    programme.c[i] = model.difference(self._reached(node, before), node.x) / S
+                r, W = self._weighted(node)
+                programme.r[i, : len(r)], programme.W[i, : len(r)] = r, W * S
+                low, high = model.limits(node.x)
+                programme.low[i], programme.high[i] = low / S, high / S
+            errors, message = programme.solve()
+            self.failure = "" if errors is not None else message
+            if errors is None:
+                return
+            for error, node in zip(errors[padding:], nodes, strict=True):
+                node.x = model.sum(node.x, S * error)
+        self._covariance()
+
+    def _covariance(self) -> None:
+        """P at the newest stage, and the agreement of its reading."""
+        P = self._conditioned(self._nodes[0], np.zeros(self._model.size), self._prior[1])[1]
+        for node in self._nodes[1:]:
+            P = node.F @ P @ node.F.T + node.Q
+            P = self._conditioned(node, np.zeros(self._model.size), P)[1]
+        self.P = 0.5 * (P + P.T)
+        newest = self._nodes[-1]
+        newest.spread = None
+        _check(newest.x, self.P)
+        r, _ = residuals(self._model, newest.x, newest.readings)
+        self.agrees = bool(len(r)) and float(np.mean(np.abs(r) < _GOOD)) >= 0.5
+
+    def _conditioned(self, node: _Node, e: Array, P: Array) -> tuple[Array, Array]:
+        """Error e (d,) about the node's state with covariance P, conditioned on its readings."""
+        r, W = self._weighted(node)
+        if not len(r):
+            return e, P
+        PW = P @ W.T
+        gain = np.linalg.solve(np.eye(len(r)) + W @ PW, PW.T).T
+        kept = np.eye(len(P)) - gain @ W
+        return e + gain @ (r - W @ e), kept @ P @ kept.T + gain @ gain.T
+
+    def _weighted(self, node: _Node) -> tuple[Array, Array]:
+        """r (k,) and W (k, d) at the node, times the roots of Huber's weights."""
+        r, W = residuals(self._model, node.x, node.readings)
+        spread = node.spread if node.spread is not None and len(node.spread) == len(r) else 1.0
+        size = np.abs(r) / spread
+        root = np.sqrt(np.minimum(1.0, self._slope / np.maximum(size, np.finfo(float).tiny)))
+        return root * r, root[:, np.newaxis] * W
+
+    def _spread(self, stage: Stage) -> Array:
+        _, W = residuals(self._model, self._nodes[-1].x, stage.readings)
+        spread: Array = np.sqrt(1.0 + np.einsum("ij,jk,ik->i", W, self.P, W))
+        return spread
+
+    def _relinearise(self, node: _Node, before: _Node) -> None:
+        """Linearise the transition to a node anew where the state before it has moved by more than a little."""
+        moved = np.abs(self._model.difference(before.x, node.at))
+        if (moved > _MOVED * np.sqrt(np.maximum(np.diag(self.P), 0.0))).any():
+            node.at = before.x
+            node.reached, node.F, node.Q = advanced(self._model, before.x, node.inputs)
+            node.root = square_root(node.Q)
+
+    def _reached(self, node: _Node, before: _Node) -> Array:
+        """Where the state of the node before leads, to first order about that of the linearisation."""
+        return self._model.sum(node.reached, node.F @ self._model.difference(before.x, node.at))
+
+
+def _check(x: Array, P: Array) -> None:
+    if not (np.isfinite(x).all() and np.isfinite(P).all()):
+        raise FloatingPointError("the state or its covariance is not finite")

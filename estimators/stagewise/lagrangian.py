@@ -1,0 +1,93 @@
+"""A Lagrangian system as a ``StagewiseModel``: (x, v) on its tangent bundle, readings of the position.
+
+It is the model of ``mathnavi.estimators.velocity.error_state``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mathnavi.estimators.stagewise.model import Piece
+from mathnavi.estimators.velocity.error_state import acceleration_noise
+from mathnavi.estimators.velocity.readings import innovation, reading_variance, usable
+from mathnavi.estimators.velocity.state_errors import StateErrors
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.sim.interfaces.signals import NOTHING, Array, Measurement
+
+NOISE_FLOOR = 1e-4
+"""[rad, m] least standard deviation that a reading is trusted with, by an estimator"""
+_STEP = 1e-6  # of an error, in its unit
+
+
+class LagrangianModel:
+    """(x, v) (size + vector_size,), its errors (a, b) in 2 n numbers."""
+
+    def __init__(self, mission: LagrangianMission, acceleration: float, noise_floor: float) -> None:
+        """``acceleration`` is the root of the density of its noise, ``noise_floor`` the least of a reading's."""
+        self._mission, self._system = mission, mission.system
+        self._manifold = mission.system.manifold
+        self._acceleration, self._floor = acceleration, noise_floor
+        self._errors = StateErrors(self._manifold)
+        self.rows = self._manifold.dimension
+        self.size = 2 * self.rows
+        self._sigma: Array | None = None  # (n,) of a reading
+
+    @staticmethod
+    def as_declared(mission: LagrangianMission) -> LagrangianModel:
+        """Model with the noise that the mission declares and nothing beside it: none of the acceleration."""
+        return LagrangianModel(mission, 0.0, 0.0)
+
+    def start(self, reading: Array | None) -> tuple[Array, Array] | None:
+        if reading is None:
+            return None
+        manifold = self._manifold
+        lengths = np.array([manifold.norm(reading, manifold.vector(reading, axis)) for axis in np.eye(self.rows)])
+        velocity = self._mission.speed_max / lengths
+        P = np.diag(np.square(np.concatenate([self.deviation(reading), velocity])))
+        return np.concatenate([reading, np.zeros(manifold.vector_size)]), P
+
+    def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
+        return ((end - begin, command.copy()),)
+
+    def reading(self, measurement: Measurement) -> Array | None:
+        return usable(measurement, self._manifold)
+
+    def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
+        after = self._system.flow(x, u, h)
+        columns = [
+            self._errors.difference(self._system.flow(self._errors.sum(x, _STEP * axis), u, h), after)
+            for axis in np.eye(self.size)
+        ]
+        return after, np.stack(columns, axis=1) / _STEP, acceleration_noise(self._acceleration, self.rows, h)
+
+    def residual(self, x: Array, y: Array) -> tuple[Array, Array]:
+        sigma = self.deviation(y)
+        moved = innovation(self._manifold, x[: self._manifold.size], y)
+        if moved is None:
+            moved = np.full(self.rows, np.nan)
+        return moved / sigma, np.eye(self.rows, self.size) / sigma[:, np.newaxis]
+
+    def deviation(self, y: Array) -> Array:
+        """Standard deviations (n,) of the coordinates of a reading, those near the first one y (size,)."""
+        if self._sigma is None:
+            self._sigma = np.maximum(np.sqrt(reading_variance(self._mission, y)), self._floor)
+        return self._sigma
+
+    def sum(self, x: Array, e: Array) -> Array:
+        return self._errors.sum(x, e)
+
+    def difference(self, other: Array, x: Array) -> Array:
+        return self._errors.difference(other, x)
+
+    def limits(self, x: Array) -> tuple[Array, Array]:
+        """None: the speed is bounded in the metric, not by component."""
+        high = np.full(self.size, np.inf)
+        return -high, high
+
+    def extra(self, x: Array) -> Mapping[str, Array]:
+        return NOTHING
+
+    def reported(self, x: Array, P: Array) -> tuple[Array, None]:
+        return x.copy(), None

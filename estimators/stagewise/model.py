@@ -1,0 +1,126 @@
+"""A system with noise as estimators over many stages take it: transitions, readings, and errors of its state.
+
+    x_{k+1} = f(x_k, u_k) + w_k,   w_k ~ N(0, Q_k),        y_k = h(x_k) + v_k,   v_k ~ N(0, R_k).
+
+A state x is a flat array, and may be a point of a manifold; an error e (d,) of it is added by ``sum``. A reading is
+taken whitened, to first order in e:
+
+    R^{-1/2} (y - h(x + e)) = r - W e.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.signals import Array, Measurement
+
+Piece = tuple[float, Array]
+"""a duration [s] and the input (nu,) that is held for so long"""
+
+
+class StagewiseModel(Protocol):
+    """A system with noise."""
+
+    size: int
+    """d of an error"""
+    rows: int
+    """most numbers in the readings of one stage"""
+
+    def start(self, reading: Array | None) -> tuple[Array, Array] | None:
+        """State and covariance (d, d) at the first stage, with a reading (m,) or none; None to wait for one."""
+        ...
+
+    def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
+        """Inputs that act one after the other from ``begin`` to ``end`` [s]."""
+        ...
+
+    def reading(self, measurement: Measurement) -> Array | None:
+        """Usable numbers (m,) of a measurement, NaN for those that were lost; None where there are none."""
+        ...
+
+    def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
+        """State after h [s] with u (nu,) held, its Jacobian F (d, d), and the covariance Q (d, d) of the noise."""
+        ...
+
+    def residual(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """r (m,) and W (m, d) of a reading y (m,) at x; rows of NaN where a number is missing."""
+        ...
+
+    def sum(self, x: Array, e: Array) -> Array:
+        """State x + e, of an error e (d,)."""
+        ...
+
+    def difference(self, other: Array, x: Array) -> Array:
+        """Error e (d,) with x + e = other."""
+        ...
+
+    def limits(self, x: Array) -> tuple[Array, Array]:
+        """Least and largest errors (d,) at x that the mission allows, infinite where it sets none."""
+        ...
+
+    def extra(self, x: Array) -> Mapping[str, Array]:
+        """Further arrays of an ``Estimate``."""
+        ...
+
+    def reported(self, x: Array, P: Array) -> tuple[Array, Array | None]:
+        """State and covariance of an ``Estimate``, of a state and a covariance (d, d) of its errors."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A time with readings, and the inputs since the stage before."""
+
+    t: float  # [s]
+    inputs: tuple[Piece, ...]
+    readings: tuple[Array, ...]
+
+
+class StageBuilder:
+    """Builder of stages from the calls of an estimator; a reading older than the last stage is not used."""
+
+    def __init__(self, model: StagewiseModel) -> None:
+        self._model = model
+        self._t: float | None = None  # [s] of the last stage
+
+    def add(self, t: float, measurements: Sequence[Measurement], command: Array) -> list[Stage]:
+        """Stages of a call at t [s] with the readings since the last, ``command`` (nu,) held."""
+        by_time: dict[float, list[Array]] = {}
+        for measurement in measurements:
+            values = self._model.reading(measurement)
+            if values is not None and (self._t is None or measurement.t >= self._t - TIME_TOLERANCE):
+                at = t if abs(measurement.t - t) <= TIME_TOLERANCE else measurement.t
+                by_time.setdefault(at, []).append(values)
+        by_time.setdefault(t, [])
+        stages = []
+        for at in sorted(by_time):
+            pieces: Sequence[Piece] = ()
+            if self._t is not None and at > self._t + TIME_TOLERANCE:
+                pieces = self._model.inputs(self._t, at, measurements, command)
+            stages.append(Stage(at, tuple(pieces), tuple(by_time[at])))
+            self._t = at
+        return stages
+
+
+def advanced(model: StagewiseModel, x: Array, inputs: Sequence[Piece]) -> tuple[Array, Array, Array]:
+    """State after all ``inputs``, with the Jacobian F (d, d) and the covariance Q (d, d) of all of them."""
+    F, Q = np.eye(model.size), np.zeros((model.size, model.size))
+    for h, u in inputs:
+        x, F_h, Q_h = model.transition(x, u, h)
+        F, Q = F_h @ F, F_h @ Q @ F_h.T + Q_h
+    return x, F, Q
+
+
+def residuals(model: StagewiseModel, x: Array, readings: Sequence[Array]) -> tuple[Array, Array]:
+    """r (m,) and W (m, d) of all ``readings`` at x, without the numbers that are missing."""
+    r, W = np.empty(0), np.empty((0, model.size))
+    for y in readings:
+        r_y, W_y = model.residual(x, y)
+        known = np.isfinite(r_y) & np.isfinite(W_y).all(axis=1)
+        r, W = np.concatenate([r, r_y[known]]), np.concatenate([W, W_y[known]])
+    return r, W

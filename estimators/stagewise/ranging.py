@@ -1,0 +1,88 @@
+"""The robot that reads ranges as a ``StagewiseModel``: its pose and the scale error of its odometry.
+
+It is the model of ``mathnavi.estimators.ranging.extended``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
+from mathnavi.estimators.ranging.model import STATES, RangeModel
+from mathnavi.estimators.stagewise.model import Piece
+from mathnavi.models.unicycle.kernels import integrate_jacobians, wrapped
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.sim.interfaces.signals import NOTHING, Array, Measurement
+
+_LARGEST = 6.0  # standard deviations of the scale error
+
+
+class RangingModel:
+    """Pose and scale error (x_1, x_2, phi, b) [m, m, rad, -]."""
+
+    size = STATES
+
+    def __init__(self, mission: RangingMission) -> None:
+        self._model, self._bias = RangeModel(mission), mission.odometry.bias
+        self.rows = mission.sensors
+
+    def start(self, reading: Array | None) -> tuple[Array, Array]:
+        return self._model.start()
+
+    def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
+        return ((end - begin, self._model.input(measurements, command).copy()),)
+
+    def reading(self, measurement: Measurement) -> Array | None:
+        if measurement.name != "ranges":
+            return None
+        rho = self._model.ranges([measurement])
+        return None if np.isnan(rho).all() else rho
+
+    def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
+        v = (1.0 - x[3]) * u
+        F_pose, G = integrate_jacobians(x[:3], v[0], v[1], h)
+        F, Q = np.eye(STATES), np.zeros((STATES, STATES))
+        F[:3, :3], F[:3, 3] = F_pose, -G @ u
+        Q[:3, :3] = G * self._model.W @ G.T
+        after = x.copy()
+        move(after, u, self._model.wall, h)
+        return after, F, Q
+
+    def residual(self, x: Array, y: Array) -> tuple[Array, Array]:
+        h, H = expected_ranges(self._model.wall, x[:3], self._model.angles)
+        sigma = np.sqrt(self._model.range_variance(h))
+        W = np.zeros((len(h), STATES))
+        W[:, :3] = H / sigma[:, np.newaxis]
+        return (y - h) / sigma, W
+
+    def deviations(self, x: Array) -> tuple[Array, Array]:
+        """Standard deviations (l,) [m] of the ranges at x, and their derivatives (l,) by the range."""
+        h, _ = expected_ranges(self._model.wall, x[:3], self._model.angles)
+        sigma = np.sqrt(self._model.range_variance(h))
+        return sigma, self._model.relative**2 * h / sigma
+
+    def sum(self, x: Array, e: Array) -> Array:
+        """x + e, the position within the wall."""
+        after: Array = x + e
+        step = step_within(self._model.wall, x[0], x[1], e[0], e[1])
+        after[:2] = x[:2] + step * e[:2]
+        after[2] = wrapped(after[2])
+        return after
+
+    def difference(self, other: Array, x: Array) -> Array:
+        error: Array = other - x
+        error[2] = wrapped(error[2])
+        return error
+
+    def limits(self, x: Array) -> tuple[Array, Array]:
+        """The scale error is within six standard deviations."""
+        high = np.array([np.inf, np.inf, np.inf, max(_LARGEST * self._bias, 1e-9)])
+        return -high - x, high - x
+
+    def extra(self, x: Array) -> Mapping[str, Array]:
+        return NOTHING
+
+    def reported(self, x: Array, P: Array) -> tuple[Array, Array]:
+        return x[:3].copy(), P[:3, :3].copy()

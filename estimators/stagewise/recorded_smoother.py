@@ -1,0 +1,121 @@
+"""The smoother of a finished run in the place of its Kalman filter: the same sensors, the same model, all readings.
+
+An estimator that is causal answers from what has been read; this one answers from the whole run, which it is given
+before it is asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from mathnavi.estimators.stagewise.model import StageBuilder, StagewiseModel
+from mathnavi.estimators.stagewise.smoother import SmoothedStates, batch_least_squares, rauch_tung_striebel
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.bounds import Probability, configuration
+from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.protocols import Estimator, Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
+
+Sample = tuple[float, Sequence[Measurement], Array]
+"""[s], the readings since the sample before, and the input (nu,) held since then"""
+
+
+@configuration
+class SmootherConfig:
+    """Fields of the command line."""
+
+    method: Literal["rts", "batch"] = "rts"
+    """Rauch, Tung and Striebel's smoother, or batch least squares, which takes longer"""
+    gate: Probability = 1e-4
+    """probability with which a good number of a reading is refused"""
+
+
+class RecordedSmoother:
+    """An estimator that knows the whole run: ``smooth`` it first."""
+
+    def __init__(self, config: SmootherConfig, model: StagewiseModel, period: float) -> None:
+        self.period = period
+        self._config, self._model = config, model
+        self._states: SmoothedStates | None = None
+
+    def smooth(self, samples: Iterable[Sample]) -> None:
+        """Smooth a run.
+
+        Raises ValueError where it has no reading to start at or batch least squares does not converge, and LinAlgError
+        where the filter diverges.
+        """
+        builder = StageBuilder(self._model)
+        stages = [stage for sample in samples for stage in builder.add(*sample)]
+        smoothed = batch_least_squares if self._config.method == "batch" else rauch_tung_striebel
+        self._states = smoothed(self._model, stages, self._config.gate)
+        if not self._states.converged:
+            raise ValueError("method = 'batch' did not converge on this run; allowed: 'rts'")
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """Estimate at t [s], whatever was read until then; that of the first stage, and initialising, before it."""
+        assert self._states is not None, "the run was not smoothed yet"
+        k = int(np.searchsorted(self._states.t, t + TIME_TOLERANCE, side="right")) - 1
+        x, P = self._model.reported(self._states.x[max(k, 0)], self._states.P[max(k, 0)])
+        if P is not None:
+            P = 0.5 * (P + P.T)
+        return Estimate(t, x, P, Status.OK if k >= 0 else Status.INITIALISING)
+
+
+class Smoothing:
+    """The plug-in of a recorded run's smoother, with the sensors and the model of a Kalman filter of that run."""
+
+    Config = SmootherConfig
+
+    def __init__(self, plugin: Any, config: Any) -> None:
+        """``plugin`` is the recorded estimator, with its configuration; FieldError if it is no Kalman filter."""
+        self.__qualname__ = type(self).__qualname__
+        self._plugin, self._config = plugin, config
+        self._model_of = model_of(plugin)
+
+    def build(self, config: SmootherConfig, mission: Any) -> RecordedSmoother:
+        """Build the smoother of one run."""
+        recorded: Estimator = self._plugin.build(self._config, mission)
+        return RecordedSmoother(config, self._model_of(self._config, mission), recorded.period)
+
+    def sensors(self, config: SmootherConfig, mission: Any) -> tuple[Sensor, ...]:
+        """Sensors of the recorded estimator."""
+        sensors: tuple[Sensor, ...] = self._plugin.sensors(self._config, mission)
+        return sensors
+
+    def quality(self, config: SmootherConfig, mission: Any) -> Any:
+        """Quality of the recorded estimator, which is no better."""
+        return self._plugin.quality(self._config, mission)
+
+
+def model_of(plugin: Any) -> Any:
+    """The function (config, mission) -> ``StagewiseModel`` of a Kalman filter's plug-in.
+
+    FieldError for a plug-in that is none, which is not one of mathnavi's and has no ``stagewise_model`` of its own.
+    """
+    if hasattr(plugin, "stagewise_model"):
+        return plugin.stagewise_model
+    name = plugin.__qualname__
+    if plugin.__module__.partition(".")[0] == "mathnavi":
+        if name == "Kalman":
+            from mathnavi.estimators.stagewise.flight import FlightModel
+
+            return FlightModel.of
+        if name == "MissileKalman":
+            from mathnavi.estimators.stagewise.missile import MissileModel
+
+            return MissileModel.of
+        if name in ("RangeEkf", "RangeUkf"):
+            from mathnavi.estimators.stagewise.ranging import RangingModel
+
+            return lambda config, mission: RangingModel(mission)
+        if name in ("LagrangianEkf", "LagrangianUkf"):
+            from mathnavi.estimators.stagewise.lagrangian import LagrangianModel
+
+            return lambda config, mission: LagrangianModel(mission, config.acceleration, config.noise_floor)
+    raise FieldError(
+        f"DIR was run with the estimator {name}; allowed: kalman, missile_kalman, range_ekf, range_ukf, "
+        "lagrangian_ekf, lagrangian_ukf, or a plug-in with a stagewise_model"
+    )

@@ -1,0 +1,128 @@
+"""The posterior Cramér-Rao bound: the least covariance that the error of any estimator of a state can have.
+
+With x_{k+1} = f(x_k) + w_k, w_k of covariance Q_k, and readings y_k = h(x_k) + v_k, the information J_k about x_k obeys
+(P. Tichavský, C. H. Muravchik and A. Nehorai, IEEE Trans. Signal Processing 46, 1998)
+
+    J_{k+1} = (Q_k + F_k J_k^{-1} F_k')^{-1} + M_{k+1},        cov(e_k) >= J_k^{-1},
+
+F_k the Jacobian of f and M_k the Fisher information of the readings at k. The recursion is the one of the paper with
+the matrix inversion lemma applied, so that Q_k may be singular, and so may J_k while nothing is known of a direction.
+The paper takes expectations over trajectories; along one recorded trajectory the Jacobians are those at the true
+states: the bound is the covariance that an extended Kalman filter linearised at the truth would state.
+
+The efficiency of an estimator over the samples K of a run, of the components m that are judged, is
+
+    sqrt(sum_{k in K} |e_k|^2 / sum_{k in K} trace P_k),        P_k the block of J_k^{-1} of these components:
+
+the root mean square error over the root mean square of its bound. It scatters about a number >= 1 from run to run, as e
+does; squared errors and bounds of many runs are to be averaged before the root is taken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mathnavi.sim.interfaces.signals import Array
+
+_REGULAR = 1e-12  # least eigenvalue of an information with a diagonal of ones that is inverted
+
+
+class BoundRecursion:
+    """The recursion, from an information J or a covariance P (d, d) at the start: give one of the two.
+
+    A covariance may be singular where the start is exact, an information where nothing is known.
+    """
+
+    def __init__(self, *, information: Array | None = None, covariance: Array | None = None) -> None:
+        if (information is None) == (covariance is None):
+            raise ValueError("information and covariance; allowed: exactly one of the two")
+        self._J, self._P = information, covariance
+
+    @property
+    def covariance(self) -> Array | None:
+        """The bound (d, d), a copy; None while some direction is not observed."""
+        return None if self._P is None else self._P.copy()
+
+    def predict(self, F: Array, Q: Array) -> None:
+        """Over a transition of the Jacobian F (d, d), regular, with noise of the covariance Q (d, d)."""
+        if self._P is not None:
+            P = F @ self._P @ F.T + Q
+            self._P = 0.5 * (P + P.T)
+            return
+        assert self._J is not None
+        inverse = np.linalg.inv(F)
+        A = inverse.T @ self._J @ inverse
+        values, vectors = np.linalg.eigh(Q)
+        kept = values > _REGULAR * max(float(values[-1]), 0.0)
+        if values[-1] > 0.0:
+            L = vectors[:, kept] * np.sqrt(values[kept])
+            AL = A @ L
+            A -= AL @ np.linalg.solve(np.eye(L.shape[1]) + L.T @ AL, AL.T)
+        self._J = 0.5 * (A + A.T)
+
+    def observe(self, W: Array) -> None:
+        """Add readings of the Fisher information W' W, W (m, d)."""
+        if self._P is not None:
+            PW = self._P @ W.T
+            P = self._P - PW @ np.linalg.solve(np.eye(len(W)) + W @ PW, PW.T)
+            self._P = 0.5 * (P + P.T)
+            return
+        assert self._J is not None
+        self._J = self._J + W.T @ W
+        self._P = _inverse(self._J)
+
+
+def _inverse(J: Array) -> Array | None:
+    """The inverse of an information; None where it is singular, whatever the units."""
+    diagonal = np.diag(J)
+    if not (diagonal > 0.0).all():
+        return None
+    scale = 1.0 / np.sqrt(diagonal)
+    values, vectors = np.linalg.eigh(scale[:, np.newaxis] * J * scale)
+    if values[0] <= _REGULAR:
+        return None
+    P: Array = scale[:, np.newaxis] * (vectors / values @ vectors.T) * scale
+    return P
+
+
+@dataclass(frozen=True, eq=False)
+class PosteriorBound:
+    """Bound on the errors of a run's estimates; without one, why there is none."""
+
+    deviation: Array  # (n, m) standard deviations of the components at the samples; NaN where there is no bound
+    judged: tuple[int, ...] = ()  # components by which the efficiency is judged
+    of: str = ""  # what they are: "position"
+    reason: str = ""  # why there is no bound at all
+
+    @staticmethod
+    def none(reason: str, samples: int) -> PosteriorBound:
+        """No bound, for a reason."""
+        return PosteriorBound(np.full((samples, 0), np.nan), reason=reason)
+
+    def figures(self, error: Array, window: slice, span: str) -> dict[str, float | str | None]:
+        """``efficiency`` of the ``error`` (n, len(judged)) over a window of the samples, and its basis in words.
+
+        ``span`` says what the window is: "the last quarter".
+        """
+        if self.reason:
+            return {"efficiency": None, "efficiency_basis": f"none: {self.reason}"}
+        variance = np.square(self.deviation[window][:, list(self.judged)])
+        value = efficiency(error[window], variance)
+        if value is None:
+            basis = f"none: over {span} the bound or the estimate is missing, or the bound is zero"
+            return {"efficiency": None, "efficiency_basis": basis}
+        basis = f"root mean square error of {self.of} over {span}, over the posterior Cramér-Rao bound's"
+        return {"efficiency": value, "efficiency_basis": basis}
+
+
+def efficiency(error: Array, variance: Array) -> float | None:
+    """sqrt(sum e^2 / sum P) of errors and bounds on their variances (n, m).
+
+    None where there are none, where any is missing, and where all bounds are zero, but for round-off.
+    """
+    if not error.size or not (np.isfinite(error).all() and np.isfinite(variance).all()):
+        return None
+    bound = float(variance.sum())
+    return float(np.sqrt(np.square(error).sum() / bound)) if bound > np.finfo(float).tiny else None

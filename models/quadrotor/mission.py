@@ -11,8 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
-from mathnavi.models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, STATE_SIZE, Quadrotor, at_rest, flow
+from mathnavi.models.aerial.sensors import PositionSensor
+from mathnavi.models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, RATE, STATE_SIZE, Quadrotor, at_rest, flow
+from mathnavi.models.quaternion import rotation
 from mathnavi.sim.interfaces.bounds import NonNegative, configuration
 from mathnavi.sim.interfaces.protocols import StateView
 from mathnavi.sim.interfaces.signals import Array
@@ -42,12 +45,42 @@ class QuadrotorStateSensor:
         return x
 
 
+@configuration
+class InertialQuality:
+    """Declared noise of an inertial measurement unit, of each reading about or along each axis."""
+
+    gyro: NonNegative = 0.005  # [rad/s] standard deviation
+    accelerometer: NonNegative = 0.05  # [m/s^2] standard deviation
+
+
+@configuration(prefix="{name} sensor: ")
+class InertialSensor:
+    """Body rate (3,) [rad/s] and specific force (3,) [m/s^2] in the body frame, as an IMU reads them.
+
+    omega + n_g and R' (a + g e_z) + n_a, a being the acceleration over the last tick, gusts included.
+    """
+
+    quality: InertialQuality = InertialQuality()
+    gravity: NonNegative = NOMINAL.gravity  # [m/s^2] g
+    rate: float | None = 1.0 / TICK  # [Hz]
+    name: str = "imu"
+    size: int = 6
+
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array:
+        """Read rate and specific force (6,) of ``motion``; ``rng`` draws the noise."""
+        x, n = motion.x, rng.standard_normal(6)
+        force = motion.acceleration[:3] + np.array([0.0, 0.0, self.gravity])
+        gyro = x[RATE] + self.quality.gyro * n[:3]
+        return np.concatenate([gyro, rotation(x[ATTITUDE]).T @ force + self.quality.accelerometer * n[3:]])
+
+
 @dataclass(frozen=True, eq=False)
 class QuadrotorMission:
     """Flight mission of a point mass that a quadrotor flies; a ``FullStateMission`` (``estimators.full_state``) too."""
 
     flight: FlightMission
     vehicle: Quadrotor = NOMINAL  # as it is believed to be
+    inertial: InertialQuality = InertialQuality()
 
     @property
     def control_period(self) -> float:
@@ -66,6 +99,11 @@ class QuadrotorMission:
     def flow(self, x: Array, u: Array, dt: float) -> Array:
         """State (13,) after the thrusts u (4,) [N] acted for dt [s] from x (13,), in still air."""
         return flow(self.vehicle, x, u, dt)
+
+    def inertial_sensors(self) -> tuple[InertialSensor, PositionSensor]:
+        """Make the IMU, read at every tick of the physics, and the position fixes of the flight mission."""
+        fixes = PositionSensor(self.flight.position_noise, self.flight.position_rate)
+        return InertialSensor(self.inertial, self.vehicle.gravity), fixes
 
     def full_state_sensor(self, rate: float | None) -> QuadrotorStateSensor:
         """Sensor that reads the whole state ``rate`` times a second, or at every control step if it is None."""

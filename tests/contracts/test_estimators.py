@@ -35,7 +35,8 @@ from mathnavi.models.missile.coordinates import COORDINATES
 from mathnavi.models.missile.dynamics import TICK as MISSILE_TICK
 from mathnavi.models.missile.mission import CASES, MissileMission, Target
 from mathnavi.models.missile.sensors import StateNoise
-from mathnavi.models.quadrotor.mission import QuadrotorMission
+from mathnavi.models.quadrotor.dynamics import rigid_dynamics
+from mathnavi.models.quadrotor.mission import InertialQuality, QuadrotorMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.textbook.library import SYSTEMS
 from mathnavi.models.textbook.mission import TextbookMission
@@ -206,7 +207,8 @@ def quadrotor_bench(silent: bool = False) -> Bench:
         terrain, (100.0, 100.0, 90.0), (300.0, 300.0, 90.0), position_noise=0.0 if silent else 0.3,
         control_period=2 * TICK,
     )  # fmt: skip
-    mission = QuadrotorMission(flight)
+    inertial = InertialQuality(0.0, 0.0) if silent else InertialQuality()
+    mission = QuadrotorMission(flight, inertial=inertial)
     ordered = [0, 1, 2, 7, 8, 9, 3, 4, 5, 6, 10, 11, 12]
     back = np.argsort(ordered)
     sway, phases = np.array([0.02, -0.02, -0.02, 0.02]), np.array([0.0, 0.0, 0.3, 0.3])
@@ -214,15 +216,18 @@ def quadrotor_bench(silent: bool = False) -> Bench:
     def step(x: Array, u: Array) -> Array:
         return mission.flow(x[back], u, TICK)[ordered]
 
+    def motion(x: Array, u: Array) -> Truth:
+        return Truth(x[back], np.asarray(rigid_dynamics(mission.vehicle)(x[back], u))[7:, 0])
+
     return Bench(
         mission,
         TICK,
         mission.start_state[ordered],
         lambda t: mission.vehicle.hover_thrust + sway * np.cos(6.0 * t + phases),
         step,
-        lambda x, u: Truth(x[back], np.zeros(6)),
-        np.array([1.0] * 3 + [0.05] * 3),
-        np.full(6, 1e-9),
+        motion,
+        np.array([1.0] * 3 + [0.5] * 3),
+        np.array([1e-3] * 3 + [5e-3] * 3),
         4.0,
     )
 

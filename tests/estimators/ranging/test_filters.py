@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.estimators.invariant.ranging import RangeIekf
 from mathnavi.estimators.ranging.extended import RangeEkf
 from mathnavi.estimators.ranging.particle import RangeParticle
 from mathnavi.estimators.ranging.unscented import RangeUkf
@@ -30,7 +31,7 @@ from tests.estimators.ranging.runs import (
 )
 from tests.ranging import driven
 
-KALMAN = (RangeEkf, RangeUkf)
+KALMAN = (RangeEkf, RangeUkf, RangeIekf)
 FILTERS = (*KALMAN, RangeParticle)
 
 kalman = pytest.mark.parametrize("kind", KALMAN, ids=lambda kind: kind.__name__)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.estimators.invariant.attitude import AttitudeIekf
 from mathnavi.estimators.riemannian.plugin import RiemannianObserver
 from mathnavi.estimators.velocity.extended import LagrangianEkf
 from mathnavi.estimators.velocity.filtered_differences import FilteredDifferences
@@ -23,6 +24,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.sim.metrics.tuning import RecordedCall
 
 PLUGINS: Mapping[str, Any] = {
+    "attitude_iekf": AttitudeIekf,
     "filtered_differences": FilteredDifferences,
     "high_gain": HighGain,
     "lagrangian_ekf": LagrangianEkf,

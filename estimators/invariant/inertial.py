@@ -1,0 +1,231 @@
+"""The plug-in ``inertial_iekf``: the invariant extended Kalman filter on SE_2(3), of an IMU and position fixes.
+
+    R' = R omega^,   v' = R f + g,   p' = v,    gyro = omega + n_g,  accelerometer = f + n_a,  fix = p + n.
+
+With X = (R, v, p) and readings held over dt, X <- Gamma Phi(X) Upsilon, Gamma the effect of gravity, Phi (R, v, p) =
+(R, v, p + dt v), an automorphism of the group, and Upsilon what the IMU read. So the error of X = X^ Exp(xi) follows
+
+    xi <- Ad_{Upsilon^-1} F xi,    F the derivative of Phi,
+
+exactly, however large it is and whatever the state: the motion is group affine and its error log-linear (A. Barrau,
+S. Bonnabel, IEEE TAC 62(4), 2017, Theorem 2). A fix is a left-invariant observation: R^' (y - p^) = xi_p + R^' n to
+first order.
+
+Where the IMU is silent the vehicle's declared motion under its input goes on in its place; it errs by the declared
+gusts. What an IMU's readings are off by for long, its biases, is not modelled. Turning about the vertical shows in the
+fixes only while the vehicle accelerates sideways; the heading at the start is the mission's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import solve_discrete_are
+from scipy.special import chdtri
+
+from mathnavi.estimators.invariant.conditioning import condition
+from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.estimators.velocity.readings import OutlierCounter
+from mathnavi.models.aerial.dynamics import TICK
+from mathnavi.models.aerial.mission import EstimateQuality
+from mathnavi.models.linear_noise import discretised
+from mathnavi.models.quadrotor.dynamics import ATTITUDE, POSITION, RATE, VELOCITY
+from mathnavi.models.quadrotor.mission import QuadrotorMission
+from mathnavi.models.quaternion import rotation
+from mathnavi.models.sensor_faults import longest_gap
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.bounds import Positive, Probability, configuration
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
+
+_TURN, _VELOCITY, _POSITION = slice(0, 3), slice(3, 6), slice(6, 9)  # of xi
+_H = np.eye(3, 9, 6)  # a fix reads the position
+_LEAST_GYRO, _LEAST_FORCE = 1e-4, 1e-3  # [rad/s, m/s^2] that an IMU is trusted with, however good it is said to be
+_UNMODELLED = 0.05  # [m/s^1.5] square root of the density of the acceleration that the declared motion lacks
+
+
+@configuration
+class InertialIekfConfig:
+    """Fields of the command line."""
+
+    gate: Probability = 1e-6
+    """probability with which a good fix is refused"""
+    timeout: Positive = 1.0
+    """without a fix, or without the IMU, after which the estimate is lost [s]"""
+    fix_floor: Positive = 0.01
+    """least standard deviation that a fix is trusted with [m]"""
+    start_attitude: Positive = 0.02
+    """standard deviation of the stated start's attitude, about each axis [rad]"""
+    start_velocity: Positive = 0.1
+    """likewise of its velocity, along each axis [m/s]"""
+
+
+class InertialIekf:
+    """Estimator of attitude, velocity and position from an IMU and position fixes."""
+
+    Config = InertialIekfConfig
+
+    def __init__(self, config: InertialIekfConfig, mission: QuadrotorMission) -> None:
+        self.period = mission.control_period
+        self._mission, self._fixes = mission, TimeoutMonitor(config.timeout)
+        self._imu, self._outlier_counter = TimeoutMonitor(config.timeout), OutlierCounter()
+        self._limit = float(chdtri(3, config.gate))
+        self._R = _fix_deviation(config, mission) ** 2 * np.eye(3)
+        self._noise = _deviations(mission)
+        x = mission.start_state
+        self._X = SE23.of(rotation(x[ATTITUDE]), x[VELOCITY], x[POSITION])
+        self._rate = x[RATE].copy()
+        start = (config.start_attitude, config.start_velocity, _fix_deviation(config, mission))
+        self._P = np.diag(np.repeat(np.square(start), 3))
+        self._t: float | None = None  # [s] of the filter's state; None before the first call
+
+    @staticmethod
+    def build(config: InertialIekfConfig, mission: QuadrotorMission) -> InertialIekf:
+        """Build the estimator of one run."""
+        return InertialIekf(config, mission)
+
+    @staticmethod
+    def sensors(config: InertialIekfConfig, mission: QuadrotorMission) -> tuple[Sensor, ...]:
+        """Sensors that the vehicle has to carry for this estimator."""
+        return mission.inertial_sensors()
+
+    @staticmethod
+    def quality(config: InertialIekfConfig, mission: QuadrotorMission) -> EstimateQuality:
+        """The stationary filter in hover, one axis (position, velocity, tilt), by its discrete Riccati equation.
+
+        The covariance is that just before a fix; a fix feeds K S K' into the estimate. The gust is not estimated.
+        """
+        flight = mission.flight
+        interval = longest_gap(1.0 / flight.position_rate, flight.dropout_rate, config.timeout)
+        gyro, force = _deviations(mission)
+        model = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, mission.vehicle.gravity], [0.0, 0.0, 0.0]])
+        F, Q = discretised(model, np.diag([0.0, force**2 * TICK, gyro**2 * TICK]), interval)
+        H, R = np.array([[1.0, 0.0, 0.0]]), np.array([[_fix_deviation(config, mission) ** 2]])
+        before = solve_discrete_are(F.T, H.T, Q, R)
+        correction = before @ H.T @ np.linalg.solve(H @ before @ H.T + R, H @ before) / interval
+        error, driving = np.zeros((3, 3)), EstimateQuality.exact(flight.gust).driving
+        error[:2, :2] = 0.5 * (before + before.T)[:2, :2]
+        driving[:2, :2] += 0.5 * (correction + correction.T)[:2, :2]
+        return EstimateQuality(error, driving)
+
+    @staticmethod
+    def properties(config: InertialIekfConfig) -> ObserverProperties:
+        """Table 2.1."""
+        return ObserverProperties(
+            Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.NON_UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
+            note="the heading shows only while the vehicle accelerates sideways",
+        )  # fmt: skip
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """Estimate of the point mass (6,) [m, m/s] at t [s]; ``command`` (4,) [N] was held since the last call.
+
+        ``extra`` has the ``attitude`` (4,) and the ``rate`` (3,) [rad/s] of the body, the standard deviations
+        ``attitude_deviation`` (3,) [rad] about its axes, and ``nis`` (2,) of the newest fix with its size, NaN where
+        none was used.
+        """
+        nis = np.full(2, np.nan)
+        if self._t is None:
+            self._t = min([t, *(reading.t for reading in measurements)])
+        for reading in sorted(measurements, key=lambda each: (each.t, each.name != "imu")):
+            if reading.t < self._t - TIME_TOLERANCE or not np.isfinite(reading.value).all():
+                continue
+            if reading.name == "imu":
+                self._propagate(reading.t, reading.value)
+                self._imu.note(reading.t)
+            elif reading.name == "position":
+                self._coast(reading.t, command)
+                nis = self._fix(reading)
+        self._coast(t, command)
+        R = self._X[:3, :3]
+        axes = np.kron(np.eye(2), R)
+        P = axes @ self._P[np.ix_([6, 7, 8, 3, 4, 5], [6, 7, 8, 3, 4, 5])] @ axes.T
+        extra = {
+            "attitude": quaternion(R),
+            "rate": self._rate.copy(),
+            "attitude_deviation": np.sqrt(np.diag(self._P)[_TURN]),
+            "nis": nis,
+        }
+        x = np.concatenate([self._X[:3, 4], self._X[:3, 3]])
+        return Estimate(t, x, 0.5 * (P + P.T), self._status(t), extra)
+
+    def _propagate(self, t: float, reading: Array) -> None:
+        """To t [s], by a reading (6,) of the IMU there."""
+        assert self._t is not None
+        gyro, force = reading[:3], reading[3:]
+        dt, rate = t - self._t, 0.5 * (self._rate + gyro)
+        self._t, self._rate = t, gyro.copy()
+        if dt <= TIME_TOLERANCE:
+            return
+        moved, A = propagation(self._X, rate, force, self._mission.vehicle.gravity, dt)
+        G = np.zeros((9, 6))
+        G[_TURN, :3] = dt * SO3.right_jacobian(dt * rate)
+        G[_VELOCITY, 3:], G[_POSITION, 3:] = dt * np.eye(3), 0.5 * dt * dt * np.eye(3)
+        variances = np.repeat(np.square(self._noise), 3)
+        self._X, self._P = moved, A @ self._P @ A.T + G * variances @ G.T
+
+    def _coast(self, t: float, command: Array) -> None:
+        """To t [s], where no reading of the IMU is, by the declared motion under the command (4,) [N]."""
+        assert self._t is not None
+        dt = t - self._t
+        if dt <= TIME_TOLERANCE:
+            return
+        X, vehicle = self._X, self._mission.vehicle
+        x = np.concatenate([X[:3, 4], quaternion(X[:3, :3]), X[:3, 3], self._rate])
+        after = self._mission.flow(x, command, dt)
+        moved = SE23.of(rotation(after[ATTITUDE]), after[VELOCITY], after[POSITION])
+        turned = SO3.log(X[:3, :3].T @ moved[:3, :3])
+        force = moved[:3, :3].T @ ((moved[:3, 3] - X[:3, 3]) / dt + np.array([0.0, 0.0, vehicle.gravity]))
+        _, A = propagation(X, turned / dt, force, vehicle.gravity, dt)
+        effect = np.zeros((9, 3))  # of an acceleration that the declared motion lacks, held for so long
+        effect[_VELOCITY], effect[_POSITION] = dt * np.eye(3), 0.5 * dt * dt * np.eye(3)
+        gust = self._mission.flight.gust
+        variance = (2.0 * gust.time_constant * gust.rms**2 + _UNMODELLED**2) / dt
+        self._X, self._P = moved, A @ self._P @ A.T + variance * effect @ effect.T
+        self._rate, self._t = after[RATE].copy(), t
+
+    def _fix(self, reading: Measurement) -> Array:
+        """Condition on a fix; NIS and its size, NaN where it was refused."""
+        nu = self._X[:3, :3].T @ (reading.value - self._X[:3, 4])
+        d, P, nis = condition(self._P, _H, nu, self._R)
+        if not self._outlier_counter.admits(nis <= self._limit):
+            return np.full(2, np.nan)
+        self._fixes.note(reading.t)
+        self._X, self._P = self._X @ SE23.exp(d), P
+        return np.array([nis, 3.0])
+
+    def _status(self, t: float) -> Status:
+        """The worse of the two sensors'."""
+        both = (self._fixes.status(t), self._imu.status(t))
+        return next((status for status in (Status.INITIALISING, Status.LOST) if status in both), Status.OK)
+
+
+def propagation(X: Array, rate: Array, force: Array, gravity: float, dt: float) -> tuple[Array, Array]:
+    """Element (5, 5) after dt [s] from X (5, 5), and the matrix A (9, 9) with xi <- A xi of X = X^ Exp(xi), exactly.
+
+    ``rate`` (3,) [rad/s] is the mean body rate over dt, ``force`` (3,) [m/s^2] the specific force in the axes of the
+    body at its end.
+    """
+    turn = SO3.exp(dt * rate)
+    read = SE23.of(turn, dt * turn @ force, 0.5 * dt * dt * turn @ force)  # Upsilon
+    fall = np.array([0.0, 0.0, -gravity])
+    carried = X.copy()
+    carried[:3, 4] += dt * X[:3, 3]
+    after = carried @ read
+    after[:3, 3] += dt * fall
+    after[:3, 4] += 0.5 * dt * dt * fall
+    F = np.eye(9)
+    F[_POSITION, _VELOCITY] = dt * np.eye(3)
+    return after, SE23.adjoint(SE23.inverse(read)) @ F
+
+
+def _deviations(mission: QuadrotorMission) -> tuple[float, float]:
+    """Standard deviations [rad/s, m/s^2] of a reading of the IMU."""
+    return max(mission.inertial.gyro, _LEAST_GYRO), max(mission.inertial.accelerometer, _LEAST_FORCE)
+
+
+def _fix_deviation(config: InertialIekfConfig, mission: QuadrotorMission) -> float:
+    """Standard deviation [m] that a fix is trusted with."""
+    return max(mission.flight.position_noise, config.fix_floor)

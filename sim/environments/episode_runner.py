@@ -33,6 +33,7 @@ from mathnavi.sim.interfaces.fields import with_fields
 from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.signals import Array, Estimate, Status
 from mathnavi.sim.plugin.registry import PluginSpec, load
+from mathnavi.sim.scenarios.assembler import Assembler, RandomStreams
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.task import Inputs, LearningTerms, Outcome, SafetyFilter, Sample, Task
 
@@ -114,6 +115,15 @@ class EpisodeRunner:
         self.example = self._observation()
         """an observation, for the shapes of all"""
         self._closed_loop: ClosedLoop | None = None
+
+    @property
+    def config(self) -> Any:
+        """The scenario's fields, with those of the mission as it was drawn."""
+        return self._config
+
+    def streams(self, seed: int) -> RandomStreams:
+        """The random streams of the episode of a seed."""
+        return Assembler.of(self._plugin, self._config, seed, self._controller, self._estimator).streams
 
     @property
     def inputs(self) -> Inputs:

@@ -4,7 +4,8 @@ An action is held for ``hold`` [s]. With the stage cost L, at most L_max, and th
 
     r_k = -1/(L_max T) int min(L, L_max) dt + gamma Phi(x_k+1) - Phi(x_k) - C(outcome),    Phi(x) = -Psi(x) / Psi(x_0),
 
-the integral over the hold, Psi the cost-to-go of the mission, Phi = 0 once it has ended, and C the cost of its end:
+the integral over the hold, L counting as L_max where a bound of the mission is not kept (h_min and v_max of a flight),
+Psi the cost-to-go of the mission, Phi = 0 once it has ended, and C the cost of its end:
 
     0   arrived; completed, of a mission without a target whose time is up
     1   late, missed
@@ -101,7 +102,9 @@ class LearningEpisode:
         cost, events = 0.0, runner.events
         for _ in range(self._repeats):
             before = runner.t
-            cost += min(runner.advance(commands), terms.cost_max * (runner.t - before))
+            spent = runner.advance(commands)
+            most = terms.cost_max * (runner.t - before)
+            cost += most if terms.violated(runner.t, runner.truths) else min(spent, most)
             if runner.outcome is None and runner.t >= terms.deadline - TIME_TOLERANCE:
                 runner.outcome = terms.at_deadline
             if runner.outcome is not None:

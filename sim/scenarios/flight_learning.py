@@ -35,6 +35,7 @@ class FlightTerms:
     cost_max: float  # [m^2/s^4]
     deadline: float  # [s]
     hold: float | None = None  # [s]
+    velocity: slice = slice(3, 6)  # of a true state
     seen: tuple[str, ...] = ()  # of an estimate's ``extra``
     reported: tuple[tuple[float, Point], ...] = ()  # (t [s], place [m]) of the target where it is known to be elsewhere
     at_deadline: Outcome = Outcome.LATE
@@ -52,11 +53,20 @@ class FlightTerms:
 
     def potential(self, t: float, truths: Mapping[str, Array]) -> float:
         """Psi(p) / Psi(p_0), p_0 the start, in the mean over the vehicles; Psi as known at the start."""
-        shares = [
-            share_left(cost_to_go(mission), mission, truths[name][np.newaxis, :3])[0]
-            for name, mission in self.missions.items()
-        ]
+        shares = []
+        for name, mission in self.missions.items():
+            cost, p = cost_to_go(mission), truths[name][np.newaxis, :3]
+            shares.append(cost(p)[0] / cost_at_start(cost, mission.start) if np.isfinite(p).all() else 0.0)
         return float(np.mean(shares))
+
+    def violated(self, t: float, truths: Mapping[str, Array]) -> bool:
+        """True where a vehicle is nearer to the ground below it than h_min, or faster than v_max."""
+        for name, mission in self.missions.items():
+            x = truths[name]
+            height = x[2] - self.ground.height(x[0], x[1])
+            if not (height >= mission.clearance_min and np.linalg.norm(x[self.velocity]) <= mission.speed_max):
+                return True
+        return False
 
     def clearance(self, t: float, truths: Mapping[str, Array]) -> float:
         """Least height [m] of a vehicle above the ground below it; NaN off the map."""
@@ -76,15 +86,9 @@ def cost_to_go(mission: FlightMission) -> FactoredCost:
     return _built(mission.terrain, mission.target, mission.radars)
 
 
-def share_left(cost: FactoredCost, mission: FlightMission, points: Array) -> Array:
-    """Psi(p) / Psi(p_0) (n,) at points (n, 3) [m]; where the physics has lost a point, 0."""
-    finite = np.isfinite(points).all(axis=1)
-    left: Array = cost(np.where(finite[:, np.newaxis], points, 0.0)) / _at_start(cost, mission.start)
-    return np.where(finite, left, 0.0)
-
-
 @lru_cache(maxsize=1024)
-def _at_start(cost: FactoredCost, start: Point) -> float:
+def cost_at_start(cost: FactoredCost, start: Point) -> float:
+    """Psi(p_0) > 0 of a start p_0 [m]."""
     return max(float(cost(np.array([start]))[0]), math.ulp(1.0))
 
 

@@ -63,6 +63,10 @@ class MissileTerms:
         begin = self._offset(0.0, coordinates.to_joints(self.mission.start_state))
         return float(np.linalg.norm(self._offset(t, joints)) / np.linalg.norm(begin))
 
+    def violated(self, t: float, truths: Mapping[str, Array]) -> bool:
+        """False: there are no bounds on the state."""
+        return False
+
     def clearance(self, t: float, truths: Mapping[str, Array]) -> float:
         """Height [m] above the ground."""
         return -float(self._place(truths[self.vehicle])[2])

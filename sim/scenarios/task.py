@@ -105,6 +105,10 @@ class LearningTerms(Protocol):
         """Share of the mission's way that is left, 1 at its start and 0 at its target; 0 always without a target."""
         ...
 
+    def violated(self, t: float, truths: Mapping[str, Array]) -> bool:
+        """True where a bound of the mission is not kept: a second in this state counts as L_max."""
+        ...
+
     def clearance(self, t: float, truths: Mapping[str, Array]) -> float | None:
         """Distance [m] of the nearest vehicle to what it may touch; None where there is nothing."""
         ...
@@ -132,6 +136,10 @@ class Endurance:
     def potential(self, t: float, truths: Mapping[str, Array]) -> float:
         """0: there is no target."""
         return 0.0
+
+    def violated(self, t: float, truths: Mapping[str, Array]) -> bool:
+        """False: there are no bounds on the state."""
+        return False
 
     def clearance(self, t: float, truths: Mapping[str, Array]) -> float | None:
         """Distance [m] to what may be touched."""

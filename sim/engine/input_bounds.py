@@ -9,7 +9,7 @@ import numpy as np
 
 from mathnavi.sim.interfaces.signals import Array
 
-_ROUND_OFF = 1e-9  # relative excess of an input that is not worth an event
+ROUND_OFF = 1e-9  # relative excess of an input that is not worth an event
 
 
 def input_bound(name: str, input_max: float | Array, size: int) -> Callable[[Array], tuple[Array, str]]:
@@ -22,12 +22,12 @@ def input_bound(name: str, input_max: float | Array, size: int) -> Callable[[Arr
         length, longest = math.sqrt(command.dot(command)), float(limits)
         if length <= longest:
             return command, ""
-        clipped = length > longest * (1.0 + _ROUND_OFF)
+        clipped = length > longest * (1.0 + ROUND_OFF)
         message = f"an input of length {length:.6g} was shortened to {longest:.6g}" if clipped else ""
         return command * (longest / length), message
 
     def each_bounded(command: Array) -> tuple[Array, str]:
-        excess = np.abs(command) > limits * (1.0 + _ROUND_OFF)
+        excess = np.abs(command) > limits * (1.0 + ROUND_OFF)
         message = f"the input {np.round(command, 6).tolist()} is beyond {limits.tolist()}" if excess.any() else ""
         return np.clip(command, -limits, limits), message
 

@@ -1,7 +1,11 @@
 """Every scenario as a ``dm_env.Environment``.
 
-    from mathnavi.sim.environments.dm import load
+    from mathnavi.sim.environments.dm import load, load_learning
     environment = load("safe-flight", seed=3, terrain="jacksboro")
+    environment = load_learning("safe-flight", seed=3, terrain="jacksboro")
+
+``load_learning`` makes one to learn in, v1 of Gymnasium's: rewards, observations and ends are those of
+``mathnavi.sim.environments.learning``. What follows is of ``load``, v0.
 
 An action commands the actuators for one period of the scenario's tracker; it is bounded by what the scenario bounds its
 inputs by, and unbounded where it does not. The observation is the estimate
@@ -31,8 +35,9 @@ import numpy as np
 from dm_env import specs
 
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.environments.episode_runner import STATUSES, EpisodeRunner, drawn_seed
+from mathnavi.sim.environments.episode_runner import STATUSES, EpisodeRunner, EpisodeStep, Observation, drawn_seed
 from mathnavi.sim.environments.filtering import EpisodeFilter
+from mathnavi.sim.environments.learning import LearningEpisode
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.task import Inputs
 
@@ -46,6 +51,24 @@ def load(scenario: str, *, seed: int = 0, estimator: PluginSpec | str | None = N
     return Environment(EpisodeRunner(scenario, seed, estimator, fields), np.random.default_rng(seed))
 
 
+def load_learning(
+    scenario: str,
+    *,
+    seed: int = 0,
+    estimator: PluginSpec | str | None = None,
+    hold: float | None = None,
+    discount: float = 1.0,
+    covariance: bool = False,
+    **fields: Any,
+) -> LearningEnvironment:
+    """The scenario with these fields as an environment to learn in, otherwise as ``load``.
+
+    ``hold`` [s], ``discount`` and ``covariance`` as of a ``LearningEpisode``. ValueError as of ``load``.
+    """
+    episode = EpisodeRunner(scenario, seed, estimator, fields)
+    return LearningEnvironment(LearningEpisode(episode, hold, discount, covariance), np.random.default_rng(seed))
+
+
 class Environment(dm_env.Environment):
     """A mission as a sequence of episodes, each with a seed drawn from ``seeds``."""
 
@@ -55,7 +78,9 @@ class Environment(dm_env.Environment):
         """True while the next step begins an episode"""
         self.episode_seed: int | None = None
         """of the present episode: a run of the scenario with it has the same noise and the same gusts"""
-        self._observation_spec = {name: _spec(name, value) for name, value in episode.example.items()}
+        self.info: dict[str, Any] = {}
+        """of the last step: outcome, clearance and events (``EpisodeRunner.info``)"""
+        self._observation_spec = _specs(episode.example)
 
     @property
     def mission(self) -> dict[str, Any]:
@@ -71,7 +96,7 @@ class Environment(dm_env.Environment):
         """Begin the next episode."""
         self.fresh = False
         self.episode_seed = drawn_seed(self._seeds)
-        return dm_env.restart(self.episode.begin(self.episode_seed))
+        return dm_env.restart(self._begun(self.episode_seed))
 
     def step(self, action: Any) -> dm_env.TimeStep:
         """Hold an action for a period; before the first episode and after the end of one, begin the next instead.
@@ -80,8 +105,8 @@ class Environment(dm_env.Environment):
         """
         if self.fresh:
             return self.reset()
-        made = self.episode.step(action)
-        self.fresh = made.last
+        made = self._made(action)
+        self.fresh, self.info = made.last, made.info
         if made.terminated:
             return dm_env.termination(made.reward, made.observation)
         if made.truncated:
@@ -101,8 +126,36 @@ class Environment(dm_env.Environment):
         return specs.BoundedArray(low.shape, np.float64, low, high, name)
 
     def observation_spec(self) -> dict[str, specs.Array]:
-        """Specs of ``t``, ``x``, ``status`` and what else is observed, by name."""
+        """Specs of what is observed, by name."""
         return self._observation_spec
+
+    def _begun(self, seed: int) -> Observation:
+        observation = self.episode.begin(seed)
+        self.info = self.episode.info(0)
+        return observation
+
+    def _made(self, action: Any) -> EpisodeStep:
+        return self.episode.step(action)
+
+
+class LearningEnvironment(Environment):
+    """A mission to learn from, as a sequence of episodes, each with a seed drawn from ``seeds``."""
+
+    def __init__(self, learning: LearningEpisode, seeds: np.random.Generator) -> None:
+        super().__init__(learning.runner, seeds)
+        self._learning = learning
+        self._observation_spec = _specs(learning.example)
+
+    def action_spec(self) -> specs.Array:
+        """(nu,), of a fleet (n, nu), bounded; its name says what is commanded, with units."""
+        return self.spec_of(self._learning.inputs)
+
+    def _begun(self, seed: int) -> Observation:
+        observation, self.info = self._learning.begin(seed)
+        return observation
+
+    def _made(self, action: Any) -> EpisodeStep:
+        return self._learning.step(action)
 
 
 class FilteredEnvironment(dm_env.Environment):
@@ -112,7 +165,9 @@ class FilteredEnvironment(dm_env.Environment):
     """
 
     def __init__(self, environment: Environment) -> None:
-        """ValueError for an environment whose scenario states no safety filter."""
+        """ValueError for an environment to learn in, and for a scenario that states no safety filter."""
+        if isinstance(environment, LearningEnvironment):
+            raise ValueError("environment = a LearningEnvironment; allowed: one that load() made")
         self.environment = environment
         self.info: dict[str, Any] = {}
         """of the last step, what was decided (``mathnavi.sim.environments.filtering``)"""
@@ -145,6 +200,10 @@ class FilteredEnvironment(dm_env.Environment):
     def observation_spec(self) -> dict[str, specs.Array]:
         """Specs of what is observed."""
         return self.environment.observation_spec()
+
+
+def _specs(example: Observation) -> dict[str, specs.Array]:
+    return {name: _spec(name, value) for name, value in example.items()}
 
 
 def _spec(name: str, value: Any) -> specs.Array:

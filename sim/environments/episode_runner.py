@@ -26,13 +26,16 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import Loop, whole_ticks
 from mathnavi.sim.interfaces.fields import with_fields
+from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.signals import Array, Estimate, Status
 from mathnavi.sim.plugin.registry import PluginSpec, load
+from mathnavi.sim.scenarios.assembler import Assembler, RandomStreams
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
-from mathnavi.sim.scenarios.task import Inputs, SafetyFilter, Sample, Task
+from mathnavi.sim.scenarios.task import Inputs, LearningTerms, Outcome, SafetyFilter, Sample, Task
 
 STATUSES = (Status.OK, Status.INITIALISING, Status.LOST)
 """of an estimate, by the number that is observed"""
@@ -51,6 +54,7 @@ class EpisodeStep:
     reward: float  # minus the integral of the stage cost
     terminated: bool  # the vehicle has arrived, touched something, or left every bound: nothing comes after
     truncated: bool  # the time is up, and the episode might have gone on
+    info: dict[str, Any]  # "outcome", "clearance" and "events", see ``EpisodeRunner.info``
 
     @property
     def last(self) -> bool:
@@ -104,10 +108,22 @@ class EpisodeRunner:
         self.start = self.rows([first.plant.state(name) for name in self.names])
         """(nx,) or (n, nx) the truth at the start of the mission as it was drawn"""
         self._loop = Loop(first.plant, first.agents, first.duration)
-        self._has_covariance = self._finds_covariance()
+        self.outcome: Outcome | None = None
+        """how the mission has ended; None while it goes on"""
+        self.has_covariance = self._finds_covariance()
+        """True where the estimators have one"""
         self.example = self._observation()
         """an observation, for the shapes of all"""
         self._closed_loop: ClosedLoop | None = None
+
+    @property
+    def config(self) -> Any:
+        """The scenario's fields, with those of the mission as it was drawn."""
+        return self._config
+
+    def streams(self, seed: int) -> RandomStreams:
+        """The random streams of the episode of a seed."""
+        return Assembler.of(self._plugin, self._config, seed, self._controller, self._estimator).streams
 
     @property
     def inputs(self) -> Inputs:
@@ -156,7 +172,15 @@ class EpisodeRunner:
         self._loop.observe()
         self._finished = bool(closed_loop.finished(self._loop.t, self._loop.truths))
         self._sample = self._sampled()
+        self.outcome = None
+        self._referee()
         return self._observation()
+
+    def check_goes_on(self) -> None:
+        """ValueError where no episode has begun or it is over."""
+        self._begun()
+        if self._loop.over or self._finished:
+            raise ValueError(f"step() at {self._loop.t:.6g} s: the episode is over; allowed: after reset()")
 
     def step(self, command: Any) -> EpisodeStep:
         """Hold a command (nu,), of a fleet (n, nu), for a period.
@@ -165,21 +189,79 @@ class EpisodeRunner:
         the bounds of the inputs is brought back by the plant, as in any run. A control step without
         a finite cost, because the physics has lost the state, costs nothing.
         """
-        closed_loop, loop, commands = self._begun(), self._loop, self.checked(command, self.inputs)
-        if loop.over or self._finished:
-            raise ValueError(f"step() at {loop.t:.6g} s: the episode is over; allowed: after reset()")
-        cost = 0.0
+        self.check_goes_on()
+        loop, commands = self._loop, self.checked(command, self.inputs)
+        cost, events = 0.0, len(loop.recording.events)
         for _ in range(self._steps):
-            for name, u in commands.items():
-                loop.command(name, u)
-            loop.advance()
-            loop.observe()
-            before, self._sample = self._sample, self._sampled()
-            cost += self._cost(before, commands)
-            self._finished = bool(closed_loop.finished(loop.t, loop.truths))
+            cost += self.advance(commands)
             if self._finished or loop.over:
                 break
-        return EpisodeStep(self._observation(), 0.0 - cost, self._finished, loop.over and not self._finished)
+        over = loop.over and not self._finished
+        if over and self.outcome is None and self._task.learning is not None:
+            self.outcome = self._task.learning.at_deadline
+        return EpisodeStep(self._observation(), 0.0 - cost, self._finished, over, self.info(events))
+
+    def advance(self, commands: Mapping[str, Array]) -> float:
+        """One control step under the commands (nu,) by vehicle; its stage cost."""
+        closed_loop, loop = self._begun(), self._loop
+        for name, u in commands.items():
+            loop.command(name, u)
+        loop.advance()
+        loop.observe()
+        before, self._sample = self._sample, self._sampled()
+        self._finished = bool(closed_loop.finished(loop.t, loop.truths))
+        self._referee()
+        return self._cost(before, commands)
+
+    def _referee(self) -> None:
+        """Note how the mission has ended, once it has; one that arrives past its deadline is late."""
+        terms = self._task.learning
+        if terms is None or self.outcome is not None:
+            return
+        self.outcome = terms.outcome(self._loop.t, self._loop.truths)
+        if self.outcome is Outcome.ARRIVED and self._loop.t > terms.deadline + TIME_TOLERANCE:
+            self.outcome = Outcome.LATE
+
+    def info(self, since: int) -> dict[str, Any]:
+        """Facts beside the observation: the "outcome", "" while the mission goes on; the "clearance" [m] of the true
+        state, where there is something to touch; and the kinds of the "events" from number ``since`` on.
+        """
+        loop, terms = self._loop, self._task.learning
+        info: dict[str, Any] = {
+            "outcome": "" if self.outcome is None else self.outcome.value,
+            "events": tuple(event.kind for event in loop.recording.events[since:]),
+        }
+        clearance = None if terms is None else terms.clearance(loop.t, loop.truths)
+        return info if clearance is None else info | {"clearance": clearance}
+
+    @property
+    def present_plant(self) -> Plant:
+        """The plant of the present episode, disturbances around it; ValueError before the first one."""
+        return self._begun().plant
+
+    @property
+    def events(self) -> int:
+        """Number of the events so far."""
+        return len(self._loop.recording.events)
+
+    @property
+    def truths(self) -> Mapping[str, Array]:
+        """The true states (nx,) at the last sample, for a reward and never for an observation."""
+        return self._loop.truths
+
+    @property
+    def control_steps(self) -> int:
+        """Control steps, each with a sample, in the tracker's period."""
+        return self._steps
+
+    @property
+    def terms(self) -> LearningTerms:
+        """A learner's terms of the present episode; ValueError for a scenario that states none."""
+        if self._task.learning is None:
+            raise ValueError(
+                f"scenario = {self._scenario!r} states no terms to learn by; allowed: one whose Task has learning"
+            )
+        return self._task.learning
 
     def _built(self, seed: int) -> ClosedLoop:
         """Fresh parts."""
@@ -239,13 +321,23 @@ class EpisodeRunner:
         observation: Observation = {
             "t": self.rows([estimate.t for estimate in estimates]),
             "x": self.rows([estimate.x for estimate in estimates]),
-            "status": self.rows([_number(estimate.status) for estimate in estimates])[()],
+            "status": self.status,
         }
-        if self._has_covariance:
-            observation["covariance"] = self.rows([_covariance(estimate) for estimate in estimates])
+        if self.has_covariance:
+            observation["covariance"] = self.covariance
         return observation | {
             name: self.rows([estimate.extra[name] for estimate in estimates]) for name in self._task.observed
         }
+
+    @property
+    def status(self) -> Any:
+        """Number of the estimate's status in ``STATUSES``, of a fleet (n,)."""
+        return self.rows([_number(self._sample.estimates[name].status) for name in self.names])[()]
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (nx, nx) of the estimate, of a fleet (n, nx, nx)."""
+        return self.rows([_covariance(self._sample.estimates[name]) for name in self.names])
 
 
 def _task(scenario: str, closed_loop: ClosedLoop) -> Task:

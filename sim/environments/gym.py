@@ -1,11 +1,16 @@
-"""Every scenario as a ``gymnasium.Env``: actions, observations and rewards are those of
-``mathnavi.sim.environments.dm``.
+"""Every scenario as a ``gymnasium.Env``, in two versions.
 
     import gymnasium, mathnavi.sim.environments
-    env = gymnasium.make("mathnavi/SafeFlight-v0", seed=3, terrain="jacksboro")
+    env = gymnasium.make("mathnavi/SafeFlight-v1", seed=3, terrain="jacksboro", render_mode="rgb_array")
 
-An episode is ``terminated`` where the mission itself ends and ``truncated`` where the time is up. There is no render
-mode: a picture of a scenario is drawn from a whole run.
+v1, ``LearningEnv``, is to be learnt in: rewards, observations and ends are those of
+``mathnavi.sim.environments.learning``, and actions are bounded. v0, ``ScenarioEnv``, is the scenario itself: actions,
+observations and rewards are those of ``mathnavi.sim.environments.dm``, ``terminated`` where the mission ends and
+``truncated`` where the time is up. Either says in ``info`` the ``outcome`` of the mission, "" while it goes on, the
+``clearance`` [m] of the true state where there is something to touch, and the kinds of the ``events`` of the step.
+
+``render_mode="rgb_array"`` draws a picture when it is asked for one, "human" shows a window
+(``mathnavi.sim.environments.rendering``).
 """
 
 from __future__ import annotations
@@ -20,8 +25,10 @@ try:
 except ImportError as error:
     raise ImportError("Gymnasium is not installed; allowed: after pip install 'gymnasium>=1.4,<1.5'") from error
 
-from mathnavi.sim.environments.episode_runner import STATUSES, EpisodeRunner, Observation, drawn_seed
+from mathnavi.sim.environments.episode_runner import STATUSES, EpisodeRunner, EpisodeStep, Observation, drawn_seed
 from mathnavi.sim.environments.filtering import EpisodeFilter
+from mathnavi.sim.environments.learning import LearningEpisode
+from mathnavi.sim.environments.rendering import FPS, RENDER_MODES, Pictures, checked_mode
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.task import Inputs
@@ -30,19 +37,26 @@ from mathnavi.sim.scenarios.task import Inputs
 class ScenarioEnv(gymnasium.Env[Observation, Array]):
     """A mission of a scenario; the seeds of its episodes are drawn from ``np_random``."""
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  as Gymnasium declares it
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": FPS}  # noqa: RUF012  Gymnasium's
 
-    def __init__(self, scenario: str, seed: int = 0, estimator: PluginSpec | str | None = None, **fields: Any) -> None:
+    def __init__(
+        self,
+        scenario: str,
+        seed: int = 0,
+        estimator: PluginSpec | str | None = None,
+        render_mode: str | None = None,
+        **fields: Any,
+    ) -> None:
         """The scenario with these fields, its mission drawn from ``seed``.
 
         ValueError for what is unknown or wrong, and for a scenario with nothing to command.
         """
+        self.render_mode = checked_mode(render_mode)
+        self._pictures = Pictures()
         self.episode = EpisodeRunner(scenario, seed, estimator, fields)
         """the mission, one episode after the other"""
         self.action_space = self.space_of(self.episode.inputs)
-        self.observation_space = spaces.Dict(
-            {name: _space(name, value) for name, value in self.episode.example.items()}
-        )
+        self.observation_space = _observation_space(self.episode.example)
 
     def space_of(self, inputs: Inputs) -> spaces.Space[Any]:
         """Space of the commands to such inputs of every vehicle."""
@@ -61,15 +75,71 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
         """Begin an episode; ``info["seed"]`` is its own. There are no options."""
         super().reset(seed=seed)
         drawn = drawn_seed(self.np_random)
-        return self.episode.begin(drawn), {"seed": drawn}
+        observation, info = self._begun(drawn)
+        self._show()
+        return observation, info
 
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Hold an action for a period.
+        """Hold an action.
 
         ValueError for one of another shape or not finite, and where no episode has begun or it is over.
         """
-        made = self.episode.step(action)
-        return made.observation, made.reward, made.terminated, made.truncated, {}
+        made = self._made(action)
+        self._show()
+        return made.observation, made.reward, made.terminated, made.truncated, made.info
+
+    def render(self) -> Any:
+        """The picture (height, width, 3) of the present state, uint8, for "rgb_array"; None for the other modes."""
+        return self._pictures.drawn(self.episode) if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """Close the window and free what pictures are drawn with."""
+        self._pictures.close()
+
+    def _show(self) -> None:
+        if self.render_mode == "human":
+            self._pictures.show(self.episode)
+
+    def _begun(self, seed: int) -> tuple[Observation, dict[str, Any]]:
+        return self.episode.begin(seed), {"seed": seed, **self.episode.info(0)}
+
+    def _made(self, action: Array) -> EpisodeStep:
+        return self.episode.step(action)
+
+
+class LearningEnv(ScenarioEnv):
+    """A mission of a scenario to learn from; the seeds of its episodes are drawn from ``np_random``."""
+
+    def __init__(
+        self,
+        scenario: str,
+        seed: int = 0,
+        estimator: PluginSpec | str | None = None,
+        render_mode: str | None = None,
+        hold: float | None = None,
+        discount: float = 1.0,
+        covariance: bool = False,
+        **fields: Any,
+    ) -> None:
+        """``hold`` [s], ``discount`` and ``covariance`` as of a ``LearningEpisode``; the rest as of a ``ScenarioEnv``.
+
+        ValueError as those raise it.
+        """
+        super().__init__(scenario, seed, estimator, render_mode, **fields)
+        self._learning = LearningEpisode(self.episode, hold, discount, covariance)
+        self.action_space = self.space_of(self._learning.inputs)
+        self.observation_space = _observation_space(self._learning.example)
+
+    @property
+    def hold(self) -> float:
+        """Time [s] for which an action is held."""
+        return self._learning.hold
+
+    def _begun(self, seed: int) -> tuple[Observation, dict[str, Any]]:
+        return self._learning.begin(seed)
+
+    def _made(self, action: Array) -> EpisodeStep:
+        return self._learning.step(action)
 
 
 class SafetyFilterWrapper(gymnasium.Wrapper[Observation, Array, Observation, Array]):
@@ -84,8 +154,8 @@ class SafetyFilterWrapper(gymnasium.Wrapper[Observation, Array, Observation, Arr
     def __init__(self, env: gymnasium.Env[Observation, Array]) -> None:
         """ValueError for an environment that is no scenario, or whose scenario states no safety filter."""
         super().__init__(env)
-        if not isinstance(env.unwrapped, ScenarioEnv):
-            raise ValueError(f"env = a {type(env.unwrapped).__name__}; allowed: a ScenarioEnv")
+        if type(env.unwrapped) is not ScenarioEnv:
+            raise ValueError(f"env = a {type(env.unwrapped).__name__}; allowed: a ScenarioEnv, version 0")
         self._filter = EpisodeFilter(env.unwrapped.episode)
         self.action_space = env.unwrapped.space_of(self._filter.inputs)
 
@@ -106,6 +176,10 @@ class SafetyFilterWrapper(gymnasium.Wrapper[Observation, Array, Observation, Arr
             if terminated or truncated:
                 break
         return observation, total, terminated, truncated, {**info, "filter": self._filter.decided()}
+
+
+def _observation_space(example: Observation) -> spaces.Dict:
+    return spaces.Dict({name: _space(name, value) for name, value in example.items()})
 
 
 def _space(name: str, value: Any) -> spaces.Space[Any]:

@@ -1,4 +1,4 @@
-"""The names under which Gymnasium makes the installed scenarios: "mathnavi/SafeFlight-v0" of ``safe-flight``."""
+"""The names under which Gymnasium makes the installed scenarios: "mathnavi/SafeFlight-v1" of ``safe-flight``."""
 
 from __future__ import annotations
 
@@ -6,16 +6,22 @@ from gymnasium.envs.registration import register as registered
 
 from mathnavi.sim.plugin.registry import names
 
-VERSION = 0
-"""of every environment: another one where the same actions would lead to other observations or rewards"""
+ENTRY_POINTS = ("mathnavi.sim.environments.gym:ScenarioEnv", "mathnavi.sim.environments.gym:LearningEnv")
+"""of every scenario, by version: another one where the same actions lead to other observations or rewards"""
+VECTORS = {"safe-flight": "mathnavi.sim.environments.vector:SafeFlightVectorEnv"}
+"""scenarios of whose last version many missions are stepped at once"""
 
 
-def identifier(scenario: str) -> str:
+def identifier(scenario: str, version: int) -> str:
     """Identifier of a scenario in Gymnasium."""
-    return f"mathnavi/{''.join(part.capitalize() for part in scenario.split('-'))}-v{VERSION}"
+    return f"mathnavi/{''.join(part.capitalize() for part in scenario.split('-'))}-v{version}"
 
 
 def register() -> None:
     """Make every installed scenario known; none of them is imported before it is made."""
     for scenario in names("scenarios"):
-        registered(identifier(scenario), "mathnavi.sim.environments.gym:ScenarioEnv", kwargs={"scenario": scenario})
+        for version, entry_point in enumerate(ENTRY_POINTS):
+            vector = VECTORS.get(scenario) if version == len(ENTRY_POINTS) - 1 else None
+            registered(
+                identifier(scenario, version), entry_point, kwargs={"scenario": scenario}, vector_entry_point=vector
+            )

@@ -112,7 +112,16 @@ class AttitudeTrackingScenario:
         return observed_loop(
             parts,
             LagrangianCase(
-                VEHICLE, plant, stack, mission, mission, record, tracking_figures, (requirement,), cost=cost
+                VEHICLE,
+                plant,
+                stack,
+                mission,
+                mission,
+                record,
+                tracking_figures,
+                (requirement,),
+                cost=cost,
+                cost_max=math.pi**2,
             ),
         )
 

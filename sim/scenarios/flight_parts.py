@@ -26,6 +26,7 @@ from mathnavi.sim.plugin.registry import PluginSpec, checked_quality
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
 from mathnavi.sim.scenarios.flight_fields import FlightNoise
+from mathnavi.sim.scenarios.flight_learning import FlightTerms
 from mathnavi.sim.scenarios.requirements import Requirement, evaluate
 from mathnavi.sim.scenarios.task import Inputs, Sample, Task
 
@@ -220,12 +221,16 @@ def verdict(
 
 
 def flight_task(
-    flights: Mapping[str, FlightMission], acceleration_max: float, controller: PluginSpec, mission: Mapping[str, Any]
+    flights: Mapping[str, FlightMission],
+    acceleration_max: float,
+    controller: PluginSpec,
+    mission: Mapping[str, Any],
+    terms: Callable[[float], FlightTerms],
 ) -> Task | None:
     """Point masses that are commanded: L = sum |a|^2 + beta [m^2/s^4] of all vehicles, the running cost of (A.2).
 
     beta is the controller's; None for one without. ``flights`` are the vehicles' missions, ``mission`` the fields that
-    keep what was drawn.
+    keep what was drawn, ``terms`` a learner's, made of the greatest stage cost.
     """
     names = tuple(flights)
     beta = getattr(controller.config, "beta", None)
@@ -242,7 +247,8 @@ def flight_task(
         return {name: CommandFilter.of(flight) for name, flight in flights.items()}
 
     commanded = dict.fromkeys(names, inputs)
-    return Task(commanded, cost, mission=mission, filters=filters, proposals=commanded)
+    largest = len(names) * (acceleration_max**2 + float(beta))
+    return Task(commanded, cost, mission=mission, filters=filters, proposals=commanded, learning=terms(largest))
 
 
 def terrain_record(terrain: HeightField, name_or_path: str, **others: Any) -> dict[str, Any]:

@@ -32,7 +32,7 @@ from mathnavi.sim.records.missions import LagrangianRecord
 from mathnavi.sim.scenarios.assembler import Assembler, VehicleStack
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.requirements import Requirement, evaluate
-from mathnavi.sim.scenarios.task import Inputs, StageCost, Task, squared_error
+from mathnavi.sim.scenarios.task import Endurance, Inputs, Outcome, StageCost, Task, squared_error
 
 TICK = 1e-3
 """[s] of the plants"""
@@ -86,6 +86,7 @@ class LagrangianCase:
     requirements: tuple[Requirement, ...] = ()  # on them, beside that on the velocity error
     inputs: Inputs | None = None  # with their bounds, where there are any
     cost: StageCost | None = None  # for whoever commands the inputs; that of the velocity error if not given
+    cost_max: float | None = None  # of it, for a learner; speed_max^2, the error of no velocity, if not given
     resolved: LagrangianFields | None = None  # fields as config.json holds them; those given if there are none
 
     @property
@@ -105,7 +106,7 @@ def observed_loop(parts: Assembler, case: LagrangianCase) -> ClosedLoop:
         partial(summarise, case, parts.config, parts.seed),
         mission=case.record,
         resolved=case.resolved,
-        task=Task({case.vehicle: inputs}, case.cost or _velocity_cost(case)),
+        task=Task({case.vehicle: inputs}, case.cost or _velocity_cost(case), learning=_terms(case, parts.config)),
     )
 
 
@@ -146,6 +147,15 @@ def _efficiency(
 def _velocity_cost(case: LagrangianCase) -> StageCost:
     """L = |Delta v|^2, Delta v as in Theorem D.2, in the components that the summary's ``velocity_rms`` is of."""
     return squared_error(case.vehicle, lambda x, truth: errors_of(case.manifold, truth, x)[1])
+
+
+def _terms(case: LagrangianCase, fields: LagrangianFields) -> Endurance:
+    """A learner's terms: the solution must not escape."""
+
+    def ends(t: float, truths: Mapping[str, Array]) -> Outcome | None:
+        return Outcome.DIVERGED if finished(case, t, truths) else None
+
+    return Endurance(case.cost_max or fields.speed_max**2, fields.duration, ends)
 
 
 def recorded_as(mission: LagrangianMission, fields: LagrangianFields) -> dict[str, Any]:

@@ -36,6 +36,7 @@ from mathnavi.sim.records.missions import MissileRecord, Point
 from mathnavi.sim.scenarios.assembler import Assembler
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.missile_fields import MissileGuidanceConfig, MissileMismatch
+from mathnavi.sim.scenarios.missile_learning import MissileTerms
 from mathnavi.sim.scenarios.requirements import Requirement, evaluate
 from mathnavi.sim.scenarios.task import Inputs, Sample, Task
 from mathnavi.sim.scenarios.turned_plant import TurnedPlant
@@ -75,15 +76,16 @@ class MissileGuidance:
         setup = VehicleSetup(start, stack.sensors, limits, config.actuator.delay)
         model = _model(mission.coordinates, mission.input_max, config.mismatch)
         body = MujocoPlant(model, {VEHICLE: setup}, parts.streams["sensing"])
+        duration = _duration(config, first)
         outside = TurnedPlant(body, frame) if frame.azimuth else body
         return parts.closed_loop(
             parts.disturbed(outside, stack.planner.period, mass=config.mismatch.mass * mission.body.mass),
             {VEHICLE: stack.agent(mission.coordinates.input_size, _messages(config, target))},
-            _duration(config, first),
+            duration,
             PassedTarget(mission, target).finished,
             partial(summarise, config, mission, target, first, seed),
             mission=_record(config, mission, target, frame),
-            task=_task(mission),
+            task=_task(mission, MissileTerms(mission, VEHICLE, target, config.miss_allowed, duration)),
         )
 
     @staticmethod
@@ -244,7 +246,7 @@ def _duration(config: MissileGuidanceConfig, first: Plan) -> float:
     return duration
 
 
-def _task(mission: MissileMission) -> Task:
+def _task(mission: MissileMission, terms: MissileTerms) -> Task:
     """Thrusters that are commanded: L is the running cost of the mission's case (B.4), its integral by trapezia."""
     coordinates, limits = mission.coordinates, np.array(mission.input_max)
     units = {"F": "N", "M": "N m", "N": "N m"}
@@ -255,7 +257,7 @@ def _task(mission: MissileMission) -> Task:
         u = np.tile(np.clip(commands[VEHICLE], -limits, limits), (2, 1))
         return cost(np.array([begin.t, end.t]), x, u, mission, end.t)
 
-    return Task({VEHICLE: Inputs.within(names, limits)}, stage_cost)
+    return Task({VEHICLE: Inputs.within(names, limits)}, stage_cost, learning=terms)
 
 
 def _record(

@@ -54,6 +54,7 @@ from mathnavi.sim.plugin.registry import PluginSpec, called, checked_quality
 from mathnavi.sim.records.missions import Point, QuadrotorRecord
 from mathnavi.sim.scenarios.assembler import Assembler, VehicleStack
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
+from mathnavi.sim.scenarios.flight_learning import FlightTerms
 from mathnavi.sim.scenarios.flight_parts import (
     bare_mission,
     certified_ends,
@@ -67,6 +68,10 @@ from mathnavi.sim.scenarios.quadrotor_fields import QuadrotorCanyonConfig, Quadr
 from mathnavi.sim.scenarios.task import Inputs, Sample, Task
 
 VEHICLE = "vehicle"
+HOLD = 0.02
+"""[s] for which a learner's thrusts are held"""
+OBSERVED = "attitude", "rate"
+"""of an estimate, what the rotors cannot be commanded without"""
 _LONGEST = 3600.0  # [s] of simulated time that is logged
 _DRAWS = 200
 _BORDER = 0.03  # of the map's side, kept free of drawn starts and targets
@@ -124,7 +129,7 @@ class QuadrotorCanyon:
             mission=_record(mission, stack.tracker.bound),
             resolved=dataclasses.replace(config, terrain=place["path"], start=start, target=target),
             terrain=place,
-            task=_task(mission, parts.controller, stack.planner.period),
+            task=_task(flight, body, parts.controller, stack.planner.period),
         )
 
     @staticmethod
@@ -145,9 +150,13 @@ class TrueQuadrotorFlight:
 
 def finished(flight: TrueQuadrotorFlight, body: MujocoPlant, t: float, truths: Mapping[str, Array]) -> bool:
     """The vehicle has arrived, or it has touched something; ``t`` [s], ``truths`` (13,) by vehicle."""
+    return arrived(flight, t, truths) or body.contacts(VEHICLE) > 0
+
+
+def arrived(flight: TrueQuadrotorFlight, t: float, truths: Mapping[str, Array]) -> bool:
+    """The vehicle is at the target."""
     mission = flight.mission.flight
-    distance = math.dist(truths[VEHICLE][POSITION].tolist(), mission.target)
-    return distance <= mission.arrival_radius or body.contacts(VEHICLE) > 0
+    return math.dist(truths[VEHICLE][POSITION].tolist(), mission.target) <= mission.arrival_radius
 
 
 def summarise(
@@ -210,13 +219,13 @@ def _check_estimates(parts: Assembler, stack: VehicleStack, plant: MujocoPlant, 
         raise PluginError(f"estimator = {name!r}: {error}, as those of quadrotor_state are") from None
 
 
-def _task(mission: QuadrotorMission, controller: PluginSpec, period: float) -> Task | None:
+def _task(flight: TrueQuadrotorFlight, body: MujocoPlant, controller: PluginSpec, period: float) -> Task | None:
     """Rotors that are commanded: L = |a|^2 + beta, the running cost of (A.2) for the point mass, at its own scale.
 
     a is the mean acceleration of the vehicle over a step, gusts included. None for a controller without a beta. What a
     safety filter is proposed are accelerations, held for the planner's ``period`` [s].
     """
-    beta = getattr(getattr(controller.config, "flight", None), "beta", None)
+    mission, beta = flight.mission, getattr(getattr(controller.config, "flight", None), "beta", None)
     if beta is None:
         return None
     own = float(beta) / Similarity.of(mission.flight).scales[1] ** 2  # [m^2/s^4]
@@ -237,7 +246,12 @@ def _task(mission: QuadrotorMission, controller: PluginSpec, period: float) -> T
 
     accelerations = tuple(f"acceleration_{axis} [m/s^2]" for axis in "xyz")
     proposals = Inputs.within(accelerations, mission.flight.acceleration_max)
-    return Task({VEHICLE: inputs}, cost, ("attitude", "rate"), ends, filters, {VEHICLE: proposals})
+    strongest = ROTOR_COUNT * mission.vehicle.thrust_max / mission.vehicle.mass  # [m/s^2]
+    terms = FlightTerms(
+        {VEHICLE: mission.flight}, mission.flight.terrain, body, partial(arrived, flight), strongest**2 + own,
+        flight.deadline, HOLD, VELOCITY, OBSERVED,
+    )  # fmt: skip
+    return Task({VEHICLE: inputs}, cost, OBSERVED, ends, filters, {VEHICLE: proposals}, terms)
 
 
 def _record(mission: QuadrotorMission, bound: TrackingBound) -> QuadrotorRecord:

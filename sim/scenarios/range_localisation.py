@@ -34,7 +34,7 @@ from mathnavi.sim.scenarios.assembler import Assembler
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig
 from mathnavi.sim.scenarios.requirements import Requirement, evaluate
-from mathnavi.sim.scenarios.task import Inputs, Task, squared_error
+from mathnavi.sim.scenarios.task import Endurance, Inputs, Outcome, Task, squared_error
 
 VEHICLE = "robot"
 
@@ -74,17 +74,18 @@ class RangeLocalisation:
             mission = dataclasses.replace(mission, start=known)
 
         stack = parts.stack(mission)
+        duration = round(config.duration / mission.period) * mission.period
         sensors = parts.sensors(_as_it_is(mission, config))
         body = _body(config, mission, pose, _with_outages(sensors, config), parts.streams["sensing"])
         return parts.closed_loop(
             parts.disturbed(body, stack.planner.period, mass=1.0),
             {VEHICLE: stack.agent(2)},
-            round(config.duration / mission.period) * mission.period,
+            duration,
             partial(finished, body),
             partial(summarise, mission, seed),
             mission=_record(config, mission, pose),
             resolved=dataclasses.replace(config, start=start),
-            task=_task(mission),
+            task=_task(mission, body, duration),
         )
 
     @staticmethod
@@ -108,14 +109,26 @@ def summarise(
     return evaluate(summary, [Requirement("converged", least=True), Requirement("touched_wall", most=False)])
 
 
-def _task(mission: RangingMission) -> Task:
+def _task(mission: RangingMission, body: MujocoPlant, duration: float) -> Task:
     """Wheels that are commanded: L is the squared error of the pose, modulo symmetry, a metre for a radian.
 
     Its expectation is the trace that the exploration policy ``active`` has least (C.5).
     """
     limits = np.array([mission.speed_max, mission.turn_rate_max])
     error = squared_error(VEHICLE, lambda x, truth: mission.difference(x, truth[:3]))
-    return Task({VEHICLE: Inputs.within(("u_1 [m/s]", "u_2 [rad/s]"), limits)}, error)
+    curve = mission.curve
+    across = float(np.linalg.norm(np.ptp(curve.polyline, axis=0)))  # no error of the position is greater
+
+    def ends(t: float, truths: Mapping[str, Array]) -> Outcome | None:
+        if not np.isfinite(truths[VEHICLE]).all():
+            return Outcome.DIVERGED
+        return Outcome.CRASHED if finished(body, t, truths) else None
+
+    def to_wall(truths: Mapping[str, Array]) -> float:
+        return curve.distance(truths[VEHICLE][:2]) - RADIUS
+
+    terms = Endurance(across**2 + math.pi**2, duration, ends, to_wall)
+    return Task({VEHICLE: Inputs.within(("u_1 [m/s]", "u_2 [rad/s]"), limits)}, error, learning=terms)
 
 
 def _mission(config: RangeLocalisationConfig) -> RangingMission:

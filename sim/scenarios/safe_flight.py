@@ -37,6 +37,7 @@ from mathnavi.sim.records.missions import ChangingFlightRecord
 from mathnavi.sim.scenarios.assembler import Assembler
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
+from mathnavi.sim.scenarios.flight_learning import HOLD, FlightTerms
 from mathnavi.sim.scenarios.flight_parts import (
     certified_ends,
     check_above_ground,
@@ -103,7 +104,13 @@ class SafeFlight:
             mission=_record(config, flight, stack.tracker.bound),
             resolved=dataclasses.replace(config, terrain=terrain["path"], start=mission.start, target=mission.target),
             terrain=terrain,
-            task=flight_task({VEHICLE: mission}, mission.acceleration_max, parts.controller, ends),
+            task=flight_task(
+                {VEHICLE: mission},
+                mission.acceleration_max,
+                parts.controller,
+                ends,
+                partial(_terms, config, flight, mission, body),
+            ),
         )
 
 
@@ -118,10 +125,14 @@ class TrueFlight:
     target_moves: bool
 
 
+def arrived(flight: TrueFlight, t: float, truths: Mapping[str, Array]) -> bool:
+    """The vehicle is at the target; ``t`` [s], ``truths`` (6,) by vehicle."""
+    return math.dist(truths[VEHICLE][:3].tolist(), flight.track.at(t)) <= flight.mission.arrival_radius
+
+
 def finished(flight: TrueFlight, body: MujocoPlant, t: float, truths: Mapping[str, Array]) -> bool:
     """The vehicle has arrived, or it has touched something; ``t`` [s], ``truths`` (6,) by vehicle."""
-    distance = math.dist(truths[VEHICLE][:3].tolist(), flight.track.at(t))
-    return distance <= flight.mission.arrival_radius or body.contacts(VEHICLE) > 0
+    return arrived(flight, t, truths) or body.contacts(VEHICLE) > 0
 
 
 def summarise(
@@ -164,6 +175,17 @@ def _flight(config: SafeFlightConfig, mission: FlightMission, first: Plan) -> Tr
     check_track(track, config.report_period, lambda name, point: check_above_ground(name, point, true))
     deadline = mission.deadline_factor * first.t_end
     return TrueFlight(true, track, config.tracks(mission.terrain), deadline, bool(config.target_path))
+
+
+def _terms(
+    config: SafeFlightConfig, flight: TrueFlight, mission: FlightMission, body: MujocoPlant, cost_max: float
+) -> FlightTerms:
+    """A learner's terms: the episode ends at the deadline, that of a target that moves once it has come to rest."""
+    return FlightTerms(
+        {VEHICLE: mission}, flight.mission.terrain, body, partial(arrived, flight), cost_max,
+        deadline=flight.deadline + flight.track.ends, hold=HOLD,
+        reported=tuple(flight.track.reported(config.report_period)),
+    )  # fmt: skip
 
 
 def _record(config: SafeFlightConfig, flight: TrueFlight, bound: TrackingBound) -> ChangingFlightRecord:

@@ -36,6 +36,7 @@ from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.fleet_coordination import consensus_of, coordinators
 from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig
 from mathnavi.sim.scenarios.fleet_start import StartedVehicle, started_fleet, zone_of
+from mathnavi.sim.scenarios.flight_learning import HOLD, FlightTerms
 from mathnavi.sim.scenarios.flight_parts import (
     check_above_ground,
     flight_task,
@@ -113,6 +114,7 @@ class SimultaneousArrival:
                 config.acceleration_max,
                 parts.controller,
                 ends,
+                partial(_terms, flight, fleet, body),
             ),
         )
 
@@ -130,12 +132,17 @@ class FleetFlight:
 
 def finished(flight: FleetFlight, body: MujocoPlant, t: float, truths: Mapping[str, Array]) -> bool:
     """All vehicles have arrived, or one has touched something; ``t`` [s], ``truths`` (6,) by vehicle."""
+    return arrived(flight, t, truths) or any(body.contacts(name) > 0 for name in flight.missions)
+
+
+def arrived(flight: FleetFlight, t: float, truths: Mapping[str, Array]) -> bool:
+    """All vehicles have been at their slots."""
     flight.arrived.update(
         name
         for name, mission in flight.missions.items()
         if math.dist(truths[name][:3].tolist(), mission.target) <= mission.arrival_radius
     )
-    return len(flight.arrived) == len(flight.missions) or any(body.contacts(name) > 0 for name in flight.missions)
+    return len(flight.arrived) == len(flight.missions)
 
 
 def summarise(
@@ -166,6 +173,12 @@ def _flight(
         check_above_ground(f"target of {name}", mission.target, mission)
     deadline = config.deadline_factor * max(vehicle.stored.t_end for vehicle in fleet.values())
     return FleetFlight(terrain, missions, config.tracks(charted), deadline)
+
+
+def _terms(flight: FleetFlight, fleet: Mapping[str, StartedVehicle], body: MujocoPlant, cost_max: float) -> FlightTerms:
+    """A learner's terms: the fleet has its common deadline."""
+    known = {name: vehicle.mission for name, vehicle in fleet.items()}
+    return FlightTerms(known, flight.terrain, body, partial(arrived, flight), cost_max, flight.deadline, HOLD)
 
 
 def _record(config: SimultaneousArrivalConfig, flight: FleetFlight, bound: dict[str, float | None]) -> FleetRecord:

@@ -2,12 +2,16 @@
 
 Over a control step, from one sample of the loop to the next with the commands u held, a task states the *stage cost*
 int L dt: what its mission is evaluated by, or optimised for. The scenario's module has the equation.
+
+``LearningTerms`` are what a learner needs beside it: how an episode ends, a potential, and what is seen of the way
+ahead (``mathnavi.sim.environments.learning``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Any, Protocol
 
 import numpy as np
@@ -23,12 +27,20 @@ class Inputs:
     names: tuple[str, ...]  # (nu,) name and unit of each, "thrust [N]" for one
     low: Array  # (nu,) -inf where there is no bound
     high: Array  # (nu,)
+    usual: float = 1.0  # magnitude that a learner stays within where there is no bound
 
     @staticmethod
     def within(names: tuple[str, ...], limits: float | Array = np.inf) -> Inputs:
         """Inputs of at most these magnitudes, one for all or (nu,)."""
         high = np.broadcast_to(np.asarray(limits, dtype=np.float64), len(names)).copy()
         return Inputs(names, -high, high)
+
+    @property
+    def bounded(self) -> Inputs:
+        """The same inputs with finite bounds."""
+        low = np.where(np.isfinite(self.low), self.low, -self.usual)
+        high = np.where(np.isfinite(self.high), self.high, self.usual)
+        return Inputs(self.names, low, high, self.usual)
 
 
 @dataclass(frozen=True)
@@ -50,6 +62,94 @@ class SafetyFilter(Protocol):
         ...
 
 
+class Outcome(StrEnum):
+    """How an episode ends."""
+
+    ARRIVED = "arrived"
+    COMPLETED = "completed"  # of a mission without a target: the time is up
+    LATE = "late"
+    MISSED = "missed"  # past the target
+    CRASHED = "crashed"
+    OFF_MAP = "off the map"
+    DIVERGED = "diverged"  # the physics has lost the state
+
+
+class LearningTerms(Protocol):
+    """Terms by which an episode of a mission is learnt from."""
+
+    @property
+    def cost_max(self) -> float:
+        """L_max > 0: the stage cost of a second counts as this at most."""
+        ...
+
+    @property
+    def deadline(self) -> float:
+        """T [s], at which an episode ends at the latest."""
+        ...
+
+    @property
+    def at_deadline(self) -> Outcome:
+        """The outcome of an episode that lasts until the deadline."""
+        ...
+
+    @property
+    def hold(self) -> float | None:
+        """Time [s] for which an action is held where nothing else is asked for; None: the tracker's period."""
+        ...
+
+    def outcome(self, t: float, truths: Mapping[str, Array]) -> Outcome | None:
+        """The end of the mission at t [s]; None while it goes on. ``truths`` are the states (nx,) by vehicle."""
+        ...
+
+    def potential(self, t: float, truths: Mapping[str, Array]) -> float:
+        """Share of the mission's way that is left, 1 at its start and 0 at its target; 0 always without a target."""
+        ...
+
+    def violated(self, t: float, truths: Mapping[str, Array]) -> bool:
+        """True where a bound of the mission is not kept: a second in this state counts as L_max."""
+        ...
+
+    def clearance(self, t: float, truths: Mapping[str, Array]) -> float | None:
+        """Distance [m] of the nearest vehicle to what it may touch; None where there is nothing."""
+        ...
+
+    def view(self, t: float, name: str, estimate: Estimate) -> dict[str, Array]:
+        """Observations of one vehicle by name, made from its estimate and from what is known of the mission."""
+        ...
+
+
+@dataclass(frozen=True)
+class Endurance:
+    """Terms of a mission without a target: the whole state is observed, and the time being up completes it."""
+
+    cost_max: float
+    deadline: float  # [s]
+    ends: Callable[[float, Mapping[str, Array]], Outcome | None]
+    margin: Callable[[Mapping[str, Array]], float] | None = None  # distance [m] to what may be touched
+    at_deadline: Outcome = Outcome.COMPLETED
+    hold: float | None = None  # [s]
+
+    def outcome(self, t: float, truths: Mapping[str, Array]) -> Outcome | None:
+        """How the mission has ended."""
+        return self.ends(t, truths)
+
+    def potential(self, t: float, truths: Mapping[str, Array]) -> float:
+        """0: there is no target."""
+        return 0.0
+
+    def violated(self, t: float, truths: Mapping[str, Array]) -> bool:
+        """False: there are no bounds on the state."""
+        return False
+
+    def clearance(self, t: float, truths: Mapping[str, Array]) -> float | None:
+        """Distance [m] to what may be touched."""
+        return None if self.margin is None else self.margin(truths)
+
+    def view(self, t: float, name: str, estimate: Estimate) -> dict[str, Array]:
+        """The estimated state."""
+        return {"x": np.array(estimate.x)}
+
+
 StageCost = Callable[[Sample, Sample, Mapping[str, Array]], float]
 """(a sample, the next, the commands (nu,) in between by vehicle) -> the integral of the stage cost"""
 
@@ -64,6 +164,7 @@ class Task:
     mission: Mapping[str, Any] = field(default_factory=dict)  # fields that keep what was drawn of the mission
     filters: Callable[[], Mapping[str, SafetyFilter]] | None = None  # makes one for each vehicle
     proposals: Mapping[str, Inputs] = field(default_factory=dict)  # to these, by vehicle
+    learning: LearningTerms | None = None  # None: no learner's terms are stated
 
 
 def squared_error(vehicle: str, error: Callable[[Array, Array], Array]) -> StageCost:

@@ -34,7 +34,7 @@ from mathnavi.sim.records.missions import TextbookRecord
 from mathnavi.sim.scenarios.assembler import Assembler
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.requirements import Requirement, evaluate
-from mathnavi.sim.scenarios.task import Inputs, Task, squared_error
+from mathnavi.sim.scenarios.task import Endurance, Inputs, Outcome, Task, squared_error
 
 VEHICLE = "system"
 SystemName = Literal["example-2-1", "example-2-2", "camera-and-flags", "krener-isidori", "kazantzis-kravaris"]
@@ -99,6 +99,9 @@ class TextbookConfig:
         return TextbookMission(self.observed, believed, deviation, self.noise, round(1.0 / (self.rate * TICK)) * TICK)
 
 
+_FARTHEST = 2.0  # times as long as the first state: a longer error is charged as this one by a learner's terms
+
+
 class TextbookObserver:
     """A system of the textbook with an observer in the loop."""
 
@@ -119,6 +122,8 @@ class TextbookObserver:
         plant = OdePlant({VEHICLE: vehicle}, TICK, parts.streams.root)
         # L = |x^ - x|^2, the error of Definition 2.2, whose root mean square a run is evaluated by.
         cost = squared_error(VEHICLE, config.observed.difference)
+        largest = _FARTHEST**2 * max(1.0, float(np.square(config.start_state).sum()))
+        terms = Endurance(largest, config.duration, partial(_ends, plant))
         return parts.closed_loop(
             parts.disturbed(plant, stack.planner.period, mass=1.0),
             {VEHICLE: stack.agent(len(config.observed.inputs))},
@@ -126,7 +131,7 @@ class TextbookObserver:
             partial(finished, plant),
             partial(summarise, config, seed),
             mission=_record(config),
-            task=Task({VEHICLE: Inputs.within(config.observed.inputs)}, cost),
+            task=Task({VEHICLE: Inputs.within(config.observed.inputs)}, cost, learning=terms),
         )
 
     @staticmethod
@@ -139,6 +144,11 @@ class TextbookObserver:
 def finished(plant: OdePlant, t: float, truths: Mapping[str, Array]) -> bool:
     """The solution has escaped."""
     return plant.escaped(VEHICLE) is not None
+
+
+def _ends(plant: OdePlant, t: float, truths: Mapping[str, Array]) -> Outcome | None:
+    lost = finished(plant, t, truths) or not np.isfinite(truths[VEHICLE]).all()
+    return Outcome.DIVERGED if lost else None
 
 
 def summarise(

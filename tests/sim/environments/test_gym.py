@@ -31,7 +31,7 @@ def test_every_scenario_passes_the_checker_of_gymnasium(scenario: str, monkeypat
 
 def test_every_installed_scenario_is_registered() -> None:
     registered = {name for name in gymnasium.registry if name.startswith("mathnavi/")}
-    assert registered == {identifier(scenario) for scenario in names("scenarios")}
+    assert registered == {identifier(scenario, version) for scenario in names("scenarios") for version in (0, 1)}
     assert "mathnavi/SafeFlight-v0" in registered
 
 

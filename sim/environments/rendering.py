@@ -1,0 +1,144 @@
+"""Pictures of an episode as it stands: MuJoCo's scene, followed by a camera, or the states of an ODE over time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mathnavi.models.aerial.entity import airframe_pose
+from mathnavi.renders.opengl import HOW_TO_INSTALL, NoOpenGLError, available
+from mathnavi.sim.engine.plant import MujocoPlant
+from mathnavi.sim.environments.episode_runner import EpisodeRunner
+
+RENDER_MODES = ("rgb_array", "human")
+FPS = 30
+WIDTH, HEIGHT = 640, 480  # [pixels]
+_DISTANCE = 9.0  # of the camera, in sizes of the vehicle
+_AZIMUTH, _ELEVATION = 35.0, -18.0  # [degrees]
+
+Pixels = NDArray[np.uint8]
+
+
+def checked_mode(render_mode: str | None) -> str | None:
+    """The render mode; ValueError for one that is none."""
+    if render_mode is not None and render_mode not in RENDER_MODES:
+        raise ValueError(f"render_mode = {render_mode!r}; allowed: {', '.join(RENDER_MODES)}, or None")
+    return render_mode
+
+
+class Pictures:
+    """Draws episodes with what it keeps from one picture to the next."""
+
+    def __init__(self) -> None:
+        self._renderer: Any = None
+        self._viewer: Any = None
+        self._shown: mujoco.MjData | None = None
+
+    def drawn(self, episode: EpisodeRunner) -> Pixels:
+        """The picture (480, 640, 3). NoOpenGLError where there is nothing to draw with."""
+        plant = _mujoco_plant(episode)
+        if plant is None:
+            return _chart(episode)
+        if self._renderer is None:
+            if available() is None:
+                raise NoOpenGLError(HOW_TO_INSTALL)
+            self._renderer = mujoco.Renderer(plant.model, HEIGHT, WIDTH)
+        _dress(episode, plant)
+        self._renderer.update_scene(plant.data, _camera(episode, plant), _option())
+        pixels: Pixels = self._renderer.render()
+        return pixels
+
+    def show(self, episode: EpisodeRunner) -> None:
+        """Show the present state in a window of MuJoCo's viewer; ValueError for a system that MuJoCo does not move."""
+        plant = _mujoco_plant(episode)
+        if plant is None:
+            raise ValueError("render_mode = 'human' of an ODE; allowed: 'rgb_array'")
+        _dress(episode, plant)
+        if self._viewer is None:
+            import mujoco.viewer
+
+            self._shown = mujoco.MjData(plant.model)  # the plant's own is another one in every episode
+            self._viewer = mujoco.viewer.launch_passive(plant.model, self._shown)
+            for name, value in vars_of(_camera(episode, plant)).items():
+                setattr(self._viewer.cam, name, value)
+        mujoco.mj_copyData(self._shown, plant.model, plant.data)
+        self._viewer.cam.lookat[:] = _camera(episode, plant).lookat
+        self._viewer.sync()
+
+    def close(self) -> None:
+        """Free the renderer and close the window."""
+        if self._renderer is not None:
+            self._renderer.close()
+        if self._viewer is not None:
+            self._viewer.close()
+        self._renderer = self._viewer = None
+
+
+def vars_of(camera: mujoco.MjvCamera) -> dict[str, Any]:
+    """Distance and direction of a camera."""
+    return {name: getattr(camera, name) for name in ("distance", "azimuth", "elevation")}
+
+
+def _mujoco_plant(episode: EpisodeRunner) -> MujocoPlant | None:
+    """The plant of the present episode; None for an ODE."""
+    plant = episode.present_plant
+    while not isinstance(plant, MujocoPlant) and hasattr(plant, "plant"):
+        plant = plant.plant
+    return plant if isinstance(plant, MujocoPlant) else None
+
+
+def _dress(episode: EpisodeRunner, plant: MujocoPlant) -> None:
+    """Move the airframes, which are only drawn, to their vehicles."""
+    mujoco.mj_kinematics(plant.model, plant.data)
+    for name in episode.names:
+        body = mujoco.mj_name2id(plant.model, mujoco.mjtObj.mjOBJ_BODY, f"{name}/airframe")
+        if body < 0 or not np.isfinite(episode.truths[name]).all():
+            continue
+        x, acceleration = episode.truths[name], plant.data.qacc[plant.layout(name).v]
+        k = int(plant.model.body_mocapid[body])
+        plant.data.mocap_pos[k], plant.data.mocap_quat[k] = airframe_pose(x[:3], x[3:6], acceleration)
+    mujoco.mj_kinematics(plant.model, plant.data)
+    mujoco.mj_camlight(plant.model, plant.data)
+
+
+def _camera(episode: EpisodeRunner, plant: MujocoPlant) -> mujoco.MjvCamera:
+    """A camera that keeps all vehicles in sight."""
+    model, data = plant.model, plant.data
+    own = [
+        k for k in range(model.ngeom)
+        if model.body(int(model.geom_bodyid[k])).name.startswith(tuple(f"{name}/" for name in episode.names))
+    ]  # fmt: skip
+    centres, reach = data.geom_xpos[own], float(model.geom_rbound[own].max())
+    camera = mujoco.MjvCamera()
+    camera.lookat[:] = centres.mean(axis=0)
+    camera.distance = _DISTANCE * max(reach, 0.5 * float(np.ptp(centres, axis=0).max()))
+    camera.azimuth, camera.elevation = _AZIMUTH, _ELEVATION
+    return camera
+
+
+def _option() -> mujoco.MjvOption:
+    """All that is drawn, and not the shapes that only touch."""
+    option = mujoco.MjvOption()
+    option.geomgroup[:] = 1
+    option.geomgroup[3:] = 0
+    return option
+
+
+def _chart(episode: EpisodeRunner) -> Pixels:
+    """States over time."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # takes a while to import
+    from matplotlib.figure import Figure
+
+    recording = episode.recording
+    figure = Figure(figsize=(WIDTH / 100.0, HEIGHT / 100.0), dpi=100)
+    canvas, axes = FigureCanvasAgg(figure), figure.subplots()
+    for name in episode.names:
+        for k, state in enumerate(recording.state_names[name]):
+            axes.plot(recording.t, recording.truths[name][:, k], label=state)
+    axes.set_xlabel("t [s]")
+    axes.legend()
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()

@@ -1,0 +1,411 @@
+"""Many missions of ``safe-flight`` at once, as a ``gymnasium.vector.VectorEnv``.
+
+    import gymnasium, mathnavi.sim.environments
+    envs = gymnasium.make_vec("mathnavi/SafeFlight-v1", num_envs=256, terrain="jacksboro")
+
+Row i is the environment ``gymnasium.make("mathnavi/SafeFlight-v1", seed=seed + i, ...)``: the same missions, noise and
+gusts, and, but for rounding, the same observations and rewards. Readings, gusts and rewards are computed for all rows
+at once; the vehicles are moved along exact arcs (``vector_kernels``), and by MuJoCo where one may touch the ground.
+
+An episode that ends is followed by the next in the same step: ``final_obs`` and ``final_info`` hold the last of it, as
+Gymnasium has it of ``AutoresetMode.SAME_STEP``. ``missions`` is the number of different missions, which the rows share
+in turn: ``num_envs`` if not given. With a ``target`` they have one cost-to-go in common, and are made in a fraction of
+the time.
+
+What is computed is the full state as it is read at every control step, with noise and gusts. Other estimators, lost
+readings, jumps and targets that move are refused: ``vectorization_mode="async"`` has them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import mujoco
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from mathnavi.controllers.flight.cost_to_go import FactoredCost
+from mathnavi.models.aerial.dynamics import HULL_RADIUS
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.engine.faults import Disturbed
+from mathnavi.sim.engine.input_bounds import ROUND_OFF
+from mathnavi.sim.engine.loop import whole_ticks
+from mathnavi.sim.engine.plant import MujocoPlant
+from mathnavi.sim.engine.sensing import mounted
+from mathnavi.sim.environments.episode_runner import EpisodeRunner, Observation, drawn_seed
+from mathnavi.sim.environments.gym import LearningEnv
+from mathnavi.sim.environments.learning import END_COSTS
+from mathnavi.sim.environments.vector_kernels import (
+    ARRIVED,
+    CRASHED,
+    FLYING,
+    LATE,
+    NEAR,
+    OFF_MAP,
+    Integers,
+    fly,
+    gusts_on,
+    is_violated,
+    state_after,
+)
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.scenarios.flight_learning import FlightTerms, cost_at_start, cost_to_go
+from mathnavi.sim.scenarios.flight_view import components, flight_views
+from mathnavi.sim.scenarios.safe_flight import VEHICLE
+from mathnavi.sim.scenarios.task import Outcome
+
+_OUTCOMES = {
+    FLYING: "", ARRIVED: Outcome.ARRIVED, OFF_MAP: Outcome.OFF_MAP, CRASHED: Outcome.CRASHED, LATE: Outcome.LATE,
+}  # fmt: skip
+_COSTS = np.array([0.0 if state in (FLYING, NEAR) else END_COSTS[Outcome(_OUTCOMES[state])] for state in range(6)])
+_NAMES = np.array([str(_OUTCOMES.get(state, "")) for state in range(6)], dtype=object)
+
+
+@dataclass(frozen=True, eq=False)
+class _Mission:
+    """A mission as its rows need it."""
+
+    flight: FlightMission  # as it is known at the start
+    cost: FactoredCost
+    deadline: float  # [s]
+
+    @staticmethod
+    def of(terms: FlightTerms) -> _Mission:
+        flight = terms.missions[VEHICLE]
+        return _Mission(flight, cost_to_go(flight), terms.deadline)
+
+
+@dataclass(frozen=True, eq=False)
+class _Chance:
+    """Generators of an episode, as the plant of a single environment draws from them."""
+
+    noise: np.random.Generator  # of the full-state sensor
+    gusts: np.random.Generator
+
+    @staticmethod
+    def of(runner: EpisodeRunner, seed: int) -> _Chance:
+        streams, plant = runner.streams(seed), runner.plant
+        own = streams["sensing"].spawn(1)[0]  # of the plant's only vehicle
+        sensors = mounted(VEHICLE, plant.sensors(VEHICLE), plant.dt, own)
+        noise = next(each.rng for each in sensors if each.sensor.name == "full_state")
+        return _Chance(noise, streams["gusts"])
+
+
+class _Contacts:
+    """Control steps of one vehicle by MuJoCo, of a model without any other."""
+
+    def __init__(self, plant: MujocoPlant, h: float) -> None:
+        self._model, self._data = plant.model, mujoco.MjData(plant.model)
+        self._ticks = whole_ticks(h, plant.dt, "the control period")
+        self._body = int(plant.model.jnt_bodyid[0])
+
+    def step(self, x: Array, u: Array, gust: Array) -> bool:
+        """Advance the state x (6,) in place under u and a gust (3,) [m/s^2]; True if it touches."""
+        data, touched = self._data, False
+        mujoco.mj_resetData(self._model, data)
+        data.qpos[:], data.qvel[:], data.ctrl[:] = x[:3], x[3:], u
+        data.xfrc_applied[self._body, :3] = gust  # its mass is 1 kg
+        for _ in range(self._ticks):
+            mujoco.mj_step(self._model, data)
+            touched |= data.ncon > 0
+        x[:3], x[3:] = data.qpos, data.qvel
+        return touched
+
+
+class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
+    """Missions of ``safe-flight`` to learn from, a row each."""
+
+    metadata: dict[str, Any] = {  # noqa: RUF012  as Gymnasium declares it
+        "render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP
+    }  # fmt: skip
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scenario: str = "safe-flight",
+        seed: int = 0,
+        hold: float | None = None,
+        discount: float = 1.0,
+        missions: int | None = None,
+        **fields: Any,
+    ) -> None:
+        """``num_envs`` rows; the missions are drawn from ``seed`` on. The rest is as of a ``LearningEnv``.
+
+        ValueError for what is unknown or wrong, and for fields that are not computed for many rows.
+        """
+        count = num_envs if missions is None else missions
+        for what, number in (("num_envs", num_envs), ("missions", count)):
+            if isinstance(number, bool) or not isinstance(number, int) or number < 1:
+                raise ValueError(f"{what} = {number!r}; allowed: a whole number >= 1")
+        self.num_envs, self.render_mode = num_envs, None
+        if refused := sorted({"estimator", "covariance", "render_mode"} & set(fields)):
+            raise ValueError(
+                f"{refused[0]} = {fields[refused[0]]!r} is not computed for many missions at once; {_OTHERS}"
+            )
+        first = LearningEnv(scenario, seed, hold=hold, discount=discount, **fields)
+        runner = first.episode
+        plant = _checked_plant(runner)
+        terms = _flight_terms(runner)
+        others = (EpisodeRunner(scenario, seed + k, None, fields) for k in range(1, min(count, num_envs)))
+        made = [_Mission.of(terms), *(_Mission.of(_flight_terms(other)) for other in others)]
+        self._missions = [made[k % len(made)] for k in range(num_envs)]
+        self.single_action_space, self.single_observation_space = first.action_space, first.observation_space
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self._runner, self._discount, self._hold = runner, float(discount), first.hold
+        self._h = runner.period / runner.control_steps
+        self._steps = whole_ticks(first.hold, self._h, "hold")
+        self._made = np.zeros(num_envs, dtype=np.int64)  # control steps of the last hold
+        self._ground, self._contacts = terms.ground, _Contacts(plant, self._h)
+        self._steepest = _steepest(terms.ground)
+        self._targets = np.array([mission.flight.target for mission in self._missions])
+        self._starts = np.array([mission.flight.start_state for mission in self._missions])
+        deadlines = np.array([mission.deadline for mission in self._missions])
+        self._deadlines = deadlines
+        self._last = np.ceil((deadlines - TIME_TOLERANCE) / self._h).astype(np.int64)
+        self._scale = terms.cost_max * deadlines  # what a whole episode can cost
+        self._violated = np.zeros(num_envs, dtype=np.int64)  # those of them at whose end a bound was not kept
+        flight, self._cost_max = terms.missions[VEHICLE], terms.cost_max
+        self._limits = flight.clearance_min, flight.speed_max
+        self._beta = terms.cost_max - flight.acceleration_max**2
+        self._seeders = [seeding.np_random(None)[0] for _ in range(num_envs)]
+        self._chance: list[_Chance | None] = [None] * num_envs
+        self._x = self._starts.copy()
+        self._done = np.zeros(num_envs, dtype=np.int64)
+        self._potential = np.zeros(num_envs)
+        self._gusts, self._blowing = np.zeros((num_envs, 3)), np.zeros(num_envs, dtype=bool)
+        self._clipped = np.zeros(num_envs, dtype=bool)
+        self._read = self._starts.copy()
+        self._begun = False
+
+    @property
+    def hold(self) -> float:
+        """Time [s] for which an action is held."""
+        return self._hold
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode in every row; ``seed`` is that of the first, one more of each further, or one of each."""
+        given = (
+            list(seed) if isinstance(seed, (list, tuple)) else [None if seed is None else seed + i for i in self._all]
+        )
+        if len(given) != self.num_envs:
+            raise ValueError(f"seed holds {len(given)} seeds; allowed: {self.num_envs}")
+        for i, own in enumerate(given):
+            if own is not None:
+                self._seeders[i] = seeding.np_random(own)[0]
+        seeds = self._restart(np.arange(self.num_envs))
+        self._begun = True
+        every = np.ones(self.num_envs, dtype=bool)
+        info = self._info(np.full(self.num_envs, FLYING), [()] * self.num_envs)
+        return self._observation(), {**info, "seed": seeds, "_seed": every}
+
+    def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, dict[str, Any]]:
+        """Hold an action (num_envs, 3) in every row; ValueError for another shape, for what is not finite, and before
+        ``reset``.
+        """
+        if not self._begun:
+            raise ValueError("no episode has begun; allowed: after reset()")
+        u, events = self._bounded(actions)
+        begun = self._done.copy()
+        states = self._fly(u)
+        ended = states != FLYING
+        rate = np.square(u).sum(axis=1) + self._beta
+        kept = self._done - begun - self._violated
+        cost = (rate * kept + self._cost_max * self._violated) * self._h
+        before, self._potential = self._potential, np.where(ended, 0.0, self._phi())
+        rewards = -cost / self._scale + self._discount * self._potential - before - _COSTS[states]
+        for i in np.flatnonzero(states == CRASHED):
+            events[i] = (*events[i], "ground-contact")
+        self._observe()
+        info = self._info(states, events)
+        if ended.any():
+            info |= self._next(np.flatnonzero(ended), info)
+        return self._observation(), rewards, ended, np.zeros(self.num_envs, dtype=bool), info
+
+    # ---- a step
+
+    def _bounded(self, actions: Array) -> tuple[Array, list[tuple[str, ...]]]:
+        """Accelerations (n, 3) within their bounds, and events where they begin to be shortened."""
+        u = np.array(actions, dtype=np.float64)
+        if u.shape != (self.num_envs, 3):
+            raise ValueError(f"actions have shape {u.shape}; allowed: {(self.num_envs, 3)}")
+        if not np.isfinite(u).all():
+            where = int(np.argwhere(~np.isfinite(u))[0, 0])
+            raise ValueError(f"actions[{where}] = {u[where].tolist()}; allowed: finite numbers")
+        box = self.single_action_space
+        assert isinstance(box, spaces.Box)
+        u = np.clip(u, box.low, box.high)
+        longest, lengths = float(box.high[0]), np.sqrt(np.einsum("ij,ij->i", u, u))
+        beyond = lengths > longest
+        u[beyond] *= (longest / lengths[beyond])[:, np.newaxis]
+        clipped = lengths > longest * (1.0 + ROUND_OFF)
+        begins, self._clipped = clipped & ~self._clipped, clipped
+        return u, [("input-clipped",) if begin else () for begin in begins]
+
+    def _fly(self, u: Array) -> Integers:
+        """Advance every row; states of the rows, ``FLYING`` or how they ended."""
+        made, violated, limits = self._made, self._violated, self._limits
+        made[:] = violated[:] = 0
+        states = np.full(self.num_envs, FLYING, dtype=np.int64)
+        gusts, ground = self._drawn_gusts(), self._ground
+        radius = self._missions[0].flight.arrival_radius
+        while True:
+            fly(
+                ground.z, ground.spacing, HULL_RADIUS, self._steepest, self._h, self._x, u, gusts, self._targets,
+                radius, limits, self._last, self._done, made, violated, states,
+            )  # fmt: skip
+            near = np.flatnonzero(states == NEAR)
+            if not len(near):
+                return states
+            for i in near:
+                touched = self._contacts.step(self._x[i], u[i], gusts[i, made[i]])
+                made[i] += 1
+                self._done[i] += 1
+                violated[i] += is_violated(ground.z, ground.spacing, self._x[i], limits)
+                after = state_after(
+                    ground.width, ground.depth, self._x[i], self._targets[i], radius, self._done[i], self._last[i]
+                )
+                states[i] = CRASHED if touched and after != OFF_MAP else after
+
+    def _drawn_gusts(self) -> Array:
+        """(n, steps, 3) [m/s^2]."""
+        faults = self._runner.config.faults
+        if faults.gust_rms == 0.0:
+            return np.zeros((self.num_envs, self._steps, 3))
+        fresh = np.array([chance.gusts.standard_normal((self._steps, 3)) for chance in self._chance])
+        keep = float(np.exp(-self._h / faults.gust_time_constant))
+        stir = faults.gust_rms * float(np.sqrt(1.0 - keep * keep))
+        return gusts_on(self._gusts, self._blowing, fresh, keep, stir, faults.gust_rms, faults.gust_limit)
+
+    def _phi(self) -> Array:
+        """Phi (n,) of the present states."""
+        left = np.empty(self.num_envs)
+        for cost, rows in self._rows.items():
+            left[rows] = cost(self._x[rows, :3])
+        return -left / self._first_costs
+
+    @cached_property
+    def _rows(self) -> Mapping[FactoredCost, Integers]:
+        """Rows by cost-to-go."""
+        rows: dict[FactoredCost, list[int]] = {}
+        for i, mission in enumerate(self._missions):
+            rows.setdefault(mission.cost, []).append(i)
+        return {cost: np.array(of_cost) for cost, of_cost in rows.items()}
+
+    @cached_property
+    def _first_costs(self) -> Array:
+        """Psi (n,) of the starts."""
+        return np.array([cost_at_start(mission.cost, mission.flight.start) for mission in self._missions])
+
+    # ---- observations
+
+    def _observe(self) -> None:
+        """Read the full states with their noise: a reading a control step, of which the last is the estimate."""
+        noise = self._runner.config.noise.position
+        self._read = self._x.copy()
+        if noise > 0.0:
+            width = np.sqrt(3.0) * noise
+            for i, chance in enumerate(self._chance):
+                self._read[i, :3] += chance.noise.uniform(-width, width, (self._steps, 3))[self._made[i] - 1]
+
+    def _observation(self) -> Observation:
+        return self._observed(np.arange(self.num_envs))
+
+    def _observed(self, rows: Array) -> Observation:
+        """Observations of some rows."""
+        flight = self._missions[0].flight
+        views = components(flight_views(flight.terrain, flight.speed_max, self._read[rows], self._targets[rows]))
+        left = np.maximum(self._deadlines[rows] - self._done[rows] * self._h, 0.0)
+        return {"time_left": left[:, np.newaxis], **views, "status": np.zeros(len(rows), dtype=np.int64)}
+
+    def _info(self, states: Array, events: list[tuple[str, ...]]) -> dict[str, Any]:
+        every = np.ones(self.num_envs, dtype=bool)
+        happened = np.empty(self.num_envs, dtype=object)
+        happened[:] = events
+        clearance = self._x[:, 2] - self._ground.height(self._x[:, 0], self._x[:, 1])
+        return {
+            "outcome": _NAMES[states], "_outcome": every, "events": happened, "_events": every,
+            "clearance": clearance, "_clearance": every,
+        }  # fmt: skip
+
+    # ---- the next episode
+
+    def _next(self, rows: Array, info: dict[str, Any]) -> dict[str, Any]:
+        """Begin the next episode in some rows; ``info`` of the last of those that end, and of the first of the next."""
+        last = self._observed(rows)
+        observations, mask = np.full(self.num_envs, None, dtype=object), np.zeros(self.num_envs, dtype=bool)
+        for k, i in enumerate(rows):
+            observations[i] = {name: value[k] for name, value in last.items()}
+        mask[rows] = True
+        final = {name: value.copy() for name, value in info.items() if not name.startswith("_")}
+        final |= {f"_{name}": mask.copy() for name in list(final)}
+        seeds = np.zeros(self.num_envs, dtype=np.int64)
+        seeds[rows] = self._restart(rows)
+        states = np.full(self.num_envs, FLYING)
+        events = [() if mask[i] else each for i, each in enumerate(info["events"])]
+        return {
+            **self._info(states, events), "seed": seeds, "_seed": mask.copy(),
+            "final_obs": observations, "_final_obs": mask, "final_info": final, "_final_info": mask.copy(),
+        }  # fmt: skip
+
+    def _restart(self, rows: Array) -> Array:
+        """Begin an episode in some rows; the seeds of these."""
+        seeds = np.array([drawn_seed(self._seeders[i]) for i in rows], dtype=np.int64)
+        config = self._runner.config
+        if config.noise.position > 0.0 or config.faults.gust_rms > 0.0:
+            for i, seed in zip(rows, seeds, strict=True):
+                self._chance[i] = _Chance.of(self._runner, int(seed))
+        self._x[rows] = self._read[rows] = self._starts[rows]
+        if config.noise.position > 0.0:
+            width = np.sqrt(3.0) * config.noise.position
+            for i in rows:
+                self._read[i, :3] += self._chance[i].noise.uniform(-width, width, 3)
+        self._done[rows] = 0
+        self._blowing[rows] = self._clipped[rows] = False
+        self._potential[rows] = -1.0
+        return seeds
+
+
+def _refusal(name: str, value: Any) -> str:
+    return (
+        f"{name} = {value!r} is not computed for many missions at once; allowed: to leave it out, or "
+        'vectorization_mode="async"'
+    )
+
+
+def _flight_terms(runner: EpisodeRunner) -> FlightTerms:
+    terms = runner.terms
+    assert isinstance(terms, FlightTerms)
+    return terms
+
+
+def _checked_plant(runner: EpisodeRunner) -> MujocoPlant:
+    """The plant of a mission; ValueError for fields that are not computed for many rows at once."""
+    config = runner.config
+    for name, value in (
+        ("target_path", config.target_path),
+        ("faults.dropout_rate", config.faults.dropout_rate),
+        ("faults.position_jump", config.faults.position_jump),
+    ):
+        if value:
+            raise ValueError(_refusal(name, value))
+    plant = runner.plant.plant if isinstance(runner.plant, Disturbed) else runner.plant
+    assert isinstance(plant, MujocoPlant)
+    return plant
+
+
+def _steepest(terrain: HeightField) -> float:
+    """Slope of the steepest triangle."""
+    east, north = np.diff(terrain.z, axis=1), np.diff(terrain.z, axis=0)
+    below_diagonal, above_diagonal = np.hypot(east[:-1], north[:, 1:]), np.hypot(east[1:], north[:, :-1])
+    return float(max(below_diagonal.max(), above_diagonal.max())) / terrain.spacing

@@ -1,0 +1,121 @@
+"""Point masses flown for a number of control steps under held accelerations, compiled, a row a mission.
+
+Over a control step h an acceleration a is held, gusts included, so that the arc is exact,
+
+    p := p + v h + a h^2 / 2,        v := v + a h,
+
+and what MuJoCo's Runge-Kutta steps of order 4 lead to but for rounding, as long as nothing touches. A row whose hull
+may touch within its next control step is left before it (``NEAR``): that step is MuJoCo's to make.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mathnavi.models.terrain.kernels import height_at
+from mathnavi.sim.interfaces.signals import Array
+
+Integers = NDArray[np.int64]
+
+FLYING, NEAR, ARRIVED, OFF_MAP, CRASHED, LATE = range(6)
+"""states of a row"""
+
+
+@njit(cache=True, nogil=True)
+def fly(
+    z: Array,
+    spacing: float,
+    reach: float,
+    steepest: float,
+    h: float,
+    x: Array,
+    u: Array,
+    gusts: Array,
+    targets: Array,
+    radius: float,
+    limits: tuple[float, float],
+    last: Integers,
+    done: Integers,
+    made: Integers,
+    violated: Integers,
+    states: Integers,
+) -> None:
+    """Advance the rows that are ``FLYING`` until they have made as many control steps as ``gusts`` has, or end.
+
+    ``z`` and ``spacing`` are the ground's, ``reach`` [m] is from a vehicle's centre to what touches, ``steepest`` the
+    greatest slope of the ground, h [s] a control step; x (n, 6) [m, m/s] the states, which are changed, u (n, 3)
+    [m/s^2] the accelerations held, gusts (n, steps, 3) [m/s^2], targets (n, 3) [m], within ``radius`` [m] of which is
+    arrived, and limits = (h_min [m], v_max [m/s]); last (n,) control steps of a whole episode, done (n,) those made so
+    far, made (n,) those of this hold and violated (n,) those of them at whose end a limit was not kept.
+    """
+    width, depth = (z.shape[1] - 1) * spacing, (z.shape[0] - 1) * spacing
+    touch = reach * math.sqrt(1.0 + steepest * steepest)
+    a = np.empty(3)
+    for i in range(x.shape[0]):
+        while states[i] == FLYING and made[i] < gusts.shape[1]:
+            speed, strength = 0.0, 0.0
+            for axis in range(3):
+                a[axis] = u[i, axis] + gusts[i, made[i], axis]
+                speed += x[i, 3 + axis] ** 2
+                strength += a[axis] ** 2
+            farthest = (math.sqrt(speed) + math.sqrt(strength) * h) * h
+            clearance = x[i, 2] - height_at(z, spacing, x[i, 0], x[i, 1])
+            if clearance <= touch + (1.0 + steepest) * farthest:
+                states[i] = NEAR
+                break
+            for axis in range(3):
+                x[i, axis] += h * x[i, 3 + axis] + 0.5 * h * h * a[axis]
+                x[i, 3 + axis] += h * a[axis]
+            made[i] += 1
+            done[i] += 1
+            violated[i] += is_violated(z, spacing, x[i], limits)
+            states[i] = state_after(width, depth, x[i], targets[i], radius, done[i], last[i])
+
+
+@njit(cache=True, nogil=True)
+def is_violated(z: Array, spacing: float, x: Array, limits: tuple[float, float]) -> int:
+    """1 for a state x (6,) lower above the ground than h_min [m] or faster than v_max [m/s], 0 for any other."""
+    speed = math.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
+    return 0 if x[2] - height_at(z, spacing, x[0], x[1]) >= limits[0] and speed <= limits[1] else 1
+
+
+@njit(cache=True, nogil=True)
+def state_after(width: float, depth: float, x: Array, target: Array, radius: float, done: int, last: int) -> int:
+    """State of a row that has touched nothing, x (6,) after ``done`` control steps."""
+    if not (0.0 <= x[0] <= width and 0.0 <= x[1] <= depth):
+        return OFF_MAP
+    distance = math.sqrt((x[0] - target[0]) ** 2 + (x[1] - target[1]) ** 2 + (x[2] - target[2]) ** 2)
+    if distance <= radius:
+        return ARRIVED
+    return LATE if done >= last else FLYING
+
+
+@njit(cache=True, nogil=True)
+def gusts_on(
+    now: Array, begun: NDArray[np.bool_], fresh: Array, keep: float, stir: float, rms: float, limit: float
+) -> Array:
+    """Gusts (n, steps, 3) of a first-order Gauss-Markov process, clipped to the length ``limit`` [m/s^2].
+
+    ``now`` (n, 3) is the process, which is changed, and ``begun`` (n,) says of which rows it runs; ``fresh``
+    (n, steps, 3) is standard normal.
+    """
+    out = np.empty_like(fresh)
+    for i in range(fresh.shape[0]):
+        for k in range(fresh.shape[1]):
+            length = 0.0
+            for axis in range(3):
+                if begun[i]:
+                    now[i, axis] = keep * now[i, axis] + stir * fresh[i, k, axis]
+                else:
+                    now[i, axis] = rms * fresh[i, k, axis]
+                length += now[i, axis] ** 2
+            begun[i] = True
+            length = math.sqrt(length)
+            share = min(1.0, limit / length) if length > 0.0 else 0.0
+            for axis in range(3):
+                out[i, k, axis] = share * now[i, axis]
+    return out

@@ -6,8 +6,7 @@ A map file is an ``.npz`` with ``z`` (rows, cols) [m], row 0 south, column 0 wes
 - 16-bit PNG: row 0 is north; the caller says the spacing [m] and the scale [m per unit].
 - SRTM ``.hgt``: big-endian int16 [m], 1201 or 3601 nodes each way over one degree, row 0 north, void -32768. The name,
   N42E080.hgt for one, states the south-west corner.
-- GeoTIFF: one band [m]; in degrees, or projected in metres. With rasterio (the extra ``dem``) any that it reads,
-  without it those that pillow decodes, placed by a pixel scale.
+- GeoTIFF: see ``geotiff``.
 
 Nodes a fixed angle apart are not a fixed distance apart. They are resampled bilinearly onto a square grid of local
 equirectangular metres: east and north as on the WGS84 ellipsoid at the latitude of the centre. Over one degree the
@@ -16,22 +15,18 @@ true distance east differs from that by less than 1 % at 45 degrees of latitude,
 
 from __future__ import annotations
 
-import importlib.util
 import io
 import json
 import math
 import re
-import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.ndimage import map_coordinates
 
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.errors import TerrainError
 from mathnavi.sim.interfaces.reading import arrays as reading
 from mathnavi.sim.interfaces.reading.files import decoded
@@ -46,16 +41,7 @@ MOST_NODES = 25_000_000  # of a map
 WGS84_RADIUS = 6378137.0  # [m] equatorial
 WGS84_ECCENTRICITY_SQUARED = 0.00669437999014
 
-# TIFF tags and GeoTIFF keys (OGC 19-008r4)
-TIFF_SAMPLES_PER_PIXEL = 277
-TIFF_PIXEL_SCALE = 33550
-TIFF_GEO_KEYS = 34735
-TIFF_TIE_POINT = 33922
-TIFF_NODATA = 42113
-KEY_MODEL_TYPE = 1024
-KEY_LINEAR_UNIT = 3076
-MODEL_PROJECTED, MODEL_GEOGRAPHIC = 1, 2
-UNIT_METRE = 9001
+Box = tuple[float, float, float, float]  # west, south, east, north
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +55,8 @@ class Raster:
     latitude: float | None = None  # [degrees] of the centre, if the steps are angles
     source: str = ""
     licence: str = ""
+    south: float = 0.0  # coordinates of the south-west node, in the unit of the steps
+    west: float = 0.0
 
 
 @configuration
@@ -92,6 +80,57 @@ def metres_per_degree(latitude: float) -> tuple[float, float]:
     return math.radians(north), math.radians(east)
 
 
+def within(
+    crop: Box, shape: tuple[int, int], corner: tuple[float, float], steps: tuple[float, float], name: str
+) -> tuple[slice, slice]:
+    """Rows and columns of the nodes within ``crop``, of a grid of ``shape`` whose south-west node is at ``corner``
+    (south, west), with ``steps`` (north, east), all in one unit.
+
+    Raises TerrainError for a box that is not within the grid, or has fewer than 2 x 2 nodes.
+    """
+    west, south, east, north = crop
+    parts = []
+    for first, last, origin, step, count in zip(
+        (south, west), (north, east), corner, steps, shape, strict=True
+    ):  # half a step outside is still the outermost node's
+        low, high = (first - origin) / step, (last - origin) / step
+        if not (-0.5 - 1e-6 <= low < high <= count - 0.5 + 1e-6):
+            box = (corner[1], corner[0], corner[1] + (shape[1] - 1) * steps[1], corner[0] + (shape[0] - 1) * steps[0])
+            raise TerrainError(
+                f"crop = {_numbers(crop)}: west, south, east, north of a part of {name}; "
+                f"allowed: within {_numbers(box)}"
+            )
+        parts.append(slice(max(0, math.ceil(low - 1e-6)), min(count - 1, math.floor(high + 1e-6)) + 1))
+    rows, columns = parts
+    counts = [part.stop - part.start for part in parts]
+    if min(counts) < 2:
+        raise TerrainError(
+            f"crop = {_numbers(crop)}: {counts[0]} x {counts[1]} nodes of {name}; allowed: at least 2 x 2"
+        )
+    return rows, columns
+
+
+def cropped(raster: Raster, crop: Box | None) -> Raster:
+    """Keep the part of ``raster`` within ``crop``, in the unit of its steps; all without one."""
+    if crop is None:
+        return raster
+    corner, steps = (raster.south, raster.west), (raster.step_north, raster.step_east)
+    rows, columns = within(crop, raster.z.shape, corner, steps, raster.name)
+    south = raster.south + rows.start * raster.step_north
+    z = raster.z[rows, columns]
+    return replace(
+        raster,
+        z=z,
+        south=south,
+        west=raster.west + columns.start * raster.step_east,
+        latitude=None if raster.latitude is None else south + 0.5 * (z.shape[0] - 1) * raster.step_north,
+    )
+
+
+def _numbers(box: Box) -> str:
+    return " ".join(f"{value:.10g}" for value in box)
+
+
 def square_grid(raster: Raster, spacing: float | None = None) -> Raster:
     """Resample ``raster`` to metres with equal steps ``spacing`` [m] both ways; without one, the steps north are kept.
 
@@ -100,19 +139,19 @@ def square_grid(raster: Raster, spacing: float | None = None) -> Raster:
     """
     to_north, to_east = (1.0, 1.0) if raster.latitude is None else metres_per_degree(raster.latitude)
     step_north, step_east = raster.step_north * to_north, raster.step_east * to_east
-    spacing = step_north if spacing is None else _positive("spacing", spacing, "m")
+    spacing = step_north if spacing is None else positive("resample", spacing, "m")
     if max(abs(step_north - spacing), abs(step_east - spacing)) <= 1e-9 * spacing:
         return replace(raster, step_north=spacing, step_east=spacing, latitude=None)
     extents = [(count - 1) * step for count, step in zip(raster.z.shape, (step_north, step_east), strict=True)]
     if max(extents) > MOST_NODES * spacing:
-        raise TerrainError(f"{raster.name}: spacing is {spacing} m; allowed: at most {MOST_NODES} nodes")
+        raise TerrainError(f"resample = {spacing} m; allowed: at most {MOST_NODES} nodes of {raster.name}")
     # Rounding must not cost the last row where the steps divide the side.
     rows, columns = (math.floor(extent / spacing + 1e-9) + 1 for extent in extents)
     if min(rows, columns) < 2:
         raise TerrainError(
-            f"{raster.name}: spacing is {spacing} m, which leaves {rows} x {columns} nodes; allowed: at least 2 x 2"
+            f"resample = {spacing} m leaves {rows} x {columns} nodes of {raster.name}; allowed: at least 2 x 2"
         )
-    check_nodes(rows * columns, f"{raster.name}: spacing is {spacing} m")
+    check_nodes(rows * columns, f"resample = {spacing} m, {raster.name}")
     row = np.minimum(np.arange(rows) * (spacing / step_north), raster.z.shape[0] - 1)
     column = np.minimum(np.arange(columns) * (spacing / step_east), raster.z.shape[1] - 1)
     z = map_coordinates(raster.z, np.meshgrid(row, column, indexing="ij"), order=1, mode="nearest")
@@ -129,7 +168,7 @@ def height_field(raster: Raster) -> HeightField:
         row, column = np.argwhere(void)[0]
         raise TerrainError(
             f"{raster.name}: {np.count_nonzero(void)} heights are void or NaN, the first at row {row} from the south, "
-            f"column {column} from the west; crop them away or fill them"
+            f"column {column} from the west; --crop keeps a part without, --fill fills them"
         )
     return HeightField(raster.z, raster.step_north, raster.name, raster.source, raster.licence)
 
@@ -139,7 +178,7 @@ def read_npz(path: str | Path) -> HeightField:
 
     Raises TerrainError for a file that is malformed, FileNotFoundError for none.
     """
-    path = _existing(path)
+    path = existing(path)
     entries = reading.read_npz(path, TerrainError, kinds=reading.NUMBERS_AND_TEXTS, names=("z", "meta"))
     for name in ("z", "meta"):
         if name not in entries:
@@ -190,8 +229,8 @@ def write_npz(terrain: HeightField, path: str | Path) -> None:
 
 def read_png(path: str | Path, spacing: float, scale: float) -> Raster:
     """Read a 16-bit grey picture: nodes ``spacing`` [m] apart, ``scale`` [m] per unit; row 0 is north."""
-    path = _existing(path)
-    spacing, scale = _positive("spacing", spacing, "m"), _positive("scale", scale, "m per unit")
+    path = existing(path)
+    spacing, scale = positive("spacing", spacing, "m"), positive("scale", scale, "m per unit")
     image, values = read_picture(path, TerrainError)
     if image.mode not in ("I;16", "I;16B", "I;16L"):
         raise TerrainError(f"{path}: the picture has the mode {image.mode}; allowed: 16-bit grey (I;16)")
@@ -200,7 +239,7 @@ def read_png(path: str | Path, spacing: float, scale: float) -> Raster:
 
 def read_hgt(path: str | Path) -> Raster:
     """Read an SRTM tile; its name states the south-west corner."""
-    path = _existing(path)
+    path = existing(path)
     corner = re.fullmatch(r"([NS])(\d{2})([EW])(\d{3})", path.stem, re.IGNORECASE)
     if corner is None:
         raise TerrainError(f"{path}: the name must state the south-west corner, as N42E080.hgt does")
@@ -213,145 +252,18 @@ def read_hgt(path: str | Path) -> Raster:
     z = np.where(values == HGT_VOID, np.nan, values.astype(np.float64))[::-1]
     latitude = int(corner[2]) * (1 if corner[1].upper() == "N" else -1) + 0.5
     step = 1.0 / (nodes - 1)
-    return Raster(path.stem, z, step, step, latitude, source="SRTM")
+    west = float(corner[4]) * (1 if corner[3].upper() == "E" else -1)
+    return Raster(path.stem, z, step, step, latitude, source="SRTM", south=latitude - 0.5, west=west)
 
 
-def read_geotiff(path: str | Path) -> Raster:
-    """Read a GeoTIFF with one band of heights in metres."""
-    path = _existing(path)
-    if importlib.util.find_spec("rasterio") is not None:
-        return _read_with_rasterio(path)
-    return _read_with_pillow(path)
-
-
-def import_dem(
-    path: str | Path,
-    out: str | Path,
-    spacing: float | None = None,
-    scale: float | None = None,
-    crop: tuple[int, int, int] | None = None,
-) -> HeightField:
-    """Read the elevation model ``path``, write it as the map ``out`` (``.npz``) and return what was written.
-
-    ``spacing`` [m]: between the nodes of the result; a PNG does not say its own, so there it is needed and states it.
-    ``scale`` [m per unit]: for a PNG, where it is needed, and for a GeoTIFF whose unit is not the metre.
-    ``crop`` (row, column, size): keep size x size nodes of the result, from ``row`` of the south and ``column`` of the
-    west on; voids outside do no harm.
-    """
-    path = _existing(path)
-    check_spares(out, [path])
-    suffix = path.suffix.lower()
-    if suffix == ".png":
-        if spacing is None or scale is None:
-            raise TerrainError(f"{path}: a PNG needs both spacing [m] and scale [m per unit], it states neither")
-        raster = read_png(path, spacing, scale)
-    elif suffix == ".hgt":
-        if scale is not None:
-            raise TerrainError(f"{path}: scale is {scale}; an .hgt file is in metres and takes none")
-        raster = read_hgt(path)
-    elif suffix in (".tif", ".tiff"):
-        raster = read_geotiff(path)
-        raster = replace(raster, z=raster.z * (1.0 if scale is None else _positive("scale", scale, "m per unit")))
-    elif suffix == ".npz":
-        if scale is not None:
-            raise TerrainError(f"{path}: scale is {scale}; an .npz map is in metres and takes none")
-        terrain = read_npz(path)
-        raster = Raster(
-            terrain.name, terrain.z, terrain.spacing, terrain.spacing, source=terrain.source, licence=terrain.licence
-        )
-    else:
-        raise TerrainError(f"{path}: the ending {suffix!r} is not known; allowed: .png, .hgt, .tif, .tiff, .npz")
-    raster = square_grid(raster, spacing)
-    if crop is not None:
-        raster = replace(raster, z=_cropped(raster, crop))
-    write_npz(height_field(raster), out)
-    return read_npz(out)
-
-
-def _cropped(raster: Raster, crop: tuple[int, int, int]) -> Array:
-    row, column, size = crop
-    rows, columns = raster.z.shape
-    if size < 2 or row < 0 or column < 0 or row + size > rows or column + size > columns:
-        raise TerrainError(
-            f"{raster.name}: crop (row {row}, column {column}, size {size}) is not within {rows} rows and "
-            f"{columns} columns; allowed sizes are 2 to {min(rows, columns)}"
-        )
-    return raster.z[row : row + size, column : column + size]
-
-
-def _read_with_rasterio(path: Path) -> Raster:
-    import rasterio
-
-    try:
-        # It warns of a missing place, which is an error below.
-        with warnings.catch_warnings(action="ignore"), rasterio.open(path, driver="GTiff") as dataset:
-            check_nodes(dataset.width * dataset.height, str(path))
-            bands, transform, crs = dataset.count, dataset.transform, dataset.crs
-            values = dataset.read(1, masked=True)
-    except rasterio.errors.RasterioError as error:
-        raise TerrainError(f"{path}: not a readable GeoTIFF ({error})") from None
-    if bands != 1:
-        raise TerrainError(f"{path}: {bands} bands; allowed: one, the heights")
-    if crs is None:
-        raise TerrainError(f"{path}: no coordinate system; allowed: degrees (geographic) and metres (projected)")
-    if transform.b or transform.d or transform.e >= 0.0:
-        raise TerrainError(f"{path}: the picture is rotated or its row 0 is not north; bring it north-up with gdalwarp")
-    if not crs.is_geographic and crs.linear_units_factor[1] != 1.0:
-        raise TerrainError(f"{path}: projected in {crs.linear_units}; allowed: metres, re-projected with gdalwarp")
-    z = np.ma.filled(values.astype(np.float64), np.nan)[::-1]
-    latitude = transform.f + 0.5 * z.shape[0] * transform.e if crs.is_geographic else None
-    return Raster(path.stem, z, -transform.e, transform.a, latitude)
-
-
-def _read_with_pillow(path: Path) -> Raster:
-    advice = "install the extra: pip install -e '.[dem]', or convert the file with gdal_translate"
-    try:
-        image, values = read_picture(path, TerrainError)
-    except ValueError as error:
-        raise TerrainError(f"{error}; rasterio may: {advice}") from None
-    if not image.mode.startswith(("I", "F")):
-        raise TerrainError(f"{path}: the picture has the mode {image.mode}; allowed: one band of heights")
-    tags: dict[int, Any] = dict(image.getexif())
-    if tags.get(TIFF_SAMPLES_PER_PIXEL, 1) != 1:
-        raise TerrainError(f"{path}: {tags[TIFF_SAMPLES_PER_PIXEL]} bands; allowed: one, the heights")
-    if TIFF_PIXEL_SCALE not in tags or TIFF_TIE_POINT not in tags or TIFF_GEO_KEYS not in tags:
-        raise TerrainError(f"{path}: no pixel scale, tie point and coordinate system that pillow could read; {advice}")
-    # A header of 4 numbers, then 4 for each key: (key, where it is stored, count, value).
-    directory = np.asarray(tags[TIFF_GEO_KEYS], dtype=np.int64)[4:].reshape(-1, 4)
-    keys = {int(key): int(value) for key, _, _, value in directory}
-    model = keys.get(KEY_MODEL_TYPE)
-    if model not in (MODEL_PROJECTED, MODEL_GEOGRAPHIC):
-        raise TerrainError(f"{path}: model type {model}; allowed: 1 (projected) and 2 (geographic)")
-    unit = keys.get(KEY_LINEAR_UNIT)
-    if model == MODEL_PROJECTED and unit != UNIT_METRE:
-        raise TerrainError(f"{path}: projected in the unit {unit}; allowed: {UNIT_METRE}, metres; {advice}")
-    if TIFF_NODATA in tags:
-        text = str(tags[TIFF_NODATA]).strip("\0 ")
-        try:
-            nodata = float(text)
-        except ValueError:
-            raise TerrainError(f"{path}: the no-data value is {text!r}; allowed: a number") from None
-        values = np.where(values == nodata, np.nan, values)
-    step_east, step_north = (float(step) for step in tags[TIFF_PIXEL_SCALE][:2])
-    tie_row, tie_north = float(tags[TIFF_TIE_POINT][1]), float(tags[TIFF_TIE_POINT][4])
-    centre = tie_north + (tie_row - 0.5 * values.shape[0]) * step_north
-    return Raster(
-        path.stem,
-        values[::-1],
-        _positive("the pixel scale north", step_north, "m or degrees"),
-        _positive("the pixel scale east", step_east, "m or degrees"),
-        centre if model == MODEL_GEOGRAPHIC else None,
-    )
-
-
-def _existing(path: str | Path) -> Path:
+def existing(path: str | Path) -> Path:
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file")
     return path
 
 
-def _positive(name: str, value: float, unit: str) -> float:
+def positive(name: str, value: float, unit: str) -> float:
     if not (math.isfinite(value) and value > 0.0):
         raise TerrainError(f"{name} is {value} {unit}; allowed: a finite number above 0")
     return float(value)

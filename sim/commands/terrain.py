@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 import tyro
 
-from mathnavi.models.terrain.dem import import_dem
+from mathnavi.models.terrain.dem_import import import_dem
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain, terrain_names
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, flags, parse, with_flag
@@ -22,7 +22,8 @@ from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.writing import write_bytes
 
-USAGE = """usage: mathnavi terrain import FILE --out FILE.npz [--spacing M] [--scale M] [--crop ROW COL SIZE]
+USAGE = """usage: mathnavi terrain import FILE --out FILE.npz [--crop WEST SOUTH EAST NORTH] [--fill]
+                               [--resample M] [--spacing M] [--scale M]
        mathnavi terrain show NAME|FILE.npz [--out PNG]          NAME: {}"""
 
 
@@ -34,12 +35,17 @@ class TerrainImportOptions:
     """.png (16 bit), .hgt, .tif, .tiff or .npz"""
     out: Path
     """the map to write, .npz"""
+    crop: Annotated[tuple[float, float, float, float] | None, tyro.conf.arg(metavar="WEST SOUTH EAST NORTH")] = None
+    """keep what lies within: degrees for an .hgt or a GeoTIFF in degrees, metres of its projection for another GeoTIFF,
+    metres from the south-west corner for .png and .npz"""
+    fill: bool = False
+    """fill voids from the heights around them, at most 100 nodes away"""
+    resample: float | None = None
+    """distance between the nodes of the map [m], bilinear; that of the file if not given"""
     spacing: float | None = None
-    """between the nodes of the map [m]; needed for a .png"""
+    """distance between the pixels of a .png [m], which does not state it"""
     scale: float | None = None
-    """metres per unit of the file; needed for a .png"""
-    crop: tuple[int, int, int] | None = None
-    """ROW COL SIZE: keep SIZE x SIZE nodes, from that row of the south and that column of the west on"""
+    """metres per unit of height; needed for a .png"""
 
 
 @dataclass(frozen=True)
@@ -70,7 +76,15 @@ def _import(argv: Sequence[str]) -> None:
     )
     try:
         with bad_input():
-            terrain = import_dem(options.file, options.out, options.spacing, options.scale, options.crop)
+            terrain = import_dem(
+                options.file,
+                options.out,
+                spacing=options.spacing,
+                scale=options.scale,
+                crop=options.crop,
+                fill=options.fill,
+                resample=options.resample,
+            )
     except BadInputError as error:
         raise BadInputError(with_flag(str(error), [flag for flag, _ in flags(TerrainImportOptions)])) from error
     print(statistics(terrain))

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from mathnavi.models.manifold.constant_curvature import hyperbolic_space as HyperbolicSpace  # noqa: N812
     from mathnavi.models.manifold.constant_curvature import sphere as Sphere  # noqa: N812
     from mathnavi.models.manifold.systems import RigidBody
-    from mathnavi.models.terrain.dem import import_dem as import_terrain
+    from mathnavi.models.terrain.dem_import import import_dem as import_terrain
     from mathnavi.models.terrain.height_field import HeightField
     from mathnavi.models.terrain.library import load_terrain
     from mathnavi.models.terrain.visibility import Radar
@@ -95,7 +95,7 @@ _PLACES = {
     "check_pontryagin": "controllers.ocp.pontryagin",
     # terrain
     "load_terrain": "models.terrain.library",
-    "import_terrain": "models.terrain.dem:import_dem",
+    "import_terrain": "models.terrain.dem_import:import_dem",
     "HeightField": "models.terrain.height_field",
     "Radar": "models.terrain.visibility",
     # signals, for plug-ins of one's own

@@ -1,4 +1,4 @@
-"""Pictures from files: their size is checked before they are decoded."""
+"""PNG pictures from files: their size is checked before they are decoded."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def read_picture(path: Path, error: Refusal) -> tuple[Image.Image, Array]:
         with (
             warnings.catch_warnings(action="ignore"),
             opened(path, error, MOST_BYTES) as file,
-            Image.open(file, formats=("PNG", "TIFF")) as image,
+            Image.open(file, formats=("PNG",)) as image,
         ):
             check_pixels(*image.size, path, error)
             image.load()

@@ -46,8 +46,8 @@ compare trials.db trials.db --out new.html
 compare study study --out new.html
 terrain import dem.png --out new.npz --spacing 100 --scale 1
 terrain import dem.tif --out new.npz
-terrain import hills.npz --out new.npz --crop 0 0 20
-terrain import N42E080.hgt --out new.npz --spacing 2000
+terrain import hills.npz --out new.npz --crop 0 0 2000 2000
+terrain import N42E080.hgt --out new.npz --resample 2000
 terrain show hills.npz --out new.png
 terrain show tian_shan --out new.png
 completion bash

@@ -33,7 +33,7 @@ FILES = """
 N99E999.hgt S00W000.hgt N42E080.png n42e080.hgt N90E000.hgt ١.hgt dem.hgt dem.asc dem.PNG dem.TIF dem dem.npz dem.tiff
 dem.csv x\x1b[31m.hgt
 """
-CROPS = ("0", "1", "20", "-1", "99999999999999999999", "nan", "61")
+CROPS = ("0", "1", "2000", "-1", "99999999999999999999", "nan", "500000", "80.02", "42.97")
 
 
 def maps(rng: Generator, shop: Path, work: Path) -> Case:
@@ -75,12 +75,17 @@ def elevations(rng: Generator, shop: Path, work: Path) -> Case:
             path.rename(work / name)
     words = ["terrain", "import", name, "--out", "new.npz"]
     if rng.random() < 0.7:
-        words += ["--spacing", one_of(rng, ("100", "0.01", "10", "1e-300", "1e300", *NUMBERS))]
+        words += [
+            one_of(rng, ("--spacing", "--resample")),
+            one_of(rng, ("100", "0.01", "10", "1e-300", "1e300", *NUMBERS)),
+        ]
     if name.lower().endswith(".png") or rng.random() < 0.2:
         words += ["--scale", one_of(rng, ("1", "0.1", *NUMBERS))]
     if rng.random() < 0.3:
-        words += ["--crop", *(one_of(rng, CROPS) for _ in range(int(rng.integers(2, 5))))]
-    culprits = (name, ascii(name)[1:-1], Path(name).stem, "outside", "--spacing", "--scale", "--crop")
+        words += ["--crop", *(one_of(rng, CROPS) for _ in range(int(rng.integers(3, 6))))]
+    if rng.random() < 0.2:
+        words += ["--fill"]
+    culprits = (name, ascii(name)[1:-1], Path(name).stem, "outside", "--spacing", "--resample", "--scale", "--crop")
     kind = f"DEM {Path(name).suffix.lower() or 'without ending'}"
     return Case("terrain import", kind, tuple(words), culprits, ("new.npz",), f"{done} {' '.join(words[5:])}"[:90])
 

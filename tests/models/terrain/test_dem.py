@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,13 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from PIL import Image, TiffImagePlugin
+from PIL import Image
 
-from mathnavi.models.terrain import dem
-from mathnavi.models.terrain.dem import import_dem, metres_per_degree, read_hgt, read_npz, write_npz
+from mathnavi.models.terrain.dem import metres_per_degree, read_hgt, read_npz, write_npz
+from mathnavi.models.terrain.dem_import import import_dem
 from mathnavi.models.terrain.height_field import HeightField
-
-METRE, FOOT = 9001, 9002
 
 
 def save_npz(path: Path, z: Any, meta: Any) -> Path:
@@ -35,47 +32,10 @@ def save_hgt(path: Path, values: NDArray[Any]) -> Path:
     return path
 
 
-def save_geotiff(
-    path: Path,
-    values: NDArray[Any],
-    steps: tuple[float, float] = (30.0, 30.0),
-    model: int = 1,
-    unit: int = METRE,
-    nodata: str | None = None,
-    compression: str = "tiff_adobe_deflate",
-    north: float = 5e6,
-) -> Path:
-    """North-up, as pillow writes it; model 1 is projected, 2 in degrees. ``steps`` are (east, north)."""
-    tags = TiffImagePlugin.ImageFileDirectory_v2()
-    keys = [1, 1, 0, 3, 1024, 0, 1, model, 1025, 0, 1, 1]
-    keys += [3072, 0, 1, 32644, 3076, 0, 1, unit] if model == 1 else [2048, 0, 1, 4326]
-    keys[3] = len(keys) // 4 - 1
-    for tag, kind, value in (
-        (33550, 12, (*steps, 0.0)),
-        (33922, 12, (0.0, 0.0, 0.0, 5e5 if model == 1 else 80.0, north, 0.0)),
-        (34735, 3, tuple(keys)),
-        (42113, 2, nodata),
-    ):
-        if value is not None:
-            tags.tagtype[tag] = kind
-            tags[tag] = value
-    Image.fromarray(values).save(path, tiffinfo=tags, compression=compression)
-    return path
-
-
 @pytest.fixture
 def heights() -> NDArray[np.float64]:
     """(5, 7) whole metres, row 0 south, no symmetry."""
     return np.random.default_rng(0).integers(0, 3000, (5, 7)).astype(np.float64)
-
-
-@pytest.fixture(params=["pillow", "rasterio"])
-def geotiff_reader(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    if request.param == "rasterio":
-        pytest.importorskip("rasterio")
-    else:
-        monkeypatch.setattr(dem, "read_geotiff", dem._read_with_pillow)
-    return str(request.param)
 
 
 def test_an_npz_comes_back_as_it_was_written(tmp_path: Path, heights: NDArray[np.float64]) -> None:
@@ -191,15 +151,12 @@ def test_a_png_of_another_depth_is_refused(tmp_path: Path, values: NDArray[np.ui
         import_dem(save_png(tmp_path / "a.png", values), tmp_path / "out.npz", spacing=1.0, scale=1.0)
 
 
-@pytest.mark.parametrize("name", ["a.png", "a.tif"])
-@pytest.mark.usefixtures("geotiff_reader")
-def test_a_picture_cut_off_is_refused(tmp_path: Path, name: str) -> None:
+def test_a_picture_cut_off_is_refused(tmp_path: Path) -> None:
     values = np.random.default_rng(0).integers(0, 60000, (64, 64)).astype(np.uint16)
-    path = save_png(tmp_path / name, values) if name == "a.png" else save_geotiff(tmp_path / name, values)
+    path = save_png(tmp_path / "a.png", values)
     path.write_bytes(path.read_bytes()[:3000])
-    scale, spacing = (1.0, 1.0) if name == "a.png" else (None, None)
-    with pytest.raises(ValueError, match=name):
-        import_dem(path, tmp_path / "out.npz", spacing=spacing, scale=scale)
+    with pytest.raises(ValueError, match=r"a\.png"):
+        import_dem(path, tmp_path / "out.npz", spacing=1.0, scale=1.0)
     assert not (tmp_path / "out.npz").exists()
 
 
@@ -207,7 +164,7 @@ def test_an_hgt_tile_is_flipped_and_brought_to_square_metres(tmp_path: Path) -> 
     north, east = metres_per_degree(42.5)
     row, column = np.mgrid[0:1201, 0:1201]
     values = 1000 + row - 2 * column // 3  # row 0 is north
-    terrain = import_dem(save_hgt(tmp_path / "N42E080.hgt", values), tmp_path / "out.npz", spacing=500.0)
+    terrain = import_dem(save_hgt(tmp_path / "N42E080.hgt", values), tmp_path / "out.npz", resample=500.0)
     assert terrain.spacing == 500.0
     assert terrain.width == pytest.approx(east, abs=500.0)
     assert terrain.depth == pytest.approx(north, abs=500.0)
@@ -241,7 +198,9 @@ def test_voids_are_counted_and_the_first_is_placed(tmp_path: Path) -> None:
     ):
         import_dem(path, tmp_path / "out.npz")
     assert not (tmp_path / "out.npz").exists()
-    assert import_dem(path, tmp_path / "out.npz", crop=(300, 100, 50)).z.shape == (50, 50)  # voids outside do no harm
+    assert (
+        import_dem(path, tmp_path / "out.npz", crop=(6.1, 0.3, 6.2, 0.4)).z.shape[0] == 121
+    )  # voids outside do no harm
 
 
 @pytest.mark.parametrize("size", [0, 2 * 1201**2 - 2, 2 * 1201 * 1200, 2 * 1000**2])
@@ -257,113 +216,87 @@ def test_an_hgt_without_its_corner_in_the_name_is_refused(tmp_path: Path) -> Non
         import_dem(path, tmp_path / "out.npz")
 
 
-@pytest.mark.usefixtures("geotiff_reader")
-@pytest.mark.parametrize("dtype", [np.uint16, np.int16, np.int32, np.float32])
-@pytest.mark.parametrize("compression", ["raw", "tiff_adobe_deflate", "tiff_lzw"])
-def test_a_projected_geotiff_is_taken_as_it_is(
-    tmp_path: Path, heights: NDArray[np.float64], dtype: type, compression: str
-) -> None:
-    path = save_geotiff(tmp_path / "a.tif", heights[::-1].astype(dtype), compression=compression)
-    terrain = import_dem(path, tmp_path / "out.npz")
-    np.testing.assert_array_equal(terrain.z, heights)
-    assert terrain.spacing == 30.0
-
-
-@pytest.mark.usefixtures("geotiff_reader")
-def test_a_projected_geotiff_is_resampled_to_the_spacing_asked_for(tmp_path: Path) -> None:
-    plane = np.add.outer(3.0 * np.arange(11.0), 5.0 * np.arange(21.0)).astype(np.float32)  # per 30 m north, 15 m east
-    path = save_geotiff(tmp_path / "a.tiff", plane[::-1], steps=(15.0, 30.0))
-    assert import_dem(path, tmp_path / "out.npz").z.shape == (11, 11)
-    terrain = import_dem(path, tmp_path / "out.npz", spacing=20.0)
-    assert (terrain.width, terrain.depth) == (300.0, 300.0)
-    assert float(terrain.height(140.0, 100.0)) == pytest.approx(3.0 * 100.0 / 30.0 + 5.0 * 140.0 / 15.0, abs=1e-4)
-
-
-@pytest.mark.usefixtures("geotiff_reader")
-def test_a_geographic_geotiff_is_brought_to_metres(tmp_path: Path) -> None:
-    step = 1.0 / 1200
-    values = np.zeros((61, 61), np.int16)
-    path = save_geotiff(tmp_path / "a.tif", values, steps=(step, step), model=2, north=42.5 + 30.5 * step)
-    terrain = import_dem(path, tmp_path / "out.npz")
-    north, east = metres_per_degree(42.5)
-    assert terrain.spacing == pytest.approx(step * north, rel=1e-9)
-    assert terrain.width == pytest.approx(60 * step * east, abs=terrain.spacing)
-
-
-@pytest.mark.usefixtures("geotiff_reader")
-def test_a_geotiff_takes_a_scale(tmp_path: Path, heights: NDArray[np.float64]) -> None:
-    path = save_geotiff(tmp_path / "a.tif", heights[::-1].astype(np.int16))
-    np.testing.assert_array_equal(import_dem(path, tmp_path / "out.npz", scale=0.5).z, 0.5 * heights)
-
-
-@pytest.mark.usefixtures("geotiff_reader")
-def test_the_no_data_value_of_a_geotiff_is_a_void(tmp_path: Path, heights: NDArray[np.float64]) -> None:
-    heights[2, 3] = -9999.0
-    path = save_geotiff(tmp_path / "a.tif", heights[::-1].astype(np.int16), nodata="-9999")
-    with pytest.raises(ValueError, match="1 heights are void or NaN, the first at row 2 from the south, column 3"):
-        import_dem(path, tmp_path / "out.npz")
-
-
-@pytest.mark.usefixtures("geotiff_reader")
-def test_a_geotiff_in_feet_is_refused(tmp_path: Path, heights: NDArray[np.float64]) -> None:
-    path = save_geotiff(tmp_path / "a.tif", heights.astype(np.int16), unit=FOOT)
-    with pytest.raises(ValueError, match=r"projected in .* metres"):
-        import_dem(path, tmp_path / "out.npz")
-
-
-@pytest.mark.usefixtures("geotiff_reader")
-def test_a_tiff_without_a_place_is_refused(tmp_path: Path, heights: NDArray[np.float64]) -> None:
-    Image.fromarray(heights.astype(np.int16)).save(tmp_path / "a.tif")
-    with pytest.raises(ValueError, match=r"no .*coordinate system"):
-        import_dem(tmp_path / "a.tif", tmp_path / "out.npz")
-
-
-@pytest.mark.usefixtures("geotiff_reader")
-def test_a_geotiff_of_colours_is_refused(tmp_path: Path) -> None:
-    path = save_geotiff(tmp_path / "a.tif", np.zeros((3, 3, 3), np.uint8))
-    with pytest.raises(ValueError, match="allowed: one"):
-        import_dem(path, tmp_path / "out.npz")
-
-
-def test_what_pillow_cannot_read_names_the_extra_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dem, "read_geotiff", dem._read_with_pillow)
-    # A directory of one 64-bit float sample, which pillow has no mode for.
-    entries = [(256, 3, 1, 1), (257, 3, 1, 1), (258, 3, 1, 64), (259, 3, 1, 1), (262, 3, 1, 1), (273, 4, 1, 122)]
-    entries += [(277, 3, 1, 1), (278, 3, 1, 1), (279, 4, 1, 8), (339, 3, 1, 3)]
-    directory = struct.pack("<H", len(entries)) + b"".join(struct.pack("<HHII", *entry) for entry in entries)
-    (tmp_path / "a.tif").write_bytes(b"II*\0" + struct.pack("<I", 8) + directory + bytes(16))
-    with pytest.raises(ValueError, match=r"\[dem\]"):
-        import_dem(tmp_path / "a.tif", tmp_path / "out.npz")
-
-
-def test_a_crop_counts_from_the_south_west(tmp_path: Path, heights: NDArray[np.float64]) -> None:
+def test_a_crop_of_a_picture_is_in_metres_from_the_south_west(tmp_path: Path, heights: NDArray[np.float64]) -> None:
     path = save_png(tmp_path / "a.png", heights[::-1].astype(np.uint16))
-    terrain = import_dem(path, tmp_path / "out.npz", spacing=10.0, scale=1.0, crop=(1, 2, 3))
+    terrain = import_dem(path, tmp_path / "out.npz", spacing=10.0, scale=1.0, crop=(20.0, 10.0, 40.0, 30.0))
     np.testing.assert_array_equal(terrain.z, heights[1:4, 2:5])
 
 
-@pytest.mark.parametrize("crop", [(-1, 0, 2), (0, -1, 2), (0, 0, 1), (0, 0, 6), (3, 0, 3), (0, 5, 3)])
+def test_a_crop_of_an_hgt_tile_is_in_degrees(tmp_path: Path) -> None:
+    row, column = np.mgrid[0:1201, 0:1201]
+    path = save_hgt(tmp_path / "S34W071.hgt", 2 * row + column)  # row 0 is north
+    terrain = import_dem(path, tmp_path / "out.npz", crop=(-70.5, -33.75, -70.25, -33.5))
+    north, east = metres_per_degree(-33.625)  # of the part, not of the tile
+    assert terrain.z.shape == (301, 1 + int(300 * east / north))
+    assert terrain.spacing == pytest.approx(north / 1200)
+    assert terrain.z[0, 0] == 2 * 900 + 600
+    assert terrain.z[-1, 0] == 2 * 600 + 600
+
+
+@pytest.mark.parametrize(
+    "crop",
+    [
+        (-20.0, 0.0, 30.0, 30.0),
+        (0.0, 0.0, 70.0, 30.0),
+        (0.0, 0.0, 30.0, 50.0),
+        (30.0, 0.0, 0.0, 30.0),
+        (0.0, float("nan"), 30.0, 30.0),
+        (0.0, 0.0, float("inf"), 30.0),
+    ],
+)
 def test_a_crop_outside_the_map_is_refused(
-    tmp_path: Path, heights: NDArray[np.float64], crop: tuple[int, int, int]
+    tmp_path: Path, heights: NDArray[np.float64], crop: tuple[float, float, float, float]
 ) -> None:
     path = save_png(tmp_path / "a.png", heights.astype(np.uint16))
-    with pytest.raises(ValueError, match=r"crop \(row .* is not within 5 rows and 7 columns; allowed sizes are 2 to 5"):
+    with pytest.raises(ValueError, match=r"crop = .*; allowed: within 0 0 60 40"):
         import_dem(path, tmp_path / "out.npz", spacing=10.0, scale=1.0, crop=crop)
+
+
+def test_a_crop_between_two_nodes_is_refused(tmp_path: Path, heights: NDArray[np.float64]) -> None:
+    path = save_npz(tmp_path / "a.npz", heights, {"spacing_m": 10.0})
+    with pytest.raises(ValueError, match=r"crop = 11 0 19 40: 5 x 0 nodes of a; allowed: at least 2 x 2"):
+        import_dem(path, tmp_path / "out.npz", crop=(11.0, 0.0, 19.0, 40.0))
+
+
+def test_voids_are_filled_from_the_heights_around_them_and_counted(tmp_path: Path) -> None:
+    row, column = np.mgrid[0:1201, 0:1201]
+    values = 1000 + row - 2 * (column // 2)
+    values[500:506, 700:703] = -32768
+    path = save_hgt(tmp_path / "N00E006.hgt", values)
+    box = (6.5, 0.5, 6.65, 0.65)
+    terrain = import_dem(path, tmp_path / "out.npz", fill=True, crop=box)
+    assert "18 of 32761 heights (0.055 %) were void and filled from those around" in terrain.source
+    whole = save_hgt(tmp_path / "N00E007.hgt", np.where(values == -32768, 1000 + row - 2 * (column // 2), values))
+    truth = import_dem(whole, tmp_path / "whole.npz", crop=(7.5, 0.5, 7.65, 0.65))
+    assert np.abs(terrain.z - truth.z).max() < 6.0  # as far as the ground falls across the void
+    assert (terrain.z == truth.z).mean() > 0.999  # what the file has stays as it is
+    assert "void" not in truth.source
+
+
+def test_a_void_too_wide_to_be_filled_is_refused(tmp_path: Path) -> None:
+    values = np.full((1201, 1201), -32768)
+    values[0] = 100
+    path = save_hgt(tmp_path / "N00E006.hgt", values)
+    with pytest.raises(ValueError, match=r"\d+ voids are more than 100 nodes from any height"):
+        import_dem(path, tmp_path / "out.npz", fill=True)
+    assert not (tmp_path / "out.npz").exists()
 
 
 def test_an_npz_can_be_resampled_but_not_scaled(tmp_path: Path, heights: NDArray[np.float64]) -> None:
     path = save_npz(tmp_path / "a.npz", heights, {"spacing_m": 10.0, "licence": "CC0"})
-    coarse = import_dem(path, tmp_path / "out.npz", spacing=20.0)
+    coarse = import_dem(path, tmp_path / "out.npz", resample=20.0)
     np.testing.assert_array_equal(coarse.z, heights[::2, ::2])
     assert (coarse.name, coarse.licence) == ("a", "CC0")
     with pytest.raises(ValueError, match=r"scale is 2\.0"):
         import_dem(path, tmp_path / "out.npz", scale=2.0)
+    with pytest.raises(ValueError, match=r"spacing is 20\.0; .* --resample"):
+        import_dem(path, tmp_path / "out.npz", spacing=20.0)
 
 
 def test_a_spacing_wider_than_the_map_is_refused(tmp_path: Path, heights: NDArray[np.float64]) -> None:
     path = save_npz(tmp_path / "a.npz", heights, {"spacing_m": 10.0})
-    with pytest.raises(ValueError, match=r"spacing is 41\.0 m, which leaves 1 x 2 nodes"):
-        import_dem(path, tmp_path / "out.npz", spacing=41.0)
+    with pytest.raises(ValueError, match=r"resample = 41\.0 m leaves 1 x 2 nodes of a"):
+        import_dem(path, tmp_path / "out.npz", resample=41.0)
 
 
 def test_an_unknown_ending_is_refused(tmp_path: Path) -> None:

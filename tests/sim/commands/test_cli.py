@@ -284,7 +284,7 @@ def test_help_of_run_has_the_fields_of_the_plugins_that_are_chosen(capsys: pytes
 
 def test_terrain_import_crops_and_resamples(hills: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "part.npz"
-    words = f"terrain import {hills} --out {out} --spacing 200 --crop 5 10 20"
+    words = f"terrain import {hills} --out {out} --resample 200 --crop 2000 1000 5800 4800"
     assert main(words.split()) == 0
     part, whole = load_terrain(out), load_terrain(hills)
     assert part.z.shape == (20, 20)

@@ -20,7 +20,7 @@ ALLOWED = {
     ("models/unicycle/entity.py", "mjcf.from_path"),  # parts of the package
     ("models/missile/entity.py", "mjcf.from_path"),
     ("models/aerial/entity.py", "mjcf.from_path"),
-    ("models/terrain/dem.py", "rasterio.open"),  # it opens files itself; one format, and its size is checked
+    ("models/terrain/geotiff.py", "rasterio.open"),  # it opens files itself; one format, and its size is checked
     ("sim/commands/search.py", "Store.open"),  # the store, no file
     ("sim/commands/study.py", "Store.open"),
     ("sim/commands/sweep.py", "Store.open"),

@@ -130,7 +130,7 @@ def solver(acados: Any, known: dict[str, Any], scratch: Path, kind: str) -> Any:
     c.idxsh_e = np.arange(len(times) + 1)
     c.idxbx_0, c.lbx_0 = np.arange(7), np.zeros(7)
     c.ubx_0 = np.array([0.0] * 6 + [known["speed_max"]])
-    c.idxbxe_0 = np.arange(6)
+    c.idxbxe_0 = np.array([], dtype=int)  # as bounds: HPIPM does not eliminate a part of the first state
     kappa = np.full(count, known["terrain_weight"])
     kappa_e = np.append(np.full(len(times), known["terrain_weight"]), known["approach_weight"])
     for side in ("l", "u"):
@@ -142,7 +142,7 @@ def solver(acados: Any, known: dict[str, Any], scratch: Path, kind: str) -> Any:
     options.tf, options.time_steps = float(n), np.ones(n)  # the cost of a stage is multiplied by its step
     options.integrator_type, options.nlp_solver_type = "DISCRETE", kind
     options.hessian_approx, options.regularize_method = "GAUSS_NEWTON", "PROJECT"
-    options.qp_solver, options.hpipm_mode = "PARTIAL_CONDENSING_HPIPM", "BALANCE"
+    options.qp_solver, options.hpipm_mode = "PARTIAL_CONDENSING_HPIPM", "ROBUST"
     options.qp_solver_iter_max, options.nlp_solver_max_iter = 200, MOST_ITERATIONS
     options.nlp_solver_tol_stat, options.nlp_solver_tol_eq = 1e-3, 1e-6
     options.nlp_solver_tol_ineq, options.nlp_solver_tol_comp = 1e-6, 1e-3

@@ -146,7 +146,6 @@ def solver(acados: Any, known: dict[str, Any], scratch: Path, kind: str) -> Any:
     options.qp_solver_iter_max, options.nlp_solver_max_iter = 200, MOST_ITERATIONS
     options.nlp_solver_tol_stat, options.nlp_solver_tol_eq = 1e-3, 1e-6
     options.nlp_solver_tol_ineq, options.nlp_solver_tol_comp = 1e-6, 1e-3
-    options.globalization = "MERIT_BACKTRACKING" if kind == "SQP" else "FIXED_STEP"
     ocp.code_export_directory = str(scratch / kind)
     return acados.AcadosOcpSolver(ocp, json_file=str(scratch / f"{kind}.json"), verbose=False)
 

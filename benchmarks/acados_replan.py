@@ -22,6 +22,8 @@ from mathnavi.controllers.flight.reference import windows
 from mathnavi.sim.interfaces.signals import Array
 
 SCRIPT = Path(__file__).with_name("acados_flight.py")
+WITHIN = 1e-3
+"""relative excess over a limit up to which a plan is one: more than that, and the solve has failed"""
 NAMES = {"SQP": "acados, SQP", "SQP_RTI": "acados, RTI"}
 
 Answers = tuple[Array, list[PlanSolution | None]]
@@ -38,7 +40,7 @@ def solved(folder: Path, problems: Sequence[tuple[Problem, Array]], repetitions:
     if done.returncode:
         raise RuntimeError(f"acados: exit code {done.returncode}\n{done.stderr[-2000:]}")
     found = json.loads(done.stdout.splitlines()[-1])
-    return {NAMES[kind]: _answers(answer) for kind, answer in found.items()}
+    return {NAMES[kind]: _answers(answer, problems) for kind, answer in found.items()}
 
 
 def _stated(problems: Sequence[tuple[Problem, Array]]) -> dict[str, Any]:
@@ -77,13 +79,25 @@ def _stated(problems: Sequence[tuple[Problem, Array]]) -> dict[str, Any]:
     }
 
 
-def _answers(answer: dict[str, Any]) -> Answers:
-    return np.array(answer["ms"]), [_solution(each) for each in answer["found"]]
+def _answers(answer: dict[str, Any], problems: Sequence[tuple[Problem, Array]]) -> Answers:
+    found = zip(answer["found"], problems, strict=True)
+    return np.array(answer["ms"]), [_solution(each, problem) for each, (problem, _) in found]
 
 
-def _solution(found: dict[str, Any]) -> PlanSolution | None:
+def _solution(found: dict[str, Any], problem: Problem) -> PlanSolution | None:
     if found["unknowns"] is None:
         return None
     unknowns = np.array(found["unknowns"])
     accelerations, climb = unknowns[:-1].reshape(-1, 3), max(0.0, float(unknowns[-1]))
+    if excess(problem, accelerations, climb) > WITHIN:
+        return None
     return PlanSolution(accelerations, climb, np.nan, True, found["iterations"])
+
+
+def excess(problem: Problem, accelerations: Array, climb: float) -> float:
+    """Largest relative excess of a plan over its limits of speed and acceleration, the manoeuvre's among them."""
+    p = problem.parameters
+    v = problem.start[3:] + np.cumsum(np.array(p.lengths)[:, None] * accelerations, axis=0)
+    braking = (np.array([0.0, 0.0, climb]) - v[-1]) / p.manoeuvre_duration
+    speeds, forces = np.linalg.norm(v, axis=1), np.linalg.norm(np.vstack([accelerations, braking]), axis=1)
+    return float(max(speeds.max() / p.speed_max, forces.max() / p.acceleration_max)) - 1.0

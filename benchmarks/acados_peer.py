@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 from dataclasses import dataclass, field
@@ -25,6 +24,7 @@ from annotated_types import Ge
 from rich.console import Console
 
 from benchmarks import ocp_ours
+from benchmarks.acados_wheel import FOLDER, missing
 from benchmarks.comparison import Comparison, alone
 from benchmarks.ocp_attempts import Attempt, attempts
 from benchmarks.ocp_trajectory import Trajectory, judge
@@ -33,7 +33,6 @@ from mathnavi.sim.interfaces.bounds import Within, configuration
 
 NAME = "cart-pole"
 LEVEL = 1e-2
-FOLDER = Path(sys.prefix) / "acados"  # where the Makefile installs the wheel
 SCRIPT = Path(__file__).with_name("acados_cart_pole.py")
 
 
@@ -102,13 +101,6 @@ class AcadosFindings:
             "acados": {str(n): vars(attempt) for n, attempt in self.acados.items()},
             "iterations": {str(n): vars(own) for n, own in self.iterations.items()},
         }
-
-
-def missing(folder: Path) -> str:
-    """Reason why acados cannot be compared here, in a line; empty where it can."""
-    if not (folder / "acados" / "acados_template").is_dir():
-        return f"it is not installed (pip install --no-deps --target {folder} comma-deps-acados)"
-    return "" if shutil.which("gcc") else "there is no gcc, which compiles its solvers"
 
 
 def solved(folder: Path, intervals: int, repetitions: int) -> tuple[Attempt, RealTime]:

@@ -18,9 +18,12 @@ import numpy as np
 from mathnavi.controllers.flight.kernels import problem_data
 from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH
 from mathnavi.controllers.flight.problem import POINTS_ON_MANOEUVRE, POINTS_PER_ARC, PlanSolution, Problem
+from mathnavi.controllers.flight.reference import windows
 from mathnavi.sim.interfaces.signals import Array
 
 SCRIPT = Path(__file__).with_name("acados_flight.py")
+WITHIN = 1e-3
+"""relative excess over a limit up to which a plan is one: more than that, and the solve has failed"""
 NAMES = {"SQP": "acados, SQP", "SQP_RTI": "acados, RTI"}
 
 Answers = tuple[Array, list[PlanSolution | None]]
@@ -29,35 +32,22 @@ Answers = tuple[Array, list[PlanSolution | None]]
 
 def solved(folder: Path, problems: Sequence[tuple[Problem, Array]], repetitions: int) -> dict[str, Answers]:
     """The answers by name; RuntimeError with its last words where the process fails."""
-    parts = _by_environment(problems)
-    arrays: dict[str, Any] = {"environments": np.array(len(parts))}
-    for k, part in enumerate(parts):
-        arrays |= {f"{k}/{name}": np.asarray(value, float) for name, value in _stated(part).items()}
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "problems.npz"
-        np.savez(path, **arrays)
+        np.savez(path, **{key: np.asarray(value, float) for key, value in _stated(problems).items()})
         command = [sys.executable, str(SCRIPT), str(folder), str(path), str(repetitions)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(f"acados: exit code {done.returncode}\n{done.stderr[-2000:]}")
     found = json.loads(done.stdout.splitlines()[-1])
-    return {NAMES[kind]: _answers(answer) for kind, answer in found.items()}
+    return {NAMES[kind]: _answers(answer, problems) for kind, answer in found.items()}
 
 
-def _by_environment(problems: Sequence[tuple[Problem, Array]]) -> list[list[tuple[Problem, Array]]]:
-    """The problems of each environment, in their order."""
-    parts: list[list[tuple[Problem, Array]]] = []
-    for problem, guess in problems:
-        if not parts or parts[-1][0][0].environment is not problem.environment:
-            parts.append([])
-        parts[-1].append((problem, guess))
-    return parts
-
-
-def _stated(part: Sequence[tuple[Problem, Array]]) -> dict[str, Any]:
-    """An environment's splines and numbers, with the starts and guesses of its problems."""
-    problem = part[0][0]
+def _stated(problems: Sequence[tuple[Problem, Array]]) -> dict[str, Any]:
+    """Numbers that all problems have in common; starts, guesses and the splines around the start of each."""
+    problem = problems[0][0]
     environment, p, packed = problem.environment, problem.parameters, problem.packed
+    around = [windows(each) for each, _ in problems]
     return {
         "arcs": problem.arcs,
         "h": p.h,
@@ -77,25 +67,37 @@ def _stated(part: Sequence[tuple[Problem, Array]]) -> dict[str, Any]:
         "width": environment.terrain.width,
         "depth": environment.terrain.depth,
         "spacing": environment.terrain.spacing,
-        "heights": environment.heights,
-        "ground": environment.cost.ground,
-        "ratio": environment.cost.ratio,
+        "heights": [heights.coefficients for heights, _, _ in around],
+        "ground": [ground.coefficients for _, ground, _ in around],
+        "ratio": [ratio.coefficients for _, _, ratio in around],
+        "heights_frame": [heights.frame for heights, _, _ in around],
+        "ground_frame": [ground.frame for _, ground, _ in around],
         "scales": environment.cost.scales,
         "target_length": TARGET_LENGTH,
-        "starts": [each.start for each, _ in part],
-        "guesses": [guess for _, guess in part],
+        "starts": [each.start for each, _ in problems],
+        "guesses": [guess for _, guess in problems],
     }
 
 
-def _answers(parts: Sequence[dict[str, Any]]) -> Answers:
-    ms = np.hstack([np.array(part["ms"]) for part in parts])
-    solutions = [_solution(each) for part in parts for each in part["found"]]
-    return ms, solutions
+def _answers(answer: dict[str, Any], problems: Sequence[tuple[Problem, Array]]) -> Answers:
+    found = zip(answer["found"], problems, strict=True)
+    return np.array(answer["ms"]), [_solution(each, problem) for each, (problem, _) in found]
 
 
-def _solution(found: dict[str, Any]) -> PlanSolution | None:
+def _solution(found: dict[str, Any], problem: Problem) -> PlanSolution | None:
     if found["unknowns"] is None:
         return None
     unknowns = np.array(found["unknowns"])
     accelerations, climb = unknowns[:-1].reshape(-1, 3), max(0.0, float(unknowns[-1]))
+    if excess(problem, accelerations, climb) > WITHIN:
+        return None
     return PlanSolution(accelerations, climb, np.nan, True, found["iterations"])
+
+
+def excess(problem: Problem, accelerations: Array, climb: float) -> float:
+    """Largest relative excess of a plan over its limits of speed and acceleration, the manoeuvre's among them."""
+    p = problem.parameters
+    v = problem.start[3:] + np.cumsum(np.array(p.lengths)[:, None] * accelerations, axis=0)
+    braking = (np.array([0.0, 0.0, climb]) - v[-1]) / p.manoeuvre_duration
+    speeds, forces = np.linalg.norm(v, axis=1), np.linalg.norm(np.vstack([accelerations, braking]), axis=1)
+    return float(max(speeds.max() / p.speed_max, forces.max() / p.acceleration_max)) - 1.0

@@ -9,7 +9,9 @@ solved again, in the order they arose and from the guess the planner had, by
 * IPOPT and FATROP on CasADi's statement (``mathnavi.controllers.flight.reference``), warm started from the guess and
   from the
   multipliers of the problem before, in CasADi's virtual machine (VM) and, where there is a C compiler, compiled (C),
-* do-mpc (extra ``[bench]``), IPOPT inside, with the same warm start.
+* do-mpc (extra ``[bench]``), IPOPT inside, with the same warm start,
+* acados, in a process of its own (``acados_replan``): full sequential quadratic programming, and one real-time
+  iteration from the guess and the multipliers of the problem before, the first one from none.
 
 In each repetition every solver, built anew, solves all of them. Times are of the thread (``time.thread_time``). Costs
 are of the same function for all, ``objective`` at the accelerations and climb rate found, and are compared with
@@ -23,7 +25,7 @@ import os
 import shutil
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
@@ -43,6 +45,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks import acados_replan
+from benchmarks.acados_wheel import FOLDER, missing
 from benchmarks.comparison import Comparison, alone
 from benchmarks.do_mpc_solver import DoMpc
 from benchmarks.progress import Tell, progress
@@ -72,6 +76,8 @@ class Arguments:
     """how many problems to record at least"""
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 5
     """solves of each problem by each solver"""
+    acados: Path = FOLDER
+    """where pip install --target has put comma-deps-acados"""
     out: Path = Path("renders/out/flight_solvers.json")
     """where the figures go"""
 
@@ -166,6 +172,14 @@ def measure(contestants: Contestants, problems: Recorded, repetitions: int, cons
         name: Result(ms[name], costs[name], float(np.mean(iterations[name])) if iterations[name] else math.nan)
         for name in contestants
     }
+
+
+def judged(problems: Recorded, ms: Array, solutions: Sequence[PlanSolution | None]) -> Result:
+    """The result of a solver that ran elsewhere."""
+    pairs = list(zip(problems, solutions, strict=True))
+    costs = [np.nan if found is None else cost_of(problem, found) for (problem, _), found in pairs]
+    iterations = [found.iterations for _, found in pairs if found is not None]
+    return Result(ms, np.array(costs), float(np.mean(iterations)) if iterations else math.nan)
 
 
 def solvers() -> Contestants:
@@ -305,6 +319,11 @@ def run(arguments: Arguments, console: Console) -> SolverFindings:
     with progress(console, f"recording problems over {arguments.terrain}", arguments.problems) as tell:
         problems = record(arguments.terrain, arguments.problems, tell)
     results = measure(solvers(), problems, arguments.repetitions, console)
+    if reason := missing(arguments.acados):
+        console.print(f"acados is left out: {reason}", markup=False)
+    else:
+        for name, (ms, solutions) in acados_replan.solved(arguments.acados, problems, arguments.repetitions).items():
+            results[name] = judged(problems, ms, solutions)
     tight = measure(
         {OURS: partial(CondensedSqp, 1e-10, 200), IPOPT: partial(InteriorPoint, "ipopt", 1e-9)}, problems, 1, console
     )

@@ -28,8 +28,9 @@ from annotated_types import Ge
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.comparison import Comparison, alone
+from benchmarks.comparison import Comparison, Machine, alone
 from benchmarks.ocp_attempts import LEVELS, Attempt, level
+from benchmarks.ocp_table import peers_table
 from benchmarks.progress import progress
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.sim.interfaces.bounds import Within, configuration
@@ -56,7 +57,7 @@ class Arguments:
     limit: Annotated[int, Within(Ge(1), allowed=">= 1")] = 60
     """CPU time [s] that a software has for a problem, with all its tolerances and repetitions"""
     out: Path = Path("renders/out/ocp_peers.json")
-    """where the figures go"""
+    """where the figures go; the table goes beside it, with the ending .md"""
 
     def __post_init__(self) -> None:
         if unknown := [name for name in self.problems if name not in PROBLEMS]:
@@ -210,7 +211,17 @@ def run(arguments: Arguments, console: Console) -> PeerFindings:
 
 
 def main(arguments: Arguments) -> None:
-    alone("ocp_peers", lambda console: run(arguments, console), arguments.out)
+    found: list[PeerFindings] = []
+
+    def measure(console: Console) -> PeerFindings:
+        found.append(run(arguments, console))
+        return found[-1]
+
+    machine = Machine.here()
+    alone("ocp_peers", measure, arguments.out)
+    page = arguments.out.with_suffix(".md")
+    page.write_text(peers_table(found[-1], SHOWN, machine.plain()), "utf-8")
+    print(f"Wrote {page}")
 
 
 if __name__ == "__main__":

@@ -67,7 +67,7 @@ class _Shape:
 
 
 @dataclass(frozen=True, eq=False)
-class _Window:
+class Window:
     """The coefficients of a spline within reach of the start, and where they lie in the whole array."""
 
     coefficients: Array
@@ -80,7 +80,7 @@ class _Window:
         return np.concatenate([self.corner, self.whole])
 
     @staticmethod
-    def around(coefficients: Array, row: float, column: float, distance: float) -> _Window:
+    def around(coefficients: Array, row: float, column: float, distance: float) -> Window:
         """The last two axes cut to ``distance`` cells around a point given in cells."""
         reach = 8 * math.ceil(distance / 8)  # few sizes, so that few solvers are built
         size = 2 * reach + 5
@@ -90,10 +90,10 @@ class _Window:
             for centre, count in ((row, rows), (column, columns))
         ]
         part = coefficients[..., corner[0] : corner[0] + size, corner[1] : corner[1] + size]
-        return _Window(part, np.array(corner, float), np.array([rows, columns], float))
+        return Window(part, np.array(corner, float), np.array([rows, columns], float))
 
 
-def _windows(problem: Problem) -> tuple[_Window, _Window, _Window]:
+def windows(problem: Problem) -> tuple[Window, Window, Window]:
     """Windows of terrain, grid ground and ratio that no feasible trajectory can leave."""
     p, cost, spacing = problem.parameters, problem.environment.cost, problem.environment.terrain.spacing
     reach = p.speed_max * (p.horizon + p.lengths[-1] + p.manoeuvre_duration)
@@ -101,9 +101,9 @@ def _windows(problem: Problem) -> tuple[_Window, _Window, _Window]:
     grid = cost.grid
     on_grid = (y - grid.y_0) / grid.spacing, (x - grid.x_0) / grid.spacing
     return (
-        _Window.around(problem.environment.heights, y / spacing, x / spacing, reach / spacing),
-        _Window.around(cost.ground, *on_grid, reach / grid.spacing),
-        _Window.around(cost.ratio, *on_grid, reach / grid.spacing),
+        Window.around(problem.environment.heights, y / spacing, x / spacing, reach / spacing),
+        Window.around(cost.ground, *on_grid, reach / grid.spacing),
+        Window.around(cost.ratio, *on_grid, reach / grid.spacing),
     )
 
 
@@ -271,15 +271,15 @@ def _programme(shape: _Shape) -> _Programme:
 
 def _values(problem: Problem) -> tuple[_Shape, list[Array]]:
     """The shape of a problem and its parameters, in the order of ``_programme``."""
-    windows = _windows(problem)
-    heights, ground, ratio = (window.coefficients for window in windows)
+    around = windows(problem)
+    heights, ground, ratio = (window.coefficients for window in around)
     fixed_end = problem.terminal_position is not None
     values = [
         problem.start,
         problem.terminal_position if problem.terminal_position is not None else np.zeros(3),
         problem.matrices.lengths,
     ]
-    values += [problem.environment.cost.scales, problem.packed, windows[0].frame, windows[1].frame, heights]
+    values += [problem.environment.cost.scales, problem.packed, around[0].frame, around[1].frame, heights]
     if not fixed_end:
         values += [ground, ratio]
     return _Shape(problem.parameters.points, fixed_end, heights.shape, ground.shape, ratio.shape), values

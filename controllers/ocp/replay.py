@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from mathnavi.controllers.ocp.defects import defects
+from mathnavi.controllers.ocp.defects import Defects, defects
 from mathnavi.controllers.ocp.picard import flight
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Outcome, ReplayResult, Solution
@@ -41,8 +41,10 @@ _OVERFLOW = 1e100
 _TERMS = 16  # of a Taylor series at a norm of at most 1/2: below rounding
 
 
-def replayed(solution: Solution, tolerance: float = GIVEN_NODES) -> Solution:
+def replayed(solution: Solution, tolerance: float = GIVEN_NODES, known: Defects | None = None) -> Solution:
     """The solution with its ``ReplayResult``, judged; a solve that failed is returned as it is.
+
+    ``known`` are its defects, where they are known already.
 
     OPTIMAL is a solution whose miss, path violation and cost error are each within the ``tolerance``; another one is
     CONVERGED, and its message says which are not.
@@ -55,7 +57,9 @@ def replayed(solution: Solution, tolerance: float = GIVEN_NODES) -> Solution:
     began = time.perf_counter()
     growth = _growth(solution)
     found = _replay(solution, by_intervals=not growth <= ILL_POSED)
-    errors = np.abs(defects(solution).states).max(axis=1) if len(solution.scheme.points) > 1 else None
+    if known is None and len(solution.scheme.points) > 1:
+        known = defects(solution)
+    errors = None if known is None else np.abs(known.states).max(axis=1)
     return judged(solution.with_replay(found, errors, 1e3 * (time.perf_counter() - began)), tolerance)
 
 

@@ -10,6 +10,7 @@ from rich.console import Console
 
 from benchmarks import acados_peer
 from benchmarks.acados_cart_pole import CART, FORCE, GRAVITY, LENGTH, POLE
+from benchmarks.acados_wheel import FOLDER, missing
 from mathnavi.controllers.ocp.problems import cart_pole
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 
@@ -28,8 +29,8 @@ def test_the_figures_are_those_of_the_library() -> None:
 
 
 def test_acados_solves_the_same_problem() -> None:
-    if reason := acados_peer.missing(acados_peer.FOLDER):
+    if reason := missing(FOLDER):
         pytest.skip(f"acados: {reason}")
-    attempt, iterations = acados_peer.solved(acados_peer.FOLDER, 40, 1)
+    attempt, iterations = acados_peer.solved(FOLDER, 40, 1)
     assert attempt.accuracy < 2e-2  # a control held on 40 intervals
     assert iterations.failures < iterations.count

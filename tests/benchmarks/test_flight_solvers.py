@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from benchmarks import acados_replan
+from benchmarks.acados_wheel import FOLDER, missing
 from benchmarks.do_mpc_solver import DoMpc
 from benchmarks.flight_solvers import (
     DO_MPC,
@@ -21,6 +23,7 @@ from benchmarks.flight_solvers import (
     Recorded,
     Result,
     SolverFindings,
+    judged,
     measure,
     record,
 )
@@ -60,6 +63,31 @@ def test_do_mpc_solves_the_same_problem(problems: Recorded) -> None:
     contestants = {OURS: partial(CondensedSqp, TOLERANCE), DO_MPC: partial(DoMpc, TOLERANCE)}
     results = measure(contestants, problems[:2], 1, QUIET)
     assert results[OURS].cost == pytest.approx(results[DO_MPC].cost, rel=1e-4)
+
+
+def test_acados_solves_the_same_problem(problems: Recorded) -> None:
+    if reason := missing(FOLDER):
+        pytest.skip(f"acados: {reason}")
+    ours = measure({OURS: partial(CondensedSqp, TOLERANCE)}, problems, 1, QUIET)[OURS]
+    answers = acados_replan.solved(FOLDER, problems, 1)
+    results = {name: judged(problems, *answer) for name, answer in answers.items()}
+    assert set(results) == {"acados, SQP", "acados, RTI"}
+    assert results["acados, SQP"].failures < FEW
+    assert np.nanmin(results["acados, SQP"].cost / ours.cost) == pytest.approx(1.0, rel=1e-4)
+    assert (results["acados, RTI"].ms > 0.0).all()
+
+
+def test_a_plan_beyond_its_limits_is_seen(problems: Recorded) -> None:
+    problem, _ = problems[0]
+    plan = condensed(problem, problems[0][1])
+    assert acados_replan.excess(problem, plan.accelerations, plan.climb) < 1e-5
+    assert acados_replan.excess(problem, 2.0 * plan.accelerations, plan.climb) > 0.1
+
+
+def condensed(problem: Problem, guess: Array) -> PlanSolution:
+    plan = CondensedSqp(TOLERANCE).solve(problem, guess)
+    assert isinstance(plan, PlanSolution)
+    return plan
 
 
 def test_who_gives_up_has_failed_and_has_no_cost(problems: Recorded) -> None:

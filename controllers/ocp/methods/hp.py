@@ -123,7 +123,8 @@ def hp(
     allowed, change, visited, free, bent = _MARGIN * tolerance, math.inf, [plan.structure], False, 0
     failures = 0
     for number in range(_ROUNDS):
-        errors, seen, own = interval_errors(current, defects(current)), structure(current), plan.placed(current)
+        known, seen, own = defects(current), structure(current), plan.placed(current)
+        errors = interval_errors(current, known)
         visits = sum(seen.same(other) for other in visited)
         coarse = len(own) > 1 and errors.total > _COARSE  # a mesh that is too coarse shows arcs that are none
         settled = (
@@ -134,7 +135,7 @@ def hp(
         fair = small or (errors.total <= allowed and bent >= _MOST_BENT)
         bent += int(errors.total <= allowed and not small)
         if settled and fair and smooth and (change <= max(allowed, _ROUNDING) or _shown_best(current, allowed)):
-            current = replayed(current, tolerance)
+            current = replayed(current, tolerance, known)
             error = math.inf if current.replay is None else current.replay.error
             if not small or error <= tolerance or allowed < _LEAST * tolerance:
                 break

@@ -88,7 +88,7 @@ class FeasibleSetBankConfig:
         tuple[float, float, float], Each(Interval(gt=0.0, le=100.0), allowed="three values > 0 and <= 100")
     ] = (0.6, 0.4, 0.5)
     """standard deviations of a hypothesis at the start, X Y HEADING [m, m, rad]"""
-    forgetting: Probability = 0.9995
+    forgetting: Probability = 0.9999
     """what is left of a score after an update"""
     lowest: Annotated[float, Lt(0.0)] = -20.0
     """score beside the best one's at which a hypothesis is dropped"""

@@ -13,11 +13,13 @@ predicts less well than it believes, and its innovations are no longer white: nu
 (Mehra, 1970). With the mean of white innovations n_i that forgets, m_i, of variance v, and the noise's share a_i of
 each innovation's variance,
 
-    ln q <- ln q + eta (mean_i (a_i n_i m_i / sqrt v) - delta),   m_i <- mu m_i + (1 - mu) n_i,   v = (1 - mu) / (1 + mu),
+    ln q <- ln q + eta (mean_i (a_i n_i m_i / sqrt v) - delta),
+    m_i <- mu m_i + (1 - mu) n_i,   v = (1 - mu) / (1 + mu),
 
-ends where they are as good as white again (Robbins and Monro, 1951), delta keeping it low where they are: q [m^2/s] is the intensity of the process noise that each
-hypothesis adds to its pose and to the scale of its odometry, P <- P + q dt diag(1, 1, c_phi^2, c_b^2), between a least
-and a most value.
+ends where they are as good as white again (Robbins and Monro, 1951), delta keeping it low where they are: q [m^2/s] is
+the intensity of the process noise that each hypothesis adds to its pose and to the scale of its odometry,
+
+    P <- P + q dt diag(1, 1, c_phi^2, c_b^2),   between a least and a most value.
 """
 
 from __future__ import annotations
@@ -43,7 +45,7 @@ _ADAPTATION = 0.1  # eta
 _LEAK = 0.05  # delta
 _AVERAGING = 0.97  # mu
 _AVERAGED = math.sqrt((1.0 - _AVERAGING) / (1.0 + _AVERAGING))  # sqrt v
-_LARGEST = 4.0  # magnitude of a product n m / sqrt v, beyond which it is cut
+_LARGEST = 1.5  # magnitude of a product n m / sqrt v, beyond which it is cut
 
 
 class Hypotheses(NamedTuple):

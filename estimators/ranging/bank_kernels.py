@@ -37,15 +37,15 @@ from mathnavi.models.field.kernels import WallShape
 from mathnavi.models.unicycle.kernels import wrapped
 from mathnavi.sim.interfaces.signals import Array, Integers
 
-LEAST_SLIP, MOST_SLIP = 2e-7, 0.05
+LEAST_SLIP, MOST_SLIP = 2e-7, 0.03
 """[m^2/s] bounds of q"""
 
-_BY_HEADING, _BY_SCALE = 3.0, 1.0  # [rad/m], [1/m] c_phi, c_b
-_ADAPTATION = 0.1  # eta
+_BY_HEADING, _BY_SCALE = 8.0, 1.0  # [rad/m], [1/m] c_phi, c_b
+_ADAPTATION = 0.15  # eta
 _LEAK = 0.02  # delta
 _AVERAGING = 0.97  # mu
 _AVERAGED = math.sqrt((1.0 - _AVERAGING) / (1.0 + _AVERAGING))  # sqrt v
-_LARGEST = 1.5  # magnitude of a product n m / sqrt v, beyond which it is cut
+_LARGEST = 4.0  # magnitude of a product n m / sqrt v, beyond which it is cut
 
 
 class Hypotheses(NamedTuple):

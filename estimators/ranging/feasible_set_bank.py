@@ -19,7 +19,7 @@ less than twice that of all others together, the wall cannot tell these poses ap
 outliers (``noise_kernels``) and how much wheels slip (``bank_kernels``) while it runs.
 
 **Misfit.** A hypothesis that is the best of all and still at odds with the rays, by the mean of NIS per ray over the
-last .3 s or by more slip than wheels have, is not believed: the robot was carried away, or no hypothesis was near the
+last half second or by more slip than wheels have, is not believed: the robot was carried away, or no hypothesis was near the
 truth. Then the last readings make new ones, which the old one has to beat.
 """
 
@@ -34,7 +34,6 @@ from annotated_types import Gt, Interval, Lt
 from scipy.special import chdtri
 
 from mathnavi.estimators.ranging.bank_kernels import (
-    LEAST_SLIP,
     MOST_SLIP,
     Scoring,
     condition_each,
@@ -67,7 +66,8 @@ _OF_MEDIAN = 0.5 * np.pi  # variance of the median of many Gaussian numbers over
 _MOVED = 0.005  # of a range: between what is read on the way and what is read in the middle of it
 _FEASIBLE = 1e-4  # probability that a pose which is feasible is refused
 _NEAREST = 0.1  # [m, rad] between hypotheses at the start
-_REMEMBERED = 0.3  # [s] over which the misfit is averaged
+_LEFT = 0.25  # share of the greatest slip with which new hypotheses begin at most
+_REMEMBERED = 0.5  # [s] over which the misfit is averaged
 _TEMPERED = 0.1  # power of a likelihood in the weights
 _TWICE = 2.0  # times the weight of all others that the best hypothesis has where the pose is known
 _TWIN = 1.0  # d' P^-1 d below which two hypotheses are the same
@@ -213,13 +213,14 @@ class FeasibleSetBank:
             return
         states, bank, alive = self._feasible(enough), self._bank, self._is_alive
         count, last = len(states), len(bank.score) - 1
+        slip = min(float(bank.slip[self._best]), _LEFT * MOST_SLIP)  # the wheels are the same
         if alive and last > 0:
             for values in bank:
                 values[last] = values[self._best]
             count = min(count, last)
         bank.x[:count], bank.P[:count] = states[:count], self._model.covariance(self._config.deviation)
         bank.mean[:count], bank.count[:count] = 0.0, 0
-        bank.misfit[:], bank.slip[:] = 1.0, LEAST_SLIP
+        bank.misfit[:], bank.slip[:] = 1.0, slip
         bank.score[:count], bank.score[count:last] = 0.0, np.nan
         bank.score[last] = 0.0 if alive or count > last else np.nan
         self._best = 0

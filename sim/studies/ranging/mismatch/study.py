@@ -1,4 +1,4 @@
-"""Errors that were not declared: whether the bank of feasible poses finds the pose all the same, or says that it cannot.
+"""Errors that were not declared: whether the bank of feasible poses finds the pose, or says that it cannot.
 
 More range noise, outliers, odometry of another scale and wheels that slip, none of it declared, and a wall that is
 nearly round, beside runs that are as declared.

@@ -19,7 +19,7 @@ less than twice that of all others together, the wall cannot tell these poses ap
 outliers (``noise_kernels``) and how much wheels slip (``bank_kernels``) while it runs.
 
 **Misfit.** A hypothesis that is the best of all and still at odds with the rays, by the mean of NIS per ray over the
-last half second or by more slip than wheels have, is not believed: the robot was carried away, or no hypothesis was near the
+last .2 s or by more slip than wheels have, is not believed: the robot was carried away, or no hypothesis was near the
 truth. Then the last readings make new ones, which the old one has to beat.
 """
 
@@ -65,9 +65,10 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 _OF_MEDIAN = 0.5 * np.pi  # variance of the median of many Gaussian numbers over that of their mean
 _MOVED = 0.005  # of a range: between what is read on the way and what is read in the middle of it
 _FEASIBLE = 1e-4  # probability that a pose which is feasible is refused
+_MORE_OUTLIERS = 1.5  # times their share that there may be by chance over the time of a misfit
 _NEAREST = 0.1  # [m, rad] between hypotheses at the start
 _LEFT = 0.25  # share of the greatest slip with which new hypotheses begin at most
-_REMEMBERED = 0.5  # [s] over which the misfit is averaged
+_REMEMBERED = 0.2  # [s] over which the misfit is averaged
 _TEMPERED = 0.1  # power of a likelihood in the weights
 _TWICE = 2.0  # times the weight of all others that the best hypothesis has where the pose is known
 _TWIN = 1.0  # d' P^-1 d below which two hypotheses are the same
@@ -93,8 +94,8 @@ class FeasibleSetBankConfig:
     """what is left of a score after an update"""
     lowest: Annotated[float, Lt(0.0)] = -20.0
     """score beside the best one's at which a hypothesis is dropped"""
-    misfit: Annotated[float, Within(Gt(1.0), allowed="a value > 1, the mean of one that fits")] = 4.0
-    """mean of NIS per ray, beside what outliers are declared, from which the best hypothesis is not believed"""
+    misfit: Annotated[float, Within(Gt(1.0), allowed="a value > 1, the mean of one that fits")] = 2.5
+    """mean of NIS per ray, beside that of outliers, from which the best hypothesis is not believed"""
     gate: Probability = 1e-4
     """probability with which a good range is refused"""
     timeout: Positive = 0.5
@@ -191,7 +192,7 @@ class FeasibleSetBank:
     @property
     def _is_believed(self) -> bool:
         """Whether the best hypothesis explains the rays, an outlier counting as the gate, by as much slip as may be."""
-        limit = self._config.misfit + noise_of(self._noise)[1] * self._gate
+        limit = self._config.misfit + _MORE_OUTLIERS * noise_of(self._noise)[1] * self._gate
         return bool(self._bank.misfit[self._best] <= limit and self._bank.slip[self._best] < MOST_SLIP)
 
     def _remember(self, rho: Array, u: Array) -> None:

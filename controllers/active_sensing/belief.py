@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,6 +28,7 @@ class Belief:
     pose: Array  # (3,)
     covariance: Array  # (3, 3) of the error of the pose, positive definite
     is_found: bool = True  # False while the estimator has no estimate, or has lost its sensors
+    alternatives: Array = field(default_factory=lambda: np.empty((0, 3)))  # (m, 3) poses that may be the true one too
 
     @property
     def position_deviation(self) -> float:
@@ -48,7 +49,8 @@ class Belief:
         for u, duration in pieces(plan, begin, end):
             F, _ = integrate_jacobians(pose, u[0], u[1], duration)
             pose, covariance = integrate(pose, u[0], u[1], duration), F @ covariance @ F.T
-        return Belief(pose, covariance, self.is_found)
+        others = [integrate_plan(other, plan, begin, end) for other in self.alternatives]
+        return Belief(pose, covariance, self.is_found, np.array(others).reshape(-1, 3))
 
 
 class BeliefFromEstimates:
@@ -67,7 +69,7 @@ class BeliefFromEstimates:
         pose, P = checked_pose(estimate), estimate.covariance
         is_usable = P is not None and P.shape == (3, 3) and bool(np.isfinite(P).all())
         P = _definite(P) if P is not None and is_usable else self._deviation**2 * np.eye(3)
-        belief = Belief(pose, P, estimate.status is Status.OK)
+        belief = Belief(pose, P, estimate.status is Status.OK, _alternatives(estimate))
         if not np.isfinite(pose).all():
             return belief
         own = np.array([belief.position_deviation, belief.heading_deviation]) if is_usable else np.zeros(2)
@@ -122,6 +124,18 @@ def checked_pose(estimate: Estimate) -> Array:
     if estimate.x.shape != (3,):
         raise ValueError(f"the estimate's state has shape {estimate.x.shape}; allowed: (3,)")
     return np.asarray(estimate.x, np.float64)
+
+
+def _alternatives(estimate: Estimate) -> Array:
+    """Poses (m, 3) of the hypotheses that an estimator has beside its estimate; none once it is lost."""
+    hypotheses = estimate.extra.get("hypotheses")
+    if estimate.covariance is None or estimate.status is Status.LOST:
+        return np.empty((0, 3))
+    if hypotheses is None or hypotheses.ndim != 2 or hypotheses.shape[1] != 3:
+        return np.empty((0, 3))
+    others = np.isfinite(hypotheses).all(axis=1) & (hypotheses != estimate.x).any(axis=1)
+    poses: Array = hypotheses[others]
+    return poses
 
 
 def _definite(P: Array) -> Array:

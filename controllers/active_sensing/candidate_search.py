@@ -5,10 +5,10 @@ standing still and turning on the spot are among them. Each is held for as long 
 the robot rests; one that does so for less than a node is left out.
 
 **Containment.** Seven poses stand for the belief: the estimate, and k standard deviations from it either way along the
-axes of its covariance, drawn back where they are nearer to the wall than the margin, as the robot is not there. An
-input is admissible for as long as none of the seven comes nearer to the wall than the margin, or than it is where it is
-nearer already; then the robot rests, which it can at once. So turning on the spot is always admissible, and the less
-certain the estimate, the less else is.
+axes of its covariance, drawn back where they are nearer to the wall than the margin, as the robot is not there; and
+beside them the other poses that the estimator cannot rule out. An input is admissible for as long as none of them comes
+nearer to the wall than the margin, or than it is where it is nearer already; then the robot rests, which it can at
+once. So turning on the spot is always admissible, and the less certain the estimate, the less else is.
 
 An estimate that is nearer to the wall than half of the margin leaves no choice: the robot returns slowly, straight away
 from the wall. Where the position is less certain than the margin, so that the wall may be on any side, it turns on the
@@ -49,7 +49,7 @@ class CandidateSearch:
 
     def choose(self, t: float, belief: Belief) -> InputSequence:
         containment = self._containment
-        if not belief.is_found:
+        if not (belief.is_found or len(belief.alternatives)):
             return containment.turn_on_the_spot()
         if not containment.is_inside(belief):
             can_return = containment.is_certain(belief)
@@ -79,7 +79,8 @@ class Containment:
 
     def admissible_nodes(self, belief: Belief, inputs: Array) -> Integers:
         """For how many nodes (m,) each of ``inputs`` (m, 2) may be held."""
-        poses = sigma_poses(self._wall, belief.pose, belief.covariance, self._deviations, self._margin)
+        likely = sigma_poses(self._wall, belief.pose, belief.covariance, self._deviations, self._margin)
+        poses = np.concatenate((likely, belief.alternatives))
         held: Integers = nodes_within(self._wall, poses, self._margin, inputs, self._horizon / self._nodes, self._nodes)
         return held
 

@@ -13,11 +13,13 @@ predicts less well than it believes, and its innovations are no longer white: nu
 (Mehra, 1970). With the mean of white innovations n_i that forgets, m_i, of variance v, and the noise's share a_i of
 each innovation's variance,
 
-    ln q <- ln q + eta mean_i (a_i n_i m_i / sqrt v),   m_i <- mu m_i + (1 - mu) n_i,   v = (1 - mu) / (1 + mu),
+    ln q <- ln q + eta (mean_i (a_i n_i m_i / sqrt v) - delta),
+    m_i <- mu m_i + (1 - mu) n_i,   v = (1 - mu) / (1 + mu),
 
-ends where they are white again (Robbins and Monro, 1951): q [m^2/s] is the intensity of the process noise that each
-hypothesis adds to its pose and to the scale of its odometry, P <- P + q dt diag(1, 1, c_phi^2, c_b^2), between a least
-and a most value.
+ends where they are as good as white again (Robbins and Monro, 1951), delta keeping it low where they are: q [m^2/s] is
+the intensity of the process noise that each hypothesis adds to its pose and to the scale of its odometry,
+
+    P <- P + q dt diag(1, 1, c_phi^2, c_b^2),   between a least and a most value.
 """
 
 from __future__ import annotations
@@ -35,11 +37,12 @@ from mathnavi.models.field.kernels import WallShape
 from mathnavi.models.unicycle.kernels import wrapped
 from mathnavi.sim.interfaces.signals import Array, Integers
 
-LEAST_SLIP, MOST_SLIP = 1e-6, 0.05
+LEAST_SLIP, MOST_SLIP = 2e-7, 0.03
 """[m^2/s] bounds of q"""
 
-_BY_HEADING, _BY_SCALE = 3.0, 1.0  # [rad/m], [1/m] c_phi, c_b
-_ADAPTATION = 0.1  # eta
+_BY_HEADING, _BY_SCALE = 8.0, 1.0  # [rad/m], [1/m] c_phi, c_b
+_ADAPTATION = 0.15  # eta
+_LEAK = 0.02  # delta
 _AVERAGING = 0.97  # mu
 _AVERAGED = math.sqrt((1.0 - _AVERAGING) / (1.0 + _AVERAGING))  # sqrt v
 _LARGEST = 4.0  # magnitude of a product n m / sqrt v, beyond which it is cut
@@ -162,7 +165,7 @@ def _slip(q: float, mean: Array, innovations: Innovations) -> float:
         mean[i] = _AVERAGING * mean[i] + (1.0 - _AVERAGING) * white
     if rays == 0:
         return q
-    return min(max(q * math.exp(_ADAPTATION * product / rays), LEAST_SLIP), MOST_SLIP)
+    return min(max(q * math.exp(_ADAPTATION * (product / rays - _LEAK)), LEAST_SLIP), MOST_SLIP)
 
 
 @njit(cache=True, nogil=True)

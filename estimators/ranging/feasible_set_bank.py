@@ -19,8 +19,8 @@ less than twice that of all others together, the wall cannot tell these poses ap
 outliers (``noise_kernels``) and how much wheels slip (``bank_kernels``) while it runs.
 
 **Misfit.** A hypothesis that is the best of all and still at odds with the rays, by the mean of NIS per ray over the
-last half second, is not believed: the robot was carried away, or no hypothesis was near the truth. Then the last
-readings make new ones, which the old one has to beat.
+last .2 s or by more slip than wheels have, is not believed: the robot was carried away, or no hypothesis was near the
+truth. Then the last readings make new ones, which the old one has to beat.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from annotated_types import Gt, Interval, Lt
 from scipy.special import chdtri
 
 from mathnavi.estimators.ranging.bank_kernels import (
-    LEAST_SLIP,
+    MOST_SLIP,
     Scoring,
     condition_each,
     drop,
@@ -65,8 +65,10 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 _OF_MEDIAN = 0.5 * np.pi  # variance of the median of many Gaussian numbers over that of their mean
 _MOVED = 0.005  # of a range: between what is read on the way and what is read in the middle of it
 _FEASIBLE = 1e-4  # probability that a pose which is feasible is refused
+_MORE_OUTLIERS = 1.5  # times their share that there may be by chance over the time of a misfit
 _NEAREST = 0.1  # [m, rad] between hypotheses at the start
-_REMEMBERED = 0.5  # [s] over which the misfit is averaged
+_LEFT = 0.25  # share of the greatest slip with which new hypotheses begin at most
+_REMEMBERED = 0.2  # [s] over which the misfit is averaged
 _TEMPERED = 0.1  # power of a likelihood in the weights
 _TWICE = 2.0  # times the weight of all others that the best hypothesis has where the pose is known
 _TWIN = 1.0  # d' P^-1 d below which two hypotheses are the same
@@ -88,12 +90,12 @@ class FeasibleSetBankConfig:
         tuple[float, float, float], Each(Interval(gt=0.0, le=100.0), allowed="three values > 0 and <= 100")
     ] = (0.6, 0.4, 0.5)
     """standard deviations of a hypothesis at the start, X Y HEADING [m, m, rad]"""
-    forgetting: Probability = 0.9995
+    forgetting: Probability = 0.9999
     """what is left of a score after an update"""
     lowest: Annotated[float, Lt(0.0)] = -20.0
     """score beside the best one's at which a hypothesis is dropped"""
-    misfit: Annotated[float, Within(Gt(1.0), allowed="a value > 1, the mean of one that fits")] = 4.0
-    """mean of NIS per ray, beside what outliers are declared, from which the best hypothesis is not believed"""
+    misfit: Annotated[float, Within(Gt(1.0), allowed="a value > 1, the mean of one that fits")] = 2.5
+    """mean of NIS per ray, beside that of outliers, from which the best hypothesis is not believed"""
     gate: Probability = 1e-4
     """probability with which a good range is refused"""
     timeout: Positive = 0.5
@@ -178,7 +180,7 @@ class FeasibleSetBank:
                 predict_each(self._bank, u, self._model.W, self._model.wall, t - self._t)
             if not np.isnan(rho).all():
                 nis = self._condition(rho)
-        if not self._is_alive or self._bank.misfit[self._best] > self._misfit_limit():
+        if not (self._is_alive and self._is_believed):
             self._start()
         self._t = t
         return self._estimate(t, nis)
@@ -187,9 +189,11 @@ class FeasibleSetBank:
     def _is_alive(self) -> bool:
         return not np.isnan(self._bank.score[self._best])
 
-    def _misfit_limit(self) -> float:
-        """Mean of NIS per ray above which the best hypothesis is not believed; an outlier counts as the gate."""
-        return self._config.misfit + noise_of(self._noise)[1] * self._gate
+    @property
+    def _is_believed(self) -> bool:
+        """Whether the best hypothesis explains the rays, an outlier counting as the gate, by as much slip as may be."""
+        limit = self._config.misfit + _MORE_OUTLIERS * noise_of(self._noise)[1] * self._gate
+        return bool(self._bank.misfit[self._best] <= limit and self._bank.slip[self._best] < MOST_SLIP)
 
     def _remember(self, rho: Array, u: Array) -> None:
         self._ranges[:-1], self._inputs[:-1] = self._ranges[1:], self._inputs[1:]
@@ -210,13 +214,14 @@ class FeasibleSetBank:
             return
         states, bank, alive = self._feasible(enough), self._bank, self._is_alive
         count, last = len(states), len(bank.score) - 1
+        slip = min(float(bank.slip[self._best]), _LEFT * MOST_SLIP)  # the wheels are the same
         if alive and last > 0:
             for values in bank:
                 values[last] = values[self._best]
             count = min(count, last)
         bank.x[:count], bank.P[:count] = states[:count], self._model.covariance(self._config.deviation)
-        bank.slip[:count], bank.mean[:count], bank.count[:count] = LEAST_SLIP, 0.0, 0
-        bank.misfit[:] = 1.0
+        bank.mean[:count], bank.count[:count] = 0.0, 0
+        bank.misfit[:], bank.slip[:] = 1.0, slip
         bank.score[:count], bank.score[count:last] = 0.0, np.nan
         bank.score[last] = 0.0 if alive or count > last else np.nan
         self._best = 0

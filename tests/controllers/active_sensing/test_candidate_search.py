@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mathnavi.controllers.active_sensing.belief import Belief
+from mathnavi.controllers.active_sensing.belief import Belief, BeliefFromEstimates
 from mathnavi.controllers.active_sensing.candidate_search import Containment, candidates
 from mathnavi.controllers.active_sensing.criteria import ExpectedCovariance
 from mathnavi.models.field.curve import BEAN, EGG, Curve
 from mathnavi.models.unicycle.phases import DrivePhase
-from mathnavi.sim.interfaces.signals import Array, Estimate, Status
+from mathnavi.sim.interfaces.signals import Array, Estimate, PlanRequest, Status
 from tests.controllers.active_sensing.robots import FIELD, START, assert_well_formed, built, fly, knowing, mission
 
 MODES = ("active", "singular-value", "random")
@@ -127,6 +127,34 @@ def test_the_less_sure_the_estimate_the_shorter_inputs_are_held() -> None:
     for surer, other in itertools.pairwise(held):
         assert (other <= surer).all()
     assert held[0].sum() > held[-1].sum()
+
+
+def test_every_pose_that_may_be_the_true_one_is_kept_off_the_wall() -> None:
+    task, inputs = mission(), np.array([[1.0, 0.0]])
+    containment = Containment(task, 1.0, 10, 3.0)
+    middle, ahead = np.zeros(3), np.array([3.763 - 0.6, 0.0, 0.0])  # [m] from the end of the longer axis
+    P = 1e-6 * np.eye(3)
+    (alone,) = containment.admissible_nodes(Belief(middle, P), inputs)
+    (beside,) = containment.admissible_nodes(Belief(middle, P, alternatives=ahead[None]), inputs)
+    assert alone == 10
+    assert 0 < beside < 4
+
+
+def test_a_robot_that_does_not_know_which_of_some_poses_is_its_own_explores_all_the_same() -> None:
+    """What keeps off the wall from all of them; with nothing but an estimate it turns on the spot."""
+    task = mission()
+    images = np.array([[0.8, 0.3, 0.4], [-0.5, -0.2, 2.0]])
+    estimate = Estimate(0.0, images[0], 1e-4 * np.eye(3), Status.INITIALISING, {"hypotheses": images})
+    belief = BeliefFromEstimates(0.1, 1.0).update(PlanRequest(0.0, 0.2, estimate, None))
+    np.testing.assert_array_equal(belief.alternatives, images[1:])
+    moved = belief.predicted(built(task)[0].plan(PlanRequest(0.0, 0.0, estimate, None)), 0.0, 0.2)
+    assert moved.alternatives.shape == (1, 3)
+    assert not np.array_equal(moved.alternatives, images[1:])
+    plan = built(task)[0].plan(PlanRequest(0.0, 0.2, estimate, None))
+    assert "blind" not in plan.notes
+    assert np.abs(plan.u).max() > 0.0
+    nothing = Estimate(0.0, images[0], None, Status.INITIALISING, {"hypotheses": np.full((2, 3), np.nan)})
+    assert "blind" in built(task)[0].plan(PlanRequest(0.0, 0.2, nothing, None)).notes
 
 
 def test_random_inputs_are_those_of_the_seed() -> None:

@@ -5,6 +5,7 @@ Flown by a fixed pattern and an estimator that only reckons, so that nothing her
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.range_localisation import RangeLocalisation
-from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig, RangingNoise, WallFields
+from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig, RangingMismatch, RangingNoise, WallFields
 from tests.localisation import DeadReckoner, Pattern, PatternConfig, PatternPlanner, PatternTracker, run
 from tests.unicycle import STANDARD
 
@@ -158,6 +159,33 @@ def test_an_outage_takes_the_ranges_and_nothing_else() -> None:
     assert not np.isnan(arrays["measurement.odometry"][1:]).any()
 
 
+def test_true_errors_may_be_others_than_the_declared_ones() -> None:
+    """The same draws, twice as large; what the estimator is built for is what is declared."""
+    declared = RangingNoise(odometry_noise=(0.0, 0.0))
+    outcome, other = (
+        run(duration=2.0, noise=declared, mismatch=mismatch, **KNOWN_START)
+        for mismatch in (RangingMismatch(), RangingMismatch(range_noise=2.0, odometry_bias=0.05))
+    )
+    assert outcome.config["mission"] == other.config["mission"]
+    assert other.config["fields"]["mismatch"] == {"range_noise": 2.0, "outliers": 0.0, "odometry_bias": 0.05}
+    rho = np.array([STANDARD.ranges(x[:3], np.radians([-60.0, 60.0]))[0] for x in outcome.arrays["truth.x"]])
+    noise, more = (found.arrays["measurement.ranges"] - rho for found in (outcome, other))
+    np.testing.assert_allclose(more, 2.0 * noise, atol=1e-9)
+    scale, further = (
+        found.arrays["measurement.odometry"][1:] / found.arrays["command.u"][:-1] for found in (outcome, other)
+    )
+    np.testing.assert_allclose(np.abs(scale - 1.0), 0.02, atol=1e-9)
+    np.testing.assert_allclose(further - 1.0, 3.5 * (scale - 1.0), atol=1e-9)
+
+
+def test_outliers_need_not_be_declared() -> None:
+    some = RangingMismatch(outliers=0.4)
+    outcome = run(duration=3.0, noise=dataclasses.replace(SILENT, outliers=0.1), mismatch=some, **KNOWN_START)
+    rho = np.array([STANDARD.ranges(x[:3], np.radians([-60.0, 60.0]))[0] for x in outcome.arrays["truth.x"]])
+    assert np.mean(np.abs(outcome.arrays["measurement.ranges"] - rho) > 1e-6) == pytest.approx(0.5, abs=0.08)
+    assert outcome.config["mission"]["ranging"]["outliers"] == 0.1
+
+
 def test_commands_beyond_what_the_wheels_can_are_reported() -> None:
     outcome = run(duration=2.0, speed_max=0.3, **KNOWN_START)
     assert outcome.summary["inputs_clipped"] == 1
@@ -237,6 +265,13 @@ def test_a_field_of_fourier_coefficients_is_a_field() -> None:
         ("noise.outliers", lambda: RangingNoise(outliers=-0.1)),
         ("noise.odometry_noise", lambda: RangingNoise(odometry_noise=(0.0, -1.0))),
         ("noise.odometry_bias", lambda: RangingNoise(odometry_bias=math.nan)),
+        ("mismatch.range_noise", lambda: RangingMismatch(range_noise=0.0)),
+        ("mismatch.outliers", lambda: RangingMismatch(outliers=1.5)),
+        ("mismatch.odometry_bias", lambda: RangingMismatch(odometry_bias=-0.1)),
+        (
+            "mismatch.outliers = 0.6 with noise.outliers = 0.5",
+            lambda: RangeLocalisationConfig(noise=RangingNoise(outliers=0.5), mismatch=RangingMismatch(outliers=0.6)),
+        ),
         ("sensors", lambda: RangeLocalisationConfig(sensors=())),
         ("sensors", lambda: RangeLocalisationConfig(sensors=(0.0, 360.0))),
         ("sensors", lambda: RangeLocalisationConfig(sensors=(math.nan,))),

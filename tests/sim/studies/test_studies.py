@@ -40,6 +40,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "missile-closed-loop": {"cases": 1, "seeds": 1, "replans": 1, "others": 1, "pairs": 1, "draws": 1},
     "monitors": {"problems": 1, "nodes": 8, "reference_nodes": 41},
     "active-control": {"seeds": 1, "others": 1, "tracked": 1, "seconds": 1},
+    "mismatch": {"seeds": 1, "seconds": 1},
     "introduction-examples": {"grid": 2, "starts": 1, "pairs": 2},
     "observer-properties": {"starts": 1, "subjects": 1, "seconds": 1},
     "observability": {
@@ -84,6 +85,7 @@ CLAIMS = {
     },
     "monitors": {"B.arclength-best-problems"},
     "active-control": {"range.active", "C.input-decides", "C.basis", "C.deliberate"},
+    "mismatch": {"mismatch.converged", "mismatch.sure-and-wrong", "mismatch.consistency"},
     "introduction-examples": {
         *("I.example-2-1-observable", "I.example-2-1-no-observer", "I.example-2-2-unobservable"),
         *("I.example-2-2-observer", "I.linear-error-dynamics", "I.equation-2-4"),

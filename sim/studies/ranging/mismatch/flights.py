@@ -1,0 +1,74 @@
+"""Cases of the study ``mismatch``: errors that were not declared, and the measure of a run.
+
+The robot drives by the default inputs, ``active``, from a start that is drawn and not known, two sensors at ±60° unless
+a case says otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from mathnavi.models.field.curve import Curve
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.sim.interfaces.signals import Array, Status
+from mathnavi.sim.metrics.ranging import HEADING, POSITION, Errors
+from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.range_localisation import VEHICLE
+from mathnavi.sim.sweep.trial import Trial, trial
+
+DECLARED, DECLARED_4 = "as declared", "as declared, 4 sensors"
+NEARLY_ROUND = "nearly round wall"
+
+_FOUR = (0.0, 90.0, 180.0, -90.0)  # [deg]
+_ROUND = ((0.0, 0.0, 0.0, 0.0), (2.2, 0.0, 0.0, 2.16), (0.03, 0.0, 0.0, 0.03))  # [m]
+
+CASES: Mapping[str, Mapping[str, Any]] = {
+    DECLARED: {},
+    DECLARED_4: {"sensors": _FOUR},
+    "range noise 10 % for 5 %": {"mismatch.range_noise": 2.0},
+    "30 % outliers": {"mismatch.outliers": 0.3},
+    "odometry 5 % off": {"noise.odometry_bias": 0.0, "mismatch.odometry_bias": 0.05},
+    "wheels, friction 0.15": {"drive": "differential", "friction": 0.15},
+    "wheels, friction 0.4": {"drive": "differential", "friction": 0.4},
+    "wheels, friction 0.15, 4 sensors": {"drive": "differential", "friction": 0.15, "sensors": _FOUR},
+    NEARLY_ROUND: {"field.shape": "fourier", "field.coefficients": _ROUND},
+}
+"""fields of the scenario, by case"""
+
+MODEL_HOLDS = (DECLARED, DECLARED_4)
+
+
+def flight(case: str, seed: int, seconds: float) -> Trial:
+    """A run of a case."""
+    fields = {**CASES[case], "duration": seconds}
+    return trial("range-localisation", seed, fields=fields, measure=f"{__name__}:honesty")
+
+
+def honesty(outcome: RunResult) -> dict[str, Any]:
+    """A measure: over the last quarter of a run, how often the estimator was sure, and how right it then was.
+
+    ``known`` is the share of samples with the status OK, ``sure_and_wrong`` that of samples with the status OK and an
+    error beyond .3 m or .2 rad, and ``nees_known`` the mean NEES of those with the status OK, None without any.
+    """
+    recording, record = outcome.recording, outcome.config["mission"]
+    mission = RangingMission(Curve(tuple(map(tuple, record["coefficients"])), record["field"]), (0.0,))
+    errors = Errors.of(recording, VEHICLE, mission)
+    last, known = errors.last, _known(outcome, recording.t)
+    beyond = (errors.position > POSITION) | (errors.heading > HEADING)
+    nees = errors.nees[last][known[last]]
+    return {
+        "known": float(known[last].mean()),
+        "sure_and_wrong": float((known & beyond)[last].mean()),
+        "nees_known": float(nees.mean()) if len(nees) else None,
+    }
+
+
+def _known(outcome: RunResult, t: Array) -> Array:
+    """Whether the newest estimate at each time (n,) [s] has the status OK."""
+    estimates = outcome.recording.agents[VEHICLE].estimates
+    newest = np.searchsorted([estimate.t for estimate in estimates], t + 1e-9, side="right") - 1
+    known: Array = np.array([k >= 0 and estimates[k].status is Status.OK for k in newest], dtype=bool)
+    return known

@@ -40,7 +40,7 @@ class FlightModel:
         return FlightModel(mission, axis, np.diag([0.0, 0.0, rms**2]))
 
     def start(self, reading: Array | None) -> tuple[Array, Array]:
-        P: Array = np.kron(self._P, _EYE)
+        P: Array = np.asarray(np.kron(self._P, _EYE), np.float64)
         return np.concatenate([self._mission.start, np.zeros(6)]), P
 
     def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:

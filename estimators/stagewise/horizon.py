@@ -1,10 +1,11 @@
 """Moving-horizon estimation: least squares over the last stages, with an arrival cost for all that came before.
 
 Over the stages of a window with states x_1, ..., x_M, the prior mean m and its covariance P at the first, one real-time
-iteration of Gauss and Newton solves the programme of ``horizon_programme`` about the states as they are, and moves them
-by its solution (M. Diehl, H. G. Bock and J. P. Schloeder, SIAM J. Control and Optimization 43, 2005). Outliers count by
-Huber's function of slope delta: the whitened residual r of a number has the weight min(1, delta / |r|), that of a new
-one with its predicted deviation in place of 1.
+iteration of Gauss and Newton solves the quadratic programme of ``horizon_programme`` about the states as they are, and
+moves them by its solution (M. Diehl, H. G. Bock and J. P. Schloeder, SIAM J. Control and Optimization 43, 2005).
+Without its limits the programme is solved in closed form; where that solution is within them it is the programme's, for
+that is convex, and elsewhere FATROP finds it. Outliers count by Huber's function of slope delta: the whitened residual
+r of a number has the weight min(1, delta / |r|), that of a new one with its predicted deviation in place of 1.
 
 When the window moves on, the prior takes in the readings of the stage that leaves, as an extended Kalman filter does
 that is linearised at the smoothed state, and is led to the next stage (C. V. Rao, J. B. Rawlings and D. Q. Mayne, IEEE
@@ -13,7 +14,9 @@ Trans. Automatic Control 48, 2003). So of a linear model without outliers and li
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -36,8 +39,7 @@ class _Node:
     at: Array = field(default_factory=lambda: np.empty(0))  # state of the node before that F is linearised at
     reached: Array = field(default_factory=lambda: np.empty(0))  # where it leads
     F: Array = field(default_factory=lambda: np.empty(0))
-    root: Array = field(default_factory=lambda: np.empty(0))  # of Q
-    Q: Array = field(default_factory=lambda: np.empty(0))
+    Q: Array = field(default_factory=lambda: np.empty(0))  # from there
     spread: Array | None = None  # predicted deviations of a new reading's residuals, in theirs
 
 
@@ -47,7 +49,7 @@ class MovingHorizon:
     def __init__(self, model: StagewiseModel, stages: int, iterations: int, slope: float) -> None:
         """``slope`` is delta, ``iterations`` those of Gauss and Newton at each stage with readings."""
         self._model, self._stages, self._iterations, self._slope = model, stages, iterations, slope
-        self._programme = HorizonProgramme(model.size, model.rows, stages)
+        self._programme = HorizonProgramme(model.size, stages)
         self._nodes: list[_Node] = []
         self._prior: tuple[Array, Array]  # m, P at the first node
         self._scale: Array  # (d,) of the errors
@@ -102,7 +104,6 @@ class MovingHorizon:
             node = _Node(last.inputs + inputs, stage.readings, x, last.at, x, F @ last.F, Q=F @ last.Q @ F.T + Q)
         else:
             node = _Node(inputs, stage.readings, x, last.x, x, F, Q=Q)
-        node.root = square_root(node.Q)
         self._nodes.append(node)
         while len(self._nodes) > self._stages:
             self._shift()
@@ -119,45 +120,80 @@ class MovingHorizon:
         self._nodes.pop(0)
 
     def _solve(self) -> None:
-        model, programme = self._model, self._programme
+        model, nodes = self._model, self._nodes
         for _ in range(self._iterations):
-            nodes, S = self._nodes, self._scale
-            padding = self._stages - len(nodes)
-            programme.clear()
-            m, P = self._prior
-            programme.A[0] = square_root(P) / S[:, np.newaxis]
-            programme.c[0] = model.difference(m, nodes[0].x) / S
-            for i, node in enumerate(nodes, start=padding):
-                if i > padding:
-                    before = self._nodes[i - padding - 1]
-                    self._relinearise(node, before)
-                    programme.A[i] = node.F * S / S[:, np.newaxis]
-                    programme.B[i] = node.root / S[:, np.newaxis]
-                    programme.c[i] = model.difference(self._reached(node, before), node.x) / S
-                r, W = self._weighted(node)
-                programme.r[i, : len(r)], programme.W[i, : len(r)] = r, W * S
-                low, high = model.limits(node.x)
-                programme.low[i], programme.high[i] = low / S, high / S
-            errors, message = programme.solve()
-            self.failure = "" if errors is not None else message
-            if errors is None:
-                return
-            for error, node in zip(errors[padding:], nodes, strict=True):
-                node.x = model.sum(node.x, S * error)
-        self._covariance()
-
-    def _covariance(self) -> None:
-        """P at the newest stage, and the agreement of its reading."""
-        P = self._conditioned(self._nodes[0], np.zeros(self._model.size), self._prior[1])[1]
-        for node in self._nodes[1:]:
-            P = node.F @ P @ node.F.T + node.Q
-            P = self._conditioned(node, np.zeros(self._model.size), P)[1]
-        self.P = 0.5 * (P + P.T)
-        newest = self._nodes[-1]
+            readings = [self._weighted(node) for node in nodes]
+            offsets = [model.difference(self._prior[0], nodes[0].x)]
+            for before, node in pairwise(nodes):
+                self._relinearise(node, before)
+                offsets.append(model.difference(self._reached(node, before), node.x))
+            limits = [model.limits(node.x) for node in nodes]
+            errors, self.P = self._unlimited(offsets, readings)
+            self.failure = ""
+            if any((e < low).any() or (e > high).any() for e, (low, high) in zip(errors, limits, strict=True)):
+                limited, message = self._limited(offsets, readings, limits)
+                if limited is None:
+                    self.failure = message
+                    return
+                errors = limited
+            for error, node in zip(errors, nodes, strict=True):
+                node.x = model.sum(node.x, error)
+        newest = nodes[-1]
         newest.spread = None
         _check(newest.x, self.P)
-        r, _ = residuals(self._model, newest.x, newest.readings)
+        r, _ = residuals(model, newest.x, newest.readings)
         self.agrees = bool(len(r)) and float(np.mean(np.abs(r) < _GOOD)) >= 0.5
+
+    def _unlimited(
+        self, offsets: Sequence[Array], readings: Sequence[tuple[Array, Array]]
+    ) -> tuple[list[Array], Array]:
+        """Solution (d,) at each node without limits, and P at the newest: a Kalman filter forward, and backward the
+
+        smoother of Bryson and Frazier, which inverts no covariance:
+
+            lambda <- F' ((I - K W)' lambda - W' S^{-1} (r - W e)),    e^ = e - P lambda.
+        """
+        e, P = offsets[0], self._prior[1]
+        forward = []
+        for k, (node, (r, W)) in enumerate(zip(self._nodes, readings, strict=True)):
+            if k:
+                e, P = node.F @ e + offsets[k], node.F @ P @ node.F.T + node.Q
+            PW = P @ W.T
+            solved = np.linalg.solve(np.eye(len(r)) + W @ PW, np.column_stack([W, r - W @ e]))  # S^{-1} (W, r - W e)
+            kept = np.eye(len(P)) - PW @ solved[:, :-1]
+            e = e + PW @ solved[:, -1]
+            P = kept @ P
+            P = 0.5 * (P + P.T)
+            forward.append((e, P, kept, W.T @ solved[:, -1]))
+        costate, errors = np.zeros(len(P)), []
+        for (filtered, covariance, kept, gradient), node in zip(forward[::-1], self._nodes[::-1], strict=True):
+            errors.append(filtered - covariance @ costate)
+            if node is not self._nodes[0]:
+                costate = node.F.T @ (kept.T @ costate - gradient)
+        return errors[::-1], P
+
+    def _limited(
+        self,
+        offsets: Sequence[Array],
+        readings: Sequence[tuple[Array, Array]],
+        limits: Sequence[tuple[Array, Array]],
+    ) -> tuple[list[Array] | None, str]:
+        """Solution (d,) at each node within the limits, by FATROP; None, and its message, where it found none."""
+        programme, S = self._programme, self._scale
+        programme.clear()
+        padding = self._stages - len(self._nodes)
+        programme.A[0] = square_root(self._prior[1]) / S[:, np.newaxis]
+        programme.c[0] = offsets[0] / S
+        for k, (node, (r, W), (low, high)) in enumerate(zip(self._nodes, readings, limits, strict=True)):
+            i = padding + k
+            if k:
+                programme.A[i] = node.F * S / S[:, np.newaxis]
+                programme.B[i] = square_root(node.Q) / S[:, np.newaxis]
+                programme.c[i] = offsets[k] / S
+            programme.H[i], programme.g[i] = (W * S).T @ (W * S), (W * S).T @ r
+            programme.low[i], programme.high[i] = low / S, high / S
+        errors, message = programme.solve()
+        return None if errors is None else [S * error for error in errors[padding:]], message
 
     def _conditioned(self, node: _Node, e: Array, P: Array) -> tuple[Array, Array]:
         """Error e (d,) about the node's state with covariance P, conditioned on its readings."""
@@ -188,7 +224,6 @@ class MovingHorizon:
         if (moved > _MOVED * np.sqrt(np.maximum(np.diag(self.P), 0.0))).any():
             node.at = before.x
             node.reached, node.F, node.Q = advanced(self._model, before.x, node.inputs)
-            node.root = square_root(node.Q)
 
     def _reached(self, node: _Node, before: _Node) -> Array:
         """Where the state of the node before leads, to first order about that of the linearisation."""

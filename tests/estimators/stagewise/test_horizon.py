@@ -34,13 +34,38 @@ def test_of_a_linear_model_it_is_the_kalman_filter_whatever_its_length(stages: i
 
 
 def test_the_limits_of_the_mission_hold() -> None:
-    """A fix that is far off would ask for a gust that is not declared."""
-    model = FlightModel.of(KalmanConfig(), FLIGHT)
-    horizon = MovingHorizon(model, 6, 1, slope=1e9)
-    for stage in fixes(20):
-        far = tuple(y + 30.0 * stage.t**2 for y in stage.readings)
-        horizon.add(Stage(stage.t, stage.inputs, far))
-    assert np.abs(horizon.x[6:]).max() <= FLIGHT.gust.limit + 1e-6
+    """Fixes that run away would ask for a gust that is not declared."""
+    horizon = MovingHorizon(FlightModel.of(KalmanConfig(), FLIGHT), 6, 1, slope=1e9)
+    for stage in runaway(20):
+        horizon.add(stage)
+    assert horizon.failure == ""
+    assert np.abs(horizon.x[6:]).max() == pytest.approx(FLIGHT.gust.limit, abs=1e-2)
+
+
+def runaway(n: int) -> list[Stage]:
+    """Fixes that accelerate by 60 m/s^2."""
+    return [Stage(stage.t, stage.inputs, tuple(y + 30.0 * stage.t**2 for y in stage.readings)) for stage in fixes(n)]
+
+
+def test_fatrop_finds_what_the_closed_form_finds_where_no_limit_is_active(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, stages, _ = ranged(np.random.default_rng(2), 12)
+    found = []
+    for _ in range(2):
+        horizon = MovingHorizon(model, 5, 1, slope=1.5)
+        for stage in stages:
+            horizon.add(stage)
+        found.append(horizon.x)
+
+        def always(self: MovingHorizon, offsets: Any, readings: Any, closed: Any = MovingHorizon._unlimited) -> Any:
+            errors, P = closed(self, offsets, readings)
+            limited, message = self._limited(
+                offsets, readings, [(-np.full(4, np.inf), np.full(4, np.inf))] * len(errors)
+            )
+            assert limited is not None, message
+            return limited, P
+
+        monkeypatch.setattr(MovingHorizon, "_unlimited", always)
+    np.testing.assert_allclose(found[0], found[1], atol=1e-6)
 
 
 def test_an_outlier_moves_it_by_less_than_a_filter_without_a_gate() -> None:
@@ -57,26 +82,29 @@ def test_an_outlier_moves_it_by_less_than_a_filter_without_a_gate() -> None:
 
 def test_a_solver_that_fails_is_a_status_and_the_estimate_is_the_prediction(monkeypatch: pytest.MonkeyPatch) -> None:
     estimator = MovingHorizonEstimator.build(MovingHorizonConfig(), FLIGHT)
-    fix = FLIGHT.start + np.zeros(3)
     for k in range(5):
-        good = estimator.update(0.1 * k, (Measurement("position", 0.1 * k, fix),), np.zeros(3))
+        fix = Measurement("position", 0.1 * k, FLIGHT.start + np.zeros(3))
+        good = estimator.update(0.1 * k, (fix,), np.zeros(3))
     assert good.status is Status.OK
 
     def fails(self: Any) -> NlpReport:
         return NlpReport(Outcome.FAILED, "the solver gave up", None)
 
     monkeypatch.setattr("mathnavi.models.nlp_solver.NlpSolver.solve", fails)
-    bad = estimator.update(0.5, (Measurement("position", 0.5, fix + 1.0),), np.zeros(3))
+    monkeypatch.setattr(FlightModel, "limits", lambda self, x: (-np.full(9, 1e-9), np.full(9, 1e-9)))
+    far = Measurement("position", 0.5, fix.value + 1.0)
+    bad = estimator.update(0.5, (far,), np.zeros(3))
     assert bad.status is Status.SOLVER_FAILED
     np.testing.assert_allclose(bad.x[:3], good.x[:3] + 0.1 * good.x[3:6], atol=0.02)
     monkeypatch.undo()
-    assert estimator.update(0.6, (Measurement("position", 0.6, fix),), np.zeros(3)).status is Status.OK
+    after = estimator.update(0.6, (Measurement("position", 0.6, fix.value),), np.zeros(3))
+    assert after.status is Status.OK
 
 
 def test_readings_that_are_not_finite_are_not_solved_for() -> None:
-    programme = HorizonProgramme(2, 1, 3)
+    programme = HorizonProgramme(2, 3)
     programme.clear()
-    programme.r[1, 0], programme.W[1, 0, 0] = np.nan, 1.0
+    programme.g[1, 0] = np.nan
     errors, message = programme.solve()
     assert errors is None
     assert message

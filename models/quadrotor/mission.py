@@ -53,6 +53,9 @@ class InertialQuality:
     accelerometer: NonNegative = 0.05  # [m/s^2] standard deviation
 
 
+NOMINAL_IMU = InertialQuality()
+
+
 @configuration(prefix="{name} sensor: ")
 class InertialSensor:
     """Body rate (3,) [rad/s] and specific force (3,) [m/s^2] in the body frame, as an IMU reads them.
@@ -60,7 +63,7 @@ class InertialSensor:
     omega + n_g and R' (a + g e_z) + n_a, a being the acceleration over the last tick, gusts included.
     """
 
-    quality: InertialQuality = InertialQuality()
+    quality: InertialQuality = NOMINAL_IMU
     gravity: NonNegative = NOMINAL.gravity  # [m/s^2] g
     rate: float | None = 1.0 / TICK  # [Hz]
     name: str = "imu"
@@ -80,7 +83,7 @@ class QuadrotorMission:
 
     flight: FlightMission
     vehicle: Quadrotor = NOMINAL  # as it is believed to be
-    inertial: InertialQuality = InertialQuality()
+    inertial: InertialQuality = NOMINAL_IMU
 
     @property
     def control_period(self) -> float:

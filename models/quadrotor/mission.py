@@ -14,7 +14,17 @@ import numpy as np
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.aerial.sensors import PositionSensor
-from mathnavi.models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, RATE, STATE_SIZE, Quadrotor, at_rest, flow
+from mathnavi.models.quadrotor.dynamics import (
+    ATTITUDE,
+    NOMINAL,
+    POSITION,
+    RATE,
+    ROTOR_COUNT,
+    STATE_SIZE,
+    Quadrotor,
+    at_rest,
+    flow,
+)
 from mathnavi.models.quaternion import rotation
 from mathnavi.sim.interfaces.bounds import NonNegative, configuration
 from mathnavi.sim.interfaces.protocols import StateView
@@ -89,6 +99,11 @@ class QuadrotorMission:
     def control_period(self) -> float:
         """Period [s] of estimator and tracker."""
         return self.flight.control_period
+
+    @property
+    def input_size(self) -> int:
+        """Number of inputs: the thrusts of the rotors."""
+        return ROTOR_COUNT
 
     @property
     def start_state(self) -> Array:

@@ -18,6 +18,7 @@ fixes only while the vehicle accelerates sideways; the heading at the start is t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -57,9 +58,9 @@ class InertialIekfConfig:
     """without a fix, or without the IMU, after which the estimate is lost [s]"""
     fix_floor: Positive = 0.01
     """least standard deviation that a fix is trusted with [m]"""
-    start_attitude: Positive = 0.02
-    """standard deviation of the stated start's attitude, about each axis [rad]"""
-    start_velocity: Positive = 0.1
+    start_attitude: Positive | None = None
+    """standard deviation of the stated start's attitude, about each axis; if not given, as good as later on [rad]"""
+    start_velocity: Positive | None = None
     """likewise of its velocity, along each axis [m/s]"""
 
 
@@ -78,8 +79,7 @@ class InertialIekf:
         x = mission.start_state
         self._X = SE23.of(rotation(x[ATTITUDE]), x[VELOCITY], x[POSITION])
         self._rate = x[RATE].copy()
-        start = (config.start_attitude, config.start_velocity, _fix_deviation(config, mission))
-        self._P = np.diag(np.repeat(np.square(start), 3))
+        self._P = _first(config, mission)
         self._t: float | None = None  # [s] of the filter's state; None before the first call
 
     @staticmethod
@@ -94,21 +94,15 @@ class InertialIekf:
 
     @staticmethod
     def quality(config: InertialIekfConfig, mission: QuadrotorMission) -> EstimateQuality:
-        """The stationary filter in hover, one axis (position, velocity, tilt), by its discrete Riccati equation.
+        """The stationary filter in hover, along any axis; the gust is not estimated.
 
-        The covariance is that just before a fix; a fix feeds K S K' into the estimate. The gust is not estimated.
+        The covariance is that just before a fix; a fix feeds K S K' into the estimate.
         """
-        flight = mission.flight
-        interval = longest_gap(1.0 / flight.position_rate, flight.dropout_rate, config.timeout)
-        gyro, force = _deviations(mission)
-        model = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, mission.vehicle.gravity], [0.0, 0.0, 0.0]])
-        F, Q = discretised(model, np.diag([0.0, force**2 * TICK, gyro**2 * TICK]), interval)
-        H, R = np.array([[1.0, 0.0, 0.0]]), np.array([[_fix_deviation(config, mission) ** 2]])
-        before = solve_discrete_are(F.T, H.T, Q, R)
-        correction = before @ H.T @ np.linalg.solve(H @ before @ H.T + R, H @ before) / interval
-        error, driving = np.zeros((3, 3)), EstimateQuality.exact(flight.gust).driving
-        error[:2, :2] = 0.5 * (before + before.T)[:2, :2]
-        driving[:2, :2] += 0.5 * (correction + correction.T)[:2, :2]
+        interval, before, R = _stationary(config, mission)
+        correction = np.outer(before[:2, 0], before[:2, 0]) / ((before[0, 0] + R) * interval)
+        error, driving = np.zeros((3, 3)), EstimateQuality.exact(mission.flight.gust).driving
+        error[:2, :2] = before[:2, :2]
+        driving[:2, :2] += correction
         return EstimateQuality(error, driving)
 
     @staticmethod
@@ -140,8 +134,9 @@ class InertialIekf:
                 nis = self._fix(reading)
         self._coast(t, command)
         R = self._X[:3, :3]
-        axes = np.kron(np.eye(2), R)
-        P = axes @ self._P[np.ix_([6, 7, 8, 3, 4, 5], [6, 7, 8, 3, 4, 5])] @ axes.T
+        axes = np.zeros((6, 9))
+        axes[:3, _POSITION], axes[3:, _VELOCITY] = R, R
+        P = axes @ self._P @ axes.T
         extra = {
             "attitude": quaternion(R),
             "rate": self._rate.copy(),
@@ -219,6 +214,41 @@ def propagation(X: Array, rate: Array, force: Array, gravity: float, dt: float) 
     F = np.eye(9)
     F[_POSITION, _VELOCITY] = dt * np.eye(3)
     return after, SE23.adjoint(SE23.inverse(read)) @ F
+
+
+def _stationary(config: InertialIekfConfig, mission: QuadrotorMission) -> tuple[float, Array, float]:
+    """Time [s] between fixes, covariance (3, 3) of (p, v, tilt) along an axis just before one, variance of a fix.
+
+    In hover, p' = v, v' = g tilt + force, tilt' = gyro. The vehicle accelerates by up to a_max, and an error of its
+    heading then acts as one of its tilt does: g stands for the length of both accelerations.
+    """
+    flight, (gyro, force) = mission.flight, _deviations(mission)
+    interval = longest_gap(1.0 / flight.position_rate, flight.dropout_rate, config.timeout)
+    g = math.hypot(mission.vehicle.gravity, flight.acceleration_max)
+    model = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, g], [0.0, 0.0, 0.0]])
+    F, Q = discretised(model, np.diag([0.0, force**2 * TICK, gyro**2 * TICK]), interval)
+    R = _fix_deviation(config, mission) ** 2
+    before = solve_discrete_are(F.T, np.array([[1.0], [0.0], [0.0]]), Q, np.array([[R]]))
+    return interval, 0.5 * (before + before.T), R
+
+
+def _first(config: InertialIekfConfig, mission: QuadrotorMission) -> Array:
+    """Covariance (9, 9) at the start, which the mission states: the stationary one, but for what is stated.
+
+    Anything wider would let the first fixes move the estimate by more than the declared quality says.
+    """
+    _, axis, _ = _stationary(config, mission)
+    P = np.zeros((9, 9))
+    for k in range(3):
+        P[np.ix_([6 + k, 3 + k], [6 + k, 3 + k])] = axis[:2, :2]
+        P[k, k] = axis[2, 2]
+    for k, tilt, sign in ((0, 1, 1.0), (1, 0, -1.0)):  # xi_v' = xi_turn x f
+        P[[6 + k, 3 + k], tilt] = P[tilt, [6 + k, 3 + k]] = sign * axis[2, :2]
+    for part, stated in ((_TURN, config.start_attitude), (_VELOCITY, config.start_velocity)):
+        if stated is not None:
+            P[part], P[:, part] = 0.0, 0.0
+            P[part, part] = stated**2 * np.eye(3)
+    return P
 
 
 def _deviations(mission: QuadrotorMission) -> tuple[float, float]:

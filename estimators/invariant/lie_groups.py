@@ -1,8 +1,9 @@
-"""Matrix Lie groups of poses: SO(3), SE(2) and the extended poses SE_2(3), with what an invariant filter needs of them.
+"""Matrix Lie groups of poses, SO(3), SE(2) and SE_2(3), with what an invariant filter needs of them.
 
-An element X is a matrix, an element xi (n,) of the Lie algebra a vector. With the bracket ad, [xi^, eta^] = (ad_xi eta)^,
+An element X is a matrix, an element xi (n,) of the Lie algebra a vector. With the bracket [xi^, eta^] = (ad_xi eta)^,
 
-    Exp(xi) = e^(xi^),   X Exp(xi) X^-1 = Exp(Ad_X xi),   Exp(xi + d) = Exp(J_l d) Exp(xi) = Exp(xi) Exp(J_r d) + O(d^2),
+    Exp(xi) = e^(xi^),   X Exp(xi) X^-1 = Exp(Ad_X xi),
+    Exp(xi + d) = Exp(J_l d) Exp(xi) = Exp(xi) Exp(J_r d)   to first order in d,
     J_l(xi) = sum_k ad_xi^k / (k + 1)!,   J_r(xi) = J_l(-xi).
 
 The eigenvalues of ad are 0 and +-i theta, theta the angle of rotation, so the sum ends: ad^3 = -theta^2 ad on SO(3) and
@@ -36,7 +37,9 @@ class SO3:
     def exp(xi: Array) -> Array:
         """Rotation (3, 3) by |xi| [rad] about xi (3,)."""
         theta, ad = _length(xi), SO3.bracket(xi)
-        sine = 1.0 - theta**2 / 6.0 + theta**4 / 120.0 - theta**6 / 5040.0 if theta < _SMALL else math.sin(theta) / theta
+        sine = (
+            1.0 - theta**2 / 6.0 + theta**4 / 120.0 - theta**6 / 5040.0 if theta < _SMALL else math.sin(theta) / theta
+        )
         X: Array = np.eye(3) + sine * ad + _versine(theta) * ad @ ad
         return X
 
@@ -210,9 +213,16 @@ def _length(xi: Array) -> float:
     return math.sqrt(float(np.dot(xi, xi)))
 
 
+def _sinc(theta: float) -> float:
+    """sin theta / theta."""
+    if abs(theta) < _SMALL:
+        return 1.0 - theta**2 / 6.0 + theta**4 / 120.0 - theta**6 / 5040.0
+    return math.sin(theta) / theta
+
+
 def _versine(theta: float) -> float:
     """(1 - cos theta) / theta^2."""
-    if theta < _SMALL:
+    if abs(theta) < _SMALL:
         return 0.5 - theta**2 / 24.0 + theta**4 / 720.0 - theta**6 / 40320.0
     return (1.0 - math.cos(theta)) / theta**2
 
@@ -229,8 +239,5 @@ def _cubic(ad: Array, theta: float) -> Array:
 
 def _arc(phi: float) -> Array:
     """Mean (2, 2) of the rotations from 0 to phi [rad]."""
-    if abs(phi) < _SMALL:
-        a, b = 1.0 - phi**2 / 6.0 + phi**4 / 120.0 - phi**6 / 5040.0, phi * _versine(abs(phi))
-    else:
-        a, b = math.sin(phi) / phi, (1.0 - math.cos(phi)) / phi
+    a, b = _sinc(phi), phi * _versine(phi)
     return np.array([[a, -b], [b, a]])

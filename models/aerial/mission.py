@@ -105,6 +105,11 @@ class FlightMission:
     # ---- what an estimator needs to know of the vehicle, of any kind of mission
 
     @property
+    def input_size(self) -> int:
+        """Number 3 of inputs: the acceleration."""
+        return 3
+
+    @property
     def start_state(self) -> Array:
         """State (6,) [m, m/s] at t = 0: at rest."""
         return np.array([*self.start, 0.0, 0.0, 0.0])

@@ -37,6 +37,11 @@ class LagrangianMission:
     speed_max: Positive = 10.0  # sup |v|_g (Theorem D.2)
 
     @property
+    def input_size(self) -> int:
+        """Number nu of inputs."""
+        return len(self.system.inputs)
+
+    @property
     def sensor(self) -> ManifoldPositionSensor:
         """Sensor of one run, with readings "position" (size,)."""
         return ManifoldPositionSensor(self.system.manifold, self.reading, 1.0 / self.period)

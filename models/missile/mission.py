@@ -147,6 +147,11 @@ class MissileMission:
             raise MissionError(f"input_max = {self.input_max!r}; allowed: numbers > 0, infinity for none")
 
     @property
+    def input_size(self) -> int:
+        """Number nu of inputs."""
+        return self.coordinates.input_size
+
+    @property
     def start_state(self) -> Array:
         """State (nx,) at t = 0."""
         return np.array(self.start)

@@ -14,7 +14,17 @@ import numpy as np
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.aerial.sensors import PositionSensor
-from mathnavi.models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, RATE, STATE_SIZE, Quadrotor, at_rest, flow
+from mathnavi.models.quadrotor.dynamics import (
+    ATTITUDE,
+    NOMINAL,
+    POSITION,
+    RATE,
+    ROTOR_COUNT,
+    STATE_SIZE,
+    Quadrotor,
+    at_rest,
+    flow,
+)
 from mathnavi.models.quaternion import rotation
 from mathnavi.sim.interfaces.bounds import NonNegative, configuration
 from mathnavi.sim.interfaces.protocols import StateView
@@ -53,6 +63,9 @@ class InertialQuality:
     accelerometer: NonNegative = 0.05  # [m/s^2] standard deviation
 
 
+NOMINAL_IMU = InertialQuality()
+
+
 @configuration(prefix="{name} sensor: ")
 class InertialSensor:
     """Body rate (3,) [rad/s] and specific force (3,) [m/s^2] in the body frame, as an IMU reads them.
@@ -60,7 +73,7 @@ class InertialSensor:
     omega + n_g and R' (a + g e_z) + n_a, a being the acceleration over the last tick, gusts included.
     """
 
-    quality: InertialQuality = InertialQuality()
+    quality: InertialQuality = NOMINAL_IMU
     gravity: NonNegative = NOMINAL.gravity  # [m/s^2] g
     rate: float | None = 1.0 / TICK  # [Hz]
     name: str = "imu"
@@ -80,12 +93,17 @@ class QuadrotorMission:
 
     flight: FlightMission
     vehicle: Quadrotor = NOMINAL  # as it is believed to be
-    inertial: InertialQuality = InertialQuality()
+    inertial: InertialQuality = NOMINAL_IMU
 
     @property
     def control_period(self) -> float:
         """Period [s] of estimator and tracker."""
         return self.flight.control_period
+
+    @property
+    def input_size(self) -> int:
+        """Number of inputs: the thrusts of the rotors."""
+        return ROTOR_COUNT
 
     @property
     def start_state(self) -> Array:

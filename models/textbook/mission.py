@@ -39,6 +39,11 @@ class TextbookMission:
                 )
 
     @property
+    def input_size(self) -> int:
+        """Number p of inputs."""
+        return len(self.system.inputs)
+
+    @property
     def start_state(self) -> Array:
         """Believed start x^(0) (n,)."""
         return np.array(self.start)

@@ -57,6 +57,11 @@ class RangingMission:
             raise MissionError(f"start = {self.start.pose!r} is outside the {self.curve.name}; allowed: within it")
 
     @property
+    def input_size(self) -> int:
+        """Number 2 of inputs: speed and turn rate."""
+        return 2
+
+    @property
     def sensors(self) -> int:
         """Number l of range sensors."""
         return len(self.angles)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -26,6 +27,7 @@ class RangeSensor:
     longest: float  # [m] that can be in sight
     rate: float | None  # [Hz]; None: every control step
     name: str = "ranges"
+    partial: ClassVar[bool] = True  # single values of a reading may be NaN
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
         """Read the ranges (l,) [m] of ``motion``; ``rng`` draws noise, outliers and losses."""

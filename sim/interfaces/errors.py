@@ -30,6 +30,10 @@ class UntrustedError(RunFolderError):
     """The folder of a run that names code which is not installed, and which nobody has trusted."""
 
 
+class LogError(ValueError):
+    """A log of one's own whose times, readings or inputs are malformed, or not those that an estimator needs."""
+
+
 class StoreError(ValueError):
     """The store of a sweep that is broken, or not one."""
 

@@ -72,9 +72,9 @@ class PoseObserver:
     """Steps an estimator of a robot's pose through ranges and odometry.
 
     ``wall`` is a closed curve: ``ellipse(a, b)``, ``wall_through(points)`` or a ``Curve``. ``angles`` (l,) [rad] are
-    those of the sensors off the heading. ``method`` is a plug-in, feasible_set_bank, range_ekf, range_ukf,
-    range_particle or range_observer, and ``fields`` are its own. ``range_noise`` [m] and ``odometry_noise`` [m/s,
-    rad/s] are standard deviations of the sensors. ``start`` (3,) is the pose at the start where it is known, and
+    those of the sensors off the heading. ``method`` is a plug-in, feasible_set_bank, range_ekf, range_iekf,
+    range_ukf, range_particle or range_observer, and ``fields`` are its own. ``range_noise`` [m] and ``odometry_noise``
+    [m/s, rad/s] are standard deviations of the sensors. ``start`` (3,) is the pose at the start where it is known, and
     ``period`` [s] what a step usually takes.
 
     Raises PluginError for a method that is not known, FieldError for a field or a value that is not allowed.

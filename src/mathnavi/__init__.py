@@ -22,18 +22,26 @@ if TYPE_CHECKING:
     from mathnavi.controllers.ocp.pontryagin import check_pontryagin
     from mathnavi.controllers.ocp.problems.library import OptimalControlProblem
     from mathnavi.controllers.ocp.saved_solution import load_solution
+    from mathnavi.models.aerial.mission import FlightMission
     from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
     from mathnavi.models.field.curve import Curve, ellipse
     from mathnavi.models.manifold.constant_curvature import flat_space as EuclideanSpace  # noqa: N812
     from mathnavi.models.manifold.constant_curvature import hyperbolic_space as HyperbolicSpace  # noqa: N812
     from mathnavi.models.manifold.constant_curvature import sphere as Sphere  # noqa: N812
+    from mathnavi.models.manifold.mission import LagrangianMission
+    from mathnavi.models.manifold.sensors import PositionQuality
     from mathnavi.models.manifold.systems import RigidBody
+    from mathnavi.models.mechanism.system import MechanismSystem
+    from mathnavi.models.quadrotor.mission import InertialQuality, QuadrotorMission
     from mathnavi.models.terrain.dem_import import import_dem as import_terrain
     from mathnavi.models.terrain.height_field import HeightField
     from mathnavi.models.terrain.library import load_terrain
     from mathnavi.models.terrain.visibility import Radar
+    from mathnavi.models.unicycle.mission import RangingMission
+    from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
     from mathnavi.sim.interfaces.errors import (
         FieldError,
+        LogError,
         MissionError,
         PluginError,
         ProblemError,
@@ -53,6 +61,7 @@ if TYPE_CHECKING:
     from mathnavi.sim.scripting.requests import plugin
     from mathnavi.sim.scripting.runs import available, make, run, study, sweep
     from mathnavi.sim.scripting.safety_filter import SafetyFilter
+    from mathnavi.sim.scripting.sensor_log import EstimateHistory, SensorLog, estimate
 
     __version__: str
 
@@ -86,6 +95,20 @@ _PLACES = {
     "Curve": "models.field.curve",
     "ellipse": "models.field.curve",
     "wall_through": "sim.scripting.localisation",
+    # estimators over one's own log
+    "estimate": "sim.scripting.sensor_log",
+    "SensorLog": "sim.scripting.sensor_log",
+    "EstimateHistory": "sim.scripting.sensor_log",
+    "RangingMission": "models.unicycle.mission",
+    "RangeQuality": "models.unicycle.quality",
+    "OdometryQuality": "models.unicycle.quality",
+    "KnownStart": "models.unicycle.quality",
+    "LagrangianMission": "models.manifold.mission",
+    "PositionQuality": "models.manifold.sensors",
+    "MechanismSystem": "models.mechanism.system",
+    "FlightMission": "models.aerial.mission",
+    "QuadrotorMission": "models.quadrotor.mission",
+    "InertialQuality": "models.quadrotor.mission",
     # optimal control
     "OptimalControlProblem": "controllers.ocp.problems.library",  # which enters the problems of the literature
     "MultiPhaseProblem": "controllers.ocp.phases",
@@ -109,6 +132,7 @@ _PLACES = {
     "Status": "sim.interfaces.signals",
     # errors, all of them ValueErrors
     "FieldError": "sim.interfaces.errors",
+    "LogError": "sim.interfaces.errors",
     "MissionError": "sim.interfaces.errors",
     "PluginError": "sim.interfaces.errors",
     "ProblemError": "sim.interfaces.errors",
@@ -144,6 +168,19 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "Curve",
     "ellipse",
     "wall_through",
+    "estimate",
+    "SensorLog",
+    "EstimateHistory",
+    "RangingMission",
+    "RangeQuality",
+    "OdometryQuality",
+    "KnownStart",
+    "LagrangianMission",
+    "PositionQuality",
+    "MechanismSystem",
+    "FlightMission",
+    "QuadrotorMission",
+    "InertialQuality",
     "OptimalControlProblem",
     "MultiPhaseProblem",
     "Monitor",
@@ -163,6 +200,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "PlanRequest",
     "Status",
     "FieldError",
+    "LogError",
     "MissionError",
     "PluginError",
     "ProblemError",

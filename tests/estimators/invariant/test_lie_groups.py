@@ -73,7 +73,9 @@ def test_the_jacobian_is_the_sum_of_its_series(group: Any, size: float, seed: in
     block = np.zeros((2 * n, 2 * n))
     block[:n, :n], block[:n, n:] = group.bracket(xi), np.eye(n)
     np.testing.assert_allclose(group.left_jacobian(xi), expm(block)[:n, n:], atol=1e-11)
-    np.testing.assert_allclose(group.left_jacobian(xi), group.adjoint(group.exp(xi)) @ group.right_jacobian(xi), atol=1e-11)
+    np.testing.assert_allclose(
+        group.left_jacobian(xi), group.adjoint(group.exp(xi)) @ group.right_jacobian(xi), atol=1e-11
+    )
 
 
 @groups

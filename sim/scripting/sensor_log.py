@@ -1,0 +1,233 @@
+"""Estimators over one's own log: times, readings and inputs as arrays, or from a CSV file; no scenario, no run.
+
+log = SensorLog.from_csv("robot.csv", time="t", readings={"ranges": ["front", "left"], "odometry": ["v", "w"]})
+found = estimate("feasible_set_bank", mission, log)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mathnavi.sim.interfaces.errors import FieldError, LogError
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.reading.tables import read_columns
+from mathnavi.sim.interfaces.short_tables import html_table, short_table, vector_text
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, checked_sensors, load
+from mathnavi.sim.scripting.requests import configured, raising
+
+_PERIOD_FACTOR = 2.0  # between the period that an estimator is built for and the steps of a log
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SensorLog:
+    """A log: at t[k] the sensors were read, and from then on until t[k + 1] the input was inputs[k].
+
+    ``t`` (n,) [s] increases. ``readings`` are arrays (n, m) by the name of the sensor, (n,) for m = 1, in its unit and
+    frame; a row of NaN is a time at which it was not read. ``inputs`` (n, nu) are zero if not given.
+
+    Raises LogError for times that are not finite or go back, for arrays of another length, and for an input that is not
+    finite, with the place in the array.
+    """
+
+    t: Array
+    readings: Mapping[str, Array]
+    inputs: Array | None = None
+    source: str = field(default="log")  # named in messages
+
+    def __post_init__(self) -> None:
+        t = _array(self.t, f"{self.source}: t", 1)
+        if not len(t):
+            raise LogError(f"{self.source}: t is empty; allowed: one time or more")
+        if (bad := np.flatnonzero(~np.isfinite(t))).size:
+            raise LogError(f"{self.source}: t[{bad[0]}] = {t[bad[0]]}; allowed: finite times [s]")
+        if (bad := np.flatnonzero(np.diff(t) <= 0.0)).size:
+            k = int(bad[0])
+            raise LogError(
+                f"{self.source}: t[{k + 1}] = {t[k + 1]:.9g} s comes after t[{k}] = {t[k]:.9g} s; allowed: times that "
+                "increase"
+            )
+        readings = {name: self._rows(values, name, len(t)) for name, values in self.readings.items()}
+        inputs = None if self.inputs is None else self._rows(self.inputs, "inputs", len(t))
+        if inputs is not None and (places := np.argwhere(~np.isfinite(inputs))).size:
+            row, column = places[0]
+            value = inputs[row, column]
+            raise LogError(
+                f"{self.source}: inputs[{row}, {column}] = {value} at {t[row]:.9g} s; allowed: finite inputs"
+            )
+        for name, value in (("t", t), ("readings", readings), ("inputs", inputs)):
+            object.__setattr__(self, name, value)
+
+    @staticmethod
+    def from_csv(
+        path: str | Path, *, time: str = "t", readings: Mapping[str, Sequence[str]], inputs: Sequence[str] = ()
+    ) -> SensorLog:
+        """Read a log from a CSV file whose first line names its columns.
+
+        ``time`` names that of t [s], ``readings`` those of each sensor and ``inputs`` those of the input. An empty cell
+        is a value that was not read.
+
+        Raises LogError for a column that is not there and a cell that is no number, FileNotFoundError.
+        """
+        columns = [time, *(name for each in readings.values() for name in each), *inputs]
+        values = read_columns(Path(path), columns, LogError)
+        parts, first = {}, 1
+        for name, each in readings.items():
+            parts[name], first = values[:, first : first + len(each)], first + len(each)
+        return SensorLog(values[:, 0], parts, values[:, first:] if inputs else None, str(path))
+
+    def _rows(self, values: ArrayLike, name: str, count: int) -> Array:
+        rows = _array(values, f"{self.source}: {name}", 2)
+        if len(rows) != count:
+            raise LogError(f"{self.source}: {name} has {len(rows)} rows; allowed: {count}, as t has")
+        return rows
+
+    def __repr__(self) -> str:
+        read = {name: int((~np.isnan(values).all(axis=1)).sum()) for name, values in self.readings.items()}
+        rows = [(name, f"{count} x {self.readings[name].shape[1]}", "") for name, count in read.items()]
+        rows += [] if self.inputs is None else [("inputs", f"{len(self.t)} x {self.inputs.shape[1]}", "")]
+        return short_table(f"{self.source}: {len(self.t)} times from {self.t[0]:.6g} to {self.t[-1]:.6g} s", rows)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class EstimateHistory:
+    """Estimates at the times of a log."""
+
+    method: str
+    t: Array  # (n,) [s]
+    x: Array  # (n, nx) states, as the estimator's ``update`` documents them
+    covariance: Array  # (n, nx, nx); NaN where there is none
+    status: tuple[Status, ...]  # (n,)
+    extra: Mapping[str, Array]  # (n, ...) what else the estimator says, by name
+
+    @property
+    def ok(self) -> NDArray[np.bool_]:
+        """True (n,) where the estimate may be relied on."""
+        return np.array([status is Status.OK for status in self.status])
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviations (n, nx) of the states; NaN where there are none."""
+        deviations: Array = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+        return deviations
+
+    def _table(self) -> tuple[str, list[tuple[str, str, str]]]:
+        rows = [
+            ("ok", f"{int(self.ok.sum())} of {len(self.t)}", ""),
+            ("last status", self.status[-1].value, ""),
+            ("last x", vector_text(self.x[-1]), ""),
+        ]
+        if np.isfinite(self.deviation[-1]).all():
+            rows.append(("last deviation", vector_text(self.deviation[-1], 2), ""))
+        return f"{self.method} from {self.t[0]:.6g} to {self.t[-1]:.6g} s", rows
+
+    def __repr__(self) -> str:
+        return short_table(*self._table())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self._table())
+
+
+def estimate(method: str | PluginSpec | type[Any], mission: Any, log: SensorLog, **fields: Any) -> EstimateHistory:
+    """Run an estimator over a log.
+
+    ``method`` is any plug-in of ``mathnavi list estimators``, its class, or ``plugin(NAME, ...)``, and ``fields`` are its
+    own. ``mission`` says what the estimator has to know of the vehicle and its sensors, as ``RangingMission(wall, angles,
+    ...)`` does; its period has to be about that of the log.
+
+    Raises PluginError for a method that is not known or does not fit the mission, FieldError for a field or a value that
+    is not allowed, and LogError for a log without readings that the method needs, or with malformed ones.
+    """
+    found = load("estimators", method) if isinstance(method, str) else method
+    spec = found if isinstance(found, PluginSpec) else PluginSpec.of(found)
+    spec = PluginSpec(spec.plugin, configured(spec.config, fields))
+    with raising(FieldError):
+        estimator = checked_estimator(spec, mission)
+        sensors = checked_sensors(spec, mission)
+    name = method if isinstance(method, str) else spec.name
+    for sensor in sensors:
+        _check_readings(log, sensor, name)
+    commands = _commands(log, mission, name)
+    if len(log.t) > 1:
+        _check_period(log, float(estimator.period), name)
+    found_at: list[Estimate] = []
+    for k, t in enumerate(log.t.tolist()):
+        rows = ((sensor.name, log.readings[sensor.name][k]) for sensor in sensors)
+        read = tuple(Measurement(each, t, row.copy()) for each, row in rows if not np.isnan(row).all())
+        found_at.append(estimator.update(t, read, commands[k]))
+    return _history(name, found_at)
+
+
+def _history(name: str, estimates: Sequence[Estimate]) -> EstimateHistory:
+    n = len(estimates[0].x)
+    unknown = np.full((n, n), np.nan)
+    return EstimateHistory(
+        name,
+        np.array([each.t for each in estimates]),
+        np.array([each.x for each in estimates]),
+        np.array([unknown if each.covariance is None else each.covariance for each in estimates]),
+        tuple(each.status for each in estimates),
+        {key: np.array([each.extra[key] for each in estimates]) for key in estimates[-1].extra},
+    )
+
+
+def _check_readings(log: SensorLog, sensor: Sensor, method: str) -> None:
+    if sensor.name not in log.readings:
+        raise LogError(
+            f"{log.source} has no readings {sensor.name!r}, which {method} reads; it has "
+            f"{', '.join(log.readings) or 'none'}; allowed: {sensor.size} columns, NaN where there is no reading"
+        )
+    values = log.readings[sensor.name]
+    if values.shape[1] != sensor.size:
+        raise LogError(f"{log.source}: {sensor.name} has {values.shape[1]} columns; allowed: {sensor.size}")
+    if getattr(sensor, "partial", False):
+        return
+    missing = np.isnan(values).all(axis=1)
+    places = np.argwhere(~np.isfinite(values) & ~missing[:, None])
+    if places.size:
+        row, column = places[0]
+        raise LogError(
+            f"{log.source}: {sensor.name}[{row}, {column}] = {values[row, column]} at {log.t[row]:.9g} s; allowed: a "
+            "finite number, or a row of NaN where there is no reading"
+        )
+
+
+def _commands(log: SensorLog, mission: Any, method: str) -> Array:
+    """Input (n, nu) held until each time, zero before the first."""
+    count: int | None = getattr(mission, "input_size", None)
+    if log.inputs is None:
+        if count is None:
+            raise LogError(f"{log.source} has no inputs; allowed: those that {method} is given, zeros if need be")
+        return np.zeros((len(log.t), count))
+    if count is not None and log.inputs.shape[1] != count:
+        raise LogError(f"{log.source}: inputs has {log.inputs.shape[1]} columns; allowed: {count}")
+    commands: Array = np.vstack([np.zeros((1, log.inputs.shape[1])), log.inputs[:-1]])
+    return commands
+
+
+def _check_period(log: SensorLog, period: float, method: str) -> None:
+    step = float(np.median(np.diff(log.t)))
+    if not period / _PERIOD_FACTOR <= step <= period * _PERIOD_FACTOR:
+        raise LogError(
+            f"{log.source}: the median step is {step:.6g} s and the period of {method} is {period:.6g} s; allowed: "
+            f"within a factor of {_PERIOD_FACTOR:g}: set the mission's period to that of the log"
+        )
+
+
+def _array(values: ArrayLike, name: str, dimension: int) -> Array:
+    """A copy of numbers with this many dimensions."""
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise LogError(f"{name} holds what is no number; allowed: numbers") from None
+    if dimension == 2 and array.ndim == 1:
+        array = array[:, None]
+    if array.ndim != dimension:
+        raise LogError(f"{name} has the shape {array.shape}; allowed: {dimension} dimension{'s' * (dimension > 1)}")
+    return array

@@ -1,0 +1,157 @@
+"""Estimators over a log of one's own, and what is said of a log that is wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import mathnavi as mn
+from mathnavi.sim.interfaces.signals import Array
+
+WALL, ANGLES, DT = mn.ellipse(3.0, 2.0), (0.0, 1.5), 0.05
+MISSION = mn.RangingMission(
+    WALL, ANGLES, mn.RangeQuality(absolute=0.01), period=DT, start=mn.KnownStart((1.0, 0.5, 0.3))
+)
+
+
+def driven(n: int = 60) -> tuple[Array, Array, Array, Array]:
+    """Times (n,), poses (n, 3), ranges (n, 2) and inputs (n, 2) of a circle; inputs[k] acts from t[k] on."""
+    t, u = DT * np.arange(n), np.array([0.4, 0.5])
+    poses = [np.array([1.0, 0.5, 0.3])]
+    for _ in range(n - 1):
+        poses.append(MISSION.flow(poses[-1], u, DT))
+    ranges = np.array([WALL.ranges(pose, ANGLES)[0] for pose in poses])
+    return t, np.array(poses), ranges, np.tile(u, (n, 1))
+
+
+def good(**changes: Any) -> mn.SensorLog:
+    t, _, ranges, u = driven()
+    fields: dict[str, Any] = {"t": t, "readings": {"ranges": ranges, "odometry": u}, "inputs": None, **changes}
+    return mn.SensorLog(**fields)
+
+
+@pytest.mark.parametrize("method", ["feasible_set_bank", "range_ekf", "range_iekf"])
+def test_any_estimator_of_the_mission_runs_over_a_log(method: str) -> None:
+    t, poses, _, _ = driven()
+    found = mn.estimate(method, MISSION, good())
+    np.testing.assert_array_equal(found.t, t)
+    assert found.x.shape == found.deviation.shape == (60, 3)
+    assert found.covariance.shape == (60, 3, 3)
+    np.testing.assert_allclose(found.x[-1], poses[-1], atol=0.02)
+    assert found.ok[-1]
+    assert found.extra["nis"].shape == (60, 2)
+    assert method in repr(found)
+
+
+def test_an_input_acts_from_its_time_on() -> None:
+    """Without odometry the command moves the robot: one that stops at t[30] is at rest from then on."""
+    t, poses, ranges, u = driven()
+    u[30:] = 0.0
+    blind = {"ranges": np.where(np.arange(60)[:, None] < 1, ranges, np.nan), "odometry": np.full((60, 2), np.nan)}
+    found = mn.estimate("range_iekf", MISSION, mn.SensorLog(t, blind, u))
+    np.testing.assert_allclose(found.x[30] - found.x[0], poses[30] - poses[0], atol=0.01)
+    np.testing.assert_array_equal(found.x[31:], np.tile(found.x[30], (29, 1)))
+
+
+def test_a_row_of_nan_is_no_reading_and_a_single_range_may_be_lost() -> None:
+    _, _, ranges, u = driven()
+    ranges[5], ranges[7, 1] = np.nan, np.nan
+    found = mn.estimate("range_iekf", MISSION, good(readings={"ranges": ranges, "odometry": u}))
+    np.testing.assert_array_equal(found.extra["nis"][[4, 7], 1], [2.0, 1.0])
+    assert np.isnan(found.extra["nis"][5, 1])
+
+
+def test_a_csv_file_is_the_log_that_its_columns_hold(tmp_path: Path) -> None:
+    t, _, ranges, u = driven()
+    path = tmp_path / "robot.csv"
+    lines = ["w, time ,left,v,front,note"]
+    lines += [
+        f"{w!r},{s!r},{b!r},{v!r},{a!r},x"
+        for s, (a, b), (v, w) in zip(t.tolist(), ranges.tolist(), u.tolist(), strict=True)
+    ]
+    path.write_text("\ufeff" + "\n".join(lines).replace(repr(ranges[3, 1].item()), "") + "\n\n", encoding="utf-8")
+    sensors = {"ranges": ["front", "left"], "odometry": ["v", "w"]}
+    log = mn.SensorLog.from_csv(path, time="time", readings=sensors, inputs=["v", "w"])
+    np.testing.assert_array_equal(log.t, t)
+    expected = ranges.copy()
+    expected[3, 1] = np.nan
+    np.testing.assert_array_equal(log.readings["ranges"], expected)
+    np.testing.assert_array_equal(log.inputs, u)
+    assert "60 times from 0 to 2.95 s" in repr(log)
+
+
+def with_value(values: Array, place: Any, value: float) -> Array:
+    changed = values.copy()
+    changed[place] = value
+    return changed
+
+
+T, _, RANGES, U = driven()
+READINGS = {"ranges": RANGES, "odometry": U}
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    "time not finite": ({"t": with_value(T, 17, np.nan)}, r"log: t\[17\] = nan; allowed: finite"),
+    "time goes back": (
+        {"t": with_value(T, 18, 0.3)},
+        r"t\[18\] = 0\.3 s comes after t\[17\] = 0\.85 s; allowed: times",
+    ),
+    "time stands": ({"t": with_value(T, 1, 0.0)}, r"t\[1\] = 0 s comes after t\[0\] = 0 s"),
+    "no times": ({"t": [], "readings": {}}, r"t is empty"),
+    "no number": ({"t": ["a"]}, r"t holds what is no number"),
+    "rows": ({"readings": {"ranges": RANGES[:9]}}, r"ranges has 9 rows; allowed: 60"),
+    "shape": ({"readings": {"ranges": RANGES[None]}}, r"ranges has the shape \(1, 60, 2\)"),
+    "input": ({"inputs": with_value(U, (4, 1), np.inf)}, r"inputs\[4, 1\] = inf at 0\.2 s; allowed: finite"),
+    "no sensor": ({"readings": {"ranges": RANGES}}, r"no readings 'odometry', which range_iekf reads; it has ranges"),
+    "columns": ({"readings": {**READINGS, "ranges": RANGES[:, :1]}}, r"ranges has 1 columns; allowed: 2"),
+    "half a reading": (
+        {"readings": {**READINGS, "odometry": with_value(U, (6, 0), np.nan)}},
+        r"odometry\[6, 0\] = nan at 0\.3 s; allowed: a finite number, or a row of NaN",
+    ),
+    "inputs": ({"inputs": U[:, :1]}, r"inputs has 1 columns; allowed: 2"),
+    "period": ({"t": 4.0 * T}, r"median step is 0\.2 s and the period of range_iekf is 0\.05 s; allowed: within"),
+}
+
+
+@pytest.mark.parametrize("wrong", sorted(WRONG))
+def test_what_is_wrong_with_a_log_is_named_with_its_place(wrong: str) -> None:
+    changes, message = WRONG[wrong]
+    with pytest.raises(mn.LogError, match=message):
+        mn.estimate("range_iekf", MISSION, good(**changes))
+
+
+FILES = {
+    "column": ("t,a\n0,1\n", "no column 'b'; it has t, a"),
+    "twice": ("t,b,b\n0,1,1\n", "two columns 'b'"),
+    "cell": ("t,b\n0,1\n1,x\n", r"line 3, column 'b': 'x'; allowed: a number"),
+    "short row": ("t,b\n0\n", "line 2: 1 cells; allowed: 2"),
+    "empty": ("", "no column 't'; it has no line"),
+    "no rows": ("t,b\n", "t is empty"),
+    "not text": ("t,b\n0,\udcff\n", "is not text in UTF-8"),
+}
+
+
+@pytest.mark.parametrize("wrong", sorted(FILES))
+def test_what_is_wrong_with_a_file_is_named_with_its_line(wrong: str, tmp_path: Path) -> None:
+    text, message = FILES[wrong]
+    path = tmp_path / "log.csv"
+    path.write_bytes(text.encode("utf-8", "surrogateescape"))
+    with pytest.raises(mn.LogError, match=message):
+        mn.SensorLog.from_csv(path, readings={"position": ["b"]})
+
+
+def test_a_method_or_a_field_that_there_is_not_is_refused() -> None:
+    with pytest.raises(mn.PluginError, match="range_iekff"):
+        mn.estimate("range_iekff", MISSION, good())
+    with pytest.raises(mn.FieldError, match="timeout"):
+        mn.estimate("range_iekf", MISSION, good(), timeout=-1.0)
+    with pytest.raises(mn.PluginError):
+        mn.estimate("attitude_iekf", MISSION, good())
+
+
+def test_a_plugin_with_fields_is_a_method_too() -> None:
+    found = mn.estimate(
+        mn.plugin("range_iekf", timeout=0.01), MISSION, good(t=T + np.where(np.arange(60) > 30, 1.0, 0.0))
+    )
+    assert found.ok.all()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -37,7 +38,14 @@ class Watched:
         """Do something to the page and wait until it has been drawn again."""
         before = int(self.page.evaluate("document.body.dataset.drawn"))
         self.page.evaluate(script, *arguments)
-        self.page.wait_for_function(f"Number(document.body.dataset.drawn) > {before}")
+        self.until(f"Number(document.body.dataset.drawn) > {before}")
+
+    def until(self, script: str) -> None:
+        """Wait until an expression is true; the page's policy lets no script of the browser's driver wait in it."""
+        ends = time.monotonic() + PATIENCE / 1000.0
+        while not self.page.evaluate(script):
+            assert time.monotonic() < ends, f"never became true: {script}"
+            self.page.wait_for_timeout(20.0)
 
     def picture(self, selector: str) -> Picture:
         """(height, width, 3) what is to be seen of an element."""

@@ -39,14 +39,14 @@ def test_a_flight_is_drawn_and_played_without_any_request(page: Path, browser: A
     with watched(browser) as seen:
         seen.open(page.as_uri())
         seen.drawn("player.seek(0.5 * player.scene.duration)")
-        seen.page.wait_for_function("player.stage && !player.changed")
+        seen.until("player.stage && !player.changed")
         picture = seen.picture("#canvas")
         assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 500  # ground, sky, lines: not one colour
         for element in (SceneElement.FLOWN, SceneElement.COMPLETION):
             assert near(picture, element) > 5
         t = float(seen.page.evaluate("player.t"))
         seen.page.click("#play")
-        seen.page.wait_for_function(f"player.t > {t}")
+        seen.until(f"player.t > {t}")
         seen.page.click("#play")
         assert not seen.page.evaluate("player.playing")
         moved = seen.picture("#canvas")
@@ -63,7 +63,7 @@ def test_cameras_layers_and_charts_answer(page: Path, browser: Any) -> None:
         with_path = near(seen.picture("#canvas"), SceneElement.FLOWN)
         box = seen.page.locator("#legend label", has_text=SceneElement.FLOWN.value).locator("input")
         box.evaluate("box => box.click()")
-        seen.page.wait_for_function("!player.changed")
+        seen.until("!player.changed")
         assert near(seen.picture("#canvas"), SceneElement.FLOWN) < with_path
         before = seen.page.evaluate("player.view.eye")
         seen.drawn("player.choose(player.scene.cameras.find(camera => camera.follow))")

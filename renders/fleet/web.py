@@ -37,7 +37,7 @@ def web_scene(run: FleetRun) -> WebScene:
         lines.append(flown(flight.t, flight.x[:, :3], layer))
         plans = flight.log.plans, flight.log.adopted, run.duration
         lines += plan_lines(*plans, dict.fromkeys(PARTS, layer), colour)
-        marks.append(Mark(name, colour, motion=name, layer=layer))
+        marks.append(Mark(name, colour, motion=name, layer=layer, dot=False))
         cameras.append(chase(f"follow {name}", name, CHASE_DISTANCE, CHASE_BEHIND, CHASE_SPAN))
         place = flight.mission.target
         marks.append(Mark("slot", colour, place, layer=layer, foot=height(flight, place)))

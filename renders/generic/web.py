@@ -47,7 +47,7 @@ def web_scene(run: GenericRun) -> WebScene:
         if f"body {body}" not in motions:
             motions[f"body {body}"] = Motion(t[:1], a["pos"][:1, body].astype(float), a["quat"][:1, body].astype(float))
         if several:
-            marks.append(Mark(name, colour, motion=f"body {body}", layer=layer))
+            marks.append(Mark(name, colour, motion=f"body {body}", layer=layer, dot=False))
         distance = FOLLOW_DISTANCE * max(float(size[body]), SMALLEST * scene.extent)
         cameras.append(Camera(f"follow {name}", (0.0, 0.0, 0.0), distance, 40.0, -20.0, f"body {body}"))
     for plan in scene.plans.values():

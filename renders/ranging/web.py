@@ -50,12 +50,12 @@ def web_scene(run: RangingRun) -> WebScene:
     centre, half = extent(run.curve)
     low = 2.2 * float(max(half[0] / 1.3, half[1]))
     cameras = [
-        Camera("slant", (float(centre[0]), float(centre[1]), 0.0), 2.1 * low, 70.0, -48.0, field_of_view=30.0),
+        Camera("slant", (float(centre[0]), float(centre[1]), 0.0), 1.75 * low, 80.0, -50.0, field_of_view=30.0),
         Camera("top", (float(centre[0]), float(centre[1]), 0.0), 2.0 * low, 90.0, -89.9, field_of_view=30.0),
         chase("follow the robot", chassis, 2.7, 1.5, 0.0, -38.0),
     ]
     lines = [each for each in (*_paths(run), *_rays(run), *_beliefs(run)) if each is not None]
-    marks = [Mark("robot", COLOURS[SceneElement.DRIVEN], motion=chassis)]
+    marks = [Mark("robot", COLOURS[SceneElement.DRIVEN], motion=chassis, dot=False)]
     return WebScene(
         run.log.title, run.duration, cameras, motions, surfaces, lines, marks, ranging_charts(run), floor=0.0
     )  # fmt: skip

@@ -24,7 +24,7 @@ from mathnavi.renders.web.elements import Camera, Chart, Layer, Lines, Mark, Mot
 from mathnavi.sim.interfaces.reading.files import read_text
 
 VIEWER = Path(__file__).with_name("viewer")
-SCRIPTS = ("geometry.js", "stage.js", "charts.js", "labels.js", "player.js")  # in this order
+SCRIPTS = ("geometry.js", "stage.js", "charts.js", "labels.js", "player.js", "live.js")  # in this order
 FOREVER = 1e30  # [s] stands for an infinite time
 
 
@@ -172,7 +172,8 @@ def _lines(lines: Lines, layers: list[Layer], block: Block) -> dict[str, Any]:
         "dashed": lines.dashed,
         "cut": lines.cut,
         "trail": _time(lines.trail),
-        "shift": lines.shift,
+        "motion": lines.motion,
+        "plan": lines.plan,
         "layer": _layer(lines.layer, layers),
     }
 
@@ -184,6 +185,7 @@ def _mark(mark: Mark, layers: list[Layer]) -> dict[str, Any]:
         "place": None if mark.place is None else mark.place.tolist(),
         "motion": mark.motion,
         "foot": mark.foot,
+        "dot": mark.dot,
         "layer": _layer(mark.layer, layers),
     }
 

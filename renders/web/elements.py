@@ -92,8 +92,9 @@ class Lines:
     frames: NDArray[np.int64] | None = None  # (k + 1,) which polylines each frame begins with; None: one frame
     starts: Array | None = None  # (k,) [s]
     end: float = math.inf  # [s] of the last frame
+    motion: str | None = None  # the path of this motion, in the place of points
+    plan: str | None = None  # name under which what follows a run finds new points for it
     opacities: Array | None = None  # (p,)
-    shift: float = 0.0  # [m] upwards: over a floor
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +107,7 @@ class Mark:
     motion: str | None = None
     layer: Layer | None = None
     foot: float | None = None  # [m] height of the ground from which a pin rises to it
+    dot: bool = True
 
 
 @dataclass(frozen=True)

@@ -88,7 +88,7 @@ def plan_lines(
     """What is ahead of the plan of the moment: optimised part, safety manoeuvre, completion path."""
     parts: dict[SceneElement, list[list[tuple[Array, Array]]]] = {part: [[] for _ in plans] for part in own}
     for k, (plan, begin) in enumerate(zip(plans, adopted.tolist(), strict=True)):
-        pieces = _pieces(plan, begin)
+        pieces = plan_pieces(plan, begin)
         for part, piece in pieces:
             if part in parts:
                 parts[part][k].append(piece)
@@ -109,7 +109,7 @@ def plan_lines(
     return found
 
 
-def _pieces(plan: Plan, begin: float) -> list[tuple[SceneElement, tuple[Array, Array]]]:
+def plan_pieces(plan: Plan, begin: float) -> list[tuple[SceneElement, tuple[Array, Array]]]:
     """The parts of a plan from ``begin`` [s] on: times (m,) [s] and places (m, 3) [m] of each."""
     step = max(PLAN_STEP if plan.t_end - begin > 60.0 else 0.1, (plan.t_end - begin) / 200.0)
     found: list[tuple[SceneElement, tuple[list[Array], list[Array]]]] = []

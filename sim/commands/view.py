@@ -23,6 +23,7 @@ from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.run import build
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import prepare, read_request
+from mathnavi.sim.commands.served_address import address_of, check_address
 from mathnavi.sim.engine.replay import RecordedMotion
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.plugin.trust import trusting
@@ -38,7 +39,6 @@ MOST_POINTS = 300  # of a path
 PATH = (0.93, 0.45, 0.05, 1.0)  # colour
 DISTANCE = 12.0  # of the camera, in sizes of a vehicle
 NO_DISPLAY = "allowed: a desktop, or `mathnavi view DIR --web`, or `mathnavi render DIR` for a video"
-HOST, PORT = "127.0.0.1", 8765
 
 
 @dataclass(frozen=True)
@@ -63,11 +63,7 @@ class ViewOptions:
     def __post_init__(self) -> None:
         if self.speed is not None:
             check(self.speed, "speed", 0.0, open_low=True)
-        for name, value in (("host", self.host), ("port", self.port)):
-            if value is not None and not self.web:
-                raise ValueError(f"{name} = {value!r}; allowed: only together with --web")
-        if self.port is not None and not 0 <= self.port <= 65535:
-            raise ValueError(f"port = {self.port}; allowed: a whole number from 0 to 65535")
+        check_address(self.host, self.port, web=self.web)
 
 
 @dataclass(frozen=True)
@@ -84,9 +80,9 @@ def main(argv: Sequence[str]) -> int:
     if options.web or options.save is not None:
         from mathnavi.sim.commands.view_web import show  # which the viewer does not need
 
-        address = (HOST if options.host is None else options.host, PORT if options.port is None else options.port)
+        address = address_of(options.host, options.port) if options.web else None
         with trusting(options.trust):
-            return show(options.folder, options.speed, options.save, address if options.web else None)
+            return show(options.folder, options.speed, options.save, address)
     with trusting(options.trust):
         replay = read_replay(options.folder)
     check_display()

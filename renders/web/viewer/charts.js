@@ -74,7 +74,7 @@ class TimeChart {
     pen.save(); pen.beginPath(); pen.rect(this.left, 0, this.right - this.left + 1, this.bottom + 1); pen.clip();
     pen.strokeStyle = bound; pen.setLineDash([2, 3]);
     for (const value of chart.bounds) { pen.beginPath(); pen.moveTo(this.left, this.y(value)); pen.lineTo(this.right, this.y(value)); pen.stroke(); }
-    for (const [k, own] of chart.series.entries()) this.curve(pen, own, chart.series.length > 2 ? 1.5 : chart.series.length === 1 ? 1.7 : k ? 1.3 : 3);
+    for (const [k, own] of chart.series.entries()) this.curve(pen, own, chart.series[0].name !== "truth" ? 1.6 : k ? 1.3 : 3);
     pen.restore(); this.ink = ink; this.ratio = ratio;
     return true;
   }

@@ -3,7 +3,7 @@ class Labels {
   constructor(box, marks) {
     this.marks = marks.map((mark) => {
       const element = document.createElement("div"), dot = document.createElement("i"), word = document.createElement("span");
-      dot.style.background = mark.colour; word.textContent = mark.text; element.append(dot, word); box.append(element);
+      dot.style.background = mark.colour; word.textContent = mark.text; dot.hidden = !mark.dot; element.append(dot, word); box.append(element);
       return { ...mark, element };
     });
   }

@@ -67,6 +67,7 @@ class Player {
     $("charts").append(...this.charts.map((chart) => chart.figure));
     if (scene.cameras.length) this.setStage(); else $("app").classList.add("flat");
     this.setBar(); this.setLegend();
+    if (scene.live) this.live = new Live(this, scene.live);
     new ResizeObserver(() => this.change(true)).observe($("app"));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.change(true));
     requestAnimationFrame((clock) => this.tick(clock));
@@ -116,6 +117,9 @@ class Player {
     });
     const wanted = this.scene.speed ?? Math.max(1, this.scene.duration / 30); // half a minute for the whole run
     $("speed").value = speeds.find((each) => each >= wanted - 1e-9) ?? speeds.at(-1);
+    this.setTicks();
+  }
+  setTicks() {
     $("ticks").replaceChildren(...this.scene.events.map(([t, words]) => {
       const tick = document.createElement("i"); tick.style.left = `${100 * t / this.scene.duration}%`; tick.title = words; return tick;
     }));
@@ -134,14 +138,16 @@ class Player {
     if (innerWidth < 700) $("legend").open = false;
   }
   play(playing) {
+    if (this.live?.plays(playing)) return;
     if (playing && this.t >= this.scene.duration - 1e-9) this.t = 0;
     this.playing = playing; this.clock = null;
     $("play").textContent = playing ? "⏸" : "▶"; $("play").setAttribute("aria-label", playing ? "pause" : "play"); this.change();
   }
-  seek(t) { this.t = clamp(t, 0, this.scene.duration); this.change(); }
+  seek(t) { if (this.live) this.live.following = false; this.t = clamp(t, 0, this.scene.duration); this.change(); }
   change(stale = false) { this.stale ||= stale; this.changed = true; }
   tick(clock) {
-    if (this.playing) {
+    if (this.live?.following) this.live.keepUp(clock);
+    else if (this.playing) {
       if (this.clock !== null) this.t += Math.min(clock - this.clock, 250) / 1000 * Number($("speed").value);
       this.clock = clock; this.changed = true;
       if (this.t >= this.scene.duration) { this.t = this.scene.duration; this.play(false); }
@@ -168,7 +174,7 @@ class Player {
     const about = camera.follow && this.leader ? raised(this.leader.pos) : [0, 0, 0];
     this.view = this.orbit.view(about, camera.behind && camera.follow ? this.course(camera, t) : 0, size.width / size.height, 6 * scene.extent);
     const shows = (layer) => layer < 0 || !this.hidden.has(layer), lines = [];
-    for (const own of scene.lines) if (shows(own.layer)) lines.push({ ...own, polylines: polylinesAt(own, t).map((each) => own.shift ? { ...each, points: each.points.map((x, i) => (i % 3 === 2 ? x + own.shift : x)) } : each) });
+    for (const own of scene.lines) if (shows(own.layer)) lines.push({ ...own, polylines: polylinesAt(own.motion ? { ...own, points: scene.motions[own.motion].pos, times: scene.motions[own.motion].t, offsets: [0, scene.motions[own.motion].t.length] } : own, t) });
     for (const pose of Object.values(poses)) if (pose?.ground != null) lines.push({ colour: [1, 1, 1], width: 1.5, dashed: false, polylines: [{ points: [pose.pos[0], pose.pos[1], pose.ground, ...pose.pos], opacity: 0.8 }] });
     for (const mark of scene.marks) if (mark.foot !== null && mark.place && shows(mark.layer)) lines.push({ colour: [1, 1, 1], width: 1.5, dashed: false, polylines: [{ points: [mark.place[0], mark.place[1], mark.foot, ...mark.place], opacity: 0.9 }] });
     const pixel = 2 * this.view.tangent * this.orbit.distance / size.height; // [m] at the middle
@@ -184,5 +190,3 @@ class Player {
   }
 }
 
-const packedScene = JSON.parse($("scene").textContent);
-unpacked(packedScene.block).then((buffer) => { delete packedScene.block; window.player = new Player(withArrays(packedScene, buffer)); document.body.dataset.ready = "yes"; });

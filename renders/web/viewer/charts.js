@@ -32,10 +32,10 @@ class TimeChart {
       const kept = Array.from(own.y).filter((y) => Number.isFinite(y) && (!positive || y > 0)).sort((a, b) => a - b);
       if (kept.length) values.push(kept[Math.floor(0.003 * (kept.length - 1))], kept[Math.ceil(0.997 * (kept.length - 1))]);
     }
-    if (!values.length) return [0, 1];
+    if (!values.length) return [0.1, 1];
     let low = Math.min(...values), high = Math.max(...values);
     for (const bound of this.chart.bounds) { low = Math.min(low, bound); high = Math.max(high, bound); }
-    if (positive) return [low * 0.8, high * 1.25];
+    if (positive) return [Math.max(low, 1e-9) * 0.8, Math.max(high, 1e-9) * 1.25];
     const margin = 0.08 * (high - low) || 0.5 * Math.abs(high) || 1;
     return [low - margin, high + margin];
   }

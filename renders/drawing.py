@@ -63,6 +63,7 @@ class Drawing(Generic[R]):
     report: str | Callable[[R], Markup]  # makes a page; "package.module:function" where its libraries import slowly
     turn: float = 0.0  # [degrees/s of video] at which the cameras that turn do
     figure: str | None = None  # "package.module:function" that makes one Figure of a run; its signals without
+    web: str | None = None  # likewise the scene of a run in the browser; its recorded scene and its log without
 
     def __post_init__(self) -> None:
         for camera in (*self.cameras, self.still_camera):  # each is the name of a file

@@ -17,6 +17,7 @@ drawing = Drawing(
     annotations=annotations_of,
     painter=SceneDrawing("mathnavi.renders.fleet.scene:FleetScene", overlay, annotations_of),
     report="mathnavi.renders.fleet.report:report",
+    web="mathnavi.renders.fleet.web:web_scene",
     figure="mathnavi.renders.fleet.figures:map_figure",
     turn=TURN,
 )

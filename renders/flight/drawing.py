@@ -18,5 +18,6 @@ drawing = Drawing(
     painter=SceneDrawing("mathnavi.renders.flight.scene:FlightScene", overlay, annotations_of),
     report="mathnavi.renders.flight.report:report",
     figure="mathnavi.renders.flight.figures:map_figure",
+    web="mathnavi.renders.flight.web:web_scene",
     turn=TURN,
 )

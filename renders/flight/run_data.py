@@ -134,8 +134,8 @@ def flight_of(log: RunLog, mission_of: Callable[[Mapping[str, Any]], Mapping[str
     try:
         place = config["terrain"]
         hills = hills_of(place.get("hills", ()))
-        terrain = with_hills(load_terrain(place.get("path") or place["name"]), hills)
-        mission = _mission(read_mission(ChangingFlightRecord, mission_of(config["mission"])), hills)
+        terrain = terrain_of(place)
+        mission = mission_of_record(read_mission(ChangingFlightRecord, mission_of(config["mission"])), hills)
     except (KeyError, TypeError, AttributeError, FieldError) as error:
         reason = f": {error}" if isinstance(error, FieldError) else f" does not describe a flight: {error!r}"
         raise RunFolderError(f"{str(folder / CONFIG)!r}{reason}") from None
@@ -152,7 +152,13 @@ def flight_of(log: RunLog, mission_of: Callable[[Mapping[str, Any]], Mapping[str
     return FlightRun(log, mission, terrain)
 
 
-def _mission(record: ChangingFlightRecord, hills: tuple[Hill, ...]) -> FlownMission:
+def terrain_of(place: Mapping[str, Any]) -> HeightField:
+    """The ground as it was, from what config.json says of the terrain."""
+    return with_hills(load_terrain(place.get("path") or place["name"]), hills_of(place.get("hills", ())))
+
+
+def mission_of_record(record: ChangingFlightRecord, hills: tuple[Hill, ...]) -> FlownMission:
+    """The mission of a record."""
     return FlownMission(
         np.array(record.start),
         np.array(record.target),

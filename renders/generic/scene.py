@@ -13,7 +13,7 @@ import numpy as np
 
 from mathnavi.renders.framing import Box, framing
 from mathnavi.renders.generic.run_data import GenericRun, index
-from mathnavi.renders.generic.scene_data import SceneData
+from mathnavi.renders.generic.scene_data import PATH_POINTS, reach, swept
 from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement, vehicle_colour
 from mathnavi.renders.stage import HORIZON, NADIR, Optics, Stage, Staged, View
@@ -26,7 +26,6 @@ SIGHTS = {"fixed": (50.0, -24.0), "top": (90.0, -89.0)}  # azimuth and elevation
 TRACK_ELEVATION, TRACK_AZIMUTH = -20.0, 40.0
 TRACK_DISTANCE = 7.0  # of the tracking camera, in sizes of the vehicle
 PATH_WIDTH, PLAN_WIDTH = 3.2, 2.6  # [pixels] at a picture 720 pixels high
-PATH_POINTS = 240
 CLEAR = 0.42  # opacity of a ghost that is off
 OFF = 0.25  # sizes of the vehicle by which it is then off
 LEAST_SHOWN = 0.1  # of that: a ghost that is nearer would only spot the vehicle
@@ -44,9 +43,9 @@ class GenericScene(Staged):
         assert run.scene is not None
         self.run, self._scene = run, run.scene
         a = self._scene.arrays
-        self._reach = _reach(self._scene)
-        self._points = self._swept()
-        self._extent = max(float(np.ptp(self._points, axis=0).max()), 1e-3)
+        self._reach = reach(self._scene)
+        self._points = swept(self._scene)
+        self._extent = self._scene.extent
         self.model = self._model(width, height, samples)
         self.stage = Stage(self.model, width, height, glow=0.25)
         self._optics = Optics(FIELD_OF_VIEW, 0.002, 60.0)
@@ -139,15 +138,6 @@ class GenericScene(Staged):
         size = max(max(self._reach[body] for body in bodies), SMALLEST * self._extent, 0.5 * apart)
         return View(pos.mean(axis=0), TRACK_DISTANCE * size, TRACK_AZIMUTH + turn, TRACK_ELEVATION)
 
-    def _swept(self) -> Array:
-        """(m, 3) points around the paths of the vehicles, and of all else that moves."""
-        pos, moving = self._scene.arrays["pos"], self._scene.moving
-        bodies = np.union1d(np.flatnonzero(moving & (self._reach > 0.0)), list(self._scene.vehicles.values()))
-        rows = np.unique(np.linspace(0, len(pos) - 1, min(PATH_POINTS, len(pos))).astype(np.int64))
-        points = pos[rows][:, bodies].astype(float)
-        reach = 0.7 * self._reach[bodies][None, :, None]
-        return np.concatenate([points - reach, points + reach]).reshape(-1, 3)
-
     # ---- the model
 
     def _model(self, width: int, height: int, samples: int) -> Any:
@@ -200,22 +190,6 @@ class GenericScene(Staged):
                 geom.size = np.maximum(size, 1e-9)
             geom.rgba = np.clip(a["geom.rgba"][k], 0.0, 1.0)
         return a["geom.body"][order]
-
-
-def _reach(scene: SceneData) -> Array:
-    """(nb,) [m] how far the shapes of each body reach from its middle; planes and fields aside."""
-    a = scene.arrays
-    reach = np.zeros(len(a["bodies"]))
-    for body, kind, size, pos, data in zip(
-        *(a[f"geom.{part}"] for part in ("body", "type", "size", "pos", "data")), strict=True
-    ):
-        if int(kind) in (int(mujoco.mjtGeom.mjGEOM_PLANE), FIELD):
-            continue
-        own = float(np.linalg.norm(size))
-        if int(kind) == MESH:
-            own = float(np.linalg.norm(a[f"mesh.{int(data)}.vertices"], axis=1).max())
-        reach[int(body)] = max(reach[int(body)], own + float(np.linalg.norm(pos)))
-    return reach
 
 
 def _ground_material(spec: Any, extent: float) -> None:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mathnavi.sim.engine.scene_record import FIELD, MESH
+from mathnavi.sim.engine.scene_record import FIELD, MESH, PLANE
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.run_folder import SCENE
 
 MOST_SIZE = 1e7  # [m] of a shape, and of its distance
+PATH_POINTS = 240
 UNIT = 1e-3  # by which the length of a quaternion may be off
 Refused = Callable[[str], RunFolderError]  # makes the error of a file from what is wrong with it
 _SHAPES: Mapping[str, tuple[str | int, ...]] = {
@@ -92,6 +94,11 @@ class SceneData:
         """(nb,) whether a body moves."""
         pos, quat = self.arrays["pos"], self.arrays["quat"]
         return np.asarray((np.ptp(pos, axis=0) > 1e-6).any(axis=1) | (np.ptp(quat, axis=0) > 1e-6).any(axis=1))
+
+    @cached_property
+    def extent(self) -> float:
+        """[m] the longest side of the box around all that moves."""
+        return max(float(np.ptp(swept(self), axis=0).max()), 1e-3)
 
     def has_ghost(self) -> bool:
         """True if the estimate can be drawn."""
@@ -179,3 +186,29 @@ def _plan(arrays: Mapping[str, Array], name: str, refused: Refused) -> PlanPaths
     if not ((np.diff(offsets) >= 0).all() and (np.diff(adopted) >= 0.0).all()):
         raise refused(f"the plans of {name} are not in order")
     return PlanPaths(t, pos, offsets, adopted)
+
+
+def reach(scene: SceneData) -> Array:
+    """(nb,) [m] how far the shapes of each body reach from its middle; planes and fields aside."""
+    a = scene.arrays
+    found = np.zeros(len(a["bodies"]))
+    for body, kind, size, pos, data in zip(
+        *(a[f"geom.{part}"] for part in ("body", "type", "size", "pos", "data")), strict=True
+    ):
+        if int(kind) in (PLANE, FIELD):
+            continue
+        own = float(np.linalg.norm(size))
+        if int(kind) == MESH:
+            own = float(np.linalg.norm(a[f"mesh.{int(data)}.vertices"], axis=1).max())
+        found[int(body)] = max(found[int(body)], own + float(np.linalg.norm(pos)))
+    return found
+
+
+def swept(scene: SceneData) -> Array:
+    """(m, 3) [m] points around the paths of the vehicles, and of all else that moves."""
+    pos, moving, sizes = scene.arrays["pos"], scene.moving, reach(scene)
+    bodies = np.union1d(np.flatnonzero(moving & (sizes > 0.0)), list(scene.vehicles.values()))
+    rows = np.unique(np.linspace(0, len(pos) - 1, min(PATH_POINTS, len(pos))).astype(np.int64))
+    points = pos[rows][:, bodies].astype(float)
+    around = 0.7 * sizes[bodies][None, :, None]
+    return np.concatenate([points - around, points + around]).reshape(-1, 3)

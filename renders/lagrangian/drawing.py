@@ -16,5 +16,6 @@ drawing = Drawing(
     annotations=annotations_of,
     painter=painting,
     report="mathnavi.renders.lagrangian.report:report",
+    web="mathnavi.renders.lagrangian.web:web_scene",
     figure="mathnavi.renders.lagrangian.figures:velocity_figure",
 )

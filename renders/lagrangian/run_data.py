@@ -53,6 +53,11 @@ class LagrangianRun(LoggedRun):
         """True if the run ended early, because the state was no longer finite."""
         return self.duration < float(self.log.config["fields"]["duration"]) - TIME_TOLERANCE
 
+    @property
+    def is_ball(self) -> bool:
+        """True for a body on a ball joint, whose velocity is its rate of turning."""
+        return self.mechanism == "rigid-body" and self.space is not None
+
     @cached_property
     def truth(self) -> Array:
         """(m, nx) the true states at the times of the estimates."""

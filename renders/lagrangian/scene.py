@@ -18,6 +18,7 @@ from mathnavi.models.mechanism.entity import build_spec
 from mathnavi.renders.framing import Box, framing
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.renders.lagrangian.shot_list import RECENT
+from mathnavi.renders.lagrangian.tip import Tip
 from mathnavi.renders.lagrangian.views import AZIMUTH, ELEVATION, azimuth
 from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement
@@ -37,8 +38,6 @@ HULL = 1.08  # of a ghost: how much larger it is, so that where it lies on the t
 PATH_POINTS = 160
 PATH_WIDTH = 3.2  # [pixels] at a picture 720 pixels high
 BULK = 0.6  # of the sphere around a geom that it fills, more or less
-NOSE = (0.26, 0.0, 0.0)  # [m] of the rigid body
-TIP = 0.9  # of the distance of the farthest geom of the last body, beyond which geoms are its tip
 
 
 class MechanismScene(Staged):
@@ -57,10 +56,8 @@ class MechanismScene(Staged):
         self._bodies = np.flatnonzero(moves)
         self._geoms = {int(b): frozenset(np.flatnonzero(self.model.geom_bodyid == b).tolist()) for b in self._bodies}
         self._moving = [g for geoms in self._geoms.values() for g in geoms]
-        self._ghost = mujoco.MjData(self.model)
-        self._is_ball = run.mechanism == "rigid-body" and run.space is not None
-        self._last = max((b for b, geoms in self._geoms.items() if geoms), default=int(self._bodies[-1]))
-        self._tip = np.array(NOSE) if self._is_ball else self._farthest()
+        self._tip = Tip(self.model, is_ball=run.is_ball)
+        self._ghost = self._tip.data
         places = [self._reached(float(t)) for t in np.linspace(0.0, run.duration, SAMPLES)]
         points = np.vstack(places)
         self._view = framing(
@@ -68,9 +65,9 @@ class MechanismScene(Staged):
         )
         self._size = float(np.ptp(points, axis=0).max())
         speeds = [
-            np.linalg.norm(self._velocity_of(run.log.x[run.index(t)])) for t in np.linspace(0.0, run.duration, 400)
+            np.linalg.norm(self._tip.velocity(run.log.x[run.index(t)])) for t in np.linspace(0.0, run.duration, 400)
         ]
-        self._scale = (TURNING if self._is_ball else ARROW) * self._size / max(float(np.max(speeds)), 1e-9)
+        self._scale = (TURNING if run.is_ball else ARROW) * self._size / max(float(np.max(speeds)), 1e-9)
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
         """The picture at time ``t`` [s].
@@ -142,8 +139,8 @@ class MechanismScene(Staged):
 
     def _add_arrow(self, state: Array, part: SceneElement, radius: float, opacity: float) -> None:
         """Add an arrow for the velocity in a state (nq + nv,)."""
-        velocity = self._velocity_of(state)
-        start = self._ghost.xpos[self._last] if self._is_ball else self._place()
+        velocity = self._tip.velocity(state)
+        start = self._tip.origin
         self.stage.arrow(start, start + self._scale * velocity, radius * self._size, COLOURS[part], opacity)
 
     def _add_path(self, t: float) -> None:
@@ -151,42 +148,12 @@ class MechanismScene(Staged):
         times = np.linspace(max(t - RECENT, 0.0), t, PATH_POINTS)
         places = []
         for s in times:
-            self._ghost.qpos[:] = self.run.position(float(s))
-            mujoco.mj_kinematics(self.model, self._ghost)
-            places.append(self._place())
+            self._tip.put(self.run.position(float(s)))
+            places.append(self._tip.place)
         if float(np.ptp(np.array(places), axis=0).max()) > 1e-3:
             self.stage.line(np.array(places), COLOURS[SceneElement.TRUE_PATH], PATH_WIDTH)
 
     # ---- where things are
-
-    def _place(self) -> Array:
-        """(3,) [m] the tip, where the ghost is."""
-        data = self._ghost
-        place: Array = data.xpos[self._last] + data.xmat[self._last].reshape(3, 3) @ self._tip
-        return place
-
-    def _velocity_of(self, state: Array) -> Array:
-        """(3,) of the tip [m/s], or the rate of turning [rad/s], in the world's frame; the ghost is left there."""
-        data, nq = self._ghost, self.model.nq
-        data.qpos[:] = state[:nq]
-        mujoco.mj_kinematics(self.model, data)
-        if self._is_ball:
-            turned: Array = data.xmat[self._last].reshape(3, 3) @ state[nq:]
-            return turned
-        mujoco.mj_comPos(self.model, data)
-        jacobian = np.zeros((3, self.model.nv))
-        mujoco.mj_jac(self.model, data, jacobian, None, self._place(), self._last)
-        velocity: Array = jacobian @ state[nq:]
-        return velocity
-
-    def _farthest(self) -> Array:
-        """(3,) [m] the tip of the last body, in its frame: the middle of what is farthest from its joint."""
-        places = self.model.geom_pos[list(self._geoms[self._last])]
-        if not len(places):
-            return np.zeros(3)
-        distance = np.linalg.norm(places, axis=1)
-        middle: Array = places[distance >= TIP * distance.max()].mean(axis=0)
-        return middle
 
     def places(self, position: Array) -> Array:
         """(m, 3) [m] the middles of all geoms that move, at a position (nq,)."""

@@ -17,6 +17,7 @@ drawing = Drawing(
     annotations=annotations_of,
     painter=SceneDrawing("mathnavi.renders.missile.scene:MissileScene", overlay, annotations_of),
     report="mathnavi.renders.missile.report:report",
+    web="mathnavi.renders.missile.web:web_scene",
     figure="mathnavi.renders.missile.figures:path_figure",
     turn=TURN,
 )

@@ -87,6 +87,14 @@ class MissileRun(LoggedRun):
         """(3,) [m] world frame: the missile at ``t`` [s], linear between samples."""
         return _world(self.coordinates.place(self.coordinates.from_joints(self.joints(t))))
 
+    def axes(self, t: float) -> Array:
+        """(3, 3) the axes X_b, Y_b, Z_b of the body as columns, world frame."""
+        x = self.coordinates.in_space(self.coordinates.from_joints(self.joints(t)))
+        theta, psi = float(x[5]), float(x[6])
+        s, c, sin, cos = math.sin(theta), math.cos(theta), math.sin(psi), math.cos(psi)
+        axes: Array = TO_WORLD[:, None] * np.array([[c * cos, -c * sin, s], [sin, cos, 0.0], [-s * cos, s * sin, c]])
+        return axes
+
     def plan_ahead(self, t: float, points: int) -> Array:
         """(points, 3) [m] world frame: what is left of the plan being flown at ``t`` [s]; (0, 3) if nothing is.
 

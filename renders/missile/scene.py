@@ -17,7 +17,7 @@ import numpy as np
 from mathnavi.models.missile.entity import build_spec
 from mathnavi.renders.missile.cameras import OPTICS, chase_view, side_view, target_view
 from mathnavi.renders.missile.ground import PIXELS, TILE, ground_picture
-from mathnavi.renders.missile.run_data import TO_WORLD, MissileRun
+from mathnavi.renders.missile.run_data import MissileRun
 from mathnavi.renders.missile.shot_list import TO_SCALE
 from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement
@@ -147,20 +147,12 @@ class MissileScene(Staged):
             start = target + _up(1.5 * thick)
             self.stage.arrow(start, start + seconds * velocity, thick, COLOURS[SceneElement.VELOCITY])
 
-    def _axes(self, t: float) -> Array:
-        """(3, 3) the axes X_b, Y_b, Z_b of the body as columns, world frame."""
-        x = self.run.coordinates.in_space(self.run.coordinates.from_joints(self.run.joints(t)))
-        theta, psi = float(x[5]), float(x[6])
-        s, c, sin, cos = math.sin(theta), math.cos(theta), math.sin(psi), math.cos(psi)
-        axes: Array = TO_WORLD[:, None] * np.array([[c * cos, -c * sin, s], [sin, cos, 0.0], [-s * cos, s * sin, c]])
-        return axes
-
     def _input(self, t: float) -> Array:
         """(5,) F_x, F_y, F_z [N], M, N [N m] of the thrusters."""
         return self.run.coordinates.input_in_space(self.run.u[min(self.run.index(t), len(self.run.u) - 2)])
 
     def _add_force(self, t: float, camera: str, scale: float) -> None:
-        force = self._axes(t) @ self._input(t)[:3]
+        force = self.run.axes(t) @ self._input(t)[:3]
         if float(np.linalg.norm(force)) < 0.01 * self._largest_force or t >= self.run.approach.t:
             return
         long = ARROW[camera] * scale * force / self._largest_force
@@ -172,7 +164,7 @@ class MissileScene(Staged):
 
     def _add_plumes(self, t: float) -> None:
         """Gas leaves on the side from which the thrusters push."""
-        axes, here = self._axes(t), self.run.place(t)
+        axes, here = self.run.axes(t), self.run.place(t)
         ahead, right, down = axes.T
         F_x, F_y, F_z, M, N = self._input(t) / self.run.weight
         arm = 1.5  # [m] of the thrusters that turn

@@ -17,6 +17,7 @@ drawing = Drawing(
     annotations=annotations_of,
     painter=SceneDrawing("mathnavi.renders.quadrotor.scene:QuadrotorScene", overlay, annotations_of),
     report="mathnavi.renders.quadrotor.report:report",
+    web="mathnavi.renders.quadrotor.web:web_scene",
     figure="mathnavi.renders.quadrotor.figures:clearance_figure",
     turn=TURN,
 )

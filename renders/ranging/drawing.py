@@ -17,6 +17,7 @@ drawing = Drawing(
     annotations=annotations_of,
     painter=SceneDrawing("mathnavi.renders.ranging.scene:RangingScene", overlay, annotations_of),
     report="mathnavi.renders.ranging.report:report",
+    web="mathnavi.renders.ranging.web:web_scene",
     figure="mathnavi.renders.ranging.field_figure:field_figure",
     turn=TURN,
 )

@@ -20,7 +20,7 @@ COMMANDS = {
     "study": ("mathnavi.sim.commands.study", "tables and figures of the thesis, and what holds of its claims"),
     "estimate": ("mathnavi.sim.commands.estimate", "run an estimator over the measurements of a finished run"),
     "render": ("mathnavi.sim.commands.render", "a video, a still or a clip of a run"),
-    "view": ("mathnavi.sim.commands.view", "a run in MuJoCo's own viewer"),
+    "view": ("mathnavi.sim.commands.view", "a run in MuJoCo's own viewer, or in a browser"),
     "compare": ("mathnavi.sim.commands.compare", "two runs, sweeps or studies side by side"),
     "terrain": ("mathnavi.sim.commands.terrain", "import an elevation model, show a map"),
     "completion": ("mathnavi.sim.commands.completion", "a script for bash, zsh or fish that completes what is typed"),

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 from rich.console import Console
@@ -23,6 +24,7 @@ from mathnavi.sim.commands.progress import compilation_announced
 from mathnavi.sim.commands.provenance import changed_inputs, note_environment
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
+from mathnavi.sim.commands.served_address import address_of, check_address
 from mathnavi.sim.commands.summary import summary_table, verdict, warnings
 from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.errors import RunFolderError
@@ -31,6 +33,10 @@ from mathnavi.sim.interfaces.input_files import run_inputs
 from mathnavi.sim.plugin.trust import trusting, within_record
 from mathnavi.sim.records.run_folder import LEFT, SCENE, NothingToDrawError
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
+
+if TYPE_CHECKING:
+    from mathnavi.sim.commands.run_web import FollowedRun
+    from mathnavi.sim.engine.loop import Loop
 
 
 @dataclass(frozen=True)
@@ -47,6 +53,12 @@ class RunOptions:
     """write report.html"""
     from_: Annotated[Path | None, tyro.conf.arg(name="from")] = None
     """run folder whose config.json is run again; flags beside it take precedence"""
+    web: bool = False
+    """show the run in a browser while it is simulated, with sliders for what may change: prints the URL"""
+    host: str | None = None
+    """address of this machine at which that is served, 127.0.0.1 if not given; the URL of any other has a token"""
+    port: int | None = None
+    """port, 8765 if not given; 0 is any that is free"""
     wall_deadline: float | None = None
     """time by the clock on the wall after which the command is ended [s], whatever it is at; none if not given"""
     trust: bool = False
@@ -56,6 +68,7 @@ class RunOptions:
         check_deadline(self.wall_deadline)
         if self.codec is not None and not self.video:
             raise ValueError(f"codec = {self.codec}; allowed: only together with --video")
+        check_address(self.host, self.port, web=self.web)
 
 
 def main(argv: Sequence[str]) -> int:
@@ -74,13 +87,25 @@ def main(argv: Sequence[str]) -> int:
     folder = request.options.out or Path("renders/out") / f"{request.name.replace(':', '.')}-seed{request.common.seed}"
     _check_spared(folder, Path(source) if source is not None else None, request.files)
     errors = Console(stderr=True, markup=False)
+    with ExitStack() as served:
+        follow = served.enter_context(_followed(request)) if request.options.web else None
+        code = _run(request, run_config, folder, follow, errors)
+        if follow is not None:
+            follow.show_ended(folder)
+    return code
+
+
+def _run(
+    request: RunRequest, run_config: RunConfig | None, folder: Path, follow: FollowedRun | None, errors: Console
+) -> int:
+    """Fly, write the folder and draw; the exit code of the command."""
     with run_folder(folder) as claim:
         with compilation_announced(errors):
             closed_loop = build(request, run_config)
             if run_config is not None:
                 note_environment(errors, run_config)
             with request.failures("a run"):
-                result = fly(closed_loop, errors)
+                result = fly(closed_loop, errors) if follow is None else follow.fly(closed_loop, errors, fly)
         replaced = request.options.out is None and (folder / "summary.json").exists()
         result.write_files(claim.new)
         stale = _drawn(folder)
@@ -104,6 +129,12 @@ def main(argv: Sequence[str]) -> int:
         if (folder / made).is_file():
             console.print(f"{made.partition('.')[0]:8}{folder / made}", soft_wrap=True, highlight=False)
     return 0 if result.success and whole else 1
+
+
+def _followed(request: RunRequest) -> AbstractContextManager[FollowedRun]:
+    from mathnavi.sim.commands.run_web import followed  # what draws takes a while to import
+
+    return followed(request, *address_of(request.options.host, request.options.port))
 
 
 def _check_spared(folder: Path, source: Path | None, files: Sequence[Path]) -> None:
@@ -137,8 +168,8 @@ def _check_inputs(request: RunRequest, run_config: RunConfig) -> None:
         raise BadInputError(sentence)
 
 
-def fly(closed_loop: ClosedLoop, errors: Console) -> RunResult:
-    """Run with a progress bar over the simulated time."""
+def fly(closed_loop: ClosedLoop, errors: Console, watch: Callable[[Loop], None] | None = None) -> RunResult:
+    """Run with a progress bar over the simulated time; ``watch`` is called with the loop after every step."""
     bar = Progress(
         TextColumn("flying"), BarColumn(), TextColumn("{task.completed:.0f} s of at most {task.total:.0f} s"),
         TextColumn("{task.fields[pace]}"), console=errors, disable=not errors.is_terminal, transient=True,
@@ -154,7 +185,7 @@ def fly(closed_loop: ClosedLoop, errors: Console) -> RunResult:
     with bar:
         task = bar.add_task("flying", total=closed_loop.duration, pace="")
         try:
-            return closed_loop.run(progress)
+            return closed_loop.run(progress, watch)
         except ValueError as error:
             if flying:
                 raise  # the loop checks its rates before it starts; whatever comes later is a defect

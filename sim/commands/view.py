@@ -1,4 +1,7 @@
-"""``mathnavi view``: MuJoCo's own viewer on a finished run, in real time and again and again until it is closed."""
+"""``mathnavi view``: a finished run in MuJoCo's own viewer, or as a page for a browser.
+
+The viewer shows it in real time, and again and again until it is closed.
+"""
 
 from __future__ import annotations
 
@@ -20,18 +23,22 @@ from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.run import build
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import prepare, read_request
+from mathnavi.sim.commands.served_address import address_of, check_address
 from mathnavi.sim.engine.replay import RecordedMotion
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_state_names
 
-DESCRIPTION = "Replay a run in MuJoCo's viewer, with the path in orange, until its window is closed."
+DESCRIPTION = (
+    "Replay a run in MuJoCo's viewer until its window is closed; with --web in a browser, at this machine alone unless "
+    "--host names another address, until Ctrl-C."
+)
 FRAME = 1.0 / 60.0  # [s]
 REST = 1.0  # [s] at the end, before it begins again
 MOST_POINTS = 300  # of a path
 PATH = (0.93, 0.45, 0.05, 1.0)  # colour
 DISTANCE = 12.0  # of the camera, in sizes of a vehicle
-NO_DISPLAY = "allowed: a desktop, or `ssh -X`; `mathnavi render DIR` makes a video without a display"
+NO_DISPLAY = "allowed: a desktop, or `mathnavi view DIR --web`, or `mathnavi render DIR` for a video"
 
 
 @dataclass(frozen=True)
@@ -40,13 +47,23 @@ class ViewOptions:
 
     folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
     """folder of a run"""
-    speed: float = 1.0
-    """times as fast as it was"""
+    speed: float | None = None
+    """times as fast as it was; 1 if not given, in a browser what shows the run in about half a minute"""
+    web: bool = False
+    """show it in a browser: prints the URL"""
+    save: Path | None = None
+    """write the page to this file: it needs neither a server nor a network"""
+    host: str | None = None
+    """address of this machine at which the page is served, 127.0.0.1 if not given; the URL of any other has a token"""
+    port: int | None = None
+    """port, 8765 if not given; 0 is any that is free"""
     trust: bool = False
     """import code that DIR names and that is not installed; it runs as you"""
 
     def __post_init__(self) -> None:
-        check(self.speed, "speed", 0.0, open_low=True)
+        if self.speed is not None:
+            check(self.speed, "speed", 0.0, open_low=True)
+        check_address(self.host, self.port, web=self.web)
 
 
 @dataclass(frozen=True)
@@ -60,6 +77,12 @@ def main(argv: Sequence[str]) -> int:
     except HelpPrinted:
         return 0
     prepare()
+    if options.web or options.save is not None:
+        from mathnavi.sim.commands.view_web import show  # which the viewer does not need
+
+        address = address_of(options.host, options.port) if options.web else None
+        with trusting(options.trust):
+            return show(options.folder, options.speed, options.save, address)
     with trusting(options.trust):
         replay = read_replay(options.folder)
     check_display()
@@ -72,7 +95,7 @@ def main(argv: Sequence[str]) -> int:
     except RuntimeError as error:  # on macOS, unless it is run by mjpython
         raise BadInputError(f"view: {error}") from error
     with window as viewer:
-        play(replay, viewer, options.speed)
+        play(replay, viewer, options.speed or 1.0)
     return 0
 
 

@@ -144,12 +144,13 @@ def simulate(
     finished: Callable[[float, Mapping[str, Array]], bool] | None = None,
     progress: Callable[[float], None] | None = None,
     network: Network | None = None,
+    watch: Callable[[Loop], None] | None = None,
 ) -> Recording:
     """Run the loop from the plant's present time for at most ``duration`` [s], or until ``finished(t, truths)``.
 
     ``finished`` is the referee: it sees the truth and belongs to the scenario, not to a controller. ``progress`` is
-    called with the simulated time once a simulated second. ``network`` carries the coordinators' messages, at once if
-    none is given.
+    called with the simulated time once a simulated second, ``watch`` with the loop after every control step.
+    ``network`` carries the coordinators' messages, at once if none is given.
 
     Raises ValueError if an agent has no vehicle, a rate is not a whole number of ticks, or an estimator is slower
     than the parts that use it.
@@ -158,6 +159,8 @@ def simulate(
     reported = -math.inf  # [s]
     while True:
         loop.control_step()
+        if watch is not None:
+            watch(loop)
         if loop.over or (finished is not None and finished(loop.t, loop.truths)):
             return loop.recording.end()
         loop.advance()

@@ -19,7 +19,7 @@ executed. ``scene.npz`` in the run's folder holds it, array by array:
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import mujoco
@@ -35,6 +35,7 @@ from mathnavi.sim.interfaces.signals import Array, Integers
 RATE = 60.0  # [1/s] of the poses, at most
 MOST_SAMPLES = 6000
 MESH, FIELD = int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_HFIELD)
+PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
 _SHOWN_GROUPS = (0, 1, 2)  # of geoms, as MuJoCo's viewer shows them
 
 
@@ -55,7 +56,7 @@ def scene_arrays(plant: Plant, recording: Recording) -> dict[str, Array] | None:
     except ValueError:
         return None
     rows = _rows(t)
-    found = {"t": t[rows], **_shapes(motion.plant.model), **_poses(motion, rows, "")}
+    found = {"t": t[rows], **shapes(motion.plant.model), **_poses(motion, rows, "")}
     names = list(states)
     found["vehicles"] = np.array(names)
     found["vehicle_bodies"] = np.array([motion.body(name) for name in names])
@@ -80,9 +81,9 @@ def _rows(t: Array) -> Integers:
     return rows
 
 
-def _shapes(model: mujoco.MjModel) -> dict[str, Array]:
-    """Geoms that are shown, with their meshes and fields, and the cameras."""
-    shown = np.flatnonzero(np.isin(model.geom_group, _SHOWN_GROUPS) & (model.geom_type <= MESH))
+def shapes(model: mujoco.MjModel, groups: Sequence[int] = _SHOWN_GROUPS) -> dict[str, Array]:
+    """Geoms of some groups, with their meshes and fields, and the cameras."""
+    shown = np.flatnonzero(np.isin(model.geom_group, groups) & (model.geom_type <= MESH))
     material, rgba = model.geom_matid[shown], model.geom_rgba[shown].copy()
     rgba[material >= 0] = model.mat_rgba[material[material >= 0]]
     found = {

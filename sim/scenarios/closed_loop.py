@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.engine.loop import simulate
+from mathnavi.sim.engine.loop import Loop, simulate
 from mathnavi.sim.engine.network import Network
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import PluginError, RunFolderError
@@ -198,10 +198,12 @@ class ClosedLoop:
     network: Network | None = None  # of a fleet
     task: Task | None = None  # for whoever commands the actuators; None: nobody else than the controller can
 
-    def run(self, progress: Callable[[float], None] | None = None) -> RunResult:
-        """Simulate and evaluate; ``progress`` is called with the simulated time [s]."""
+    def run(
+        self, progress: Callable[[float], None] | None = None, watch: Callable[[Loop], None] | None = None
+    ) -> RunResult:
+        """Simulate and evaluate; ``progress`` is called with the simulated time [s], ``watch`` after every step."""
         began = time.perf_counter()
-        recording = simulate(self.plant, self.agents, self.duration, self.finished, progress, self.network)
+        recording = simulate(self.plant, self.agents, self.duration, self.finished, progress, self.network, watch)
         summary, success = self.summarise(recording, time.perf_counter() - began)
         drawn = self.config.get("drawing") is not None or "terrain" in self.config
         scene = None if drawn else partial(_scene, self.plant, recording)

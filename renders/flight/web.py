@@ -1,0 +1,91 @@
+"""A flight in the browser: ground, airframe, path, the plan of the moment, radars, start and target."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mathnavi.renders.flight.run_data import FlightRun
+from mathnavi.renders.palette import COLOURS, SceneElement
+from mathnavi.renders.web.charts import TRUTH, curve
+from mathnavi.renders.web.elements import Chart, Layer, Mark, Motion, WebScene
+from mathnavi.renders.web.landscape import (
+    airframe,
+    airframe_motion,
+    chase,
+    flown,
+    ground,
+    map_cameras,
+    plan_lines,
+    radar_domes,
+)
+from mathnavi.sim.interfaces.signals import Array
+
+VEHICLE, TARGET = "vehicle", "target"
+PLAN_LAYERS = {
+    SceneElement.OPTIMISED: Layer.of(SceneElement.OPTIMISED),
+    SceneElement.MANOEUVRE: Layer.of(SceneElement.MANOEUVRE),
+    SceneElement.COMPLETION: Layer.of(SceneElement.COMPLETION, dashed=True),
+}
+CHASE_DISTANCE, CHASE_BEHIND, CHASE_SPAN = 1300.0, 4.0, 0.15  # [m], [s], of the picture's height
+
+
+def web_scene(run: FlightRun) -> WebScene:
+    """The scene of a flight."""
+    mission, terrain = run.mission, run.terrain
+    layer = Layer.of(SceneElement.FLOWN)
+    radar_motions, domes = radar_domes(mission.radars, terrain, run.duration)
+    motions = {VEHICLE: airframe_motion(run.t, run.x, run.u, terrain), **radar_motions}
+    marks = [
+        Mark(SceneElement.START.value, COLOURS[SceneElement.START], mission.start, foot=height(run, mission.start)),
+    ]
+    if len(mission.target_path):
+        times = np.unique(np.concatenate([[0.0, run.duration], mission.target_path[:, 0]]))
+        motions[TARGET] = Motion(times, np.array([mission.target_at(float(t)) for t in times]))
+        marks.append(Mark(SceneElement.TARGET.value, COLOURS[SceneElement.TARGET], motion=TARGET))
+    else:
+        place = mission.target
+        marks.append(Mark(SceneElement.TARGET.value, COLOURS[SceneElement.TARGET], place, foot=height(run, place)))
+    several = len(mission.radars) > 1
+    marks += [
+        Mark(f"{SceneElement.RADAR.value} {k}" if several else SceneElement.RADAR.value, COLOURS[SceneElement.RADAR],
+             motion=name, layer=Layer.of(SceneElement.RADAR))
+        for k, name in enumerate(radar_motions, start=1)
+    ]  # fmt: skip
+    return WebScene(
+        run.title,
+        run.duration,
+        [
+            *map_cameras(terrain, mission.target - mission.start),
+            chase("follow the vehicle", VEHICLE, CHASE_DISTANCE, CHASE_BEHIND, CHASE_SPAN),
+        ],
+        motions,
+        [*ground(terrain), *airframe(VEHICLE, layer), *domes],
+        [flown(run.t, run.x[:, :3], layer), *plan_lines(run.log.plans, run.log.adopted, run.duration, PLAN_LAYERS)],
+        marks,
+        flight_charts(run),
+        low=float(terrain.z.min()),
+        note="heights are exaggerated in the overview and the top view",
+    )
+
+
+def height(run: FlightRun, place: Array) -> float:
+    """[m] of the ground below a place."""
+    return float(run.terrain.height(place[0], place[1]))
+
+
+def flight_charts(run: FlightRun) -> list[Chart]:
+    """Height above the ground, speed and acceleration against their bounds."""
+    mission, t = run.mission, run.t
+    speed, acceleration = np.linalg.norm(run.x[:, 3:6], axis=1), np.linalg.norm(run.u, axis=1)
+    return [
+        Chart(
+            "height above ground",
+            "m",
+            [curve("", TRUTH, t, run.above_ground)],
+            [mission.clearance_min],
+            logarithmic=True,
+        ),
+        Chart("speed", "m/s", [curve("", TRUTH, t, speed)], [mission.speed_max]),
+        Chart("acceleration", "m/s²", [curve("", TRUTH, t, acceleration, step=True)], [mission.acceleration_max]),
+        Chart("height", "m", [curve("", TRUTH, t, run.x[:, 2])]),
+    ]

@@ -1,0 +1,140 @@
+"""A missile in the browser: its body and force, path, plan, the target with its path and velocity."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mathnavi.models.missile.entity import build_spec
+from mathnavi.renders.framing import Box, framing
+from mathnavi.renders.missile.run_data import MissileRun
+from mathnavi.renders.missile.scene import DRAWN, SPAN, TARGET_RADIUS
+from mathnavi.renders.palette import COLOURS, Colour, SceneElement
+from mathnavi.renders.stage import Optics
+from mathnavi.renders.web.arrows import arrow, sequence, thinned_rows
+from mathnavi.renders.web.bodies import body_surfaces, model_shapes, motions_of, poses
+from mathnavi.renders.web.charts import TRUTH, curve
+from mathnavi.renders.web.elements import Camera, Chart, Layer, Lines, Mark, Motion, WebScene
+from mathnavi.renders.web.landscape import chase, flown
+from mathnavi.sim.interfaces.signals import Array
+
+GROUND_GROUP = 1
+GROUND: Colour = (0.56, 0.60, 0.47)
+SQUARE = 20.0  # [m]
+MOST_FRAMES, PLAN_POINTS = 400, 60
+LONGEST = 2.2  # of the span of the missile: the largest force
+LIFT = 0.4  # [m] over the ground
+VELOCITY_TIME = 2.0  # [s] of motion of the target that its arrow is long
+FIELD_OF_VIEW, FREE = 30.0, Box(0.06, 0.94, 0.12, 0.85)
+
+
+def web_scene(run: MissileRun) -> WebScene:
+    """The scene of a missile's flight."""
+    model = build_spec(run.coordinates, run.input_max.tolist()).compile()
+    half = len(run.coordinates.joints)
+    rows = thinned_rows(len(run.t), 1500)
+    t = run.t[rows]
+    pos, quat = poses(model, run.log.x[rows, :half])
+    moving = [b for b in range(model.nbody) if model.body_weldid[b] != 0 and model.body_mocapid[b] < 0]
+    motions = motions_of(t, pos, quat, moving, "missile ")
+    shapes = model_shapes(model, (GROUND_GROUP, DRAWN))
+    targets = [b for b in range(model.nbody) if model.body_mocapid[b] >= 0]
+    times = run.t[thinned_rows(len(run.t), MOST_FRAMES)]
+    places = np.array([run.target_at(float(s)) for s in times])
+    motions["target"] = Motion(times, places)
+    names = {body: f"missile {body}" for body in moving} | dict.fromkeys(targets, "target")
+    layer = Layer.of(SceneElement.FLOWN)
+    surfaces = body_surfaces(shapes, names, (pos[0], quat[0]), endless=4000.0, floor=(GROUND, SQUARE))
+    own = {f"missile {body}" for body in moving}
+    surfaces = [replace(each, span=SPAN) if each.motion in own else each for each in surfaces]
+    missile = next(name for name in motions if name.startswith("missile"))
+    drawn = [flown(run.t, run.path, layer), *_plans(run), *_forces(run), *_target(run, times, places)]
+    return WebScene(
+        run.log.title, run.duration,
+        [*_cameras(run), chase("follow the missile", missile, 7.0 * SPAN, 0.15, 0.0)],
+        motions, surfaces, drawn,
+        [Mark(SceneElement.TARGET.value, COLOURS[SceneElement.TARGET], motion="target")],
+        missile_charts(run),
+        floor=0.0,
+    )  # fmt: skip
+
+
+def missile_charts(run: MissileRun) -> list[Chart]:
+    """Distance to the target, speed, angle of attack and thrusters."""
+    t = run.t
+    some = t[thinned_rows(len(t), 600)]
+    distance = np.array([max(run.distance(float(s)), 1e-2) for s in some])
+    charts = [
+        Chart("distance to the target", "m", [curve("", TRUTH, some, distance)], [run.miss_allowed], logarithmic=True),
+        Chart("speed", "m/s", [curve("", TRUTH, t, run.speed)]),
+        Chart("angle of attack", "degrees", [curve("", TRUTH, t, np.degrees(run.attack))]),
+    ]  # fmt: skip
+    forces = run.u / np.where(run.input_max > 0.0, run.input_max, 1.0)
+    colours = ((1.00, 0.50, 0.05), (0.05, 0.42, 0.95), (0.86, 0.10, 0.72), (0.10, 0.78, 0.48), (0.4, 0.4, 0.5))
+    series = [curve(f"input {k + 1}", colours[k % 5], t, forces[:, k], step=True) for k in range(forces.shape[1])]
+    return [*charts, Chart("thrusters, share of the limit", "", series, [-1.0, 1.0])]
+
+
+def _cameras(run: MissileRun) -> list[Camera]:
+    """From the side, the whole way in sight, and from above."""
+    ends = np.array([run.target_at(0.0), run.target_at(run.duration)])
+    points = np.vstack([run.path, ends + TARGET_RADIUS, ends - TARGET_RADIUS])
+    found = []
+    for name, sight in {
+        "side": (np.degrees(run.azimuth) + 90.0, -8.0),
+        "slant": (np.degrees(run.azimuth) + 50.0, -24.0),
+    }.items():
+        view = framing(points, FREE, Optics(FIELD_OF_VIEW, 0.05, 12.0), 1.5, sight)
+        place = (float(view.lookat[0]), float(view.lookat[1]), float(view.lookat[2]))
+        found.append(
+            Camera(name, place, view.distance, view.azimuth, view.elevation, field_of_view=FIELD_OF_VIEW, span=0.10)
+        )
+    return found
+
+
+def _plans(run: MissileRun) -> list[Lines]:
+    """What is ahead of each plan."""
+    frames, times = [], []
+    for begin, plan in zip(run.log.adopted.tolist(), run.log.plans, strict=True):
+        t = np.linspace(begin, max(plan.t_end, begin + 1e-3), PLAN_POINTS)
+        frames.append(run.plan_ahead(begin, PLAN_POINTS))
+        times.append(
+            begin + (plan.t_end - begin) * np.linspace(0.0, 1.0, PLAN_POINTS) ** 1.7 if len(frames[-1]) else t[:0]
+        )
+    kept = [(begin, x, t) for begin, x, t in zip(run.log.adopted.tolist(), frames, times, strict=True) if len(x) > 1]
+    if not kept:
+        return []
+    layer = Layer.of(SceneElement.PLAN)
+    return [
+        Lines(
+            layer, np.vstack([x for _, x, _ in kept]), np.cumsum([0, *(len(x) for _, x, _ in kept)]), layer.colour, 3.0,
+            times=np.concatenate([t for *_, t in kept]), cut="ahead", frames=np.arange(len(kept) + 1),
+            starts=np.array([begin for begin, *_ in kept]), end=run.duration,
+        )
+    ]  # fmt: skip
+
+
+def _forces(run: MissileRun) -> list[Lines]:
+    """The force of the thrusters, as an arrow at the missile."""
+    rows = thinned_rows(len(run.t), MOST_FRAMES)
+    forces = np.array([run.axes(float(run.t[k])) @ run.coordinates.input_in_space(run.u[k])[:3] for k in rows])
+    scale = LONGEST * SPAN / max(float(np.linalg.norm(forces, axis=1).max()), run.weight)
+    frames = [arrow(run.path[k], scale * force) for k, force in zip(rows, forces, strict=True)]
+    found = sequence(Layer.of(SceneElement.FORCE), frames, run.t[rows], run.duration, 3.0)
+    return [] if found is None else [found]
+
+
+def _target(run: MissileRun, t: Array, places: Array) -> list[Lines]:
+    """The path of the target and, as an arrow, its velocity."""
+    found = []
+    if float(np.ptp(places, axis=0).max()) > 1.0:
+        layer = Layer.of(SceneElement.TARGET_PATH)
+        lifted = places + np.array([0.0, 0.0, LIFT])
+        found.append(Lines(layer, lifted, np.array([0, len(t)]), layer.colour, 2.0, times=t, cut="past"))
+    frames = [
+        arrow(place + np.array([0.0, 0.0, 2.0 * LIFT]), VELOCITY_TIME * run.target_velocity(float(s)))
+        for s, place in zip(t, places, strict=True)
+    ]
+    arrows = sequence(Layer.of(SceneElement.VELOCITY), frames, t, run.duration, 2.6)
+    return found if arrows is None else [*found, arrows]

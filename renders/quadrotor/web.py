@@ -1,0 +1,71 @@
+"""A quadrotor in the browser: the vehicle as it tilts, over the ground, with its path and the plan of the moment."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from mathnavi.models.quadrotor.dynamics import ATTITUDE
+from mathnavi.models.quadrotor.entity import add_vehicle
+from mathnavi.renders.flight.web import VEHICLE
+from mathnavi.renders.flight.web import web_scene as flight_scene
+from mathnavi.renders.palette import SceneElement
+from mathnavi.renders.quadrotor.run_data import QuadrotorRun
+from mathnavi.renders.quadrotor.scene import DRAWN
+from mathnavi.renders.web.bodies import body_surfaces, model_shapes
+from mathnavi.renders.web.charts import TRUTH, curve
+from mathnavi.renders.web.elements import Chart, Layer, Motion, WebScene
+from mathnavi.renders.web.landscape import chase
+
+CHASE_DISTANCE, CHASE_BEHIND = 10.0, 0.6  # in reaches of the vehicle, [s]
+
+
+def web_scene(run: QuadrotorRun) -> WebScene:
+    """The scene of a flight of a quadrotor."""
+    flight = flight_scene(run.flight)
+    layer = Layer.of(SceneElement.FLOWN)
+    spec = mujoco.MjSpec()
+    add_vehicle(spec, VEHICLE)
+    model = spec.compile()
+    still = np.zeros((model.nbody, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (model.nbody, 1))
+    own = body_surfaces(
+        model_shapes(model, [DRAWN]), dict.fromkeys(range(1, model.nbody), VEHICLE), still, endless=1.0, layer=layer,
+        glow=0.3, span=2.0 * run.reach,
+    )  # fmt: skip
+    rest = [each for each in flight.surfaces if each.motion != VEHICLE]
+    x, terrain = run.flight.x, run.flight.terrain
+    below = terrain.height(np.clip(x[:, 0], 0.0, terrain.width), np.clip(x[:, 1], 0.0, terrain.depth))
+    motion = Motion(run.flight.t, x[:, :3], run.truth[:, ATTITUDE], ground=np.asarray(below)).thinned()
+    near = chase("follow the vehicle", VEHICLE, CHASE_DISTANCE * run.reach, CHASE_BEHIND, 0.0)
+    cameras = [*(camera for camera in flight.cameras if camera.follow is None), near]
+    return replace(
+        flight, cameras=cameras, motions={**flight.motions, VEHICLE: motion}, surfaces=[*rest, *own],
+        charts=quadrotor_charts(run),
+    )  # fmt: skip
+
+
+def quadrotor_charts(run: QuadrotorRun) -> list[Chart]:
+    """Clearance, distance from the plan, tilt and thrusts."""
+    t, mission = run.flight.t, run.flight.mission
+    horizontal, vertical = run.tracking_error.T
+    speed = np.linalg.norm(run.flight.x[:, 3:6], axis=1)
+    colours = ((1.00, 0.50, 0.05), (0.05, 0.42, 0.95), (0.86, 0.10, 0.72), (0.10, 0.78, 0.48))
+    thrusts = [
+        curve(f"rotor {k + 1}", colours[k], t, run.thrusts[:, k], step=True) for k in range(run.thrusts.shape[1])
+    ]
+    return [
+        Chart(
+            "clearance of the vehicle", "m", [curve("", TRUTH, t, run.clearance)], [mission.clearance_min],
+            logarithmic=True,
+        ),
+        Chart(
+            "distance from the plan", "m",
+            [curve("horizontal", colours[1], t, horizontal), curve("vertical", colours[2], t, vertical)],
+            [run.bound["horizontal"], run.bound["vertical"]],
+        ),
+        Chart("speed", "m/s", [curve("", TRUTH, t, speed)], [mission.speed_max]),
+        Chart("tilt", "degrees", [curve("", TRUTH, t, run.tilt)]),
+        Chart("thrust", "N", thrusts, [run.thrust_max]),
+    ]  # fmt: skip

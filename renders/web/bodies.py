@@ -1,0 +1,163 @@
+"""Surfaces and motions of MuJoCo's bodies: of a recorded scene, or of a model and joint positions."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from itertools import product
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from mathnavi.renders.palette import COLOURS, Colour, SceneElement
+from mathnavi.renders.web.elements import Layer, Motion, Surface
+from mathnavi.renders.web.shapes import grid_faces, triangles
+from mathnavi.sim.engine.scene_record import FIELD, MESH, PLANE, shapes
+from mathnavi.sim.interfaces.signals import Array
+
+GHOST_OPACITY = 0.42
+FLOOR_COLOUR: Colour = (0.86, 0.88, 0.90)
+MOST_SWEPT = 40  # poses of a motion
+MOST_NODES = 257  # along the longer side of a field
+
+
+def rotated(quat: Array, points: Array) -> Array:
+    """(..., 3) points turned by quaternions (..., 4)."""
+    w, v = quat[..., :1], quat[..., 1:]
+    twice = 2.0 * np.cross(v, points)
+    turned: Array = points + w * twice + np.cross(v, twice)
+    return turned
+
+
+def multiplied(p: Array, q: Array) -> Array:
+    """(..., 4) the product of quaternions."""
+    w = p[..., :1] * q[..., :1] - np.sum(p[..., 1:] * q[..., 1:], axis=-1, keepdims=True)
+    return np.concatenate([w, p[..., :1] * q[..., 1:] + q[..., :1] * p[..., 1:] + np.cross(p[..., 1:], q[..., 1:])], -1)
+
+
+def model_shapes(model: Any, groups: Collection[int]) -> dict[str, Array]:
+    """The shapes of a model (``mathnavi.sim.engine.scene_record``) in some groups of geoms."""
+    return shapes(model, tuple(groups))
+
+
+def body_surfaces(
+    a: Mapping[str, Array],
+    motions: Mapping[int, str],
+    still: tuple[Array, Array],
+    *,
+    endless: float,
+    layer: Layer | None = None,
+    glow: float = 0.0,
+    colour: Colour | None = None,
+    span: float = 0.0,
+    floor: tuple[Colour, float] | None = None,
+) -> list[Surface]:
+    """Surfaces of the shapes ``a``; bodies without a motion stand where ``still`` has them, (nb, 3) and (nb, 4).
+
+    Shapes of one motion, colour and kind are one surface. ``colour`` replaces that of the shapes; ``endless`` [m] is
+    half the side of planes without a size; ``floor`` colour and side [m] of the squares of planes.
+    """
+    ground, square = floor or (FLOOR_COLOUR, 10.0 ** np.floor(np.log10(max(0.005 * endless, 1e-6))))
+    found: dict[tuple[Any, ...], list[tuple[Array, Array]]] = {}
+    for k, (body, kind, data) in enumerate(zip(a["geom.body"], a["geom.type"], a["geom.data"], strict=True)):
+        own = triangles(int(kind), a["geom.size"][k].astype(float), endless)
+        vertices, faces, smooth = own if own is not None else _recorded(a, int(kind), int(data))
+        vertices = rotated(a["geom.quat"][k].astype(float), vertices) + a["geom.pos"][k]
+        motion = motions.get(int(body))
+        if motion is None:
+            pos, quat = still
+            vertices = rotated(quat[int(body)].astype(float), vertices) + pos[int(body)]
+        rgba = tuple(np.round(np.clip(a["geom.rgba"][k].astype(float), 0.0, 1.0), 3).tolist())
+        if rgba[3] == 0.0:
+            continue
+        found.setdefault((motion, rgba, smooth, int(kind) == PLANE), []).append((vertices, faces))
+    surfaces = []
+    for (motion, rgba, smooth, is_floor), parts in found.items():
+        counts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
+        surfaces.append(
+            Surface(
+                np.vstack([vertices for vertices, _ in parts]),
+                np.vstack([faces + first for (_, faces), first in zip(parts, counts, strict=False)]),
+                ground if is_floor else (colour or rgba[:3]), rgba[3], motion, layer, smooth, glow, span,
+                checker=float(square) if is_floor else 0.0,
+                shadow=motion is not None and rgba[3] == 1.0,
+            )
+        )  # fmt: skip
+    return surfaces
+
+
+def ghosts(
+    surfaces: Collection[Surface], motions: Mapping[str, str], part: SceneElement, layer: Layer
+) -> list[Surface]:
+    """Copies of the surfaces that move, on other motions, in the colour of a part and see-through."""
+    return [
+        Surface(
+            each.vertices, each.faces, COLOURS[part], GHOST_OPACITY, motions[each.motion], layer, each.smooth,
+            each.glow, each.span,
+        )
+        for each in surfaces
+        if each.motion in motions
+    ]  # fmt: skip
+
+
+def motions_of(t: Array, pos: Array, quat: Array, bodies: Collection[int], prefix: str) -> dict[str, Motion]:
+    """Motions of bodies from poses (n, nb, 3) and (n, nb, 4); where a pose is not finite it is not shown."""
+    found = {}
+    for body in bodies:
+        known = np.isfinite(pos[:, body]).all(axis=1) & np.isfinite(quat[:, body]).all(axis=1)
+        if not known.any():
+            continue
+        shown = [(float(t[first]), float(t[last])) for first, last in _runs(known)]
+        whole = known.all()
+        found[f"{prefix}{body}"] = Motion(
+            t[known], pos[known, body].astype(float), quat[known, body].astype(float),
+            ((-np.inf, np.inf),) if whole else shown,
+        ).thinned()  # fmt: skip
+    return found
+
+
+def swept(surfaces: Collection[Surface], motions: Mapping[str, Motion]) -> Array:
+    """(m, 3) [m] the corners of the boxes around surfaces that move, on their ways."""
+    found = []
+    for each in surfaces:
+        if each.motion is None:
+            continue
+        motion = motions[each.motion]
+        low, high = each.vertices.min(axis=0), each.vertices.max(axis=0)
+        corners = np.array(list(product(*zip(low, high, strict=True))))
+        for k in np.unique(np.linspace(0, len(motion.t) - 1, MOST_SWEPT).round().astype(np.int64)):
+            quat = np.array([1.0, 0.0, 0.0, 0.0]) if motion.quat is None else motion.quat[k]
+            found.append(rotated(np.broadcast_to(quat, (len(corners), 4)), corners) + motion.pos[k])
+    return np.vstack(found)
+
+
+def poses(model: Any, positions: Array) -> tuple[Array, Array]:
+    """(n, nb, 3) [m] and (n, nb, 4) of all bodies at joint positions (n, nq); NaN where those are not finite."""
+    data = mujoco.MjData(model)
+    pos, quat = np.full((len(positions), model.nbody, 3), np.nan), np.full((len(positions), model.nbody, 4), np.nan)
+    for k, each in enumerate(positions):
+        if np.isfinite(each).all():
+            data.qpos[:] = each
+            mujoco.mj_kinematics(model, data)
+            pos[k], quat[k] = data.xpos, data.xquat
+    return pos, quat
+
+
+def _runs(known: Any) -> list[tuple[int, int]]:
+    """First and last index of each stretch of samples that are known."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(np.int8), [0]])))
+    return [(int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)]
+
+
+def _recorded(a: Mapping[str, Array], kind: int, data: int) -> tuple[Array, Any, bool]:
+    """Triangles of a mesh or of a field."""
+    if kind == MESH:
+        return a[f"mesh.{data}.vertices"].astype(float), a[f"mesh.{data}.faces"].astype(np.int64), False
+    assert kind == FIELD
+    heights, size = a[f"field.{data}.heights"].astype(float), a[f"field.{data}.size"].astype(float)
+    rows, columns = (np.unique(np.linspace(0, n - 1, min(n, MOST_NODES)).round().astype(int)) for n in heights.shape)
+    x = size[0] * (2.0 * columns / (heights.shape[1] - 1) - 1.0)
+    y = size[1] * (2.0 * rows / (heights.shape[0] - 1) - 1.0)
+    east, north = np.meshgrid(x, y)
+    vertices = np.column_stack([east.ravel(), north.ravel(), (size[2] * heights[np.ix_(rows, columns)]).ravel()])
+    return vertices, grid_faces(len(rows), len(columns)), True

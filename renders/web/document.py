@@ -1,0 +1,225 @@
+"""The page of a scene: one HTML document that needs nothing beside itself and no network.
+
+The scene travels as JSON, its arrays as one compressed block of bytes to which the JSON refers by offset, length and
+type. The page forbids the browser every request; served with controls it may ask its own server (``live``).
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import math
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mathnavi.renders.page import Markup, text
+from mathnavi.renders.palette import hexadecimal
+from mathnavi.renders.stage import HORIZON, ZENITH
+from mathnavi.renders.web.elements import Camera, Chart, Layer, Lines, Mark, Motion, Surface, WebScene
+from mathnavi.sim.interfaces.reading.files import read_text
+
+VIEWER = Path(__file__).with_name("viewer")
+SCRIPTS = ("geometry.js", "stage.js", "charts.js", "labels.js", "player.js", "live.js")  # in this order
+FOREVER = 1e30  # [s] stands for an infinite time
+
+
+class Block:
+    """Bytes of arrays, one after the other, each at a multiple of 4."""
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+        self._length = 0
+
+    def add(self, values: Any, kind: str = "f4") -> dict[str, Any] | None:
+        """Add an array, of a type as numpy names it; returns how the JSON refers to it, None for None."""
+        if values is None:
+            return None
+        own = np.ascontiguousarray(values, dtype=f"<{kind}" if kind != "u1" else kind)
+        raw = own.tobytes()
+        reference = {"at": self._length, "count": int(own.size), "kind": kind}
+        padding = -len(raw) % 4
+        self._parts += [raw, bytes(padding)]
+        self._length += len(raw) + padding
+        return reference
+
+    def packed(self) -> str:
+        """All of it, compressed (zlib), in base 64."""
+        return base64.b64encode(zlib.compress(b"".join(self._parts), 6)).decode("ascii")
+
+
+def packed(scene: WebScene) -> dict[str, Any]:
+    """The scene as plain data; ``block`` holds its arrays."""
+    block = Block()
+    layers: list[Layer] = []
+    described = {
+        "title": scene.title,
+        "duration": scene.duration,
+        "low": scene.low,
+        "floor": scene.floor,
+        "note": scene.note,
+        "speed": scene.speed,
+        "sky": [list(HORIZON), list(ZENITH)],
+        "motions": {name: _motion(motion, block) for name, motion in scene.motions.items()},
+        "surfaces": [_surface(each, layers, block) for each in scene.surfaces],
+        "lines": [_lines(each, layers, block) for each in scene.lines],
+        "marks": [_mark(each, layers) for each in scene.marks],
+        "cameras": [_camera(each) for each in scene.cameras],
+        "charts": [_chart(each, block) for each in scene.charts],
+        "events": [[t, words] for t, words in scene.events],
+        "facts": [list(fact) for fact in scene.facts],
+    }
+    described["layers"] = [
+        {"name": layer.name, "colour": hexadecimal(layer.colour), "dashed": layer.dashed, "shown": layer.shown}
+        for layer in layers
+    ]
+    return described | {"block": block.packed()}
+
+
+def document(scene: WebScene, live: Mapping[str, Any] | None = None) -> Markup:
+    """The whole page; ``live`` is what a page that follows a run needs to know of its server."""
+    style = read_text(VIEWER / "viewer.css", ValueError)
+    script = "\n".join(read_text(VIEWER / name, ValueError) for name in SCRIPTS)
+    data = packed(scene) | ({"live": dict(live)} if live is not None else {})
+    return Markup(
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{_policy(style, script, live is not None)}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        '<meta name="referrer" content="no-referrer">\n'
+        '<link rel="icon" href="data:,">\n'
+        f"<title>{text(scene.title)}</title>\n<style>{style}</style>\n</head>\n<body>\n"
+        f"{read_text(VIEWER / 'viewer.html', ValueError)}"
+        f'<script type="application/json" id="scene">{_json(data)}</script>\n'
+        f'<script type="module">{script}</script>\n</body>\n</html>\n'
+    )
+
+
+def _policy(style: str, script: str, served: bool) -> str:
+    """What the browser may do: run this script, apply this style, and ask nobody but, if it is followed, its server."""
+    hashes = (base64.b64encode(hashlib.sha256(part.encode()).digest()).decode() for part in (style, script))
+    own_style, own_script = (f"'sha256-{each}'" for each in hashes)
+    connect = "; connect-src 'self'" if served else ""
+    return f"default-src 'none'; img-src blob: data:; style-src {own_style}; script-src {own_script}{connect}"
+
+
+def _json(data: Mapping[str, Any]) -> str:
+    """JSON in which nothing ends a script."""
+    return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+
+
+def _time(t: float) -> float:
+    return t if math.isfinite(t) else math.copysign(FOREVER, t)
+
+
+def _layer(layer: Layer | None, layers: list[Layer]) -> int:
+    """Index of a layer; -1 for none. Layers of one name are one."""
+    if layer is None:
+        return -1
+    names = [each.name for each in layers]
+    if layer.name not in names:
+        layers.append(layer)
+        return len(names)
+    return names.index(layer.name)
+
+
+def _motion(motion: Motion, block: Block) -> dict[str, Any]:
+    return {
+        "t": block.add(motion.t),
+        "pos": block.add(motion.pos),
+        "quat": block.add(motion.quat),
+        "ground": block.add(motion.ground),
+        "shown": [[_time(begin), _time(end)] for begin, end in motion.shown],
+    }
+
+
+def _surface(surface: Surface, layers: list[Layer], block: Block) -> dict[str, Any]:
+    found = {
+        "vertices": block.add(surface.vertices),
+        "faces": block.add(surface.faces, "u4"),
+        "colour": list(surface.colour),
+        "opacity": surface.opacity,
+        "motion": surface.motion,
+        "layer": _layer(surface.layer, layers),
+        "smooth": surface.smooth,
+        "glow": surface.glow,
+        "span": surface.span,
+        "tall": surface.tall,
+        "checker": float(surface.checker),
+        "shadow": surface.shadow,
+    }
+    if surface.picture:
+        found["picture"] = block.add(np.frombuffer(surface.picture, np.uint8), "u1")
+        found["box"] = list(surface.picture_box)
+    return found
+
+
+def _lines(lines: Lines, layers: list[Layer], block: Block) -> dict[str, Any]:
+    several = lines.frames is not None
+    return {
+        "points": block.add(lines.points),
+        "offsets": block.add(lines.offsets, "u4"),
+        "times": block.add(lines.times),
+        "frames": block.add(lines.frames if several else [0, len(lines.offsets) - 1], "u4"),
+        "starts": block.add(lines.starts if several else [-FOREVER]),
+        "end": _time(lines.end),
+        "opacities": block.add(lines.opacities),
+        "colour": list(lines.colour),
+        "width": lines.width,
+        "dashed": lines.dashed,
+        "cut": lines.cut,
+        "trail": _time(lines.trail),
+        "motion": lines.motion,
+        "plan": lines.plan,
+        "layer": _layer(lines.layer, layers),
+    }
+
+
+def _mark(mark: Mark, layers: list[Layer]) -> dict[str, Any]:
+    return {
+        "text": mark.text,
+        "colour": hexadecimal(mark.colour),
+        "place": None if mark.place is None else mark.place.tolist(),
+        "motion": mark.motion,
+        "foot": mark.foot,
+        "dot": mark.dot,
+        "layer": _layer(mark.layer, layers),
+    }
+
+
+def _camera(camera: Camera) -> dict[str, Any]:
+    return {
+        "name": camera.name,
+        "target": list(camera.target),
+        "distance": camera.distance,
+        "azimuth": camera.azimuth,
+        "elevation": camera.elevation,
+        "follow": camera.follow,
+        "behind": camera.behind,
+        "fieldOfView": camera.field_of_view,
+        "tall": camera.tall,
+        "span": camera.span,
+    }
+
+
+def _chart(chart: Chart, block: Block) -> dict[str, Any]:
+    return {
+        "title": chart.title,
+        "unit": chart.unit,
+        "bounds": [float(bound) for bound in chart.bounds],
+        "logarithmic": chart.logarithmic,
+        "series": [
+            {
+                "name": each.name,
+                "colour": hexadecimal(each.colour),
+                "t": block.add(each.t),
+                "y": block.add(each.y),
+                "step": each.step,
+                "dashed": each.dashed,
+            }
+            for each in chart.series
+        ],
+    }

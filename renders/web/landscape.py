@@ -1,0 +1,171 @@
+"""What flights over a terrain have in common: the ground, airframes, radars, plans and cameras."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+import mathnavi.models.aerial
+from mathnavi.models.aerial.entity import airframe_pose
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.visibility import RadarTrack
+from mathnavi.renders.landscape import BASE, OPTICS, TRUE_SPAN, Landscape
+from mathnavi.renders.palette import COLOURS, Colour, SceneElement, part_of
+from mathnavi.renders.relief import EXAGGERATION, relief, resampled
+from mathnavi.renders.web.bodies import body_surfaces, model_shapes
+from mathnavi.renders.web.elements import Camera, Layer, Lines, Motion, Surface
+from mathnavi.renders.web.shapes import grid_faces, revolved
+from mathnavi.sim.interfaces.reading.mechanisms import read_spec
+from mathnavi.sim.interfaces.signals import Array, Plan
+
+NODES, PIXELS = 257, 1025  # of the ground and of its picture, along the longer side
+QUALITY = 82  # of that picture, a JPEG
+EARTH: Colour = (0.36, 0.32, 0.27)  # of the sides of the map
+ASPECT = 1.5  # width over height of the picture, more or less
+DOME_OPACITY = 0.24
+RADAR_POSES = 120  # of one that drives
+PLAN_STEP = 2.0  # [s] between two points of an arc, or a 200th of the plan
+AIRFRAME_GROUP = 2
+GLOW = 0.35  # of airframes
+
+
+def ground(terrain: HeightField) -> list[Surface]:
+    """The ground under its relief, and the sides of the map."""
+    z = resampled(terrain, min(max(terrain.z.shape), NODES), order=1)
+    rows, columns = z.shape
+    east, north = np.meshgrid(np.linspace(0.0, terrain.width, columns), np.linspace(0.0, terrain.depth, rows))
+    vertices = np.column_stack([east.ravel(), north.ravel(), z.ravel()])
+    picture = io.BytesIO()
+    Image.fromarray(relief(terrain, PIXELS)).save(picture, "JPEG", quality=QUALITY)
+    edge = np.concatenate(
+        [np.arange(columns), np.arange(1, rows) * columns + columns - 1,
+         (rows - 1) * columns + np.arange(columns - 1)[::-1], np.arange(1, rows - 1)[::-1] * columns, [0]]
+    )  # fmt: skip
+    rim, base = vertices[edge], float(terrain.z.min()) - BASE * max(terrain.width, terrain.depth) / EXAGGERATION
+    lower = rim.copy()
+    lower[:, 2] = base
+    return [
+        Surface(
+            vertices, grid_faces(rows, columns), (0.6, 0.6, 0.58), glow=0.9, tall=True, picture=picture.getvalue(),
+            picture_box=(0.0, 0.0, terrain.width, terrain.depth),
+        ),
+        Surface(np.vstack([lower, rim]), grid_faces(2, len(edge)), EARTH, smooth=False, tall=True),
+    ]  # fmt: skip
+
+
+def airframe(motion: str, layer: Layer, colour: Colour | None = None) -> list[Surface]:
+    """The airframe of a vehicle, drawn at a size in the picture, in its own colours or all in one."""
+    model = read_spec(Path(mathnavi.models.aerial.__file__).parent / "airframe.xml", ValueError).compile()
+    still = np.zeros((model.nbody, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (model.nbody, 1))
+    shapes = model_shapes(model, [AIRFRAME_GROUP])
+    moved = dict.fromkeys(range(model.nbody), motion)
+    return body_surfaces(shapes, moved, still, endless=1.0, layer=layer, glow=GLOW, colour=colour, span=TRUE_SPAN)
+
+
+def airframe_motion(t: Array, x: Array, u: Array, terrain: HeightField) -> Motion:
+    """Motion of an airframe of states (n, 6) and accelerations (n, 3), with the ground below it."""
+    rows = np.unique(np.linspace(0, len(t) - 1, min(len(t), 1500)).round().astype(np.int64))
+    found = [airframe_pose(x[k, :3], x[k, 3:], u[min(k, len(u) - 1)]) for k in rows]
+    below = terrain.height(np.clip(x[rows, 0], 0.0, terrain.width), np.clip(x[rows, 1], 0.0, terrain.depth))
+    return Motion(t[rows], np.array([p for p, _ in found]), np.array([q for _, q in found]), ground=np.asarray(below))
+
+
+def flown(t: Array, places: Array, layer: Layer, width: float = 3.4) -> Lines:
+    """The path (n, 3) up to the present."""
+    rows = np.unique(np.linspace(0, len(t) - 1, min(len(t), 1500)).round().astype(np.int64))
+    return Lines(
+        layer, places[rows], np.array([0, len(rows)]), layer.colour, width, times=t[rows], cut="past",
+    )  # fmt: skip
+
+
+def plan_lines(
+    plans: Sequence[Plan], adopted: Array, end: float, own: Mapping[SceneElement, Layer], colour: Colour | None = None
+) -> list[Lines]:
+    """What is ahead of the plan of the moment: optimised part, safety manoeuvre, completion path."""
+    parts: dict[SceneElement, list[list[tuple[Array, Array]]]] = {part: [[] for _ in plans] for part in own}
+    for k, (plan, begin) in enumerate(zip(plans, adopted.tolist(), strict=True)):
+        pieces = plan_pieces(plan, begin)
+        for part, piece in pieces:
+            if part in parts:
+                parts[part][k].append(piece)
+    found = []
+    for part, frames in parts.items():
+        polylines = [piece for frame in frames for piece in frame]
+        if not polylines:
+            continue
+        counts = [len(t) for t, _ in polylines]
+        found.append(
+            Lines(
+                own[part], np.vstack([places for _, places in polylines]), np.cumsum([0, *counts]),
+                colour or COLOURS[part], 2.0 if colour else 3.0, part is SceneElement.COMPLETION,
+                times=np.concatenate([t for t, _ in polylines]), cut="ahead",
+                frames=np.cumsum([0, *map(len, frames)]), starts=adopted, end=end,
+            )
+        )  # fmt: skip
+    return found
+
+
+def plan_pieces(plan: Plan, begin: float) -> list[tuple[SceneElement, tuple[Array, Array]]]:
+    """The parts of a plan from ``begin`` [s] on: times (m,) [s] and places (m, 3) [m] of each."""
+    step = max(PLAN_STEP if plan.t_end - begin > 60.0 else 0.1, (plan.t_end - begin) / 200.0)
+    found: list[tuple[SceneElement, tuple[list[Array], list[Array]]]] = []
+    for k, phase in enumerate(plan.phase):
+        first, last = max(begin, float(plan.t[k])), float(plan.t[k + 1])
+        if last <= first:
+            continue
+        times = np.linspace(first, last, max(2, int(np.ceil((last - first) / step)) + 1))
+        s = times[:, None] - plan.t[k]
+        places = plan.x[k, :3] + plan.x[k, 3:6] * s + 0.5 * plan.u[k] * s**2
+        part = part_of(int(phase))
+        if not found or found[-1][0] is not part:
+            found.append((part, ([], [])))
+        found[-1][1][0].append(times)
+        found[-1][1][1].append(places)
+    return [(part, (np.concatenate(t), np.vstack(x))) for part, (t, x) in found]
+
+
+def radar_domes(
+    tracks: Sequence[RadarTrack], terrain: HeightField, duration: float
+) -> tuple[dict[str, Motion], list[Surface]]:
+    """What each radar reaches, where it is while it is on."""
+    motions, surfaces = {}, []
+    layer = Layer.of(SceneElement.RADAR)
+    for number, track in enumerate(tracks):
+        begin, end = max(track.time, 0.0), min(track.until, duration)
+        if end <= begin:
+            continue
+        t = np.linspace(begin, end, RADAR_POSES) if any(track.velocity) else np.array([begin])
+        places = np.array([at.position(terrain) for s in t if (at := track.at(min(float(s), end - 1e-6), terrain))])
+        name = f"radar {number}"
+        motions[name] = Motion(t[: len(places)], places, shown=((begin, end),))
+        angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 25)
+        vertices, faces = revolved(track.radar.radius * np.cos(angle), track.radar.radius * np.sin(angle))
+        surfaces.append(Surface(vertices, faces, layer.colour, DOME_OPACITY, name, layer, glow=0.75, tall=True))
+    return motions, surfaces
+
+
+def map_cameras(terrain: HeightField, course: Array) -> list[Camera]:
+    """The overview and the top view, with heights as in every picture of a whole map."""
+    land = Landscape(terrain)
+    found = []
+    for name in ("overview", "top"):
+        view = land.view(name, course, 0.0, ASPECT)
+        degrees = OPTICS[name].field_of_view
+        found.append(
+            Camera(
+                name, tuple(view.lookat.tolist()), view.distance, view.azimuth, view.elevation,
+                field_of_view=degrees, tall=EXAGGERATION, span=0.075,
+            )
+        )  # fmt: skip
+    return found
+
+
+def chase(name: str, motion: str, distance: float, behind: float, span: float, elevation: float = -17.0) -> Camera:
+    """A camera behind a vehicle."""
+    return Camera(
+        name, (0.0, 0.0, 0.0), distance, 0.0, elevation, motion, behind, 45.0, span=span,
+    )  # fmt: skip

@@ -1,0 +1,31 @@
+"""The scene in the browser of the run in a folder: what its drawing makes of it, and the charts of its log."""
+
+from __future__ import annotations
+
+import pkgutil
+from dataclasses import replace
+from pathlib import Path
+
+from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.generic.run_data import load_run
+from mathnavi.renders.generic.web import web_scene as generic_scene
+from mathnavi.renders.web.charts import error_charts, events_of, facts_of, input_charts, state_charts
+from mathnavi.renders.web.elements import WebScene
+
+
+def read_scene(folder: Path) -> WebScene:
+    """The scene of a run.
+
+    Raises:
+        FileNotFoundError: something is missing.
+        RunFolderError: something is broken.
+        NothingToDrawError: the run ended at its first sample.
+        UntrustedError: the folder names code that is not installed.
+    """
+    drawing = drawing_of(folder)
+    run = load_run(folder)
+    own = generic_scene(run) if drawing.web is None else pkgutil.resolve_name(drawing.web)(drawing.load_run(folder))
+    charts = [*own.charts, *error_charts(run)]
+    if not own.charts:
+        charts = [*state_charts(run), *charts, *input_charts(run)]
+    return replace(own, charts=charts, events=events_of(run), facts=facts_of(run))

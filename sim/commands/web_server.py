@@ -1,0 +1,160 @@
+"""A page served to a browser: at this machine alone, or at another address behind a token.
+
+Whatever is asked of the server must name it as its user does: a page from elsewhere that makes a browser ask this
+machine under a name of its own (DNS rebinding) is refused, and so is, at another address than this machine's own,
+whoever lacks the token of the URL.
+"""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import json
+import secrets
+import socket
+import threading
+from collections.abc import Callable, Mapping
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from mathnavi.sim.commands.errors import BadInputError
+
+LOCAL_NAMES = ("127.0.0.1", "localhost", "[::1]")  # by which a browser on this machine may ask
+MOST_POSTED = 65536  # [bytes]
+PAGE = "/"
+HEADERS = {"Cache-Control": "no-store", "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer"}
+Answer = Callable[[Mapping[str, str]], Any]  # plain data for the query's arguments
+Change = Callable[[Any], Any]  # plain data for plain data that was posted
+
+
+class PageServer(ThreadingHTTPServer):
+    """Serves one page at ``/``, answers at other paths in JSON, and takes changes."""
+
+    daemon_threads = True
+    block_on_close = False
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        page: Callable[[], str],
+        answers: Mapping[str, Answer] | None = None,
+        changes: Mapping[str, Change] | None = None,
+    ) -> None:
+        """Bind to an address; port 0 is any that is free. BadInputError where that cannot be had."""
+        self.page, self.answers, self.changes = page, answers or {}, changes or {}
+        self.is_local = _is_loopback(host)
+        self.token = "" if self.is_local else secrets.token_urlsafe(24)
+        self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        try:
+            super().__init__((host, port), _Handler)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise BadInputError(
+                f"--host = {host}, --port = {port}: {reason}; allowed: an address of this machine, and a port that is "
+                "free, or 0 for any"
+            ) from error
+
+    @property
+    def url(self) -> str:
+        """Where the page is, with the token if there is one."""
+        host, port = str(self.server_address[0]), int(self.server_address[1])
+        name = f"[{host}]" if ":" in host else host
+        return f"http://{name}:{port}/" + (f"?token={self.token}" if self.token else "")
+
+    def start(self) -> None:
+        """Serve in a thread of its own, until ``shutdown``."""
+        threading.Thread(target=self.serve_forever, daemon=True).start()
+
+    def refusal(self, host: str, origin: str | None, query: Mapping[str, list[str]]) -> str | None:
+        """Why a request with these headers is refused; None where it is not."""
+        own = {f"{name}:{self.server_address[1]}" for name in LOCAL_NAMES}
+        if self.is_local and host not in own:
+            return f"the request is for {host!r}; allowed: {', '.join(sorted(own))}"
+        if self.token and not hmac.compare_digest(query.get("token", [""])[0].encode(), self.token.encode()):
+            return "the token is missing or another one; allowed: the URL that the command printed"
+        if origin is not None and origin != f"http://{host}":
+            return "the request comes from another page; allowed: this one"
+        return None
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Answers the requests of a ``PageServer``."""
+
+    server: PageServer
+    server_version, sys_version = "mathnavi", ""
+    protocol_version = "HTTP/1.1"
+    timeout = 30.0  # [s] of a connection on which nothing is asked
+
+    def do_GET(self) -> None:
+        path, query = self._asked()
+        if path is None:
+            return
+        if path == PAGE:
+            self._send(HTTPStatus.OK, self.server.page().encode(), "text/html; charset=utf-8")
+        elif path in self.server.answers:
+            self._send_json(self.server.answers[path]({name: values[0] for name, values in query.items()}))
+        else:
+            self._refuse(HTTPStatus.NOT_FOUND, "there is no such page")
+
+    do_HEAD = do_GET  # noqa: N815
+
+    def do_POST(self) -> None:
+        path, _ = self._asked()
+        if path is None:
+            return
+        if path not in self.server.changes:
+            self._refuse(HTTPStatus.NOT_FOUND, "there is nothing to change")
+            return
+        length = self.headers.get("Content-Length", "")
+        if self.headers.get_content_type() != "application/json" or not length.isdecimal():
+            self._refuse(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "allowed: JSON of a stated length")
+            return
+        if int(length) > MOST_POSTED:
+            self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"allowed: at most {MOST_POSTED} bytes")
+            return
+        try:
+            self._send_json(self.server.changes[path](json.loads(self.rfile.read(int(length)))))
+        except ValueError as error:  # also of the JSON
+            self._refuse(HTTPStatus.BAD_REQUEST, str(error))
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Print nothing: the terminal is the command's."""
+
+    def _asked(self) -> tuple[str | None, dict[str, list[str]]]:
+        """Path and query; no path where the request is refused."""
+        parts = urlsplit(self.path)
+        query = parse_qs(parts.query, keep_blank_values=True, max_num_fields=20)
+        reason = self.server.refusal(self.headers.get("Host", ""), self.headers.get("Origin"), query)
+        if reason is None:
+            return parts.path, query
+        self._refuse(HTTPStatus.FORBIDDEN, reason)
+        return None, query
+
+    def _refuse(self, status: HTTPStatus, reason: str) -> None:
+        self.close_connection = True  # what was posted may not have been read
+        self._send(status, f"{reason}\n".encode(), "text/plain; charset=utf-8")
+
+    def _send_json(self, data: Any) -> None:
+        body = json.dumps(data, separators=(",", ":"), allow_nan=False).encode()
+        self._send(HTTPStatus.OK, body, "application/json")
+
+    def _send(self, status: HTTPStatus, body: bytes, kind: str) -> None:
+        self.send_response(status)
+        for name, value in {**HEADERS, "Content-Type": kind, "Content-Length": str(len(body))}.items():
+            self.send_header(name, value)
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(body)
+
+
+def _is_loopback(host: str) -> bool:
+    """True for an address that only this machine has."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

@@ -1,0 +1,86 @@
+"""A run in the browser: the page opens in Chromium, its scene is drawn, play moves it, and it asks nobody."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mathnavi.renders.palette import COLOURS, SceneElement
+from mathnavi.renders.web.document import document
+from mathnavi.renders.web.scene import read_scene
+from tests.renders.web.browser import chromium, watched
+
+
+@pytest.fixture(scope="module")
+def page(run_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of a flight, as a file."""
+    path = tmp_path_factory.mktemp("web") / "page.html"
+    path.write_text(document(read_scene(run_dir)))
+    return path
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with chromium() as found:
+        yield found
+
+
+def near(picture: Any, element: SceneElement, within: float = 60.0) -> int:
+    """Number of pixels that have about the colour of an element."""
+    apart = np.abs(picture.astype(float) - 255.0 * np.array(COLOURS[element])).sum(axis=2)
+    return int((apart < within).sum())
+
+
+def test_a_flight_is_drawn_and_played_without_any_request(page: Path, browser: Any) -> None:
+    with watched(browser) as seen:
+        seen.open(page.as_uri())
+        seen.drawn("player.seek(0.5 * player.scene.duration)")
+        seen.until("player.stage && !player.changed")
+        picture = seen.picture("#canvas")
+        assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 500  # ground, sky, lines: not one colour
+        for element in (SceneElement.FLOWN, SceneElement.COMPLETION):
+            assert near(picture, element) > 5
+        t = float(seen.page.evaluate("player.t"))
+        seen.page.click("#play")
+        seen.until(f"player.t > {t}")
+        seen.page.click("#play")
+        assert not seen.page.evaluate("player.playing")
+        moved = seen.picture("#canvas")
+        assert (moved != picture).any()
+        assert seen.requests == [page.as_uri()]
+        assert seen.complaints == []
+
+
+def test_cameras_layers_and_charts_answer(page: Path, browser: Any) -> None:
+    with watched(browser) as seen:
+        seen.open(page.as_uri())
+        middle = "player.seek(0.5 * player.scene.duration)"
+        seen.drawn(middle)
+        with_path = near(seen.picture("#canvas"), SceneElement.FLOWN)
+        box = seen.page.locator("#legend label", has_text=SceneElement.FLOWN.value).locator("input")
+        box.evaluate("box => box.click()")
+        seen.until("!player.changed")
+        assert near(seen.picture("#canvas"), SceneElement.FLOWN) < with_path
+        before = seen.page.evaluate("player.view.eye")
+        seen.drawn("player.choose(player.scene.cameras.find(camera => camera.follow))")
+        assert seen.page.evaluate("player.view.eye") != before
+        chart = seen.page.locator("#charts canvas").first
+        chart.scroll_into_view_if_needed()
+        chart.click(position={"x": chart.bounding_box()["width"] - 9.0, "y": 40.0})
+        assert seen.page.evaluate("player.t") > 0.9 * seen.page.evaluate("player.scene.duration")
+        assert seen.complaints == []
+
+
+def test_the_page_forbids_every_request_and_hides_no_markup(run_dir: Path) -> None:
+    from dataclasses import replace
+
+    scene = replace(read_scene(run_dir), title="</script><img src=x onerror=alert(1)>")
+    found = document(scene)
+    assert "default-src 'none'" in found
+    assert "connect-src" not in found
+    assert "<img" not in found
+    assert found.count("</script>") == 2

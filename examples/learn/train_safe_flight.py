@@ -4,8 +4,9 @@
     python examples/learn/train_safe_flight.py --minutes 60 --out out/learn
 
 ``mathnavi/SafeFlight-v1`` steps 256 missions at once, from starts all over the map to one target. What the policy is
-shown are the environment's observations, turned about the vertical so that the target lies ahead and divided by scales;
-its action is an acceleration in the same directions. PPO is Stable-Baselines3's, with its own network and losses.
+shown are the environment's observations, turned about the vertical so that the target lies ahead, and divided by
+scales; what it chooses is a velocity in the same directions, and a proportional controller accelerates towards it. PPO
+is Stable-Baselines3's, with its own network and losses.
 
 Every few minutes the policy flies missions that it was not trained on. The folder gets ``curve.csv`` and ``curve.png``
 (shares of arrivals and contacts over time), ``policy.zip``, ``evaluation.json`` and ``flight.mp4``.
@@ -32,7 +33,9 @@ TERRAIN, TARGET = "jacksboro", (15000.0, 16000.0, 1000.0)  # [m] near the middle
 SEPARATION = (0.15, 0.75)  # shares of the map's side between which the start is away from there
 TRAINED, TESTED = 0, 100_000  # first seeds of the missions flown in training, and of those to test
 DISCOUNT = 0.995
-UNTRAINED = ("arrived", "crashed", "off the map", "late")
+FASTEST = np.array([220.0, 160.0, 100.0])  # [m/s] towards the target, to its left, up
+RESPONSE = 2.0  # [s] of the velocity's controller
+OUTCOMES = ("arrived", "crashed", "off the map", "late")
 
 
 def features(observation: dict[str, np.ndarray]) -> np.ndarray:
@@ -57,6 +60,12 @@ def features(observation: dict[str, np.ndarray]) -> np.ndarray:
     ).astype(np.float32)
 
 
+def accelerations(actions: np.ndarray, observation: dict[str, np.ndarray]) -> np.ndarray:
+    """Accelerations (n, 3) [m/s^2] towards the velocities that n actions (n, 3) in -1 to 1 choose."""
+    chosen = turned(FASTEST * actions.astype(float), observation, 1.0)
+    return (chosen - observation["velocity"]) / RESPONSE
+
+
 def turned(vectors: np.ndarray, observation: dict[str, np.ndarray], sign: float) -> np.ndarray:
     """Vectors (n, 3) turned about the vertical by the bearing of the target, -1 into the frame in which it is ahead."""
     angle = sign * np.arctan2(observation["target"][:, 1], observation["target"][:, 0])
@@ -70,7 +79,6 @@ class Missions(VecEnv):
 
     def __init__(self, envs: Any) -> None:
         self.envs, self.outcomes = envs, []
-        self._largest = float(envs.single_action_space.high[0])
         self._observation, _ = envs.reset(seed=0)
         size = features(self._observation).shape[1]
         space = gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float32)
@@ -87,7 +95,7 @@ class Missions(VecEnv):
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Hold the actions."""
-        u = self._largest * turned(self._actions.astype(float), self._observation, 1.0)
+        u = accelerations(self._actions, self._observation)
         self._observation, rewards, ended, _, info = self.envs.step(u)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for i in np.flatnonzero(ended):
@@ -124,18 +132,18 @@ def evaluated(policy: PPO, envs: Any) -> dict[str, float]:
     """Shares of outcomes of one episode in every row, flown without exploration."""
     observation, _ = envs.reset(seed=TESTED)
     outcomes, lowest = np.full(envs.num_envs, "", dtype=object), np.full(envs.num_envs, np.inf)
-    fastest, largest = np.zeros(envs.num_envs), float(envs.single_action_space.high[0])
+    fastest = np.zeros(envs.num_envs)
     while (outcomes == "").any():
         action, _ = policy.predict(features(observation), deterministic=True)
         flying = outcomes == ""
-        observation, _, ended, _, info = envs.step(largest * turned(action.astype(float), observation, 1.0))
+        observation, _, ended, _, info = envs.step(accelerations(action, observation))
         seen = np.where(ended, info["final_info"]["clearance"], info["clearance"]) if ended.any() else info["clearance"]
         lowest = np.where(flying, np.fmin(lowest, seen), lowest)
         speed = np.linalg.norm(observation["velocity"], axis=1)
         fastest = np.where(flying & ~ended, np.maximum(fastest, speed), fastest)
         first = flying & ended
         outcomes[first] = info["final_info"]["outcome"][first] if first.any() else ""
-    shares = {outcome: float((outcomes == outcome).mean()) for outcome in UNTRAINED}
+    shares = {outcome: float((outcomes == outcome).mean()) for outcome in OUTCOMES}
     arrived = outcomes == "arrived"
     return {
         **shares,
@@ -163,8 +171,8 @@ class Watch(BaseCallback):
             return
         self._due = spent + self._every
         outcomes = self.training_env.outcomes
-        recent = {f"training_{name}": float(np.mean([each == name for each in outcomes[-500:]])) for name in UNTRAINED}
-        row = {"minutes": spent / 60.0, "steps": float(self.num_timesteps)}
+        recent = {f"training_{name}": float(np.mean([each == name for each in outcomes[-500:]])) for name in OUTCOMES}
+        row = {"minutes": spent / 60.0, "cpu_minutes": time.process_time() / 60.0, "steps": float(self.num_timesteps)}
         self.rows.append({**row, **evaluated(self.model, self._tests), **recent})
         print({name: round(value, 3) for name, value in self.rows[-1].items()}, flush=True)
 
@@ -178,7 +186,7 @@ def write_curve(rows: list[dict[str, float]], folder: Path) -> None:
         writer.writeheader()
         writer.writerows(rows)
     figure, axes = plt.subplots(figsize=(7.0, 4.0), layout="constrained")
-    for name in UNTRAINED:
+    for name in OUTCOMES:
         axes.plot([row["minutes"] for row in rows], [100.0 * row[name] for row in rows], label=name)
     axes.set_xlabel("training [min]")
     axes.set_ylabel("missions not trained on [%]")
@@ -203,8 +211,7 @@ def write_video(policy: PPO, path: Path, seed: int) -> None:
         while not over:
             batch = {name: np.asarray(value)[np.newaxis] for name, value in observation.items()}
             action, _ = policy.predict(features(batch), deterministic=True)
-            u = float(env.action_space.high[0]) * turned(action.astype(float), batch, 1.0)
-            observation, _, over, _, _ = env.step(u[0])
+            observation, _, over, _, _ = env.step(accelerations(action, batch)[0])
             file.mux(stream.encode(av.VideoFrame.from_ndarray(env.render(), format="rgb24")))
         file.mux(stream.encode())
     env.close()
@@ -229,9 +236,9 @@ def main() -> None:
     seconds = time.perf_counter() - began
     print(f"{given.envs} missions to train on and {given.tests} to test, made in {seconds:.0f} s", flush=True)
     policy = PPO(
-        "MlpPolicy", training, n_steps=64, batch_size=2048, n_epochs=5, learning_rate=3e-4, gamma=DISCOUNT,
+        "MlpPolicy", training, n_steps=64, batch_size=4096, n_epochs=5, learning_rate=3e-4, gamma=DISCOUNT,
         gae_lambda=0.95, clip_range=0.2, seed=given.seed, device="cpu",
-        policy_kwargs={"net_arch": [128, 128], "log_std_init": -1.0},
+        policy_kwargs={"net_arch": [64, 64], "log_std_init": -1.0},
     )  # fmt: skip
     watch = Watch(tests, 60.0 * given.minutes, 60.0 * given.every)
     policy.learn(10**12, callback=watch)

@@ -32,9 +32,8 @@ for scenario, action in (("safe-flight", [9.0, 9.0, 0.0]), ("textbook-observer",
 
 @pytest.mark.skipif(available() is None, reason="no OpenGL that draws without a screen")
 def test_a_picture_shows_the_scene_and_follows_it() -> None:
-    drawn = subprocess.run(
-        [sys.executable, "-c", DRAWN], capture_output=True, text=True, env=environment(), check=False
-    )
+    script = [sys.executable, "-c", DRAWN]
+    drawn = subprocess.run(script, capture_output=True, text=True, env=environment(), check=False)
     assert drawn.returncode == 0, drawn.stderr
 
 

@@ -41,7 +41,9 @@ def test_every_row_is_the_single_environment_episode_after_episode() -> None:
             same(observations[name][i], value)
     rng, outcomes = np.random.default_rng(0), []
     for _ in range(70):
-        actions = rng.uniform(-30.0, 30.0, (ROWS, 3)) + [[0.0, 0.0, -15.0], [20.0, 0.0, 3.0], [0.0, 0.0, 0.0]]
+        actions = rng.uniform(-30.0, 30.0, (ROWS, 3))
+        actions[0, 2] -= 15.0
+        actions[1] += [20.0, 0.0, 3.0]
         observations, rewards, ended, truncated, info = envs.step(actions)
         assert not truncated.any()
         for i, env in enumerate(single):

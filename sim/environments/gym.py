@@ -10,7 +10,7 @@ observations and rewards are those of ``mathnavi.sim.environments.dm``, ``termin
 ``clearance`` [m] of the true state where there is something to touch, and the kinds of the ``events`` of the step.
 
 ``render_mode="rgb_array"`` draws a picture when it is asked for one, "human" shows a window
-(``mathnavi.sim.environments.rendering``).
+from the first step on (``mathnavi.sim.environments.rendering``).
 """
 
 from __future__ import annotations
@@ -75,9 +75,7 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
         """Begin an episode; ``info["seed"]`` is its own. There are no options."""
         super().reset(seed=seed)
         drawn = drawn_seed(self.np_random)
-        observation, info = self._begun(drawn)
-        self._show()
-        return observation, info
+        return self._begun(drawn)
 
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Hold an action.
@@ -85,7 +83,8 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
         ValueError for one of another shape or not finite, and where no episode has begun or it is over.
         """
         made = self._made(action)
-        self._show()
+        if self.render_mode == "human":
+            self._pictures.show(self.episode)
         return made.observation, made.reward, made.terminated, made.truncated, made.info
 
     def render(self) -> Any:
@@ -95,10 +94,6 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
     def close(self) -> None:
         """Close the window and free what pictures are drawn with."""
         self._pictures.close()
-
-    def _show(self) -> None:
-        if self.render_mode == "human":
-            self._pictures.show(self.episode)
 
     def _begun(self, seed: int) -> tuple[Observation, dict[str, Any]]:
         return self.episode.begin(seed), {"seed": seed, **self.episode.info(0)}

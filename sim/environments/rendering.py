@@ -35,6 +35,7 @@ class Pictures:
     def __init__(self) -> None:
         self._renderer: Any = None
         self._viewer: Any = None
+        self._window: Any = None
         self._shown: mujoco.MjData | None = None
 
     def drawn(self, episode: EpisodeRunner) -> Pixels:
@@ -52,10 +53,11 @@ class Pictures:
         return pixels
 
     def show(self, episode: EpisodeRunner) -> None:
-        """Show the present state in a window of MuJoCo's viewer; ValueError for a system that MuJoCo does not move."""
+        """Show the present state in a window, of MuJoCo's viewer where MuJoCo moves the system."""
         plant = _mujoco_plant(episode)
         if plant is None:
-            raise ValueError("render_mode = 'human' of an ODE; allowed: 'rgb_array'")
+            self._show_chart(episode)
+            return
         _dress(episode, plant)
         if self._viewer is None:
             import mujoco.viewer
@@ -68,13 +70,26 @@ class Pictures:
         self._viewer.cam.lookat[:] = _camera(episode, plant).lookat
         self._viewer.sync()
 
+    def _show_chart(self, episode: EpisodeRunner) -> None:
+        import matplotlib.pyplot as plt  # takes a while to import
+
+        if self._window is None:
+            self._window = plt.figure(figsize=(WIDTH / 100.0, HEIGHT / 100.0), dpi=100)
+        self._window.clear()
+        self._window.figimage(_chart(episode))
+        plt.pause(1.0 / FPS)
+
     def close(self) -> None:
         """Free the renderer and close the window."""
         if self._renderer is not None:
             self._renderer.close()
         if self._viewer is not None:
             self._viewer.close()
-        self._renderer = self._viewer = None
+        if self._window is not None:
+            import matplotlib.pyplot as plt
+
+            plt.close(self._window)
+        self._renderer = self._viewer = self._window = None
 
 
 def vars_of(camera: mujoco.MjvCamera) -> dict[str, Any]:

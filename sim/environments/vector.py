@@ -147,9 +147,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
                 raise ValueError(f"{what} = {number!r}; allowed: a whole number >= 1")
         self.num_envs, self.render_mode = num_envs, None
         if refused := sorted({"estimator", "covariance", "render_mode"} & set(fields)):
-            raise ValueError(
-                f"{refused[0]} = {fields[refused[0]]!r} is not computed for many missions at once; {_OTHERS}"
-            )
+            raise ValueError(_refusal(refused[0], fields[refused[0]]))
         first = LearningEnv(scenario, seed, hold=hold, discount=discount, **fields)
         runner = first.episode
         plant = _checked_plant(runner)
@@ -195,9 +193,10 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode in every row; ``seed`` is that of the first, one more of each further, or one of each."""
-        given = (
-            list(seed) if isinstance(seed, (list, tuple)) else [None if seed is None else seed + i for i in self._all]
-        )
+        if isinstance(seed, int):
+            given: list[int | None] = [seed + i for i in range(self.num_envs)]
+        else:
+            given = [None] * self.num_envs if seed is None else list(seed)
         if len(given) != self.num_envs:
             raise ValueError(f"seed holds {len(given)} seeds; allowed: {self.num_envs}")
         for i, own in enumerate(given):

@@ -35,7 +35,7 @@ class FlightTerms:
     cost_max: float  # [m^2/s^4]
     deadline: float  # [s]
     hold: float | None = None  # [s]
-    velocity: slice = slice(3, 6)  # of a true state
+    velocity: int = 3  # where the velocity (3,) begins in a true state
     seen: tuple[str, ...] = ()  # of an estimate's ``extra``
     reported: tuple[tuple[float, Point], ...] = ()  # (t [s], place [m]) of the target where it is known to be elsewhere
     at_deadline: Outcome = Outcome.LATE
@@ -64,7 +64,10 @@ class FlightTerms:
         for name, mission in self.missions.items():
             x = truths[name]
             height = x[2] - self.ground.height(x[0], x[1])
-            if not (height >= mission.clearance_min and np.linalg.norm(x[self.velocity]) <= mission.speed_max):
+            if not (
+                height >= mission.clearance_min
+                and np.linalg.norm(x[self.velocity : self.velocity + 3]) <= mission.speed_max
+            ):
                 return True
         return False
 

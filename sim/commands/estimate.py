@@ -25,7 +25,7 @@ from mathnavi.sim.commands.provenance import note_environment
 from mathnavi.sim.commands.run import build, fly
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import CommonOptions, RunRequest, loaded, prepare, restored_plugin
-from mathnavi.sim.commands.summary import verdict, warnings
+from mathnavi.sim.commands.summary import verdict
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
@@ -88,8 +88,6 @@ def main(argv: Sequence[str]) -> int:
         claim.install()
     console = Console(markup=False)
     console.print(f"{estimator} over {folder}: {verdict(result, 'the estimator')}", style="bold", highlight=False)
-    for warning in warnings(result.recording):
-        console.print(f"warning: {warning}", style="bold", highlight=False)
     console.print(_comparison(request, run_config, log, result))
     console.print(f"run     {out}", soft_wrap=True, highlight=False)
     return 0 if result.success else 1

@@ -23,14 +23,17 @@ from mathnavi.sim.commands.progress import compilation_announced
 from mathnavi.sim.commands.provenance import changed_inputs, note_environment
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
-from mathnavi.sim.commands.summary import summary_table, verdict, warnings
+from mathnavi.sim.commands.summary import summary_table, verdict
 from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.interfaces.input_files import run_inputs
 from mathnavi.sim.plugin.trust import trusting, within_record
+from mathnavi.sim.records.figure_names import PLANNER_STATUS
 from mathnavi.sim.records.run_folder import LEFT, SCENE, NothingToDrawError
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
+
+UNPLANNED = 3  # exit status of a run that did what it should without its planner
 
 
 @dataclass(frozen=True)
@@ -94,8 +97,6 @@ def main(argv: Sequence[str]) -> int:
             errors.print(f"replaced the run in {folder}{gone}", style="dim", soft_wrap=True, highlight=False)
         console = Console(markup=False)
         console.print(f"{request.name}, seed {request.common.seed}: {verdict(result)}", style="bold", highlight=False)
-        for warning in warnings(result.recording):
-            console.print(f"warning: {warning}", style="bold", highlight=False)
         console.print(summary_table(result.summary, result.recording.events))
         with trusting():
             whole = _draw(request.options, folder, errors)
@@ -103,7 +104,9 @@ def main(argv: Sequence[str]) -> int:
     for made in ("video.mp4", "report.html"):
         if (folder / made).is_file():
             console.print(f"{made.partition('.')[0]:8}{folder / made}", soft_wrap=True, highlight=False)
-    return 0 if result.success and whole else 1
+    if not (result.success and whole):
+        return 1
+    return UNPLANNED if PLANNER_STATUS in result.summary else 0
 
 
 def _check_spared(folder: Path, source: Path | None, files: Sequence[Path]) -> None:

@@ -24,10 +24,11 @@ from mathnavi.sim.interfaces.reading.files import MOST_LINES, read_bytes
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, value_text
 from mathnavi.sim.interfaces.signals import Array, Event
 from mathnavi.sim.interfaces.writing import write_bytes, write_text
+from mathnavi.sim.metrics.planning import planner_status
 from mathnavi.sim.plugin.registry import PluginSpec, of_stranger
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.claimed_folder import claimed
-from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
+from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, label
 from mathnavi.sim.records.run_folder import RECORDED, write_run, write_run_files
 from mathnavi.sim.scenarios.task import Task
 
@@ -161,8 +162,14 @@ class RunResult:
         shortfall = self.summary.get(SHORTFALL)
         ended = "the mission did what it should" if self.success else "the mission did NOT do what it should"
         title = f"{self.config['scenario']}, seed {self.config['seed']}: {ended}{f': {shortfall}' * bool(shortfall)}"
+        if status := self.summary.get(PLANNER_STATUS):
+            title += f"; but the planner {status}"
         grouped = [key for keys in SUMMARY_GROUPS.values() for key in keys if key in self.summary]
-        own = [key for key in self.summary if key not in grouped and key not in (SHORTFALL, "seed", "version")]
+        own = [
+            key
+            for key in self.summary
+            if key not in grouped and key not in (SHORTFALL, PLANNER_STATUS, "seed", "version")
+        ]
         rows = [
             (name, value_text(self.summary[key]), unit)
             for key in [*grouped, *own][:SHOWN]
@@ -203,6 +210,8 @@ class ClosedLoop:
         began = time.perf_counter()
         recording = simulate(self.plant, self.agents, self.duration, self.finished, progress, self.network)
         summary, success = self.summarise(recording, time.perf_counter() - began)
+        if status := planner_status(recording):
+            summary = {**summary, PLANNER_STATUS: status}
         drawn = self.config.get("drawing") is not None or "terrain" in self.config
         scene = None if drawn else partial(_scene, self.plant, recording)
         return RunResult(recording, summary, self.config, success, scene=scene)

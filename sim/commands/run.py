@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
 
 from mathnavi.renders.opengl import NoOpenGLError
 from mathnavi.sim.commands.arguments import HelpPrinted, given, value_of
@@ -19,7 +17,7 @@ from mathnavi.sim.commands.deadline import check_deadline, watched
 from mathnavi.sim.commands.errors import BadInputError, bad_input, worded
 from mathnavi.sim.commands.interruption import when_interrupted
 from mathnavi.sim.commands.output import run_folder
-from mathnavi.sim.commands.progress import compilation_announced
+from mathnavi.sim.commands.progress import flight_progress
 from mathnavi.sim.commands.provenance import changed_inputs, note_environment
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
@@ -78,12 +76,12 @@ def main(argv: Sequence[str]) -> int:
     _check_spared(folder, Path(source) if source is not None else None, request.files)
     errors = Console(stderr=True, markup=False)
     with run_folder(folder) as claim:
-        with compilation_announced(errors):
+        with flight_progress(errors) as progress:
             closed_loop = build(request, run_config)
             if run_config is not None:
                 note_environment(errors, run_config)
             with request.failures("a run"):
-                result = fly(closed_loop, errors)
+                result = fly(closed_loop, lambda: build(request, run_config), progress)
         replaced = request.options.out is None and (folder / "summary.json").exists()
         result.write_files(claim.new)
         stale = _drawn(folder)
@@ -140,28 +138,23 @@ def _check_inputs(request: RunRequest, run_config: RunConfig) -> None:
         raise BadInputError(sentence)
 
 
-def fly(closed_loop: ClosedLoop, errors: Console) -> RunResult:
-    """Run with a progress bar over the simulated time."""
-    bar = Progress(
-        TextColumn("flying"), BarColumn(), TextColumn("{task.completed:.0f} s of at most {task.total:.0f} s"),
-        TextColumn("{task.fields[pace]}"), console=errors, disable=not errors.is_terminal, transient=True,
-    )  # fmt: skip
-    began = time.perf_counter()
+def fly(
+    closed_loop: ClosedLoop, again: Callable[[], ClosedLoop], progress: Callable[[float, float], None]
+) -> RunResult:
+    """Run with a bar over the simulated time; ``again`` builds the closed loop once more, if it has to be."""
     flying = False
 
-    def progress(t: float) -> None:
+    def update(t: float) -> None:
         nonlocal flying
         flying = True
-        bar.update(task, completed=t, pace=f"{t / (time.perf_counter() - began):.1f} x real time")
+        progress(t, closed_loop.duration)
 
-    with bar:
-        task = bar.add_task("flying", total=closed_loop.duration, pace="")
-        try:
-            return closed_loop.run(progress)
-        except ValueError as error:
-            if flying:
-                raise  # the loop checks its rates before it starts; whatever comes later is a defect
-            raise BadInputError(str(error)) from error
+    try:
+        return closed_loop.run(update, again)
+    except ValueError as error:
+        if flying:
+            raise  # the loop checks its rates before it starts; whatever comes later is a defect
+        raise BadInputError(str(error)) from error
 
 
 def _drawn(folder: Path) -> set[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -186,7 +187,8 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
         from mathnavi.renders.report import write_report
 
         try:
-            write_report(folder)
+            with errors.status("writing the report") if errors.is_terminal else nullcontext():
+                write_report(folder)
         except (NothingToDrawError, RunFolderError, OSError) as error:
             print(f"mathnavi: no report: {worded(error)}", file=sys.stderr)
             written = written and not isinstance(error, OSError)

@@ -24,8 +24,8 @@ OWN = "mathnavi"  # distribution whose plug-ins need not be said to be of it
 KINDS = tuple(sorted((ALL, *GROUPS)))
 USAGE = f"""usage: mathnavi list [KIND] [{VERBOSE}] [{FULL}]
 
-The plug-ins that are installed, of one kind or of all, a line each. {VERBOSE} adds their fields and where they come from;
-{FULL} imports them too, so that one that cannot be used is named, and adds what estimators claim to be.
+The plug-ins that are installed, of one kind or of all. {VERBOSE} adds their fields and where they come from; {FULL}
+imports them too, so that one that cannot be used is named, and adds what estimators claim to be.
 
 KIND: {", ".join(KINDS)}"""
 CLAIMED = (
@@ -90,14 +90,12 @@ def listing(kind: str, points: Sequence[EntryPoint], full: bool, verbose: bool) 
             text.append(f"\n{WITH_FIELDS[kind]}: {', '.join(fields)}", style="dim")
         if taken[plugin.name] > 1:
             text.append(f"\nrefused: {taken[plugin.name]} plug-ins have this name", style="red")
-        foreign = plugin.distribution if plugin.distribution != OWN else ""
+        foreign = "" if plugin.distribution.partition(" ")[0] == OWN else plugin.distribution
         if verbose:
             source = f"{plugin.distribution}, " if plugin.distribution else ""
             text.append(f"\n{source}{plugin.value}", style="dim")
         elif foreign:
             text = Text.assemble((f"({foreign}) ", "dim"), text)
-        if not verbose and not plugin.error and taken[plugin.name] == 1:
-            text.no_wrap, text.overflow = True, "ellipsis"
         table.add_row(plugin.name, text)
     return table
 

@@ -30,6 +30,7 @@ INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check
 .NOTPARALLEL:
 
 fly: .venv/.installed opengl
+	@echo "Flying the main mission, then drawing its video and writing its report (two to four minutes on two cores)"
 	.venv/bin/mathnavi run $(FLY) --video --report --out $(FLY_OUT)
 	@for file in video.mp4 report.html; do \
 	    if [ -f "$(FLY_OUT)/$$file" ]; then echo "$(CURDIR)/$(FLY_OUT)/$$file"; fi; \
@@ -55,7 +56,7 @@ gallery: .venv/.installed opengl
 
 # Everything is built anew: pages of a build that was cut short would pass for whole ones.
 docs: .venv/.developed
-	.venv/bin/sphinx-build --quiet --fresh-env --write-all --fail-on-warning --keep-going docs $(DOCS)
+	.venv/bin/sphinx-build --fresh-env --write-all --fail-on-warning --keep-going docs $(DOCS)
 	.venv/bin/python docs/check_links.py $(DOCS)
 	@echo "$(CURDIR)/$(DOCS)/index.html"
 
@@ -79,8 +80,8 @@ opengl: | .venv/bin/pip
 
 # A change of pyproject.toml, a new entry point for one, installs again.
 .venv/.installed: pyproject.toml | .venv/bin/pip
-	@echo "Installing mathnavi and what it needs into .venv (a few minutes the first time)"
-	$(INSTALL) --editable .
+	@echo "Installing mathnavi and what it needs into .venv: 1.3 GB on disk, one to five minutes"
+	$(INSTALL:--quiet=) --editable .
 	@touch $@
 
 # Only wheels: what a source is built with would not be locked. The lock has what builds mathnavi itself.

@@ -15,7 +15,7 @@ from PIL import Image
 
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import Shot, checked_camera, frames_of
-from mathnavi.renders.video import STILL_SAMPLES, check_rate, check_size, draw
+from mathnavi.renders.video import STILL_SAMPLES, check_rate, check_size, draw, frame_progress
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.writing import write_bytes
 
@@ -37,6 +37,7 @@ def write_clip(
     height: int = HEIGHT,
     fps: int = FPS,
     length: float = LENGTH,
+    progress: bool = False,
 ) -> Path:
     """Write a clip of a run, ``CAMERA.webp`` in its folder unless ``path`` says else, whole or not at all.
 
@@ -58,8 +59,11 @@ def write_clip(
     seen = [annotation for annotation in drawing.annotations(run) if first <= annotation[0] <= last]
     shots = (Shot(shown, first, last, length), Shot(shown, last, last, 1.0 / fps))
     frames = [replace(frame, brief=True) for frame in frames_of(shots, seen, fps, 0.0)]
-    with closing(draw(directory, frames, width, height, STILL_SAMPLES)) as drawn:
-        pictures = [Image.fromarray(picture) for picture in drawn]
+    with (
+        frame_progress("clip", progress) as bar,
+        closing(draw(directory, frames, width, height, STILL_SAMPLES)) as drawn,
+    ):
+        pictures = [Image.fromarray(picture) for picture in bar.track(drawn, total=len(frames))]
     target = Path(path) if path is not None else directory / f"{shown}.webp"
     write_bytes(target, _encoded(pictures, fps))
     return target

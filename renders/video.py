@@ -72,10 +72,7 @@ def write_video(
     directory, drawing = Path(run_dir), drawing_of(run_dir)
     frames = drawing.frames(drawing.load_run(directory), camera, fps)
     target = Path(path) if path is not None else directory / "video.mp4"
-    bar = Progress(
-        TextColumn("video"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
-        console=Console(stderr=True, markup=False), disable=not progress,
-    )  # fmt: skip
+    bar = frame_progress("video", progress)
     with (
         whole_files(target) as (scratch,),
         bar,
@@ -84,6 +81,14 @@ def write_video(
     ):
         _encode(scratch, bar.track(pictures, total=len(frames)), width, height, fps, codec)
     return target
+
+
+def frame_progress(name: str, shown: bool) -> Progress:
+    """A bar over the frames that are drawn, on standard error."""
+    return Progress(
+        TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
+        console=Console(stderr=True, markup=False), disable=not shown,
+    )  # fmt: skip
 
 
 def check_size(width: int, height: int) -> None:

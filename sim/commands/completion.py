@@ -129,7 +129,7 @@ def _first(command: str) -> Sequence[str]:
 def _flags(command: str, given: Sequence[str]) -> Flags:
     """The flags of a command with the values that they take."""
     if command == "list":
-        return {"--full": ()}
+        return {"--full": (), "--verbose": ()}
     name, flags = given[0] if given else "", Flags()
     own = OWN.get(command, ()) or OWN.get(f"{command} {name}", ())
     for options in describe([(COMMAND, EntryPoint(place, place, "")) for place in own]):

@@ -22,12 +22,12 @@ from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, flags, given
 from mathnavi.sim.commands.deadline import check_deadline, watched
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import run_folder
-from mathnavi.sim.commands.progress import compilation_announced
+from mathnavi.sim.commands.progress import flight_progress
 from mathnavi.sim.commands.provenance import note_environment
 from mathnavi.sim.commands.run import build, fly
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import CommonOptions, RunRequest, loaded, prepare, restored_plugin
-from mathnavi.sim.commands.summary import verdict, warnings
+from mathnavi.sim.commands.summary import verdict
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
@@ -83,17 +83,15 @@ def main(argv: Sequence[str]) -> int:
     with bad_input():
         check_spares(out, [folder], "--out")
     errors = Console(stderr=True, markup=False)
-    with run_folder(out) as claim, compilation_announced(errors):
+    with run_folder(out) as claim, flight_progress(errors) as progress:
         playback = _playback(request, run_config, log)
         note_environment(errors, run_config)
         with request.failures("a run"):
-            result = fly(playback, errors)
+            result = fly(playback, lambda: _playback(request, run_config, log), progress)
         result.write_files(claim.new)
         claim.install()
     console = Console(markup=False)
     console.print(f"{estimator} over {folder}: {verdict(result, 'the estimator')}", style="bold", highlight=False)
-    for warning in warnings(result.recording):
-        console.print(f"warning: {warning}", style="bold", highlight=False)
     console.print(_comparison(request, run_config, log, result))
     console.print(f"run     {out}", soft_wrap=True, highlight=False)
     return 0 if result.success else 1
@@ -216,7 +214,7 @@ def _restore(recording: Recording, log: RunLog, vehicle: str) -> None:
     """Put the plans of the recorded run, and the events of all but its estimator, into the log of the new one."""
     agent = recording.agents[vehicle]
     agent.plans[:] = zip(log.adopted.tolist(), log.plans, strict=True)
-    agent.requests = int(log.summary.get("replans", len(log.plans)))
+    agent.requests = agent.answers = int(log.summary.get("replans", len(log.plans)))  # another run's planner
     kept = [event for event in log.events if event.kind not in ESTIMATOR_EVENTS]
     recording.events[:] = sorted([*kept, *recording.events], key=lambda event: event.t)
 

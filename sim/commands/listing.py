@@ -19,12 +19,15 @@ from mathnavi.sim.plugin.flag_names import flag_of
 from mathnavi.sim.plugin.groups import GROUPS, installed
 from mathnavi.sim.plugin.index import describe, imported
 
-ALL, FULL = "all", "--full"
+ALL, FULL, VERBOSE = "all", "--full", "--verbose"
+OWN = "mathnavi"  # distribution whose plug-ins need not be said to be of it
 KINDS = tuple(sorted((ALL, *GROUPS)))
-USAGE = f"""usage: mathnavi list [{"|".join(KINDS)}] [{FULL}]
+USAGE = f"""usage: mathnavi list [KIND] [{VERBOSE}] [{FULL}]
 
-The plug-ins that are installed, of one kind or of all. {FULL} imports them, so that one that cannot be used is named,
-and adds what estimators claim to be."""
+The plug-ins that are installed, of one kind or of all. {VERBOSE} adds their fields and where they come from; {FULL}
+imports them too, so that one that cannot be used is named, and adds what estimators claim to be.
+
+KIND: {", ".join(KINDS)}"""
 CLAIMED = (
     "claimed (Table 2.1): domain of attraction, rate of convergence, input dependence, domains of operation of the "
     "observer and of the system; whether it stays on the truth (Property 2.1)"
@@ -36,7 +39,7 @@ def main(argv: Sequence[str]) -> int:
     if {"-h", "--help"} & set(argv):
         print(USAGE)
         return 0
-    kind, full = read_words(argv)
+    kind, full, verbose = read_words(argv)
     if full:
         from mathnavi.sim.commands import opengl
 
@@ -44,7 +47,9 @@ def main(argv: Sequence[str]) -> int:
     console = Console(markup=False)
     for each in GROUPS if kind == ALL else (kind,):
         points = installed(each)
-        console.print(listing(each, points, full) if points else Text.assemble((each, "bold"), "\n  none installed"))
+        console.print(
+            listing(each, points, full, verbose) if points else Text.assemble((each, "bold"), "\n  none installed")
+        )
         console.print()
         if full and each == "estimators" and points:
             console.print(claimed_properties(points))
@@ -52,24 +57,24 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def read_words(argv: Sequence[str]) -> tuple[str, bool]:
-    """The kind, and whether to import its plug-ins; BadInputError for other words.
+def read_words(argv: Sequence[str]) -> tuple[str, bool, bool]:
+    """The kind, whether to import its plug-ins, and whether to say all about them; BadInputError for other words.
 
     tyro, which ``arguments`` imports, would take longer to import than the list takes.
     """
     for word in argv:
-        if word.startswith("-") and word != FULL:
-            raise BadInputError(f"{word} is not a field of 'mathnavi list'; allowed: {FULL}")
-        if word != FULL and word not in KINDS:
+        if word.startswith("-") and word not in (FULL, VERBOSE):
+            raise BadInputError(f"{word} is not a field of 'mathnavi list'; allowed: {VERBOSE}, {FULL}")
+        if not word.startswith("-") and word not in KINDS:
             raise BadInputError(f"kind = {word}; allowed: {', '.join(KINDS)}")
-    kinds = [word for word in argv if word != FULL]
+    kinds = [word for word in argv if not word.startswith("-")]
     if len(kinds) > 1:
         raise BadInputError(f"kind = {' '.join(kinds)}; allowed: one of {', '.join(KINDS)}")
-    return kinds[0] if kinds else ALL, FULL in argv
+    return kinds[0] if kinds else ALL, FULL in argv, bool({FULL, VERBOSE} & set(argv))
 
 
-def listing(kind: str, points: Sequence[EntryPoint], full: bool) -> Table:
-    """The plug-ins of one kind: name, and below one another what it is, its fields and where it comes from.
+def listing(kind: str, points: Sequence[EntryPoint], full: bool, verbose: bool) -> Table:
+    """The plug-ins of one kind: name and what it is; with ``verbose`` its fields and where it comes from below.
 
     They are imported here with ``full``, else described by the index.
     """
@@ -81,12 +86,16 @@ def listing(kind: str, points: Sequence[EntryPoint], full: bool) -> Table:
     for plugin in found:
         text = Text(f"cannot be imported: {plugin.error}", style="red") if plugin.error else Text(plugin.first_line)
         fields = dict.fromkeys(flag_of(field.name.partition(".")[0])[2:] for field in plugin.fields)
-        if fields and kind in WITH_FIELDS:
+        if verbose and fields and kind in WITH_FIELDS:
             text.append(f"\n{WITH_FIELDS[kind]}: {', '.join(fields)}", style="dim")
         if taken[plugin.name] > 1:
             text.append(f"\nrefused: {taken[plugin.name]} plug-ins have this name", style="red")
-        source = f"{plugin.distribution}, " if plugin.distribution else ""
-        text.append(f"\n{source}{plugin.value}", style="dim")
+        foreign = "" if plugin.distribution.partition(" ")[0] == OWN else plugin.distribution
+        if verbose:
+            source = f"{plugin.distribution}, " if plugin.distribution else ""
+            text.append(f"\n{source}{plugin.value}", style="dim")
+        elif foreign:
+            text = Text.assemble((f"({foreign}) ", "dim"), text)
         table.add_row(plugin.name, text)
     return table
 

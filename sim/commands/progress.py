@@ -9,11 +9,12 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
-from mathnavi.sim.sweep.compilation import compilation_reported
+from mathnavi.sim.engine.compilation import compilation_reported
 from mathnavi.sim.sweep.execution import Progress as Done
 
 SELDOM = 30.0  # [s] between lines where there is no terminal
 COMPILING = "compiling the numerical kernels, once on this machine for each kind of planner"
+DURATION = "15 s to a minute"
 
 
 @contextmanager
@@ -51,11 +52,55 @@ def compilation_announced(errors: Console) -> Iterator[None]:
     def announce(compiling: bool) -> None:
         nonlocal announced
         if compiling and not announced:
-            errors.print(f"{COMPILING} (about 15 s)", highlight=False)
+            errors.print(f"{COMPILING} ({DURATION})", highlight=False)
         announced = True
 
     with compilation_reported(announce):
         yield
+
+
+@contextmanager
+def flight_progress(errors: Console) -> Iterator[Callable[[float, float], None]]:
+    """A function of the simulated time and its limit [s]: a bar over the flight.
+
+    Kernels that numba compiles in here are announced by a line, and counted by the bar, with the time they have taken.
+    """
+    bar = Progress(
+        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[status]}"),
+        console=errors, disable=not errors.is_terminal, transient=True,
+    )  # fmt: skip
+    kernels, compiled, begun = 0, 0.0, 0.0  # number, [s], [s]
+    flown, flying = (0.0, 0.0), False  # simulated time and clock where the flight began, [s]
+
+    def announce(compiling: bool) -> None:
+        nonlocal kernels, compiled, begun
+        if compiling:
+            begun = time.perf_counter()
+            if not kernels:
+                errors.print(f"{COMPILING} ({DURATION})", highlight=False)
+        else:
+            kernels, compiled = kernels + 1, compiled + time.perf_counter() - begun
+            bar.update(task, description="compiling", total=None, status=f"{kernels} kernels in {compiled:.0f} s")
+
+    def fly(t: float, duration: float) -> None:
+        nonlocal flown, flying
+        now = time.perf_counter()
+        if not flying or t < flown[0]:  # the first of it, or a rehearsal has ended
+            flown, flying = (t, now), True
+        pace = f"{(t - flown[0]) / (now - flown[1]):.1f} x real time" if t > flown[0] else ""
+        bar.update(
+            task,
+            description="flying",
+            total=duration,
+            completed=t,
+            status=f"{t:.0f} s of at most {duration:.0f} s {pace}",
+        )
+
+    with compilation_reported(announce), bar:
+        task = bar.add_task("building", total=None, status="")
+        yield fly
+    if kernels:
+        errors.print(f"compiled {kernels} kernels in {compiled:.0f} s, outside the clock of the run", highlight=False)
 
 
 def _status(progress: Done, began: float) -> str:

@@ -86,7 +86,9 @@ def main(argv: Sequence[str]) -> int:
             if options.still:
                 path = write_still(options.folder, options.camera, t=options.time)
             elif options.clip:
-                path = write_clip(options.folder, options.camera, begin=options.begin, end=options.end)
+                path = write_clip(
+                    options.folder, options.camera, begin=options.begin, end=options.end, progress=sys.stderr.isatty()
+                )
             else:
                 path = write_video(
                     options.folder,

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
 
 from mathnavi.renders.opengl import NoOpenGLError
 from mathnavi.sim.commands.arguments import HelpPrinted, given, value_of
@@ -20,23 +18,26 @@ from mathnavi.sim.commands.deadline import check_deadline, watched
 from mathnavi.sim.commands.errors import BadInputError, bad_input, worded
 from mathnavi.sim.commands.interruption import when_interrupted
 from mathnavi.sim.commands.output import run_folder
-from mathnavi.sim.commands.progress import compilation_announced
+from mathnavi.sim.commands.progress import flight_progress
 from mathnavi.sim.commands.provenance import changed_inputs, note_environment
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.served_address import address_of, check_address
-from mathnavi.sim.commands.summary import summary_table, verdict, warnings
+from mathnavi.sim.commands.summary import summary_table, verdict
 from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.interfaces.input_files import run_inputs
 from mathnavi.sim.plugin.trust import trusting, within_record
+from mathnavi.sim.records.figure_names import PLANNER_STATUS
 from mathnavi.sim.records.run_folder import LEFT, SCENE, NothingToDrawError
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 if TYPE_CHECKING:
     from mathnavi.sim.commands.run_web import FollowedRun
     from mathnavi.sim.engine.loop import Loop
+
+UNPLANNED = 3  # exit status of a run that did what it should without its planner
 
 
 @dataclass(frozen=True)
@@ -100,12 +101,15 @@ def _run(
 ) -> int:
     """Fly, write the folder and draw; the exit code of the command."""
     with run_folder(folder) as claim:
-        with compilation_announced(errors):
+        with flight_progress(errors) as progress:
             closed_loop = build(request, run_config)
             if run_config is not None:
                 note_environment(errors, run_config)
             with request.failures("a run"):
-                result = fly(closed_loop, errors) if follow is None else follow.fly(closed_loop, errors, fly)
+                if follow is None:
+                    result = fly(closed_loop, progress, lambda: build(request, run_config))
+                else:
+                    result = follow.fly(closed_loop, lambda loop, watch: fly(loop, progress, watch=watch))
         replaced = request.options.out is None and (folder / "summary.json").exists()
         result.write_files(claim.new)
         stale = _drawn(folder)
@@ -119,8 +123,6 @@ def _run(
             errors.print(f"replaced the run in {folder}{gone}", style="dim", soft_wrap=True, highlight=False)
         console = Console(markup=False)
         console.print(f"{request.name}, seed {request.common.seed}: {verdict(result)}", style="bold", highlight=False)
-        for warning in warnings(result.recording):
-            console.print(f"warning: {warning}", style="bold", highlight=False)
         console.print(summary_table(result.summary, result.recording.events))
         with trusting():
             whole = _draw(request.options, folder, errors)
@@ -128,7 +130,9 @@ def _run(
     for made in ("video.mp4", "report.html"):
         if (folder / made).is_file():
             console.print(f"{made.partition('.')[0]:8}{folder / made}", soft_wrap=True, highlight=False)
-    return 0 if result.success and whole else 1
+    if not (result.success and whole):
+        return 1
+    return UNPLANNED if PLANNER_STATUS in result.summary else 0
 
 
 def _followed(request: RunRequest) -> AbstractContextManager[FollowedRun]:
@@ -168,28 +172,28 @@ def _check_inputs(request: RunRequest, run_config: RunConfig) -> None:
         raise BadInputError(sentence)
 
 
-def fly(closed_loop: ClosedLoop, errors: Console, watch: Callable[[Loop], None] | None = None) -> RunResult:
-    """Run with a progress bar over the simulated time; ``watch`` is called with the loop after every step."""
-    bar = Progress(
-        TextColumn("flying"), BarColumn(), TextColumn("{task.completed:.0f} s of at most {task.total:.0f} s"),
-        TextColumn("{task.fields[pace]}"), console=errors, disable=not errors.is_terminal, transient=True,
-    )  # fmt: skip
-    began = time.perf_counter()
+def fly(
+    closed_loop: ClosedLoop,
+    progress: Callable[[float, float], None],
+    again: Callable[[], ClosedLoop] | None = None,
+    watch: Callable[[Loop], None] | None = None,
+) -> RunResult:
+    """Run with a bar over the simulated time; ``again`` builds the closed loop once more, if it has to be, and
+    ``watch`` is called with the loop after every step.
+    """
     flying = False
 
-    def progress(t: float) -> None:
+    def update(t: float) -> None:
         nonlocal flying
         flying = True
-        bar.update(task, completed=t, pace=f"{t / (time.perf_counter() - began):.1f} x real time")
+        progress(t, closed_loop.duration)
 
-    with bar:
-        task = bar.add_task("flying", total=closed_loop.duration, pace="")
-        try:
-            return closed_loop.run(progress, watch)
-        except ValueError as error:
-            if flying:
-                raise  # the loop checks its rates before it starts; whatever comes later is a defect
-            raise BadInputError(str(error)) from error
+    try:
+        return closed_loop.run(update, again, watch)
+    except ValueError as error:
+        if flying:
+            raise  # the loop checks its rates before it starts; whatever comes later is a defect
+        raise BadInputError(str(error)) from error
 
 
 def _drawn(folder: Path) -> set[str]:
@@ -221,7 +225,8 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
         from mathnavi.renders.report import write_report
 
         try:
-            write_report(folder)
+            with errors.status("writing the report") if errors.is_terminal else nullcontext():
+                write_report(folder)
         except (NothingToDrawError, RunFolderError, OSError) as error:
             print(f"mathnavi: no report: {worded(error)}", file=sys.stderr)
             written = written and not isinstance(error, OSError)

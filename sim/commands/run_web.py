@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 
 from mathnavi.renders.flight.run_data import terrain_of
 from mathnavi.renders.web.document import document
@@ -39,7 +38,7 @@ DRIVE = 30.0  # [s] that a target takes to its new place
 PACE = "pace"  # the one slider that changes how the run is shown, not what happens
 
 
-Simulate = Callable[[ClosedLoop, Console, Callable[[Loop], None]], RunResult]
+Simulate = Callable[[ClosedLoop, Callable[[Loop], None]], RunResult]
 
 
 class _ChangedError(Exception):
@@ -110,14 +109,14 @@ class FollowedRun:
 
     # ---- for the simulation
 
-    def fly(self, closed_loop: ClosedLoop, errors: Console, simulate: Simulate) -> RunResult:
+    def fly(self, closed_loop: ClosedLoop, simulate: Simulate) -> RunResult:
         """Simulate at the reader's pace, again after every change."""
         shown_from = 0.0
         self._controls = {control.name: control for control in _controls(self._request, closed_loop)}
         while True:
             self._show(closed_loop)
             try:
-                return simulate(closed_loop, errors, self._watching(shown_from))
+                return simulate(closed_loop, self._watching(shown_from))
             except _ChangedError:
                 closed_loop, shown_from = self._rebuilt(closed_loop)
 

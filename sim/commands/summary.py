@@ -1,4 +1,4 @@
-"""The result of a run, to be read: the verdict, warnings, the summary as a table."""
+"""The result of a run, to be read: the verdict, the summary as a table."""
 
 from __future__ import annotations
 
@@ -8,30 +8,21 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.short_tables import value_text
 from mathnavi.sim.interfaces.signals import Event
-from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
+from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, label
 from mathnavi.sim.scenarios.closed_loop import RunResult
 
-SHOWN_ELSEWHERE = ("seed", "version", SHORTFALL)
+SHOWN_ELSEWHERE = ("seed", "version", SHORTFALL, PLANNER_STATUS)
 
 
 def verdict(result: RunResult, subject: str = "the mission") -> str:
     """A sentence: the mission, or what else was run, did what it should, or why it did not."""
+    why, status = result.summary.get(SHORTFALL), result.summary.get(PLANNER_STATUS)
+    unflown = f"; BUT THE PLANNER {status}" if status else ""
     if result.success:
-        return f"{subject} did what it should"
-    why = result.summary.get(SHORTFALL)
-    return f"{subject} did NOT do what it should{f': {why}' if why else ''}"
-
-
-def warnings(recording: Recording) -> list[str]:
-    """Warnings of what a good end may hide: a vehicle that the controller had no part in flying."""
-    found = []
-    for name, agent in recording.agents.items():
-        if agent.requests and all("fallback-plan" in plan.notes for _, plan in agent.plans):
-            found.append(f"{name}: not one of the controller's {agent.requests} answers was flown; see the events")
-    return found
+        return f"{subject} did what it should{unflown}"
+    return f"{subject} did NOT do what it should{f': {why}' if why else ''}{unflown}"
 
 
 def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:

@@ -30,6 +30,7 @@ class AgentRecorder:
     estimates: list[Estimate] = field(default_factory=list)
     plans: list[tuple[float, Plan]] = field(default_factory=list)  # (adopted at, plan)
     requests: int = 0
+    answers: int = 0  # to them that are the planner's own plans
     solve_ms: list[float] = field(default_factory=list)
 
     def event(self, t: float, kind: str, message: str = "") -> None:
@@ -47,6 +48,7 @@ class AgentRecorder:
 
     def asked(self, plan: Plan) -> None:
         self.requests += 1
+        self.answers += plan.ok and not plan.by_fallback
         if math.isfinite(plan.solve_ms):
             self.solve_ms.append(plan.solve_ms)
 

@@ -94,6 +94,11 @@ class Plan:
         return self.status is Status.OK
 
     @property
+    def by_fallback(self) -> bool:
+        """True for a plan that is flown because the planner had none, or none that was certified."""
+        return "fallback-plan" in self.notes or {"guarantee-lost", "rebased"} <= set(self.notes)
+
+    @property
     def t_start(self) -> float:
         return float(self.t[0])
 

@@ -92,8 +92,12 @@ def flight_summary(
     deadline: float,
     seed: int,
     wall_seconds: float,
+    guaranteed: bool,
 ) -> dict[str, Any]:
-    """The flat summary of one vehicle's flight, SI units in the names."""
+    """The flat summary of one vehicle's flight, SI units in the names.
+
+    A flight that is not ``guaranteed`` has no guarantee that could be lost.
+    """
     from mathnavi.sim.metrics.recorded_bounds import estimates_at, flight_bound
 
     t, x, agent = recording.t, recording.truths[name], recording.agents[name]
@@ -136,7 +140,7 @@ def flight_summary(
         "tracking_bound_m": float(math.hypot(bound.horizontal, bound.vertical)),
         "rebased_plans": kinds["rebased"],
         "missed_passes": kinds["missed-pass"],
-        "guarantee_lost": kinds["guarantee-lost"],
+        "guarantee_lost": kinds["guarantee-lost"] if guaranteed else None,
         "deadlines_lost": kinds["deadline-lost"],
         "radar_exposure_s": exposure(t, x, mission, radars),
         **least.figures(estimated[:, list(least.judged)], last_quarter(t), "the last quarter"),

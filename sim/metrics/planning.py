@@ -7,9 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.signals import OPTIMISED, Plan
 
 FAILURES = ("solver-failed", "infeasible", "raised", "not-finite", "malformed")
+NEVER_ANSWERED = "never answered with a plan"
+ANSWERED_ONCE = "answered the first request only"
+ONLY_FALLBACK = "not one of its plans was flown"
 REJECTIONS = ("low-clearance", "off-map", "bounds", "not-trackable", "deadline", "no-arrival", "wrong-start")
 
 
@@ -23,7 +27,7 @@ def planner_share(begin: float, end: float, plans: Sequence[tuple[float, Plan]])
     followed_at = [*(adopted for adopted, _ in plans), math.inf][1:]
     flown = 0.0
     for (adopted, plan), following in zip(plans, followed_at, strict=False):
-        if _by_fallback(plan):
+        if plan.by_fallback:
             continue
         chosen = plan.phase == OPTIMISED if (plan.phase == OPTIMISED).any() else np.ones(len(plan.phase), dtype=bool)
         first, last = max(begin, adopted), min(end, following)
@@ -31,9 +35,22 @@ def planner_share(begin: float, end: float, plans: Sequence[tuple[float, Plan]])
     return min(1.0, flown / (end - begin)) if end > begin else 0.0
 
 
-def _by_fallback(plan: Plan) -> bool:
-    """True for a plan that was flown because the planner had none, or none that was certified."""
-    return "fallback-plan" in plan.notes or {"guarantee-lost", "rebased"} <= set(plan.notes)
+def planner_status(recording: Recording) -> str:
+    """How a planner had no part in a run beyond its start, "" if all had: it never answered with a plan, answered the
+    first of three requests or more and no other, or only plans of the fallback planner were flown. Each such vehicle of
+    a fleet is named.
+    """
+    found = []
+    for name, agent in recording.agents.items():
+        if not agent.requests:
+            continue
+        if not agent.answers:
+            found.append((name, NEVER_ANSWERED))
+        elif agent.answers == 1 < agent.requests - 1:
+            found.append((name, ANSWERED_ONCE))
+        elif all(plan.by_fallback for _, plan in agent.plans):
+            found.append((name, ONLY_FALLBACK))
+    return "; ".join(words if len(recording.agents) == 1 else f"{name}: {words}" for name, words in found)
 
 
 def solve_times(solve_ms: Sequence[float]) -> dict[str, float]:

@@ -36,6 +36,7 @@ def quadrotor_summary(
     deadline: float,
     seed: int,
     wall_seconds: float,
+    guaranteed: bool,
 ) -> dict[str, Any]:
     """The flat summary of one quadrotor's flight, SI units in the names.
 
@@ -45,7 +46,7 @@ def quadrotor_summary(
     """
     x, t = recording.truths[name], recording.t
     seen = dataclasses.replace(recording, truths={**recording.truths, name: point(x)})
-    figures = flight_summary(seen, name, mission.flight, (), bound, deadline, seed, wall_seconds)
+    figures = flight_summary(seen, name, mission.flight, (), bound, deadline, seed, wall_seconds, guaranteed)
     del figures["control_effort"], figures["radar_exposure_s"]  # inputs are thrusts here, and nobody watches
     error = np.linalg.norm((point(x) - references(t, recording.agents[name].plans))[:, :3], axis=1)
     asked = recording.agents[name].commands[: max(1, recording.length - 1)] / mission.vehicle.thrust_max

@@ -12,7 +12,7 @@ from typing import Any
 from mathnavi.sim.interfaces.bounds import Seed, configuration
 from mathnavi.sim.interfaces.schema import ROOT, validated
 from mathnavi.sim.records.claims import Claim
-from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, TEXTS, TRUTH_VALUES
+from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, TEXTS, TRUTH_VALUES
 
 
 @configuration
@@ -100,4 +100,4 @@ _KINDS: dict[str, Any] = {
     name: bool if name in TRUTH_VALUES else str | None if name in TEXTS else float | None
     for names in SUMMARY_GROUPS.values()
     for name in names
-} | {SHORTFALL: str | None, "version": str}
+} | {SHORTFALL: str | None, PLANNER_STATUS: str, "version": str}

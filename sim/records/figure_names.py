@@ -66,6 +66,7 @@ LABELS = {
     "deadline_left_s": ("deadline left", "s"),
 }
 SHORTFALL = "shortfall"  # the summary's key of what a run did not do; without it the mission did what it should
+PLANNER_STATUS = "planner_status"  # the summary's key of a planner that had no part in the run; without it, it had
 
 
 def label(key: str) -> tuple[str, str]:

@@ -142,6 +142,11 @@ class Assembler:
             planner = certify(planner, certified_flight, tracker)
         return VehicleStack(sensors, estimator, planner, tracker, self.asked(mission))
 
+    @property
+    def guaranteed(self) -> bool:
+        """True if what a flight does is certified or filtered: a controller may declare that its plans are not."""
+        return bool(getattr(self.config, "filter", False) or getattr(self.controller.plugin, "certified", True))
+
     def first_plan(self, mission: Any, flight: FlightMission) -> Plan:
         """The certified planner's answer at the start; a controller without a certificate is held to it here too."""
         planner, tracker = checked_controller(self.controller, mission, TrackingBound)

@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal
 
 from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.compilation import compilation_timed
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import Loop, simulate
 from mathnavi.sim.engine.network import Network
@@ -24,16 +25,18 @@ from mathnavi.sim.interfaces.reading.files import MOST_LINES, read_bytes
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, value_text
 from mathnavi.sim.interfaces.signals import Array, Event
 from mathnavi.sim.interfaces.writing import write_bytes, write_text
+from mathnavi.sim.metrics.planning import planner_status
 from mathnavi.sim.plugin.registry import PluginSpec, of_stranger
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.claimed_folder import claimed
-from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
+from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, label
 from mathnavi.sim.records.run_folder import RECORDED, write_run, write_run_files
 from mathnavi.sim.scenarios.task import Task
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+REHEARSED = 3  # planning periods, in which most of what a run needs is called
 SHOWN = 12  # figures of a summary in a short table
 
 
@@ -161,8 +164,14 @@ class RunResult:
         shortfall = self.summary.get(SHORTFALL)
         ended = "the mission did what it should" if self.success else "the mission did NOT do what it should"
         title = f"{self.config['scenario']}, seed {self.config['seed']}: {ended}{f': {shortfall}' * bool(shortfall)}"
+        if status := self.summary.get(PLANNER_STATUS):
+            title += f"; but the planner {status}"
         grouped = [key for keys in SUMMARY_GROUPS.values() for key in keys if key in self.summary]
-        own = [key for key in self.summary if key not in grouped and key not in (SHORTFALL, "seed", "version")]
+        own = [
+            key
+            for key in self.summary
+            if key not in grouped and key not in (SHORTFALL, PLANNER_STATUS, "seed", "version")
+        ]
         rows = [
             (name, value_text(self.summary[key]), unit)
             for key in [*grouped, *own][:SHOWN]
@@ -199,12 +208,38 @@ class ClosedLoop:
     task: Task | None = None  # for whoever commands the actuators; None: nobody else than the controller can
 
     def run(
-        self, progress: Callable[[float], None] | None = None, watch: Callable[[Loop], None] | None = None
+        self,
+        progress: Callable[[float], None] | None = None,
+        again: Callable[[], ClosedLoop] | None = None,
+        watch: Callable[[Loop], None] | None = None,
     ) -> RunResult:
-        """Simulate and evaluate; ``progress`` is called with the simulated time [s], ``watch`` after every step."""
-        began = time.perf_counter()
-        recording = simulate(self.plant, self.agents, self.duration, self.finished, progress, self.network, watch)
-        summary, success = self.summarise(recording, time.perf_counter() - began)
+        """Simulate and evaluate; ``progress`` is called with the simulated time [s], ``watch`` with the loop after
+        every step.
+
+        ``again`` builds the same closed loop once more. With it, a run in whose first planning periods kernels were
+        compiled is a rehearsal: it ends there, and the run is flown from a fresh closed loop. Time spent compiling
+        later is left out of the wall-clock time.
+        """
+        rehearsed = REHEARSED * max((agent.planner.period for agent in self.agents.values()), default=0.0)
+        rehearsing = again is not None
+        with compilation_timed() as compilation:
+
+            def over(t: float, truths: Mapping[str, Array]) -> bool:
+                nonlocal rehearsing
+                if rehearsing and t >= rehearsed:
+                    if compilation.seconds > 0.0:
+                        return True
+                    rehearsing = False
+                return self.finished(t, truths)
+
+            began = time.perf_counter()
+            recording = simulate(self.plant, self.agents, self.duration, over, progress, self.network, watch)
+            wall_seconds = time.perf_counter() - began - compilation.seconds
+        if again is not None and rehearsing and compilation.seconds > 0.0:
+            return again().run(progress, watch=watch)
+        summary, success = self.summarise(recording, wall_seconds)
+        if status := planner_status(recording):
+            summary = {**summary, PLANNER_STATUS: status}
         drawn = self.config.get("drawing") is not None or "terrain" in self.config
         scene = None if drawn else partial(_scene, self.plant, recording)
         return RunResult(recording, summary, self.config, success, scene=scene)

@@ -125,7 +125,7 @@ class QuadrotorCanyon:
             {VEHICLE: stack.agent(ROTOR_COUNT)},
             duration,
             partial(finished, flight, body),
-            partial(summarise, flight, stack.planner, stack.tracker.bound, seed),
+            partial(summarise, flight, stack.planner, stack.tracker.bound, parts.guaranteed, seed),
             mission=_record(mission, stack.tracker.bound),
             resolved=dataclasses.replace(config, terrain=place["path"], start=start, target=target),
             terrain=place,
@@ -163,6 +163,7 @@ def summarise(
     flight: TrueQuadrotorFlight,
     planner: Planner,
     bound: Bound,
+    guaranteed: bool,
     seed: int,
     recording: Recording,
     wall_seconds: float,
@@ -170,7 +171,7 @@ def summarise(
     """The summary, and whether the vehicle arrived by its deadline and touched nothing."""
     mission = flight.mission.flight
     deadline = due(recording, VEHICLE, planner, mission.deadline_factor, flight.deadline)
-    summary = quadrotor_summary(recording, VEHICLE, flight.mission, bound, deadline, seed, wall_seconds)
+    summary = quadrotor_summary(recording, VEHICLE, flight.mission, bound, deadline, seed, wall_seconds, guaranteed)
     return verdict(summary, deadline, mission.clearance_min, mission.speed_max)
 
 

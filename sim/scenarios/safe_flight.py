@@ -100,7 +100,7 @@ class SafeFlight:
             {VEHICLE: stack.agent(messages=messages)},
             duration,
             partial(finished, flight, body),
-            partial(summarise, flight, stack.planner, stack.tracker, seed),
+            partial(summarise, flight, stack.planner, stack.tracker, parts.guaranteed, seed),
             mission=_record(config, flight, stack.tracker.bound),
             resolved=dataclasses.replace(config, terrain=terrain["path"], start=mission.start, target=mission.target),
             terrain=terrain,
@@ -136,7 +136,13 @@ def finished(flight: TrueFlight, body: MujocoPlant, t: float, truths: Mapping[st
 
 
 def summarise(
-    flight: TrueFlight, planner: Planner, tracker: Any, seed: int, recording: Recording, wall_seconds: float
+    flight: TrueFlight,
+    planner: Planner,
+    tracker: Any,
+    guaranteed: bool,
+    seed: int,
+    recording: Recording,
+    wall_seconds: float,
 ) -> tuple[dict[str, Any], bool]:
     """The summary, and whether the vehicle arrived by its deadline and touched nothing."""
     if flight.target_moves and isinstance(planner, Certified):
@@ -144,7 +150,9 @@ def summarise(
     else:
         deadline = due(recording, VEHICLE, planner, flight.mission.deadline_factor, flight.deadline)
     flown_to = dataclasses.replace(flight.mission, target=flight.track.at(float(recording.t[-1])))
-    summary = flight_summary(recording, VEHICLE, flown_to, flight.radars, tracker.bound, deadline, seed, wall_seconds)
+    summary = flight_summary(
+        recording, VEHICLE, flown_to, flight.radars, tracker.bound, deadline, seed, wall_seconds, guaranteed
+    )
     if isinstance(tracker, FilteredTracker):
         summary |= tracker.figures()
     return verdict(summary, deadline, flight.mission.clearance_min, flight.mission.speed_max)

@@ -23,7 +23,7 @@ from mathnavi.sim.plugin.registry import load as load_plugin
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.records.store import Record, Store
-from mathnavi.sim.scenarios.closed_loop import RunResult, built
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult, built
 from mathnavi.sim.scripting.requests import ScriptRequest, configured, flat, raising, request
 from mathnavi.sim.sweep.execution import Progress, available_cores, run_trials
 from mathnavi.sim.sweep.trial import Trial
@@ -58,10 +58,12 @@ def run(
     allowed, MissionError for a mission that cannot be flown, FileNotFoundError for a file that is not there.
     """
     asked = request(scenario, controller, estimator, fields)
-    with raising(MissionError):
-        closed_loop = built(scenario, asked.scenario, asked.config, _seed(seed), asked.controller, asked.estimator)
-    result: RunResult = closed_loop.run(progress)
-    return result
+
+    def build() -> ClosedLoop:
+        with raising(MissionError):
+            return built(scenario, asked.scenario, asked.config, _seed(seed), asked.controller, asked.estimator)
+
+    return build().run(progress, build)
 
 
 def make(scenario: str, *, seed: int = 0, estimator: Plugin = None, **fields: Any) -> Environment:

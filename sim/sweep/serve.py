@@ -30,7 +30,7 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.sim.sweep.compilation import compilation_reported
+from mathnavi.sim.engine.compilation import compilation_reported
 from mathnavi.sim.sweep.task import Ended, SweepTask
 
 Send = Callable[[str, Any], None]

@@ -282,6 +282,16 @@ def test_help_of_run_has_the_fields_of_the_plugins_that_are_chosen(capsys: pytes
     assert "None}" not in shown
 
 
+def test_a_planner_that_never_answers_has_an_exit_status_of_its_own(
+    mission: Words, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "run"
+    assert main(["run", *mission, "--faults.solver-failure-rate", "1", "--out", str(folder)]) == 3
+    shown = capsys.readouterr().out
+    assert "did what it should; BUT THE PLANNER answered the first request only" in " ".join(shown.split())
+    assert json.loads((folder / "summary.json").read_text())["planner_status"] == "answered the first request only"
+
+
 def test_terrain_import_crops_and_resamples(hills: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "part.npz"
     words = f"terrain import {hills} --out {out} --resample 200 --crop 2000 1000 5800 4800"

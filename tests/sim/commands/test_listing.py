@@ -14,10 +14,10 @@ from mathnavi.sim.commands.listing import listing
 from mathnavi.sim.plugin.groups import installed
 
 
-def shown(kind: str, *points: EntryPoint, full: bool = False) -> str:
+def shown(kind: str, *points: EntryPoint, full: bool = False, verbose: bool = False) -> str:
     console = Console(width=200, no_color=True)
     with console.capture() as said:
-        console.print(listing(kind, points, full))
+        console.print(listing(kind, points, full, verbose))
     return said.get()
 
 
@@ -34,6 +34,16 @@ def test_a_broken_plugin_is_reported_and_hides_no_other(place: str, expected: st
     said = shown("terrains", EntryPoint("broken", place, "g"), *installed("terrains"), full=full)
     assert f"cannot be imported: {expected}" in " ".join(said.split()) or expected in " ".join(said.split())
     assert "jacksboro" in said
+
+
+def test_fields_and_modules_are_shown_when_asked_for() -> None:
+    points = installed("controllers")
+    lines = shown("controllers", *points).splitlines()
+    assert len(lines) == len(points) + 1  # the title
+    assert not any("mathnavi" in line or "--planner" in line for line in lines)
+    said = shown("controllers", *points, verbose=True)
+    assert "mathnavi.controllers.flight.plugin:" in said
+    assert "--planner: " in said
 
 
 def test_the_list_imports_neither_numbers_nor_physics() -> None:

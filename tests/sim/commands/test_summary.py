@@ -6,21 +6,18 @@ import dataclasses
 import io
 
 import numpy as np
-import pytest
 from rich.console import Console
 
-from mathnavi.sim.commands.summary import summary_table, verdict, warnings
+from mathnavi.sim.commands.summary import summary_table, verdict
 from mathnavi.sim.engine.log import AgentRecorder, Recording
-from mathnavi.sim.interfaces.signals import Event, Plan, Status
-from mathnavi.sim.records.figure_names import SHORTFALL
+from mathnavi.sim.interfaces.signals import Event
+from mathnavi.sim.metrics.planning import NEVER_ANSWERED
+from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL
 from mathnavi.sim.scenarios.closed_loop import RunResult
 
-OWN = Plan.failure(Status.OK)
-FALLBACK = dataclasses.replace(OWN, notes=("fallback-plan",))
 
-
-def recording(*plans: Plan, requests: int) -> Recording:
-    agent = AgentRecorder("vehicle", [], np.zeros((1, 3)), {}, plans=[(0.0, plan) for plan in plans], requests=requests)
+def recording(requests: int = 1) -> Recording:
+    agent = AgentRecorder("vehicle", [], np.zeros((1, 3)), {}, requests=requests)
     return Recording(np.zeros(1), {"vehicle": np.zeros((1, 6))}, {"vehicle": agent}, [], {})
 
 
@@ -32,16 +29,12 @@ def test_a_run_that_failed_says_why_in_the_same_line() -> None:
     assert verdict(dataclasses.replace(failed, summary={}, success=True)) == "the mission did what it should"
 
 
-@pytest.mark.parametrize(
-    ("plans", "requests", "warned"),
-    [((OWN,), 3, False), ((FALLBACK, OWN), 3, False), ((FALLBACK,), 15, True), ((), 4, True), ((), 0, False)],
-)
-def test_it_is_warned_where_nothing_of_the_controllers_was_flown(
-    plans: tuple[Plan, ...], requests: int, warned: bool
-) -> None:
-    found = warnings(recording(*plans, requests=requests))
-    assert len(found) == warned
-    assert all(f"{requests} answers" in words for words in found)
+def test_a_planner_without_a_part_stands_in_the_verdict_of_a_good_end_and_of_a_bad_one() -> None:
+    summary = {PLANNER_STATUS: NEVER_ANSWERED}
+    good = RunResult(recording(), summary, {}, success=True)
+    assert verdict(good) == f"the mission did what it should; BUT THE PLANNER {NEVER_ANSWERED}"
+    failed = dataclasses.replace(good, summary={**summary, SHORTFALL: "late"}, success=False)
+    assert verdict(failed).endswith(f": late; BUT THE PLANNER {NEVER_ANSWERED}")
 
 
 def test_each_kind_of_event_is_counted_and_has_the_message_of_its_first() -> None:

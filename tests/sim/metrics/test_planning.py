@@ -1,4 +1,4 @@
-"""How much of a run was flown as the planner chose."""
+"""How much of a run was flown as the planner chose, and whether anything was."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from mathnavi.models.aerial.plan_status import FlightPhase
-from mathnavi.sim.interfaces.signals import Plan
-from mathnavi.sim.metrics.planning import planner_share
+from mathnavi.sim.engine.log import AgentRecorder, Recording
+from mathnavi.sim.interfaces.signals import Plan, Status
+from mathnavi.sim.metrics.planning import ANSWERED_ONCE, NEVER_ANSWERED, ONLY_FALLBACK, planner_share, planner_status
 
 CHOSEN, AFTER = FlightPhase.OPTIMISED, FlightPhase.CRUISE
 
@@ -45,3 +46,37 @@ def test_the_share_is_that_of_what_the_planner_chose(plans: list[tuple[float, Pl
 
 def test_a_run_without_duration_has_no_share() -> None:
     assert planner_share(3.0, 3.0, [(3.0, dataclasses.replace(FIRST, t=FIRST.t + 3.0))]) == 0.0
+
+
+RAISED = Plan.failure(Status.RAISED, "KeyError")
+FALLBACK = dataclasses.replace(FIRST, notes=("fallback-plan",))
+REBASED = dataclasses.replace(FIRST, notes=("guarantee-lost", "rebased"))
+
+
+@pytest.mark.parametrize(
+    ("answers", "flown", "status"),
+    [
+        ([FIRST, FIRST, RAISED], [FIRST, FIRST], ""),
+        ([FALLBACK, FIRST], [FALLBACK, FIRST], ""),
+        ([FALLBACK, RAISED], [FALLBACK], NEVER_ANSWERED),
+        ([FALLBACK, REBASED], [FALLBACK, REBASED], NEVER_ANSWERED),
+        ([RAISED], [], NEVER_ANSWERED),
+        ([RAISED], [FIRST], NEVER_ANSWERED),  # what is flown was there from the start
+        ([FIRST, RAISED], [FIRST], ""),  # a short run
+        ([FIRST, RAISED, RAISED], [FIRST], ANSWERED_ONCE),
+        ([FALLBACK, FIRST], [FALLBACK], ONLY_FALLBACK),  # too late, for one
+        ([FIRST], [], ONLY_FALLBACK),
+        ([], [FIRST], ""),  # was not asked
+    ],
+)
+def test_a_planner_without_a_part_has_a_status(answers: list[Plan], flown: list[Plan], status: str) -> None:
+    agent = AgentRecorder("north", [], np.zeros((1, 3)), {}, plans=[(0.0, plan) for plan in flown])
+    for answer in answers:
+        agent.asked(answer)
+    recording = Recording(np.zeros(1), {}, {"north": agent}, [], {})
+    assert planner_status(recording) == status
+    silent = AgentRecorder("south", [], np.zeros((1, 3)), {})
+    silent.asked(RAISED)
+    recording.agents["south"] = silent
+    named = [f"north: {status}"] if status else []
+    assert planner_status(recording) == "; ".join([*named, f"south: {NEVER_ANSWERED}"])

@@ -249,6 +249,7 @@ def test_a_planner_that_always_raises_arrives_by_the_stored_plan(terrain: str) -
 
 def test_the_planner_as_printed_flies_without_a_certificate(terrain: str) -> None:
     outcome = flown(terrain, controller="as_printed", target=NEAR)
+    assert outcome.summary["guarantee_lost"] is None  # there was none
     assert outcome.summary["plans_adopted"] > 1
     assert outcome.summary["tracking_error_max_m"] <= outcome.summary["tracking_bound_m"]
     assert not {"wrong-start", "deadline", "bounds"} & kinds(outcome).keys()

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 
@@ -28,3 +31,29 @@ def compilation_reported(report: Callable[[bool], None]) -> Iterator[None]:
 
     with event.install_listener("numba:compile", Listener()):
         yield
+
+
+@dataclass
+class CompilationClock:
+    """Time that compilation has taken so far."""
+
+    seconds: float = 0.0  # [s]
+
+
+@contextmanager
+def compilation_timed() -> Iterator[CompilationClock]:
+    """A clock of the compilation in here. Where nothing has imported numba yet, nothing is timed."""
+    clock, began = CompilationClock(), 0.0
+
+    def report(compiling: bool) -> None:
+        nonlocal began
+        if compiling:
+            began = time.perf_counter()
+        else:
+            clock.seconds += time.perf_counter() - began
+
+    if "numba" not in sys.modules:
+        yield clock
+        return
+    with compilation_reported(report):
+        yield clock

@@ -12,12 +12,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mathnavi.estimators.ranging.feasible_set_kernels import solved
 from mathnavi.estimators.ranging.kalman_kernels import RaySensors, condition, predict
 from mathnavi.models.field.kernels import WallShape
 from mathnavi.models.unicycle.kernels import wrapped
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 Hypotheses = tuple[Array, Array, Array, Array]

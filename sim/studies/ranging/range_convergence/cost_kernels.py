@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from mathnavi.estimators.ranging.bank_kernels import Scoring, Symmetry, condition_each, drop, predict_each
 from mathnavi.estimators.ranging.kalman_kernels import RaySensors
 from mathnavi.estimators.ranging.particle_kernels import propagate, resampled, roughen, weigh
 from mathnavi.models.field.kernels import WallShape
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 

@@ -44,6 +44,12 @@ def njit(function: Callable[..., Any] | None = None, *, cache: bool = False, **o
     return dispatcher
 
 
+def kernel_folder() -> Path:
+    """The folder of all compiled kernels."""
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return Path(config.CACHE_DIR or Path(home) / "mathnavi" / "kernels")
+
+
 class KernelCache(_Cache):
     """The compiled code of one kernel, a file for each combination of argument types."""
 
@@ -54,8 +60,7 @@ class KernelCache(_Cache):
     @property
     def cache_path(self) -> str:
         """The folder of all kernels."""
-        home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-        return str(config.CACHE_DIR or Path(home) / "mathnavi" / "kernels")
+        return str(kernel_folder())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The compiled code for arguments of the types ``sig``; None if it is not there or damaged."""
@@ -97,7 +102,7 @@ class KernelCache(_Cache):
 
     def flush(self) -> None:
         """Remove the compiled code of this kernel, of all versions."""
-        for file in Path(self.cache_path).glob(f"{self._name}-*.nbc"):
+        for file in kernel_folder().glob(f"{self._name}-*.nbc"):
             file.unlink(missing_ok=True)
 
     @property
@@ -108,7 +113,7 @@ class KernelCache(_Cache):
         versions = sys.version, numba.__version__, llvmlite.__version__
         types = [repr(sig), *map(repr, _fields(sig))]
         found = repr((versions, codegen.magic_tuple(), types, kernel_digest(self._kernel)))
-        return Path(self.cache_path) / f"{self._name}-{hashlib.sha256(found.encode()).hexdigest()[:32]}.nbc"
+        return kernel_folder() / f"{self._name}-{hashlib.sha256(found.encode()).hexdigest()[:32]}.nbc"
 
 
 def kernel_digest(kernel: Dispatcher) -> str:

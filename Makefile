@@ -2,6 +2,7 @@
 #   make fly     one safe flight over real mountains, with its video and report
 #   make test    the tests           make test ARGS="-k terrain"
 #   make lint    style, types and layers of the sources
+#   make check   lint, and the tests of what has changed since HEAD   make check SINCE=main
 #   make docs    the documentation, docs/_build/html/index.html, every link of it followed
 #   make gallery the committed pictures made again (hours)   make gallery ARGS=safe_flight
 #   make wheel   sdist and wheel, into dist/
@@ -19,6 +20,7 @@ FLY ?= safe-flight --seed 1 $(FLY_WAY) $(FLY_RADAR)
 PYTHONS := $(or $(PYTHON),python3 python3.12 python3.11)
 WORKERS ?= 2
 ARGS ?=
+SINCE ?= HEAD
 LOCK ?= .ci/requirements.txt
 
 PACKAGES := models sim controllers estimators renders
@@ -26,7 +28,7 @@ BENCHMARKS := $(wildcard benchmarks)
 DOCS := docs/_build/html
 INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: fly test lint bench gallery docs wheel lock clean opengl .venv
+.PHONY: fly test lint check bench gallery docs wheel lock clean opengl .venv
 .NOTPARALLEL:
 
 fly: .venv/.installed opengl
@@ -47,6 +49,12 @@ lint: .venv/.developed
 	.venv/bin/mypy --strict -p mathnavi $(BENCHMARKS:%=-p %)
 	.venv/bin/mypy --strict .ci/open_reports.py
 	.venv/bin/lint-imports
+
+check: export PYTHONDONTWRITEBYTECODE =
+check: lint opengl
+	@tests="$$(.venv/bin/python .ci/changed.py $(SINCE))" || exit; \
+	if [ -n "$$tests" ]; then .venv/bin/python -m pytest -q -n $(WORKERS) $(ARGS) $$tests; \
+	else echo "No test belongs to what has changed since $(SINCE)"; fi
 
 bench: .venv/.benchmarked
 	.venv/bin/python -m benchmarks $(ARGS)

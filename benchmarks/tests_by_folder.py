@@ -5,8 +5,8 @@
 A test's time is the CPU time of the process that runs it, all threads, and of those processes it started that have
 ended by then: setup, call and teardown together. So a fixture that several tests share counts for the first of them.
 CPU time leaves out what other programs take; what is left of the whole is the start of the workers, imports,
-collection, and the kernels compiled before the first test. As a plug-in of pytest (``-p benchmarks.tests_by_folder``) the
-same figures follow any run of the tests.
+collection, and the kernels compiled before the first test. As a plug-in of pytest (``-p benchmarks.tests_by_folder``)
+the same figures follow any run of the tests.
 """
 
 from __future__ import annotations

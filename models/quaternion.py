@@ -6,8 +6,8 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numba import njit
 
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 

@@ -18,9 +18,9 @@ from typing import Any, TypeVar
 
 import casadi
 import numpy as np
-from numba import njit
 
 from mathnavi.models.buffered_function import BufferedFunction
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 State = TypeVar("State", casadi.SX, Array)

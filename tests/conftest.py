@@ -5,9 +5,7 @@ from __future__ import annotations
 import ctypes.util
 import os
 import sys
-import tempfile
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -70,14 +68,6 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     """
     if hasattr(session.config, "workerinput") or session.config.option.collectonly:
         return
-    from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
-    from mathnavi.sim.scenarios.safe_flight import SafeFlight
-    from tests.flight import START, TARGET, above, mountains, save
-    from tests.missile import fly
+    from tests.kernels import compile_kernels
 
-    terrain = mountains()
-    ends = above(terrain, START, 600.0), above(terrain, TARGET, 600.0)
-    with tempfile.TemporaryDirectory() as folder:
-        file = save(terrain, Path(folder) / "mountains.npz")
-        SafeFlight.build(SafeFlightConfig(file, *ends, radar=((6000.0, 6000.0, 900.0, 2.0),)), 0).run()
-    fly(target=(200.0, 0.0, 0.0))
+    compile_kernels()

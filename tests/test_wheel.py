@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
 import sysconfig
@@ -66,24 +65,7 @@ def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (site,) = home.glob("lib/python*/site-packages")
     needed = {sysconfig.get_path("purelib"), sysconfig.get_path("platlib")}
     (site / "needed.pth").write_text("".join(f"{path}\n" for path in sorted(needed)), encoding="utf-8")
-    lend_machine_code(site / "mathnavi")
     return python
-
-
-def lend_machine_code(package: Path) -> None:
-    """Copy what numba has compiled from the repository's sources to the package, whose sources are the same.
-
-    Numba takes machine code for current where time and size of the source are those that it was compiled from.
-    """
-    for folder in FOLDERS:
-        for compiled in (ROOT / folder).rglob("__pycache__/*.nb[ci]"):
-            cache = package / compiled.parent.relative_to(ROOT)
-            cache.mkdir(exist_ok=True)
-            shutil.copy2(compiled, cache)
-        for source in (ROOT / folder).rglob("*.py"):
-            installed, stamp = package / source.relative_to(ROOT), source.stat()
-            assert installed.read_bytes() == source.read_bytes()
-            os.utime(installed, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
 
 
 @pytest.fixture

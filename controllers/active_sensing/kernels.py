@@ -15,10 +15,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mathnavi.models.field.kernels import cast_ray, curve_second_derivative, curve_tangent, is_inside, range_gradient
 from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 _HALVINGS = 20  # of the way from a pose to one that is too near to the wall

@@ -23,7 +23,6 @@ from enum import Enum
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 
 from mathnavi.controllers.flight.held_input import NO_LAG, HeldInput
 from mathnavi.models.aerial.dynamics import state_at
@@ -32,6 +31,7 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array, Message, Plan, Status
 

@@ -24,10 +24,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from mathnavi.models.aerial.kernels import state_on
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array, Plan
 
 NO_LAG = np.zeros(6)
@@ -49,7 +49,7 @@ class HeldInput:
 
         Both times are control instants, a whole number of periods apart.
         """
-        later: Array = _lag_along(plan.t, plan.x, plan.u, begin, end, self.period, self.bandwidth, lag)[0]
+        later: Array = self._along(plan, begin, end, lag)[0]
         return later
 
     def greatest(self, plan: Plan, lag: Array = NO_LAG) -> float:
@@ -60,10 +60,12 @@ class HeldInput:
         """
         if not plan.t_end - plan.t_start <= _LONGEST:
             return math.inf
-        _, position, feedback = _lag_along(
-            plan.t, plan.x, plan.u, plan.t_start, math.inf, self.period, self.bandwidth, lag
-        )
+        _, position, feedback = self._along(plan, plan.t_start, math.inf, lag)
         return max(position, feedback / self.bandwidth**2)
+
+    def _along(self, plan: Plan, begin: float, end: float, lag: Array) -> tuple[Array, float, float]:
+        writable = lag.copy()  # as any other: for an array that is read-only the kernel would be compiled once more
+        return _lag_along(plan.t, plan.x, plan.u, begin, end, self.period, self.bandwidth, writable)  # type: ignore[no-any-return]
 
 
 @njit(cache=True, nogil=True)

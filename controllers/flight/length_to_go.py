@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mathnavi.controllers.flight.spline import surface, surface_curvature, volume
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 TARGET_LENGTH = 50.0  # [m] l: within it the distance to the target is rounded off

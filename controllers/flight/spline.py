@@ -8,9 +8,9 @@ function with a continuous derivative.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from scipy.ndimage import spline_filter
 
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 

@@ -11,7 +11,6 @@ deviations are the bound that plans are certified with.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
 from mathnavi.controllers.flight.certificate import TrackingBound
@@ -19,6 +18,7 @@ from mathnavi.controllers.flight.held_input import HeldInput
 from mathnavi.models.aerial.kernels import state_on
 from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission
 from mathnavi.models.linear_noise import discretised
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 _DEVIATIONS = 5.0

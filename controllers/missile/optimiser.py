@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numba import njit
 
 from mathnavi.controllers.missile.guess import TANGENTS, pitch_guess, yaw_guess
 from mathnavi.controllers.missile.planes import inputs_between, joined, split
@@ -32,6 +31,7 @@ from mathnavi.models.missile import kernels
 from mathnavi.models.missile.coordinates import PLANAR, STEP, Coordinates
 from mathnavi.models.missile.dynamics import SPATIAL_STATES, Body
 from mathnavi.models.missile.mission import Case
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 SAMPLE = 0.02

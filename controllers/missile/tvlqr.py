@@ -16,7 +16,6 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
-from numba import njit
 
 from mathnavi.controllers.missile.autopilot import checked_state, disturbance, feed_forward
 from mathnavi.models.angles import wrapped
@@ -24,6 +23,7 @@ from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.models.missile.coordinates import Coordinates
 from mathnavi.models.missile.dynamics import Body
 from mathnavi.models.missile.mission import MissileMission
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 STEP = 0.025

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mathnavi.controllers.flight.length_to_go import length_to_go
 from mathnavi.controllers.flight.spline import surface, surface_curvature
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 _HALVINGS = 40  # of the multiplier of |u| <= a_max

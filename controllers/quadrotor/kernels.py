@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mathnavi.models.aerial.kernels import arc_at
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 _STEPS = 1000  # arcs that one call may pass: a bound for a plan of many tiny ones

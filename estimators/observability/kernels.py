@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mathnavi.models.field.kernels import cast_ray, is_inside, range_gradient
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 _HALVINGS = 30  # of a step that leaves the field or does not fit better

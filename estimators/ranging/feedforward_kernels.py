@@ -12,11 +12,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mathnavi.estimators.ranging.observer_kernels import kept_within, output, seen_from
 from mathnavi.models.field.kernels import WallShape, curve_tangent
 from mathnavi.models.unicycle.kernels import integrate
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 LEAST_DENOMINATOR = 0.05  # [m] of s_rate: where a ray grazes the wall, s_i has no bounded rate

@@ -22,7 +22,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mathnavi.models.field.kernels import (
     WallShape,
@@ -33,6 +32,7 @@ from mathnavi.models.field.kernels import (
     is_inside,
 )
 from mathnavi.models.unicycle.kernels import integrate, wrapped
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 LONGEST_STEP = 0.5  # [rad] of any component of z in one correction

@@ -16,11 +16,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mathnavi.estimators.ranging.kalman_kernels import RaySensors, step_within
 from mathnavi.models.field.kernels import WallShape, cast_ray
 from mathnavi.models.unicycle.kernels import integrate, wrapped
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 

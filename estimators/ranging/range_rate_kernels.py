@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mathnavi.estimators.ranging.observer_kernels import kept_within
 from mathnavi.models.field.kernels import WallShape, cast_ray, cast_rays, range_gradient
 from mathnavi.models.unicycle.kernels import integrate
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 _FAR = 4.0  # root mean squares of the residuals: what is further off the polynomial is an outlier

@@ -6,9 +6,9 @@ The state after the input u was held for s from x = (p, v) is (p + v s + u s^2 /
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 

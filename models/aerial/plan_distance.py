@@ -28,10 +28,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from mathnavi.models.aerial.kernels import arc_at
 from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array, Plan
 
 Vector = tuple[float, float, float]

@@ -13,11 +13,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mathnavi.models.manifold import kernels
 from mathnavi.models.manifold.constant_curvature import sphere
 from mathnavi.models.manifold.manifold import CutLocusError, unrounded
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 _S3 = sphere(3)

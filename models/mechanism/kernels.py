@@ -14,10 +14,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mathnavi.models.mechanism.mujoco_functions import ADDRESS, INTEGER, NUMBER, function
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 kinematics = function("mj_kinematics", ADDRESS, ADDRESS)

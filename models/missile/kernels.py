@@ -11,10 +11,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mathnavi.models.runge_kutta import compiled_halfway, compiled_sum
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 Numbers = tuple[float, float, float, float]

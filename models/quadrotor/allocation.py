@@ -14,8 +14,8 @@ itself, then the moment about z, which only turns the nose.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 _ROUNDING = 1e-9

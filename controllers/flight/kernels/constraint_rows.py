@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mathnavi.controllers.flight.kernels.convexity import add_norm_hessian
 from mathnavi.controllers.flight.kernels.problem_data import (
@@ -23,6 +22,7 @@ from mathnavi.controllers.flight.kernels.problem_data import (
     position,
 )
 from mathnavi.controllers.flight.spline import surface
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 INFINITY = 1e30

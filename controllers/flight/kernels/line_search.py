@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mathnavi.controllers.flight.kernels.objective import end_violation, objective
 from mathnavi.controllers.flight.kernels.problem_data import (
@@ -15,6 +14,7 @@ from mathnavi.controllers.flight.kernels.problem_data import (
     ProblemData,
     QuadraticProgramme,
 )
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 _SUFFICIENT, _SHORTEST = 1e-4, 1e-3  # of the line search: share of the promised decrease, length of a step

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mathnavi.controllers.flight.kernels.constraint_rows import INFINITY, ball_rows, clearance_rows, end_rows
 from mathnavi.controllers.flight.kernels.convexity import add_curvature, convexify
@@ -24,6 +23,7 @@ from mathnavi.controllers.flight.kernels.problem_data import (
     position,
 )
 from mathnavi.controllers.flight.length_to_go import length_to_go
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 

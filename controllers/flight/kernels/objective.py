@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from mathnavi.controllers.flight.kernels.problem_data import (
     APPROACH_WEIGHT,
@@ -24,6 +23,7 @@ from mathnavi.controllers.flight.kernels.problem_data import (
 )
 from mathnavi.controllers.flight.length_to_go import length_to_go
 from mathnavi.controllers.flight.spline import surface
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 

@@ -13,10 +13,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.terrain.kernels import arc_clearance
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Integers
 
 CLIMBS = (0.0, 0.5, 1.0)

@@ -268,8 +268,8 @@ def test_seventy_kilometres_take_less_than_a_tenth_of_a_millisecond() -> None:
     arc = ([1000.0, 9000.0, 9000.0], [200.0, 120.0, 0.0], STILL, 300.0)
     terrain.arc_clearance(*arc)
     best = math.inf
-    for _ in range(50):  # the best of many: another process may hold the core for a while
-        begin = time.perf_counter()
+    for _ in range(50):  # the best of many, in CPU time: others may use the core and its caches
+        begin = time.thread_time()
         terrain.arc_clearance(*arc)
-        best = min(best, time.perf_counter() - begin)
+        best = min(best, time.thread_time() - begin)
     assert best < 1e-4

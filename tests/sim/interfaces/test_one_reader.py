@@ -14,6 +14,8 @@ READING = "sim/interfaces/reading/"
 # Where a module stands that reads, and what it reads: no file of a user's, or not as a file.
 ALLOWED = {
     ("sim/records/store.py", "sqlite3.connect"),  # checks header, schema, columns and every row
+    ("sim/interfaces/compiled.py", "pickle.loads"),  # what numba compiled for this user
+    ("sim/interfaces/compiled.py", "file.read_bytes"),
     ("sim/sweep/serve.py", "pickle.loads"),  # what its own parent sends
     ("renders/worker.py", "json.load"),  # likewise
     ("sim/commands/interruption.py", "open"),  # a pipe of its own

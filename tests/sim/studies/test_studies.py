@@ -32,7 +32,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "cost-to-go": {"targets": 1, "starts": 40, "repetitions": 1},
     "as-printed-planner": {"seeds": 1},
     "safety": {"missions": 1},
-    "guarantees": {"missions": 1, "timed": 1, "tuning": 1, "settings": 1},
+    "guarantees": {"missions": 1, "conditions": 2, "timed": 1, "tuning": 1, "settings": 1},
     "safety-filter": {"episodes": 1, "seconds": 1, "population": 2, "generations": 1},
     "flight-grids": {"seeds": 1, "faulted": 1},
     "ocp-problems": {"problems": 2, "nodes": 12, "exhaustive": False},

@@ -75,7 +75,7 @@ class Coin:
                 os.write(1, b"\x80\x04more nonsense")
             ill = not (config.well_once and Path(config.well_once).exists())
             if ill and seed in config.hang_at:
-                time.sleep(60.0)
+                time.sleep(3600.0)
             if seed in config.raise_at:
                 raise RuntimeError(f"seed {seed} is out of order")
             if seed in config.exit_at:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from mathnavi.estimators.ranging.bank_kernels import (
     Hypotheses,
@@ -17,6 +16,7 @@ from mathnavi.estimators.ranging.kalman_kernels import Innovations, RaySensors
 from mathnavi.estimators.ranging.noise_kernels import NoiseSums
 from mathnavi.estimators.ranging.particle_kernels import propagate, resampled, roughen, weigh
 from mathnavi.models.field.kernels import WallShape
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 

@@ -1,0 +1,203 @@
+"""Numba's compiler, and the folder that keeps the kernels it has compiled.
+
+What is compiled is kept in a folder of the user ($XDG_CACHE_HOME/mathnavi/kernels or ~/.cache/mathnavi/kernels; numba's
+own variable NUMBA_CACHE_DIR names another) under a hash of all that it depends on: byte code and constants of the
+kernel and of every kernel that it calls, types of its arguments, options, processor, versions. So checkouts and
+installed wheels with the same kernels share one copy, and a change of a kernel compiles anew those of other files that
+call it, which numba's own cache does not notice. Without a folder to write to, every process compiles for itself.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
+from typing import Any
+
+import llvmlite
+import numba
+import numpy as np
+from numba.core import config
+from numba.core.caching import CompileResultCacheImpl, _Cache
+from numba.core.dispatcher import Dispatcher
+from numba.core.serialize import dumps
+from numba.core.types import ExternalFunction
+
+_KEPT = 90 * 86400.0  # [s] since its last use, for which an entry is kept
+_REMARKED = 86400.0  # [s] between two notes that an entry is in use
+
+
+def njit(function: Callable[..., Any] | None = None, *, cache: bool = False, **options: Any) -> Any:
+    """``numba.njit``, with kernels kept by their content if ``cache``."""
+    if function is None:
+        return lambda function: njit(function, cache=cache, **options)
+    dispatcher = numba.njit(**options)(function)
+    if cache and isinstance(dispatcher, Dispatcher):  # a plain function where NUMBA_DISABLE_JIT is set
+        dispatcher._cache = KernelCache(dispatcher)
+    return dispatcher
+
+
+def kernel_folder() -> Path:
+    """The folder of all compiled kernels."""
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return Path(config.CACHE_DIR or Path(home) / "mathnavi" / "kernels")
+
+
+class KernelCache(_Cache):
+    """The compiled code of one kernel, a file for each combination of argument types."""
+
+    def __init__(self, kernel: Dispatcher) -> None:
+        self._kernel = kernel
+        self._enabled = True
+
+    @property
+    def cache_path(self) -> str:
+        """The folder of all kernels."""
+        return str(kernel_folder())
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The compiled code for arguments of the types ``sig``; None if it is not there or damaged."""
+        if not self._enabled:
+            return None
+        target_context.refresh()
+        file = self._file(sig, target_context.codegen())
+        try:
+            content = pickle.loads(file.read_bytes())
+        except (OSError, EOFError, pickle.UnpicklingError):
+            return None
+        with suppress(OSError):
+            if time.time() - file.stat().st_mtime > _REMARKED:
+                os.utime(file)
+        return CompileResultCacheImpl.rebuild(None, target_context, content)
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the compiled code, whole or not at all; nothing happens where it cannot be written."""
+        if not self._enabled or data.library.has_dynamic_globals or any(not lifted.can_cache for lifted in data.lifted):
+            return
+        file, content = self._file(sig, data.codegen), dumps(data._reduce())
+        with suppress(OSError):
+            file.parent.mkdir(parents=True, exist_ok=True)
+            handle, partial = tempfile.mkstemp(dir=file.parent, prefix=".partial-")
+            try:
+                with os.fdopen(handle, "wb") as out:
+                    out.write(content)
+                os.replace(partial, file)
+            except OSError:
+                os.unlink(partial)
+                return
+            _forget_unused(file.parent)
+
+    def enable(self) -> None:
+        self._enabled = True
+
+    def disable(self) -> None:
+        self._enabled = False
+
+    def flush(self) -> None:
+        """Remove the compiled code of this kernel, of all versions."""
+        for file in kernel_folder().glob(f"{self._name}-*.nbc"):
+            file.unlink(missing_ok=True)
+
+    @property
+    def _name(self) -> str:
+        return f"{self._kernel.__module__}.{self._kernel.__name__}"
+
+    def _file(self, sig: Any, codegen: Any) -> Path:
+        versions = sys.version, numba.__version__, llvmlite.__version__
+        types = [repr(sig), *map(repr, _fields(sig))]
+        found = repr((versions, codegen.magic_tuple(), types, kernel_digest(self._kernel)))
+        return kernel_folder() / f"{self._name}-{hashlib.sha256(found.encode()).hexdigest()[:32]}.nbc"
+
+
+def kernel_digest(kernel: Dispatcher) -> str:
+    """Hash of everything of mathnavi's that the machine code of a kernel depends on.
+
+    Raises:
+        TypeError: the kernel uses a global that has no known content.
+    """
+    digest = hashlib.sha256()
+    for part in _content(kernel, set()):
+        digest.update(part.encode() + b"\0")
+    return digest.hexdigest()
+
+
+def _content(kernel: Dispatcher, seen: set[Dispatcher]) -> Iterator[str]:
+    """The parts of a kernel's content, and of those that it calls, each kernel once."""
+    seen.add(kernel)
+    function = kernel.py_func
+    yield repr(
+        (function.__module__, function.__qualname__, sorted(kernel.targetoptions.items()), function.__defaults__)
+    )
+    used = {**function.__globals__, **_cells(function)}
+    for code in _codes(function.__code__):
+        constants = [c for c in code.co_consts if not isinstance(c, CodeType) and c != function.__doc__]
+        yield repr((code.co_code, constants, code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars))
+        for name in (*code.co_names, *code.co_freevars):
+            if name in used:
+                yield from _value(f"{function.__module__}.{name}", used[name], code.co_names, seen)
+
+
+def _value(name: str, value: Any, names: tuple[str, ...], seen: set[Dispatcher]) -> Iterator[str]:
+    """The content of a global of a kernel; of a module what stands there under ``names``, those of the kernel's code.
+
+    Names of attributes are among them too, so that a global may be read in vain, but none is left out.
+    """
+    if isinstance(value, Dispatcher):
+        if value not in seen:
+            yield from _content(value, seen)
+    elif isinstance(value, np.ndarray):
+        yield repr((name, value.dtype.str, value.shape, value.tobytes()))
+    elif isinstance(value, tuple):
+        for k, each in enumerate(value):
+            yield from _value(f"{name}[{k}]", each, (), seen)
+    elif isinstance(value, bool | int | float | str | np.generic | None):
+        yield repr((name, value))
+    elif isinstance(value, type):
+        yield repr((name, value.__module__, value.__qualname__, getattr(value, "_fields", ())))
+    elif isinstance(value, ExternalFunction):
+        yield repr((name, value.symbol, value.sig))
+    elif isinstance(value, ModuleType) and value.__name__.startswith("mathnavi."):
+        for inside in names:
+            if hasattr(value, inside):
+                yield from _value(f"{value.__name__}.{inside}", getattr(value, inside), (), seen)
+    elif isinstance(value, ModuleType | FunctionType | BuiltinFunctionType):
+        yield repr((name, value.__name__))
+    else:
+        raise TypeError(f"{name} = {value!r} in a kernel; allowed: kernels, modules, classes, numbers, strings, arrays")
+
+
+def _codes(code: CodeType) -> Iterator[CodeType]:
+    """A function's code, and that of the comprehensions in it."""
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _codes(constant)
+
+
+def _cells(function: Any) -> dict[str, Any]:
+    """What a function takes from the one around it."""
+    cells = function.__closure__ or ()
+    return {name: cell.cell_contents for name, cell in zip(function.__code__.co_freevars, cells, strict=True)}
+
+
+def _fields(types: Any) -> Iterator[tuple[str, ...]]:
+    """The names of the fields of all named tuples among types, which their own names leave out."""
+    for kind in types:
+        yield from filter(None, [getattr(kind, "fields", None)])
+        yield from _fields(getattr(kind, "types", ()))
+
+
+def _forget_unused(folder: Path) -> None:
+    """Remove entries that nobody has used for a season."""
+    now = time.time()
+    for entry in os.scandir(folder):
+        with suppress(OSError):
+            if now - entry.stat().st_mtime > _KEPT:
+                os.unlink(entry)

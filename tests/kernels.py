@@ -1,0 +1,87 @@
+"""Missions that compile the kernels of most tests, before the first of them, in two processes that share the work.
+
+    python -m tests.kernels flight|others
+
+Workers of pytest-xdist would each compile for themselves. What is compiled is kept (``sim.interfaces.compiled``), so it
+happens once for each change of a kernel.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from mathnavi.sim.interfaces.compiled import kernel_folder
+
+ROOT = Path(__file__).parents[1]
+
+
+def flight() -> None:
+    """A flight over mountains past a radar: planner, certificate, terrain."""
+    from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
+    from mathnavi.sim.scenarios.safe_flight import SafeFlight
+    from tests.flight import START, TARGET, above, mountains, save
+
+    terrain = mountains()
+    ends = above(terrain, START, 600.0), above(terrain, TARGET, 600.0)
+    with tempfile.TemporaryDirectory() as folder:
+        file = save(terrain, Path(folder) / "mountains.npz")
+        SafeFlight.build(SafeFlightConfig(file, *ends, radar=((6000.0, 6000.0, 900.0, 2.0),)), 0).run()
+
+
+def others() -> None:
+    """A missile, robots that range in every mode of active sensing, and bodies on a manifold."""
+    from mathnavi.sim.scenarios.attitude_tracking import AttitudeTrackingScenario
+    from mathnavi.sim.scenarios.range_localisation import RangeLocalisation
+    from mathnavi.sim.studies.ranging.active_control.flights import FAST, MODES, TRACKS, LocalisationRun, tracking
+    from tests.missile import fly
+
+    fly(target=(200.0, 0.0, 0.0))
+    trials = [LocalisationRun(mode, FAST, 0, 1.0).trial for mode in MODES]
+    for trial in (*trials, *(tracking(kind, 0, 1.0) for kind in TRACKS)):
+        trial.build().run()
+    RangeLocalisation.build(RangeLocalisation.Config(duration=0.5), 0).run()
+    AttitudeTrackingScenario.build(AttitudeTrackingScenario.Config(duration=1.2, settled=0.8), 0).run()
+
+
+GROUPS: dict[str, Callable[[], None]] = {"flight": flight, "others": others}
+
+
+def compile_kernels() -> None:
+    """Have every group flown in a process of its own, unless these kernels are compiled already.
+
+    Raises:
+        RuntimeError: a mission fails.
+    """
+    done = kernel_folder() / f"tests-{_sources()}"
+    if done.exists():
+        return
+    command = [sys.executable, "-m", "tests.kernels"]
+    running = {
+        group: subprocess.Popen([*command, group], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        for group in GROUPS
+    }
+    for group, process in running.items():
+        said, _ = process.communicate()
+        if process.returncode:
+            raise RuntimeError(f"the missions {group} fail:\n{said.decode()}")
+    done.touch()
+
+
+def _sources() -> str:
+    """Hash of the sources with kernels in them, and of the interpreter."""
+    digest = hashlib.sha256(f"{sys.prefix} {sys.version}".encode())
+    for folder in ("models", "controllers", "estimators", "sim", "renders"):
+        for file in sorted((ROOT / folder).rglob("*.py")):
+            content = file.read_bytes()
+            if b"njit(" in content:
+                digest.update(content)
+    return digest.hexdigest()[:32]
+
+
+if __name__ == "__main__":
+    GROUPS[sys.argv[1]]()

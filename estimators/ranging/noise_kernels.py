@@ -21,8 +21,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 WINDOW = 9

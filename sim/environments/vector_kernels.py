@@ -13,10 +13,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mathnavi.models.terrain.kernels import height_at
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 Integers = NDArray[np.int64]

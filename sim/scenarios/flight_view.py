@@ -16,10 +16,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.kernels import surface_at
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 AHEAD = np.array([1.0, 2.0, 4.0, 8.0])  # [s]

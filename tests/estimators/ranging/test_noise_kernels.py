@@ -7,7 +7,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numba import njit
 
 from mathnavi.estimators.ranging.noise_kernels import (
     WINDOW,
@@ -18,6 +17,7 @@ from mathnavi.estimators.ranging.noise_kernels import (
     noise_of,
     remember,
 )
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 LONGEST, DEVIATION = 8.0, 0.1  # [m]

@@ -29,7 +29,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # this runs as a script
 from benchmarks.acados_cart_pole import load
 
-MOST_ITERATIONS = 200
+MOST_ITERATIONS = 100
 FAR = 1e5  # [m] stands for no limit
 KINDS = ("SQP", "SQP_RTI")
 

@@ -37,10 +37,10 @@ from mathnavi.models.unicycle.kernels import wrapped
 from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array, Integers
 
-LEAST_SLIP, MOST_SLIP = 2e-7, 0.03
+LEAST_SLIP, MOST_SLIP = 5e-8, 0.03
 """[m^2/s] bounds of q"""
 
-_BY_HEADING, _BY_SCALE = 8.0, 1.0  # [rad/m], [1/m] c_phi, c_b
+_BY_HEADING, _BY_SCALE = 16.0, 1.0  # [rad/m], [1/m] c_phi, c_b
 _ADAPTATION = 0.15  # eta
 _LEAK = 0.02  # delta
 _AVERAGING = 0.97  # mu
@@ -58,7 +58,7 @@ class Hypotheses(NamedTuple):
     slip: Array  # (K,) [m^2/s] q
     mean: Array  # (K, l) m
     recent: Array  # (K, l, WINDOW) last residuals of each ray over their declared deviation
-    count: Integers  # (K, l) how many there were
+    readings: Integers  # (K, l) how many there were
 
 
 class Scoring(NamedTuple):
@@ -137,10 +137,10 @@ def condition_each(
         nis_of[k], rays_of[k] = nis, rays
         for i in range(len(z)):
             innovations.variance[i] /= sigma * sigma
-        remember(bank.recent[k], bank.count[k], innovations.residual, innovations.variance)
+        remember(bank.recent[k], bank.readings[k], innovations.residual, innovations.variance)
         if k == best:
             learn_noise(
-                noise, bank.recent[k], bank.count[k], innovations.residual, innovations.variance, sensors.longest
+                noise, bank.recent[k], bank.readings[k], innovations.residual, innovations.variance, sensors.longest
             )
         bank.slip[k] = _slip(bank.slip[k], bank.mean[k], innovations)
     for k in range(len(score)):

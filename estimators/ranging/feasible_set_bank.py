@@ -220,7 +220,7 @@ class FeasibleSetBank:
                 values[last] = values[self._best]
             count = min(count, last)
         bank.x[:count], bank.P[:count] = states[:count], self._model.covariance(self._config.deviation)
-        bank.mean[:count], bank.count[:count] = 0.0, 0
+        bank.mean[:count], bank.readings[:count] = 0.0, 0
         bank.misfit[:], bank.slip[:] = 1.0, slip
         bank.score[:count], bank.score[count:last] = 0.0, np.nan
         bank.score[last] = 0.0 if alive or count > last else np.nan

@@ -42,7 +42,7 @@ class MismatchResults:
         return float(np.mean([record.summary["sure_and_wrong"] for runs in self.runs.values() for record in runs]))
 
     def nees(self, case: str) -> Consistency | None:
-        """Average NEES where the estimator is sure, over the last quarters of the runs; None where it never is."""
+        """Average NEES where the status is OK, over the last quarters of the runs; None where it never is."""
         squares = [record.summary["nees_known"] for record in self.runs[case]]
         known = [square for square in squares if square is not None]
         return consistency(known, DEGREES) if known else None
@@ -77,7 +77,8 @@ def _sure_and_wrong(e: MismatchResults) -> Claim:
     share = e.sure_and_wrong()
     return Claim(
         "mismatch.sure-and-wrong", "target", "The bank is not sure of a wrong pose.", "C.4",
-        f"status OK and an error above .3 m or .2 rad: <= {SURE_AND_WRONG:.0%} of the samples of the last quarter",
+        f"status OK, two standard deviations below .3 m and .2 rad, and an error above either: <= "
+        f"{SURE_AND_WRONG:.0%} of the samples of the last quarters",
         f"{share:.2%} of all cases", share <= SURE_AND_WRONG,
     )  # fmt: skip
 
@@ -89,12 +90,12 @@ def _consistency(e: MismatchResults) -> Claim:
         for case, nees in found.items()
     ]
     texts = {
-        case: "never sure" if nees is None else nees.text() if case in MODEL_HOLDS else f"{nees.average:.2f}"
+        case: "never OK" if nees is None else nees.text() if case in MODEL_HOLDS else f"{nees.average:.2f}"
         for case, nees in found.items()
     }
     return Claim(
         "mismatch.consistency", "target", "The bank knows how good its estimate is, whatever was declared.", "C.4",
-        f"average NEES where it is sure: within its 95 % chi-square bounds as declared, <= {MOST_NEES:g} otherwise",
+        f"average NEES where OK: within its 95 % chi-square bounds as declared, <= {MOST_NEES:g} otherwise",
         "; ".join(f"{case}: {text}" for case, text in texts.items()),
         all(holds) and any(nees is not None for nees in found.values()),
     )  # fmt: skip

@@ -30,7 +30,7 @@ def figure(e: MismatchResults) -> Figure:
             nees.plot(squares, np.full(len(squares), k), "o", ms=4.0, color=CONVERGED, alpha=0.4, mew=0)
             if len(squares):
                 nees.plot(squares.mean(), k, "D", ms=6.0, mfc="white" if case in MODEL_HOLDS else INK, mec=INK)
-        for label, colour in (("converged", CONVERGED), ("does not know", UNKNOWN), ("sure and wrong", WRONG)):
+        for label, colour in (("converged", CONVERGED), ("does not know", UNKNOWN), ("neither", WRONG)):
             outcomes.barh(0, 0.0, color=colour, label=label)
         outcomes.legend(loc="lower left", fontsize=8)
         outcomes.set_yticks(range(len(e.runs)), list(e.runs))
@@ -41,6 +41,6 @@ def figure(e: MismatchResults) -> Figure:
         nees.axvline(3.0, color=INK, lw=1.0, ls=":")
         nees.axvline(MOST_NEES, color=WRONG, lw=1.0, ls="--")
         nees.set_xscale("symlog", linthresh=10.0)
-        nees.set(xlabel="NEES of the last quarter where the estimator is sure")
+        nees.set(xlabel="NEES of the last quarter where the status is OK")
         nees.set_title("(b) how consistent it is")
     return drawn

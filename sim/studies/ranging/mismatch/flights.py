@@ -10,10 +10,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.models.field.curve import Curve
+from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.sim.interfaces.signals import Array, Status
+from mathnavi.sim.interfaces.signals import Array, Estimate, Status
 from mathnavi.sim.metrics.ranging import HEADING, POSITION, Errors
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.range_localisation import VEHICLE
@@ -21,6 +23,8 @@ from mathnavi.sim.sweep.trial import Trial, trial
 
 DECLARED, DECLARED_4 = "as declared", "as declared, 4 sensors"
 NEARLY_ROUND = "nearly round wall"
+
+Flags = NDArray[np.bool_]
 
 _FOUR = (0.0, 90.0, 180.0, -90.0)  # [deg]
 _ROUND = ((0.0, 0.0, 0.0, 0.0), (2.2, 0.0, 0.0, 2.16), (0.03, 0.0, 0.0, 0.03))  # [m]
@@ -50,25 +54,37 @@ def flight(case: str, seed: int, seconds: float) -> Trial:
 def honesty(outcome: RunResult) -> dict[str, Any]:
     """A measure: over the last quarter of a run, how often the estimator was sure, and how right it then was.
 
-    ``known`` is the share of samples with the status OK, ``sure_and_wrong`` that of samples with the status OK and an
-    error beyond .3 m or .2 rad, and ``nees_known`` the mean NEES of those with the status OK, None without any.
+    ``known`` is the share of samples with the status OK, and ``nees_known`` the mean NEES of those, None without any.
+    ``sure_and_wrong`` is the share of samples at which the estimator is sure, the status being OK and two of its
+    standard deviations less than .3 m and .2 rad, and the error is beyond either.
     """
     recording, record = outcome.recording, outcome.config["mission"]
     mission = RangingMission(Curve(tuple(map(tuple, record["coefficients"])), record["field"]), (0.0,))
     errors = Errors.of(recording, VEHICLE, mission)
-    last, known = errors.last, _known(outcome, recording.t)
+    last, (known, sure) = errors.last, _known(outcome, recording.t)
     beyond = (errors.position > POSITION) | (errors.heading > HEADING)
     nees = errors.nees[last][known[last]]
     return {
         "known": float(known[last].mean()),
-        "sure_and_wrong": float((known & beyond)[last].mean()),
+        "sure_and_wrong": float((sure & beyond)[last].mean()),
         "nees_known": float(nees.mean()) if len(nees) else None,
     }
 
 
-def _known(outcome: RunResult, t: Array) -> Array:
-    """Whether the newest estimate at each time (n,) [s] has the status OK."""
+def _known(outcome: RunResult, t: Array) -> tuple[Flags, Flags]:
+    """Whether the newest estimate at each time (n,) [s] has the status OK, and whether it is sure besides."""
     estimates = outcome.recording.agents[VEHICLE].estimates
-    newest = np.searchsorted([estimate.t for estimate in estimates], t + 1e-9, side="right") - 1
-    known: Array = np.array([k >= 0 and estimates[k].status is Status.OK for k in newest], dtype=bool)
-    return known
+    newest = np.searchsorted([estimate.t for estimate in estimates], t + TIME_TOLERANCE, side="right") - 1
+    known = np.array([k >= 0 and estimates[k].status is Status.OK for k in newest], dtype=bool)
+    sure = np.array(
+        [is_known and _is_sure(estimates[k]) for k, is_known in zip(newest, known, strict=True)], dtype=bool
+    )
+    return known, sure
+
+
+def _is_sure(estimate: Estimate) -> bool:
+    """Whether two standard deviations are within the limits of an estimate that has converged."""
+    P = estimate.covariance
+    if P is None:
+        return True
+    return bool(4.0 * np.linalg.eigvalsh(P[:2, :2])[-1] < POSITION**2 and 4.0 * P[2, 2] < HEADING**2)

@@ -45,14 +45,14 @@ class Mismatch:
                 f"{config.seeds} runs of {config.seconds} s of each case by the default inputs, two sensors at ±60° in "
                 "the standard ellipse unless the case says otherwise, from a start that is drawn and not known. "
                 "Declared: ranges 5 %, odometry .05 per reading and 2 % always, no outliers. Converged: RMS error "
-                "below .3 m and .2 rad over the last quarter. Sure: the status OK, one hypothesis being twice as "
-                "likely as all others.",
+                "below .3 m and .2 rad over the last quarter. Does not know: the status is INITIALISING over most of "
+                "the last quarter, no hypothesis being twice as likely as all others.",
             ),
             rows=_rows(results),
             tables=(_table(results),),
             figure=figure(results),
             caption="(a) Runs that converged, that say that they do not know, and others. (b) NEES of each run over "
-            "its last quarter where the estimator is sure, and the average (diamonds, white where the model holds); "
+            "its last quarter where the status is OK, and the average (diamonds, white where the model holds); "
             "3 is that of a consistent filter, 6 the most that is allowed.",
             claims=claims(results),
         )
@@ -67,7 +67,7 @@ def _rows(e: MismatchResults) -> list[dict[str, Any]]:
 
 
 def _table(e: MismatchResults) -> Table:
-    columns = ("case", "converged", "does not know", "touched the wall", "average NEES where sure")
+    columns = ("case", "converged", "does not know", "touched the wall", "average NEES where OK")
     rows = []
     for case, runs in e.runs.items():
         nees = e.nees(case)

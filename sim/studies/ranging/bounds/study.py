@@ -16,7 +16,7 @@ from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
-from mathnavi.sim.studies.ranging.bounds.runs import SCENARIOS, BoundErrors, BoundRun, compared
+from mathnavi.sim.studies.ranging.bounds.runs import DECLARED, SCENARIOS, BoundErrors, BoundRun, compared
 
 NEAR = 1.15  # times the bound, which counts as reached
 CHANCE = 3.0  # standard errors
@@ -65,9 +65,10 @@ class Bounds:
         found = efficiencies(jobs.done(setup))
         return StudyResult(
             summary=(
-                "Every system moves with exactly the noise that is declared. Efficiency: the root of the sum of squared "
-                "errors over that of the posterior Cramér-Rao bounds, over the second half of every run: of the position, "
-                "and of the mechanism's joint velocities. On the mechanism no noise acts, so that its bound is that of "
+                "Every system moves with the very noise that is declared. Efficiency: the root of the sum of squared "
+                "errors over that of the posterior Cramér-Rao bounds, over the second half of every run: of the "
+                "position, and of the mechanism's joint velocities. Estimators have their standard fields; "
+                f"{DECLARED} has that of the gusts as they are declared, without the reserve for a wrong mass. On the mechanism no noise acts, so that its bound is that of "
                 "its start as a parameter, to which an estimator that allows for errors of its model cannot come.",
             ),
             rows=[
@@ -143,9 +144,8 @@ def _figure(found: Sequence[Efficiency]) -> Figure:
                 spread = e.standard_error if math.isfinite(e.standard_error) else 0.0
                 axes.errorbar(e.cost, e.value, min(spread, 0.9 * e.value), fmt="o", color=INK, ms=5, capsize=3)
                 axes.annotate(e.estimator, (e.cost, e.value), (5, 4), textcoords="offset points")
-            axes.set(
-                xscale="log", yscale="log", title=name, xlabel="CPU time of an update [µs]", ylabel="error / bound"
-            )
+            axes.set(xscale="log", yscale="log", title=name, ylabel="error / bound")
+            axes.set_xlabel("CPU time of an update [µs]")
             axes.margins(x=0.35, y=0.3)
         for axes in drawn[len(names) :]:
             axes.set_axis_off()

@@ -255,4 +255,5 @@ def _logged(
         command = inputs[k - 1] if k else np.zeros_like(inputs[0])
         calls.append(RecordedCall(k * h, measurements, command, truths[k]))
     agent = AgentRecorder(_NAME, [], np.array(inputs), kept)
-    return Recording(np.arange(n) * h, {_NAME: np.array(truths)}, {_NAME: agent}, [], {_NAME: ()}, n), calls
+    t: Array = h * np.arange(n, dtype=np.float64)
+    return Recording(t, {_NAME: np.array(truths)}, {_NAME: agent}, [], {_NAME: ()}, n), calls

@@ -68,7 +68,8 @@ class Bounds:
                 "Every system moves with the very noise that is declared. Efficiency: the root of the sum of squared "
                 "errors over that of the posterior Cramér-Rao bounds, over the second half of every run: of the "
                 "position, and of the mechanism's joint velocities. Estimators have their standard fields; "
-                f"{DECLARED} has that of the gusts as they are declared, without the reserve for a wrong mass. On the mechanism no noise acts, so that its bound is that of "
+                f"{DECLARED} has that of the gusts as they are declared, without the reserve for a wrong mass. On the "
+                "mechanism no noise acts, so that its bound is that of "
                 "its start as a parameter, to which an estimator that allows for errors of its model cannot come.",
             ),
             rows=[

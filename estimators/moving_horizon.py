@@ -36,7 +36,7 @@ HorizonMission = RangingMission | MissileMission | FlightMission | LagrangianMis
 class MovingHorizonConfig:
     """Fields of the command line."""
 
-    stages: Annotated[int, Interval(ge=2, le=200), FINITE] = 10
+    stages: Annotated[int, Interval(ge=2, le=200), FINITE] = 6
     """of the window: times with readings, and the newest"""
     iterations: Annotated[int, Interval(ge=1, le=20), FINITE] = 1
     """of Gauss and Newton at each of them; 1 is the real-time iteration"""

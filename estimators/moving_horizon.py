@@ -36,7 +36,7 @@ HorizonMission = RangingMission | MissileMission | FlightMission | LagrangianMis
 class MovingHorizonConfig:
     """Fields of the command line."""
 
-    stages: Annotated[int, Interval(ge=2, le=200), FINITE] = 10
+    stages: Annotated[int, Interval(ge=2, le=200), FINITE] = 6
     """of the window: times with readings, and the newest"""
     iterations: Annotated[int, Interval(ge=1, le=20), FINITE] = 1
     """of Gauss and Newton at each of them; 1 is the real-time iteration"""
@@ -64,15 +64,32 @@ class MovingHorizonEstimator:
     @staticmethod
     def build(config: MovingHorizonConfig, mission: HorizonMission) -> MovingHorizonEstimator:
         """Build the estimator of one run."""
+        model, period = MovingHorizonEstimator.stagewise_model(config, mission), _period(mission)
         if isinstance(mission, LagrangianMission):
-            from mathnavi.estimators.stagewise.lagrangian import NOISE_FLOOR, LagrangianModel
-
-            lagrangian = LagrangianModel(mission, config.acceleration, NOISE_FLOOR)
-            return MovingHorizonEstimator(config, lagrangian, mission.period, mission.start_state)
-        model, period = _model(mission)
+            return MovingHorizonEstimator(config, model, period, mission.start_state)
         start = model.start(None)
         assert start is not None
         return MovingHorizonEstimator(config, model, period, start[0])
+
+    @staticmethod
+    def stagewise_model(config: MovingHorizonConfig, mission: HorizonMission) -> StagewiseModel:
+        """Model with noise of the mission's vehicle."""
+        if isinstance(mission, LagrangianMission):
+            from mathnavi.estimators.stagewise.lagrangian import NOISE_FLOOR, LagrangianModel
+
+            return LagrangianModel(mission, config.acceleration, NOISE_FLOOR)
+        if isinstance(mission, RangingMission):
+            from mathnavi.estimators.stagewise.ranging import RangingModel
+
+            return RangingModel(mission)
+        if isinstance(mission, MissileMission):
+            from mathnavi.estimators.missile_kalman import MissileKalmanConfig
+            from mathnavi.estimators.stagewise.missile import MissileModel
+
+            return MissileModel.of(MissileKalmanConfig(), mission)
+        from mathnavi.estimators.stagewise.flight import FlightModel
+
+        return FlightModel.of(KalmanConfig(), mission)
 
     @staticmethod
     def sensors(config: MovingHorizonConfig, mission: HorizonMission) -> tuple[Sensor, ...]:
@@ -131,17 +148,6 @@ class MovingHorizonEstimator:
         return Estimate(t, x, covariance, status, {"deviation": deviation, **self._model.extra(self._unknown)})
 
 
-def _model(mission: RangingMission | MissileMission | FlightMission) -> tuple[StagewiseModel, float]:
-    """The model of a vehicle whose start is stated, and the period of its estimates [s]."""
-    if isinstance(mission, RangingMission):
-        from mathnavi.estimators.stagewise.ranging import RangingModel
-
-        return RangingModel(mission), mission.period
-    if isinstance(mission, MissileMission):
-        from mathnavi.estimators.missile_kalman import MissileKalmanConfig
-        from mathnavi.estimators.stagewise.missile import MissileModel
-
-        return MissileModel.of(MissileKalmanConfig(), mission), mission.control_period
-    from mathnavi.estimators.stagewise.flight import FlightModel
-
-    return FlightModel.of(KalmanConfig(), mission), mission.control_period
+def _period(mission: HorizonMission) -> float:
+    """Time between two estimates [s]."""
+    return mission.period if isinstance(mission, RangingMission | LagrangianMission) else mission.control_period

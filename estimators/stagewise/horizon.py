@@ -25,7 +25,7 @@ from mathnavi.estimators.stagewise.model import Piece, Stage, StagewiseModel, ad
 from mathnavi.estimators.stagewise.smoother import square_root
 from mathnavi.sim.interfaces.signals import Array
 
-_MOVED = 0.05  # deviations by which a state may move before its transition is linearised anew
+_MOVED = 0.5  # deviations by which a state may move before its transition is linearised anew
 _GOOD = 4.0  # deviations within which a number of a reading agrees with the estimate
 
 
@@ -208,9 +208,12 @@ class MovingHorizon:
     def _weighted(self, node: _Node) -> tuple[Array, Array]:
         """r (k,) and W (k, d) at the node, times the roots of Huber's weights."""
         r, W = residuals(self._model, node.x, node.readings)
-        spread = node.spread if node.spread is not None and len(node.spread) == len(r) else 1.0
-        size = np.abs(r) / spread
-        root = np.sqrt(np.minimum(1.0, self._slope / np.maximum(size, np.finfo(float).tiny)))
+        size = np.abs(r)
+        if node.spread is not None and len(node.spread) == len(r):
+            size = size / node.spread
+        if not (size > self._slope).any():
+            return r, W
+        root = np.sqrt(self._slope / np.maximum(size, self._slope))
         return root * r, root[:, np.newaxis] * W
 
     def _spread(self, stage: Stage) -> Array:

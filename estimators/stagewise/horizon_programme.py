@@ -1,7 +1,7 @@
 """The quadratic programme of a moving horizon, stage by stage, with its limits, as FATROP takes it.
 
-With errors e_i (d,) of N stages, scaled so that they are of one size, readings W e = r + noise of H = W' W and g = W' r,
-and noises n_i (d,) between the stages,
+With errors e_i (d,) of N stages, scaled so that they are of one size, readings W e = r + noise of H = W' W and
+g = W' r, and noises n_i (d,) between the stages,
 
     min 1/2 |e_0|^2 + 1/2 sum |n_i|^2 + sum (1/2 e_i' H_i e_i - g_i' e_i)
     subject to  e_{i+1} = A_i e_i + B_i n_i + c_i,   low_i <= e_i <= high_i,

@@ -58,6 +58,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "attitude": {"seeds": 1, "others": 1, "seconds": 1},
     "mechanisms": {"own": 1, "suite": 1, "values": 1, "seconds": 1},
     "real-arms": {"cases": 1, "values": 1, "seconds": 2},
+    "bounds": {"seeds": 1, "scenarios": 2, "shortened": 4},
     "range-convergence": {"seeds": 1, "peers": 1, "drives": 1, "repetitions": 1, "seconds": 1},
     "range-observer": {"starts": 1, "drives": 1, "states": 2, "seconds": 1},
     "hunt": {"missions": 4, "tries": 4, "draws": 4, "repeats": 1},
@@ -114,6 +115,7 @@ CLAIMS = {
         "D.prohibitive",
     },
     "real-arms": {"real-arms.best", "real-arms.honest"},
+    "bounds": {"seeds": 1, "scenarios": 2, "shortened": 4},
     "range-convergence": {"range.global", "range.bank", "range.nonconvex", "range.diffdrive", "range.consistency"},
     "range-observer": {
         *(

@@ -1,0 +1,1 @@
+"""Estimators of all kinds against the posterior Cramér-Rao bound."""

@@ -1,0 +1,153 @@
+"""How near estimators come to the posterior Cramér-Rao bound, and the price of an update."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from mathnavi.renders.figures import BOUND, INK, STYLE
+from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
+from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.studies.framework.jobs import Jobs
+from mathnavi.sim.studies.framework.study import Setup, StudyResult
+from mathnavi.sim.studies.ranging.bounds.runs import DECLARED, SCENARIOS, BoundErrors, BoundRun, compared
+
+NEAR = 1.15  # times the bound, which counts as reached
+CHANCE = 3.0  # standard errors
+DISTURBED = ("ranges", "flight", "missile")  # scenarios with process noise
+
+
+@configuration
+class BoundsConfig:
+    """Sample sizes: runs."""
+
+    seeds: Count = 10
+    """of each scenario"""
+    scenarios: Count = len(SCENARIOS)
+    """at most"""
+    shortened: Count = 1
+    """times that a run is shorter"""
+
+
+@dataclass(frozen=True)
+class Efficiency:
+    """An estimator over all runs of a scenario."""
+
+    scenario: str
+    estimator: str
+    value: float  # root of the sum of squared errors over that of their bounds
+    standard_error: float  # of it, by the jackknife over runs; infinite of one
+    ok: float  # share of the estimates with the status OK
+    cost: float  # [us] an update
+
+
+class Bounds:
+    """Every estimator on every scenario against the posterior Cramér-Rao bound."""
+
+    Config = BoundsConfig
+    quick = BoundsConfig(seeds=2, shortened=2)
+    title = "Estimators at the posterior Cramér-Rao bound"
+    on_terrain = False
+
+    @staticmethod
+    def run(config: BoundsConfig, setup: Setup) -> StudyResult:
+        """Run the study."""
+        jobs = Jobs()
+        for name in list(SCENARIOS)[: config.scenarios]:
+            seconds = SCENARIOS[name][2] / config.shortened
+            jobs.add(name, compared, [BoundRun(name, seed, seconds) for seed in range(config.seeds)])
+        found = efficiencies(jobs.done(setup))
+        return StudyResult(
+            summary=(
+                "Every system moves with the very noise that is declared. Efficiency: the root of the sum of squared "
+                "errors over that of the posterior Cramér-Rao bounds, over the second half of every run: of the "
+                "position, and of the mechanism's joint velocities. Estimators have their standard fields; "
+                f"{DECLARED} has that of the gusts as they are declared, without the reserve for a wrong mass. On the "
+                "mechanism no noise acts, so that its bound is that of "
+                "its start as a parameter, to which an estimator that allows for errors of its model cannot come.",
+            ),
+            rows=[
+                {"scenario": e.scenario, "estimator": e.estimator, "efficiency": e.value,
+                 "standard_error": e.standard_error, "ok": e.ok, "update_us_wall_s": e.cost}
+                for e in found
+            ],
+            tables=(_table(found),),
+            figure=_figure(found),
+            caption="Root mean square error over its posterior Cramér-Rao bound, against the CPU time of an update.",
+            claims=claims(found),
+        )  # fmt: skip
+
+
+def efficiencies(found: Mapping[str, Sequence[Sequence[BoundErrors]]]) -> list[Efficiency]:
+    """Efficiency of each estimator on each scenario, of its errors run by run."""
+    made = []
+    for scenario, runs in found.items():
+        for errors in zip(*runs, strict=True):
+            squares, bounds = np.array([e.squares for e in errors]), np.array([e.bounds for e in errors])
+            value = math.sqrt(squares.sum() / bounds.sum())
+            n, spread = len(errors), math.inf
+            if n > 1:
+                without = np.sqrt((squares.sum() - squares) / (bounds.sum() - bounds))
+                spread = float(np.sqrt((n - 1) * np.mean(np.square(without - without.mean()))))
+            ok, cost = float(np.mean([e.ok for e in errors])), float(np.median([e.cost for e in errors]))
+            made.append(Efficiency(scenario, errors[0].estimator, value, spread, ok, cost))
+    return made
+
+
+def claims(found: Sequence[Efficiency]) -> list[Claim]:
+    """Evaluate the claims of the study."""
+    best = [
+        min((e for e in found if e.scenario == name), key=lambda e: e.value)
+        for name in dict.fromkeys(e.scenario for e in found)
+    ]
+    far = [e for e in best if e.scenario in DISTURBED and e.value > NEAR]
+    below = [e for e in found if e.value + CHANCE * e.standard_error < 1.0]
+    least = min(found, key=lambda e: e.value)
+    return [
+        Claim(
+            "bounds.efficiency", "target", "Estimators reach the posterior Cramér-Rao bound.", "C.5",
+            f"where process noise acts the best estimator's error is at most {NEAR:g} times the bound",
+            ", ".join(f"{e.scenario}: {e.value:.2f} ({e.estimator})" for e in best),
+            not far,
+        ),
+        Claim(
+            "bounds.valid", "target", "No estimator beats the bound.", "C.5",
+            f"no efficiency is below 1 by more than {CHANCE:g} standard errors",
+            f"the least is {least.value:.2f} ± {least.standard_error:.2f} ({least.estimator}, {least.scenario})",
+            not below,
+        ),
+    ]  # fmt: skip
+
+
+def _table(found: Sequence[Efficiency]) -> Table:
+    rows = [
+        (e.scenario, e.estimator, f"{e.value:.3g} ± {e.standard_error:.2g}", f"{100.0 * e.ok:.1f}%", f"{e.cost:.0f}")
+        for e in found
+    ]
+    return Table("Error over the bound", ("scenario", "estimator", "efficiency", "OK", "µs an update"), rows)
+
+
+def _figure(found: Sequence[Efficiency]) -> Figure:
+    names = list(dict.fromkeys(e.scenario for e in found))
+    with matplotlib.rc_context(STYLE):
+        page = Figure(figsize=(9.4, 2.9 * math.ceil(len(names) / 2)), layout="constrained")
+        drawn = page.subplots(math.ceil(len(names) / 2), 2, squeeze=False).ravel()
+        for axes, name in zip(drawn, names, strict=False):
+            of_scenario = [e for e in found if e.scenario == name]
+            axes.axhline(1.0, color=BOUND, ls=":", lw=1.2)
+            for e in of_scenario:
+                spread = e.standard_error if math.isfinite(e.standard_error) else 0.0
+                axes.errorbar(e.cost, e.value, min(spread, 0.9 * e.value), fmt="o", color=INK, ms=5, capsize=3)
+                axes.annotate(e.estimator, (e.cost, e.value), (5, 4), textcoords="offset points")
+            axes.set(xscale="log", yscale="log", title=name, ylabel="error / bound")
+            axes.set_xlabel("CPU time of an update [µs]")
+            axes.margins(x=0.35, y=0.3)
+        for axes in drawn[len(names) :]:
+            axes.set_axis_off()
+    return page

@@ -31,7 +31,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 _NODES = 400  # of the grid of distances, along the longer side of the room
 MOST_OTHERS = 8
-_MOST_BOXES = 40_000
+_MOST_BOXES = 20_000
 _SIZES = np.array([[0.06, 0.06], [0.008, 0.008]])  # [m, rad] at which a pose is sought in a box, and it is undecided
 _OBLIQUE = 3.0  # a range changes by so much at most where its ray's end moves by 1, unless it nearly grazes the wall
 _LEAST_SPREAD = 0.2  # of 1 - kappa r: with more noise a reading tells too little

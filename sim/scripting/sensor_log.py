@@ -187,7 +187,7 @@ def _check_readings(log: SensorLog, sensor: Sensor, method: str) -> None:
     if getattr(sensor, "partial", False):
         return
     missing = np.isnan(values).all(axis=1)
-    places = np.argwhere(~np.isfinite(values) & ~missing[:, None])
+    places = np.argwhere(~np.isfinite(values) & ~missing.reshape(-1, 1))
     if places.size:
         row, column = places[0]
         raise LogError(

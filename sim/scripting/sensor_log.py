@@ -57,10 +57,8 @@ class SensorLog:
         inputs = None if self.inputs is None else self._rows(self.inputs, "inputs", len(t))
         if inputs is not None and (places := np.argwhere(~np.isfinite(inputs))).size:
             row, column = places[0]
-            value = inputs[row, column]
-            raise LogError(
-                f"{self.source}: inputs[{row}, {column}] = {value} at {t[row]:.9g} s; allowed: finite inputs"
-            )
+            where = f"inputs[{row}, {column}] = {inputs[row, column]} at {t[row]:.9g} s"
+            raise LogError(f"{self.source}: {where}; allowed: finite inputs")
         for name, value in (("t", t), ("readings", readings), ("inputs", inputs)):
             object.__setattr__(self, name, value)
 
@@ -137,12 +135,12 @@ class EstimateHistory:
 def estimate(method: str | PluginSpec | type[Any], mission: Any, log: SensorLog, **fields: Any) -> EstimateHistory:
     """Run an estimator over a log.
 
-    ``method`` is any plug-in of ``mathnavi list estimators``, its class, or ``plugin(NAME, ...)``, and ``fields`` are its
-    own. ``mission`` says what the estimator has to know of the vehicle and its sensors, as ``RangingMission(wall, angles,
-    ...)`` does; its period has to be about that of the log.
+    ``method`` is any plug-in of ``mathnavi list estimators``, its class, or ``plugin(NAME, ...)``, and ``fields`` are
+    its own. ``mission`` says what the estimator has to know of the vehicle and its sensors, as ``RangingMission(wall,
+    angles, ...)`` does; its period has to be about that of the log.
 
-    Raises PluginError for a method that is not known or does not fit the mission, FieldError for a field or a value that
-    is not allowed, and LogError for a log without readings that the method needs, or with malformed ones.
+    Raises PluginError for a method that is not known or does not fit the mission, FieldError for a field or a value
+    that is not allowed, and LogError for a log without readings that the method needs, or with malformed ones.
     """
     found = load("estimators", method) if isinstance(method, str) else method
     spec = found if isinstance(found, PluginSpec) else PluginSpec.of(found)
@@ -189,7 +187,7 @@ def _check_readings(log: SensorLog, sensor: Sensor, method: str) -> None:
     if getattr(sensor, "partial", False):
         return
     missing = np.isnan(values).all(axis=1)
-    places = np.argwhere(~np.isfinite(values) & ~missing[:, None])
+    places = np.argwhere(~np.isfinite(values) & ~missing.reshape(-1, 1))
     if places.size:
         row, column = places[0]
         raise LogError(

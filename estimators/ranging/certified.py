@@ -1,0 +1,94 @@
+"""The plug-in ``range_certified``: another range estimator, with a certificate of its pose (``pose_certificate``)."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import field
+from typing import Any, Literal
+
+import numpy as np
+
+from mathnavi.estimators.invariant.ranging import RangeIekf
+from mathnavi.estimators.ranging.extended import RangeEkf
+from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank
+from mathnavi.estimators.ranging.model import RangeModel
+from mathnavi.estimators.ranging.pose_certificate import MOST_OTHERS, PoseCertificate, PoseCertificateConfig
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import RangeQuality
+from mathnavi.sim.interfaces.bounds import Positive, configuration
+from mathnavi.sim.interfaces.observer_properties import ObserverProperties
+from mathnavi.sim.interfaces.protocols import Estimator, Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
+
+_KINDS: Mapping[str, Any] = {"feasible_set_bank": FeasibleSetBank, "range_ekf": RangeEkf, "range_iekf": RangeIekf}
+
+
+@configuration
+class RangeCertifiedConfig:
+    """Fields of the command line."""
+
+    of: Literal["feasible_set_bank", "range_ekf", "range_iekf"] = "feasible_set_bank"
+    """the estimator whose pose is certified, with its own defaults"""
+    every: Positive = 1.0
+    """between two certificates [s]"""
+    certificate: PoseCertificateConfig = field(default_factory=PoseCertificateConfig)
+
+
+class RangeCertified:
+    """Estimator of the pose that says whether another pose explains the last readings too."""
+
+    Config = RangeCertifiedConfig
+
+    def __init__(self, config: RangeCertifiedConfig, mission: RangingMission) -> None:
+        kind = _KINDS[config.of]
+        self._estimator: Estimator = kind.build(kind.Config(), mission)
+        self.period = self._estimator.period
+        self._model, self._every = RangeModel(mission), config.every
+        self._certificate = PoseCertificate(config.certificate, mission)
+        self._certified, self._others = math.nan, np.full((MOST_OTHERS, 3), np.nan)
+        self._due = -math.inf  # [s] of the next certificate
+
+    @staticmethod
+    def build(config: RangeCertifiedConfig, mission: RangingMission) -> RangeCertified:
+        """Build the estimator of one run."""
+        return RangeCertified(config, mission)
+
+    @staticmethod
+    def sensors(config: RangeCertifiedConfig, mission: RangingMission) -> tuple[Sensor, ...]:
+        """Sensors that the robot has to carry for this estimator."""
+        return mission.sensors_carried()
+
+    @staticmethod
+    def quality(config: RangeCertifiedConfig, mission: RangingMission) -> RangeQuality:
+        """Declared quality of the ranges."""
+        return mission.ranging
+
+    @staticmethod
+    def properties(config: RangeCertifiedConfig) -> ObserverProperties:
+        """Table 2.1, of the estimator that is certified."""
+        kind = _KINDS[config.of]
+        declared: ObserverProperties = kind.properties(kind.Config())
+        return declared
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """Estimate (3,) [m, m, rad] of the certified estimator at t [s]; ``command`` (2,) where odometry says nothing.
+
+        Beside its own arrays ``extra`` has those of the last certificate: ``certified`` (1,), 1 or 0, and ``others``
+        (8, 3), the poses that explained the readings too. Both are NaN where there is nothing to say: until there are
+        enough readings, and while the estimate is not OK.
+        """
+        rho, u = self._model.ranges(measurements), self._model.input(measurements, command)
+        estimate = self._estimator.update(t, measurements, command)
+        self._certificate.note(t, rho, u)
+        if estimate.status is not Status.OK:
+            self._certified, self._due = math.nan, -math.inf
+            self._others[:] = np.nan
+        elif t >= self._due and self._certificate.is_full:
+            found = self._certificate.check(estimate.x)
+            self._certified, self._due = float(found.certified), t + self._every
+            self._others[:] = np.nan
+            self._others[: len(found.others)] = found.others
+        extra = {"certified": np.array([self._certified]), "others": self._others.copy()}
+        return dataclasses.replace(estimate, extra={**estimate.extra, **extra})

@@ -179,7 +179,7 @@ class LiveScene:
         if self._body is None:
             return {}
         if self._terrain is not None and self._has_airframes():
-            found = {}
+            found: dict[str, tuple[list[float], list[float]]] = {}
             for name, x in loop.truths.items():
                 place, quat = airframe_pose(x[:3], x[3:6], loop.runners[name].command)
                 found[name] = (np.round(place, 2).tolist(), np.round(quat, 4).tolist())

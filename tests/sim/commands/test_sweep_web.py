@@ -1,4 +1,4 @@
-"""``mathnavi sweep --web``: the page of a sweep holds the report of what is stored, and asks again until it has ended."""
+"""``mathnavi sweep --web``: the page holds the report of what is stored, and asks again until the sweep has ended."""
 
 from __future__ import annotations
 

@@ -194,7 +194,7 @@ class LiveScene:
         """The plans that have been adopted since the sample before, by vehicle."""
         if self._terrain is None:
             return {}
-        found = {}
+        found: dict[str, Any] = {}
         for name, runner in loop.runners.items():
             plan = runner.plan
             if plan is None or plan is self._followed.get(name) or plan.x.shape[1] < 6:

@@ -20,6 +20,7 @@ from mathnavi.sim.commands.run_request import RunRequest, read_request
 from mathnavi.sim.commands.run_web import FollowedRun, changed_config, followed
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
+from tests.renders.web.browser import chromium, watched
 
 ROBOT = ("range-localisation", "--duration", "1.0", "--sensors", "0", "90")
 MISSION = {"start": [1000.0, 2000.0, 500.0], "target": [9000.0, 8000.0, 600.0]}
@@ -75,6 +76,18 @@ def test_a_page_that_follows_a_run_gets_all_of_it_and_changes_nothing() -> None:
     assert np.abs(places - truth).max() < 1e-3
     alone = wanted.build().run().recording
     assert np.array_equal(alone.truths["robot"], recording.truths["robot"])
+
+
+def test_the_page_that_follows_a_run_is_drawn_in_a_browser() -> None:
+    wanted = request(*ROBOT)
+    with chromium() as browser, followed(wanted, "127.0.0.1", 0) as run, watched(browser) as seen:
+        flown(run, wanted)
+        seen.open(run.url)
+        seen.until("player.live.next > 10 && !player.changed")
+        assert len(np.unique(seen.picture("#canvas").reshape(-1, 3), axis=0)) > 100
+        assert seen.page.locator("#controls input").count() == 1  # the pace
+        assert all(url.startswith(run.url) for url in seen.requests)
+        assert seen.complaints == []
 
 
 def test_sliders_change_fields_from_now_on() -> None:

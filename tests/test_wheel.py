@@ -17,7 +17,7 @@ from mathnavi.renders import opengl
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("controllers", "estimators", "models", "renders", "sim")
-DATA = (".xml", ".css", ".js", ".json", ".png", ".md", ".typed")
+DATA = (".xml", ".css", ".html", ".js", ".json", ".png", ".md", ".typed")
 FLIGHT = ["safe-flight", "--terrain", "jacksboro", "--start", "3000", "4000", "900", "--target", "6000", "7000", "1000"]
 
 

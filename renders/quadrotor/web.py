@@ -11,13 +11,14 @@ from mathnavi.models.quadrotor.dynamics import ATTITUDE
 from mathnavi.models.quadrotor.entity import add_vehicle
 from mathnavi.renders.flight.web import VEHICLE
 from mathnavi.renders.flight.web import web_scene as flight_scene
+from mathnavi.renders.framing import framing
 from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.quadrotor.run_data import QuadrotorRun
-from mathnavi.renders.quadrotor.scene import DRAWN
+from mathnavi.renders.quadrotor.scene import DRAWN, FREE, OPTICS, SIGHT
 from mathnavi.renders.web.bodies import body_surfaces, model_shapes
 from mathnavi.renders.web.charts import TRUTH, curve
-from mathnavi.renders.web.elements import Chart, Layer, Motion, WebScene
-from mathnavi.renders.web.landscape import chase
+from mathnavi.renders.web.elements import Camera, Chart, Layer, Motion, WebScene
+from mathnavi.renders.web.landscape import ASPECT, chase
 
 CHASE_DISTANCE, CHASE_BEHIND = 10.0, 0.6  # in reaches of the vehicle, [s]
 
@@ -39,11 +40,26 @@ def web_scene(run: QuadrotorRun) -> WebScene:
     below = terrain.height(np.clip(x[:, 0], 0.0, terrain.width), np.clip(x[:, 1], 0.0, terrain.depth))
     motion = Motion(run.flight.t, x[:, :3], run.truth[:, ATTITUDE], ground=np.asarray(below)).thinned()
     near = chase("follow the vehicle", VEHICLE, CHASE_DISTANCE * run.reach, CHASE_BEHIND, 0.0)
-    cameras = [*(camera for camera in flight.cameras if camera.follow is None), near]
+    cameras = [*_map_views(run), near]
     return replace(
         flight, cameras=cameras, motions={**flight.motions, VEHICLE: motion}, surfaces=[*rest, *own],
         charts=quadrotor_charts(run),
     )  # fmt: skip
+
+
+def _map_views(run: QuadrotorRun) -> list[Camera]:
+    """The map as its pictures show it, heights as they are."""
+    terrain, found = run.flight.terrain, []
+    heights = (float(terrain.z.min()), float(terrain.z.max()))
+    corners = np.array([[x, y, z] for x in (0.0, terrain.width) for y in (0.0, terrain.depth) for z in heights])
+    for name, sight in SIGHT.items():
+        view = framing(corners, FREE[name], OPTICS[name], ASPECT, sight)
+        place = (float(view.lookat[0]), float(view.lookat[1]), float(view.lookat[2]))
+        degrees = OPTICS[name].field_of_view
+        found.append(
+            Camera(name, place, view.distance, view.azimuth, view.elevation, field_of_view=degrees, span=0.075)
+        )
+    return found
 
 
 def quadrotor_charts(run: QuadrotorRun) -> list[Chart]:

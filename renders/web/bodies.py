@@ -8,10 +8,11 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.renders.palette import COLOURS, Colour, SceneElement
 from mathnavi.renders.web.elements import Layer, Motion, Surface
-from mathnavi.renders.web.shapes import grid_faces, triangles
+from mathnavi.renders.web.shapes import Triangles, grid_faces, triangles
 from mathnavi.sim.engine.scene_record import FIELD, MESH, PLANE, shapes
 from mathnavi.sim.interfaces.signals import Array
 
@@ -58,7 +59,7 @@ def body_surfaces(
     half the side of planes without a size; ``floor`` colour and side [m] of the squares of planes.
     """
     ground, square = floor or (FLOOR_COLOUR, 10.0 ** np.floor(np.log10(max(0.005 * endless, 1e-6))))
-    found: dict[tuple[Any, ...], list[tuple[Array, Array]]] = {}
+    found: dict[tuple[Any, ...], list[tuple[Array, NDArray[np.int64]]]] = {}
     for k, (body, kind, data) in enumerate(zip(a["geom.body"], a["geom.type"], a["geom.data"], strict=True)):
         own = triangles(int(kind), a["geom.size"][k].astype(float), endless)
         vertices, faces, smooth = own if own is not None else _recorded(a, int(kind), int(data))
@@ -96,7 +97,7 @@ def ghosts(
             each.glow, each.span,
         )
         for each in surfaces
-        if each.motion in motions
+        if each.motion is not None and each.motion in motions
     ]  # fmt: skip
 
 
@@ -149,7 +150,7 @@ def _runs(known: Any) -> list[tuple[int, int]]:
     return [(int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)]
 
 
-def _recorded(a: Mapping[str, Array], kind: int, data: int) -> tuple[Array, Any, bool]:
+def _recorded(a: Mapping[str, Array], kind: int, data: int) -> Triangles:
     """Triangles of a mesh or of a field."""
     if kind == MESH:
         return a[f"mesh.{data}.vertices"].astype(float), a[f"mesh.{data}.faces"].astype(np.int64), False

@@ -179,7 +179,7 @@ class LiveScene:
         if self._body is None:
             return {}
         if self._terrain is not None and self._has_airframes():
-            found = {}
+            found: dict[str, tuple[list[float], list[float]]] = {}
             for name, x in loop.truths.items():
                 place, quat = airframe_pose(x[:3], x[3:6], loop.runners[name].command)
                 found[name] = (np.round(place, 2).tolist(), np.round(quat, 4).tolist())
@@ -194,7 +194,7 @@ class LiveScene:
         """The plans that have been adopted since the sample before, by vehicle."""
         if self._terrain is None:
             return {}
-        found = {}
+        found: dict[str, Any] = {}
         for name, runner in loop.runners.items():
             plan = runner.plan
             if plan is None or plan is self._followed.get(name) or plan.x.shape[1] < 6:

@@ -32,8 +32,8 @@ from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 STEP = 0.02  # [s] of the wall clock that the simulation waits at most at a time
 PACES = (0.1, 20.0)  # times as fast as it is
 RADAR_WEIGHT = 5.0
-WAITING = """<!doctype html><html lang="en"><meta charset="utf-8"><link rel="icon" href="data:,"><meta http-equiv="refresh" content="1">
-<title>mathnavi</title><p>The run is being prepared.</p></html>"""
+WAITING = """<!doctype html><html lang="en"><meta charset="utf-8"><link rel="icon" href="data:,">
+<meta http-equiv="refresh" content="1"><title>mathnavi</title><p>The run is being prepared.</p></html>"""
 DRIVE = 30.0  # [s] that a target takes to its new place
 PACE = "pace"  # the one slider that changes how the run is shown, not what happens
 

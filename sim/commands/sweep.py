@@ -5,9 +5,11 @@ from __future__ import annotations
 import itertools
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
@@ -18,6 +20,7 @@ from mathnavi.sim.commands.interruption import when_interrupted
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
 from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import RunRequest, prepare, usage
+from mathnavi.sim.commands.served_address import address_of, check_address
 from mathnavi.sim.commands.variations import listed_combinations, read_requests, read_variations, trials
 from mathnavi.sim.interfaces.bounds import LARGEST_SEED, MOST_TO_COMPUTE, Count, Positive, Processes, configuration
 from mathnavi.sim.interfaces.checks import check_spares
@@ -27,6 +30,9 @@ from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import LostError, check
 from mathnavi.sim.sweep.execution import Progress, available_cores, run_trials
 from mathnavi.sim.sweep.trial import Trial, contents, named_files
+
+if TYPE_CHECKING:
+    from mathnavi.sim.commands.sweep_web import FollowedSweep
 
 REPORT = ".html"
 
@@ -53,12 +59,19 @@ class SweepOptions:
     """take trials that are stored from another computing environment, and workers that compute in one"""
     report: bool = False
     """write a page beside the store, with .html in place of its ending"""
+    web: bool = False
+    """show the report of the trials so far in a browser while the sweep goes on: prints the URL"""
+    host: str | None = None
+    """address of this machine at which that is served, 127.0.0.1 if not given; the URL of any other has a token"""
+    port: int | None = None
+    """port, 8765 if not given; 0 is any that is free"""
 
     def __post_init__(self) -> None:
         if self.workers is not None and self.cluster is not None:
             raise ValueError(f"cluster = {self.cluster!r} beside --workers {self.workers}; allowed: one of both")
         if self.store.suffix == REPORT:
             raise ValueError(f"store = {self.store}; allowed: another ending than that of the report, {REPORT}")
+        check_address(self.host, self.port, web=self.web)
 
 
 def main(argv: Sequence[str]) -> int:
@@ -69,12 +82,19 @@ def main(argv: Sequence[str]) -> int:
         sweep = read_sweep(argv)
     except HelpPrinted:
         return 0
+    with ExitStack() as served:
+        return _run(sweep, argv, served)
+
+
+def _run(sweep: SweepRequest, argv: Sequence[str], served: ExitStack) -> int:
+    """Run the trials and print what came of them; the exit code of the command. ``served`` holds a server."""
     request, options = sweep.request, sweep.request.options
     if options.report:
         with bad_input():
             check_spares(options.store.with_suffix(REPORT), [options.store, *request.files], "--report")
     errors = Console(stderr=True, markup=False)
     command = shlex.join(["mathnavi", "sweep", *argv])
+    follow: FollowedSweep | None = None
     state: Progress | None = None  # before the store is looked into
     when_interrupted(lambda: f"{_stored(state)}; to go on")
     try:
@@ -86,6 +106,8 @@ def main(argv: Sequence[str]) -> int:
             with compilation_announced(errors):
                 _build_combinations(sweep)
             store = Store.open(options.store)
+        if options.web:
+            follow = served.enter_context(_followed(sweep, asked, command, lambda: _stored(state)))
         with store, sweep_progress(errors, request.name.rpartition(":")[2]) as draw:
 
             def progress(now: Progress) -> None:
@@ -132,7 +154,22 @@ def main(argv: Sequence[str]) -> int:
             print(f"mathnavi: no report: {worded(error)}", file=sys.stderr)
             return 1
         console.print(f"report  {page}", soft_wrap=True, highlight=False)
+    if follow is not None:
+        follow.show_ended()
     return 0
+
+
+def _followed(
+    sweep: SweepRequest, asked: Sequence[str], command: str, progress: Callable[[], str]
+) -> AbstractContextManager[FollowedSweep]:
+    from mathnavi.sim.commands.sweep_web import FollowedSweep, followed  # what draws takes a while to import
+
+    options = sweep.request.options
+    varied = [*sweep.listed, *sweep.drawn]
+    page = FollowedSweep(
+        sweep.request.name, options.store, asked, varied, options.mix_environments, command, progress
+    )  # fmt: skip
+    return followed(page, *address_of(options.host, options.port))
 
 
 def _report(sweep: SweepRequest, records: Sequence[Record], command: str) -> Path:

@@ -8,7 +8,7 @@ class Live {
     this.token = new URLSearchParams(location.search).get("token");
     this.setControls(controls); this.restoreView();
     addEventListener("pagehide", () => { const { orbit, camera } = player; sessionStorage.setItem(VIEW, JSON.stringify({ name: camera.name, orbit })); });
-    $("speed").parentElement.hidden = true; $("play").textContent = "⏸"; $("play").setAttribute("aria-label", "pause");
+    $("speed").parentElement.hidden = true; $("play").setAttribute("aria-label", "pause");
     this.ask();
   }
   url(path, more = {}) { const query = new URLSearchParams({ ...more, ...(this.token ? { token: this.token } : {}) }); return `${path}?${query}`; }
@@ -37,7 +37,7 @@ class Live {
   plays(playing) {
     if (!this.following) { this.following = true; this.player.change(); return true; }
     this.paused = !this.paused; this.send({ paused: this.paused });
-    $("play").textContent = this.paused ? "▶" : "⏸"; $("play").setAttribute("aria-label", this.paused ? "play" : "pause");
+    $("play").setAttribute("aria-label", this.paused ? "play" : "pause");
     return true;
   }
   async ask() {

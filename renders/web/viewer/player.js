@@ -141,7 +141,7 @@ class Player {
     if (this.live?.plays(playing)) return;
     if (playing && this.t >= this.scene.duration - 1e-9) this.t = 0;
     this.playing = playing; this.clock = null;
-    $("play").textContent = playing ? "⏸" : "▶"; $("play").setAttribute("aria-label", playing ? "pause" : "play"); this.change();
+    $("play").setAttribute("aria-label", playing ? "pause" : "play"); this.change();
   }
   seek(t) { if (this.live) this.live.following = false; this.t = clamp(t, 0, this.scene.duration); this.change(); }
   change(stale = false) { this.stale ||= stale; this.changed = true; }

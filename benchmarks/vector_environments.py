@@ -87,7 +87,7 @@ class VectorFindings:
 def made(arguments: Arguments, mode: str, hold: float) -> Any:
     """The missions, stepped by ours ("vector_entry_point") or in a process each ("async")."""
     target = TARGET.get(arguments.terrain)
-    fields = {} if target is None else {"target": target, "drawn_separation": (0.15, 0.75)}
+    fields: dict[str, Any] = {} if target is None else {"target": target, "drawn_separation": (0.15, 0.75)}
     if mode == "vector_entry_point":
         return gymnasium.make_vec(ENVIRONMENT, arguments.missions, mode, hold=hold, terrain=arguments.terrain, **fields)
 

@@ -46,7 +46,12 @@ class Pictures:
         if self._renderer is None:
             if available() is None:
                 raise NoOpenGLError(HOW_TO_INSTALL)
-            self._renderer = mujoco.Renderer(plant.model, HEIGHT, WIDTH)
+            try:
+                self._renderer = mujoco.Renderer(plant.model, HEIGHT, WIDTH)
+            except (mujoco.FatalError, RuntimeError) as error:
+                raise NoOpenGLError(
+                    f"{error}; allowed: MUJOCO_GL=osmesa or egl in the environment before mujoco is imported"
+                ) from None
         _dress(episode, plant)
         self._renderer.update_scene(plant.data, _camera(episode, plant), _option())
         pixels: Pixels = self._renderer.render()
@@ -155,5 +160,5 @@ def _chart(episode: EpisodeRunner) -> Pixels:
             axes.plot(recording.t, recording.truths[name][:, k], label=state)
     axes.set_xlabel("t [s]")
     axes.legend()
-    canvas.draw()
-    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+    canvas.draw()  # type: ignore[no-untyped-call]
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()  # type: ignore[no-untyped-call]

@@ -175,7 +175,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         self._limits = flight.clearance_min, flight.speed_max
         self._beta = terms.cost_max - flight.acceleration_max**2
         self._seeders = [seeding.np_random(None)[0] for _ in range(num_envs)]
-        self._chance: list[_Chance | None] = [None] * num_envs
+        self._chance: dict[int, _Chance] = {}  # by row, where anything is drawn
         self._x = self._starts.copy()
         self._done = np.zeros(num_envs, dtype=np.int64)
         self._potential = np.zeros(num_envs)
@@ -281,7 +281,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         faults = self._runner.config.faults
         if faults.gust_rms == 0.0:
             return np.zeros((self.num_envs, self._steps, 3))
-        fresh = np.array([chance.gusts.standard_normal((self._steps, 3)) for chance in self._chance])
+        fresh = np.array([self._chance[i].gusts.standard_normal((self._steps, 3)) for i in range(self.num_envs)])
         keep = float(np.exp(-self._h / faults.gust_time_constant))
         stir = faults.gust_rms * float(np.sqrt(1.0 - keep * keep))
         return gusts_on(self._gusts, self._blowing, fresh, keep, stir, faults.gust_rms, faults.gust_limit)
@@ -314,23 +314,24 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         self._read = self._x.copy()
         if noise > 0.0:
             width = np.sqrt(3.0) * noise
-            for i, chance in enumerate(self._chance):
+            for i, chance in self._chance.items():
                 self._read[i, :3] += chance.noise.uniform(-width, width, (self._steps, 3))[self._made[i] - 1]
 
     def _observation(self) -> Observation:
         return self._observed(np.arange(self.num_envs))
 
-    def _observed(self, rows: Array) -> Observation:
+    def _observed(self, rows: Integers) -> Observation:
         """Observations of some rows."""
         flight = self._missions[0].flight
         views = components(flight_views(flight.terrain, flight.speed_max, self._read[rows], self._targets[rows]))
         left = np.maximum(self._deadlines[rows] - self._done[rows] * self._h, 0.0)
         return {"time_left": left[:, np.newaxis], **views, "status": np.zeros(len(rows), dtype=np.int64)}
 
-    def _info(self, states: Array, events: list[tuple[str, ...]]) -> dict[str, Any]:
+    def _info(self, states: Integers, events: list[tuple[str, ...]]) -> dict[str, Any]:
         every = np.ones(self.num_envs, dtype=bool)
         happened = np.empty(self.num_envs, dtype=object)
-        happened[:] = events
+        for i, of_row in enumerate(events):
+            happened[i] = of_row
         clearance = self._x[:, 2] - self._ground.height(self._x[:, 0], self._x[:, 1])
         return {
             "outcome": _NAMES[states], "_outcome": every, "events": happened, "_events": every,
@@ -339,7 +340,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
 
     # ---- the next episode
 
-    def _next(self, rows: Array, info: dict[str, Any]) -> dict[str, Any]:
+    def _next(self, rows: Integers, info: dict[str, Any]) -> dict[str, Any]:
         """Begin the next episode in some rows; ``info`` of the last of those that end, and of the first of the next."""
         last = self._observed(rows)
         observations, mask = np.full(self.num_envs, None, dtype=object), np.zeros(self.num_envs, dtype=bool)
@@ -357,17 +358,17 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
             "final_obs": observations, "_final_obs": mask, "final_info": final, "_final_info": mask.copy(),
         }  # fmt: skip
 
-    def _restart(self, rows: Array) -> Array:
+    def _restart(self, rows: Integers) -> Integers:
         """Begin an episode in some rows; the seeds of these."""
         seeds = np.array([drawn_seed(self._seeders[i]) for i in rows], dtype=np.int64)
         config = self._runner.config
         if config.noise.position > 0.0 or config.faults.gust_rms > 0.0:
-            for i, seed in zip(rows, seeds, strict=True):
+            for i, seed in zip(rows.tolist(), seeds, strict=True):
                 self._chance[i] = _Chance.of(self._runner, int(seed))
         self._x[rows] = self._read[rows] = self._starts[rows]
         if config.noise.position > 0.0:
             width = np.sqrt(3.0) * config.noise.position
-            for i in rows:
+            for i in rows.tolist():
                 self._read[i, :3] += self._chance[i].noise.uniform(-width, width, 3)
         self._done[rows] = 0
         self._blowing[rows] = self._clipped[rows] = False

@@ -2,8 +2,8 @@
 Certify a plan that somebody else made
 ======================================
 
-The certificate takes any plan of constant accelerations. Its clearance is exact over every arc, not sampled, so a ridge between two
-samples is found.
+The certificate takes any plan of constant accelerations. Its clearance is exact over every arc, not sampled, so a
+ridge between two samples is found.
 """
 
 import matplotlib.pyplot as plt

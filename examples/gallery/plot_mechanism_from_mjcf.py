@@ -2,8 +2,8 @@
 Joint velocities of your own mechanism
 ======================================
 
-Any MJCF file of slide, hinge and ball joints will do: its mass matrix is the metric. Here a double pendulum is pushed, and
-its encoders are read a thousand times a second.
+Any MJCF file of slide, hinge and ball joints will do: its mass matrix is the metric. Here a double pendulum is
+pushed, and its encoders are read a thousand times a second.
 """
 
 import tempfile

@@ -2,8 +2,8 @@
 Observe a velocity on a sphere
 ==============================
 
-A point moves along a great circle. The observer is shown where it is, fifty times a second, and finds how fast it moves; nothing in
-it depends on coordinates.
+A point moves along a great circle. The observer is shown where it is, fifty times a second, and finds how fast it
+moves; nothing in it depends on coordinates.
 """
 
 import matplotlib.pyplot as plt

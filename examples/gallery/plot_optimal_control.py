@@ -2,8 +2,9 @@
 State and solve an optimal control problem
 ==========================================
 
-Bryson and Denham's problem: bring a mass back to where it was, with the least effort, without passing a wall. It is written as on paper.
-The solution is replayed through its dynamics, and is optimal only if the replay is within the tolerance.
+Bryson and Denham's problem: bring a mass back to where it was, with the least effort, without passing a wall. It is
+written as on paper. The solution is replayed through its dynamics, and is optimal only if the replay is within the
+tolerance.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 Plan a flight over your own elevation model
 ===========================================
 
-A terrain is an array of heights on a square grid. The plan leads to rest at the target, and its clearance is certified for every
-instant. ``mn.import_terrain`` makes such a terrain from a GeoTIFF or an SRTM tile.
+A terrain is an array of heights on a square grid. The plan leads to rest at the target, and its clearance is
+certified for every instant. ``mn.import_terrain`` makes such a terrain from a GeoTIFF or an SRTM tile.
 """
 
 import matplotlib.pyplot as plt

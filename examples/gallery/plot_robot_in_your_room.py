@@ -2,8 +2,8 @@
 A robot finds itself in your room
 =================================
 
-The room is a closed curve through corners that you measured. The robot has two range sensors and odometry, and knows nothing of where it
-begins. A bank of hypotheses rules poses out until one is left.
+The room is a closed curve through corners that you measured. The robot has two range sensors and odometry, and
+knows nothing of where it begins. A bank of hypotheses rules poses out until one is left.
 """
 
 import matplotlib.pyplot as plt

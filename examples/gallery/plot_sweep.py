@@ -2,8 +2,8 @@
 Sweep a field and plot the figures
 ==================================
 
-Many seeds of one scenario, with a field that takes listed values. Each trial is stored as it ends; run again, the sweep flies only what
-the store lacks.
+Many seeds of one scenario, with a field that takes listed values. Each trial is stored as it ends; run again, the
+sweep flies only what the store lacks.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 Compare two observers on one scenario
 =====================================
 
-Both see the same readings of the same system. An observer of your own is passed in the same way, ``estimator=MyObserver``: a
-class with a ``Config`` and a static ``build``.
+Both see the same readings of the same system. An observer of your own is passed in the same way,
+``estimator=MyObserver``: a class with a ``Config`` and a static ``build``.
 """
 
 import matplotlib.pyplot as plt

@@ -78,7 +78,7 @@ lock: | .venv/bin/pip
 	@bash .ci/lock
 
 clean:
-	rm -rf renders/out docs/_build docs/reference/api dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf renders/out docs/_build docs/reference/api docs/examples dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find $(PACKAGES) $(BENCHMARKS) $(wildcard tests) -name __pycache__ -type d -prune -exec rm -rf {} +
 
 opengl: | .venv/bin/pip

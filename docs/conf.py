@@ -11,11 +11,20 @@ sys.path[:0] = [str(HERE / "_ext"), str(HERE.parent)]
 
 project = "mathnavi"
 version = release = installed("mathnavi")
-extensions = ["myst_parser", "sphinx_design", "mathml", "api", "generated"]
-exclude_patterns = ["_build", "_ext"]
+extensions = ["myst_parser", "sphinx_design", "mathml", "api", "generated", "sphinx_gallery.gen_gallery"]
+exclude_patterns = ["_build", "_ext", "sg_execution_times.rst", "examples/sg_execution_times.rst"]
 
 myst_enable_extensions = ["amsmath", "attrs_block", "colon_fence", "deflist", "dollarmath", "fieldlist"]
 myst_heading_anchors = 3
+
+sphinx_gallery_conf = {
+    "examples_dirs": str(HERE.parent / "examples" / "gallery"),
+    "gallery_dirs": "examples",
+    "within_subsection_order": "FileNameSortKey",
+    "show_memory": False,
+    "write_computation_times": False,
+    "abort_on_example_error": True,
+}
 
 smartquotes = False  # --planner is a flag, not a dash
 

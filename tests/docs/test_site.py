@@ -55,7 +55,7 @@ def test_every_page_is_in_the_contents() -> None:
     lost = {name for name in names if not any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)}
     assert lost == {"index"}
     missing = {entry for entry in patterns if "*" not in entry and entry not in names}
-    assert not missing
+    assert missing == {"examples/index"}  # which the build makes of examples/gallery
 
 
 @pytest.mark.parametrize(

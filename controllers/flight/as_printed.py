@@ -201,10 +201,10 @@ def solve(nlp: EulerNlp, guess: Array) -> tuple[Array, Status]:
     rho = 1e3 * (1.0 + nlp.psi_per_metre)
     hessian = np.diag(np.append(np.full(size, 2.0 * nlp.h), 1e-6))
     a = np.clip(guess, -nlp.thrust, nlp.thrust)
-    value, excess = nlp.objective(a), _excess(nlp.constraints(a))
+    value, values = nlp.objective(a), nlp.constraints(a)
+    gradient, jacobian, excess = nlp.gradient(a), nlp.jacobian(a), _excess(values)
     radius = _LARGEST
     for _ in range(_ITERATIONS):
-        gradient, jacobian, values = nlp.gradient(a), nlp.jacobian(a), nlp.constraints(a)
         rows = np.hstack([jacobian, np.full((len(values), 1), -1.0)])
         flat = a.ravel()
         upper = np.concatenate([np.minimum(radius, nlp.thrust - flat), [_UNBOUNDED], -values])
@@ -218,11 +218,13 @@ def solve(nlp: EulerNlp, guess: Array) -> tuple[Array, Status]:
         if promised <= _GAIN * (1.0 + abs(value)) or radius < _SMALLEST:
             return a, Status.OK if excess <= _FEASIBLE else Status.INFEASIBLE
         trial = np.clip(a + step.reshape(a.shape), -nlp.thrust, nlp.thrust)
-        trial_value, trial_excess = nlp.objective(trial), _excess(nlp.constraints(trial))
+        trial_value, trial_values = nlp.objective(trial), nlp.constraints(trial)
+        trial_excess = _excess(trial_values)
         gain = value - trial_value + rho * (excess - trial_excess)
         reached = float(np.abs(step).max())
         if gain > 0.1 * promised:
-            a, value, excess = trial, trial_value, trial_excess
+            a, value, values, excess = trial, trial_value, trial_values, trial_excess
+            gradient, jacobian = nlp.gradient(a), nlp.jacobian(a)
             radius = min(2.0 * radius, _LARGEST) if gain > 0.7 * promised else radius
         else:
             radius = 0.3 * reached

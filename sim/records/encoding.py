@@ -6,7 +6,8 @@ JSON has no tuples, no infinities and no classes, so what it lacks is an object 
     {"$class": place, "$fields": {...}}                        dataclasses and NamedTuples, by "module:Class"
     {"$enum": [place, name]}       {"$path": "a/b"}            {"$number": [dtype, value]}         a scalar of NumPy
     {"$array": [dtype, shape, [...]]}                          a small array
-    {"$block": name}                                           a larger one, which stands in the block (an .npz file)
+    {"$block": [name, row]}                                   a larger one, a row of an array of the block, an .npz file
+    {"$block": name}                                           one that is such an array by itself
     {"$timing": name}                                          a ``MeasuredTime``, which is kept apart from all else
 
 A class is found again by its name, so it stands in a module, not in a function.
@@ -56,10 +57,11 @@ def encoded(value: Any) -> Encoded:
     """``value`` as plain data; TypeError for what cannot be had back, with its place."""
     writer = _Writer()
     tree = writer.tree(value, "")
-    if not writer.arrays:
+    arrays = writer.arrays()
+    if not arrays:
         return Encoded(tree, None, writer.timings)
     block = io.BytesIO()
-    np.savez_compressed(block, allow_pickle=False, **writer.arrays)
+    np.savez_compressed(block, allow_pickle=False, **arrays)
     return Encoded(tree, block.getvalue(), writer.timings)
 
 
@@ -103,8 +105,13 @@ class _Writer:
     """Encodes one value; larger arrays and timings are put aside."""
 
     def __init__(self) -> None:
-        self.arrays: dict[str, Array] = {}
         self.timings: dict[str, float | None] = {}
+        self._whole: dict[str, Array] = {}
+        self._stacks: dict[tuple[str, tuple[int, ...]], tuple[str, list[Array]]] = {}  # by type and shape
+
+    def arrays(self) -> dict[str, Array]:
+        """The arrays of the block by their names: thousands of one type and shape are one, which is read at once."""
+        return self._whole | {name: np.stack(rows) for name, rows in self._stacks.values()}
 
     def tree(self, value: Any, place: str) -> Any:
         if value is None or type(value) in _PLAIN:
@@ -140,9 +147,13 @@ class _Writer:
             raise TypeError(f"{place or 'the result'} is an array of objects; allowed: an array of numbers")
         if value.size <= SMALL and value.dtype.kind in _AS_TEXT:
             return {"$array": [value.dtype.str, list(value.shape), self._items(value.ravel().tolist(), place)]}
-        name = f"a{len(self.arrays)}"
-        self.arrays[name] = value
-        return {"$block": name}
+        if not value.flags.c_contiguous or not value.dtype.isnative:  # the rows of a stack have one order
+            name = f"a{len(self._whole)}"
+            self._whole[name] = value
+            return {"$block": name}
+        name, rows = self._stacks.setdefault((value.dtype.str, value.shape), (f"s{len(self._stacks)}", []))
+        rows.append(value)
+        return {"$block": [name, len(rows) - 1]}
 
     def _object(self, value: Any, place: str) -> dict[str, Any]:
         kind = type(value)
@@ -188,6 +199,8 @@ class _Reader:
                 if kind.kind not in _AS_TEXT or len(items) > SMALL:
                     raise ValueError(f"$array = {dtype!r}, {len(items)} elements; allowed: at most {SMALL} numbers")
                 return np.array(self.value(items), dtype=kind).reshape(shape)
+            case {"$block": [name, row]}:
+                return self._arrays[name][_row(row, len(self._arrays[name]))].copy()
             case {"$block": name}:
                 return self._arrays[name]
             case {"$number": [dtype, item]}:
@@ -199,6 +212,13 @@ class _Reader:
             case {"$class": place, "$fields": fields}:
                 return _class_at(place, object)(**{name: self.value(item) for name, item in fields.items()})
         return {name: self.value(item) for name, item in tree.items()}
+
+
+def _row(row: Any, count: int) -> int:
+    """``row`` if it is the number of one of ``count`` rows, else ValueError."""
+    if type(row) is not int or not 0 <= row < count:
+        raise ValueError(f"$block row = {row!r}; allowed: a whole number from 0 to {count - 1}")
+    return row
 
 
 def _class_at(place: str, base: type) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import struct
@@ -95,3 +96,37 @@ def test_what_cannot_be_had_back_is_refused(value: Any) -> None:
 def test_a_file_cannot_have_anything_else_built() -> None:
     with pytest.raises(ValueError, match="no class of data"):
         decoded(Encoded({"$class": "subprocess:Popen", "$fields": {"args": ["true"]}}))
+
+
+def test_arrays_of_one_type_and_shape_are_one_array_of_the_block() -> None:
+    """A run has a covariance every control step: read one by one, they took longer than the flight."""
+    covariances = [np.full((6, 6), float(k)) for k in range(20_000)]
+    coded = encoded({"covariances": covariances, "times": np.arange(100.0)})
+    assert coded.arrays is not None
+    with np.load(io.BytesIO(coded.arrays)) as block:
+        assert sorted(array.shape for array in block.values()) == [(1, 100), (20_000, 6, 6)]
+    back = decoded(coded)["covariances"]
+    assert all((one == k).all() and one.shape == (6, 6) for k, one in enumerate(back))
+    back[0][:] = np.nan
+    assert (back[1] == 1.0).all()
+
+
+def test_an_array_keeps_the_order_of_its_elements_in_memory() -> None:
+    by_columns = np.asfortranarray(np.arange(60.0).reshape(6, 10))
+    back = decoded(encoded([by_columns, by_columns.copy(order="C")]))
+    assert back[0].flags.f_contiguous
+    assert back[1].flags.c_contiguous
+    np.testing.assert_array_equal(*back)
+
+
+@pytest.mark.parametrize("row", [2, -1, 0.0, True, "0", None])
+def test_a_row_that_is_not_there_is_refused(row: Any) -> None:
+    arrays = encoded([np.zeros(40), np.ones(40)]).arrays
+    with pytest.raises(ValueError, match=r"\$block row = .*; allowed: a whole number from 0 to 1"):
+        decoded(Encoded({"$block": ["s0", row]}, arrays))
+
+
+def test_a_result_whose_arrays_were_stored_one_by_one_is_read() -> None:
+    block = io.BytesIO()
+    np.savez_compressed(block, a0=np.arange(40.0))
+    np.testing.assert_array_equal(decoded(Encoded({"$block": "a0"}, block.getvalue())), np.arange(40.0))

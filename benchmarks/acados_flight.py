@@ -172,7 +172,8 @@ def run(acados: Any, known: dict[str, Any], scratch: Path, kind: str, repetition
     own, arcs = solver(acados, known, scratch, kind), int(known["arcs"])
     prepare(own, known, 0)
     own.solve()  # what is loaded once
-    ms, found = np.empty((repetitions, len(known["starts"]))), []
+    ms = np.empty((repetitions, len(known["starts"])))
+    found: list[dict[str, Any]] = []
     for repetition in range(repetitions):
         own.reset()
         found = []

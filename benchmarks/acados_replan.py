@@ -32,9 +32,10 @@ Answers = tuple[Array, list[PlanSolution | None]]
 
 def solved(folder: Path, problems: Sequence[tuple[Problem, Array]], repetitions: int) -> dict[str, Answers]:
     """The answers by name; RuntimeError with its last words where the process fails."""
+    arrays: dict[str, Any] = {key: np.asarray(value, float) for key, value in _stated(problems).items()}
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "problems.npz"
-        np.savez(path, **{key: np.asarray(value, float) for key, value in _stated(problems).items()})
+        np.savez(path, **arrays)
         command = [sys.executable, str(SCRIPT), str(folder), str(path), str(repetitions)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:

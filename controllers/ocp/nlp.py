@@ -106,8 +106,8 @@ def programme(
     p = ca.vertcat(parameters, *(ca.vec(each) for each in (*places_known, smoothing)))
     functional = None
     if interval is None:
-        shares = places_known if arcs > 1 else [_starts(places_known[0]), places_known[0].T / count]
-        blocks, linear = collocation_blocks(layout, places, parameters, *shares, smoothing)
+        before, share = places_known if arcs > 1 else (_starts(places_known[0]), places_known[0].T / count)
+        blocks, linear = collocation_blocks(layout, places, parameters, before, share, smoothing)
     else:
         columns = np.arange(interval.stage.v.numel()) + stride * np.arange(count)[:, None]
         known: list[ca.MX] = [ca.repmat(parameters, 1, count), ca.MX(ca.DM(range(count)).T)]

@@ -269,7 +269,8 @@ def _assembled(parts: Sequence[_Part], height: int, width: int, constant: Factor
     if not parts and not known:
         return ca.MX(height, width)
     # CasADi counts column by column.
-    keys = [each.columns * height + each.rows for each in (*parts, *known)]
+    keys = [part.columns * height + part.rows for part in parts]
+    keys += [each.columns * height + each.rows for each in known]
     places, where = np.unique(np.concatenate(keys), return_inverse=True)
     if parts:
         values = ca.vertcat(*(part.values for part in parts))

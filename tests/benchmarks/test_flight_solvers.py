@@ -38,9 +38,14 @@ QUIET = Console(quiet=True)
 
 
 @pytest.fixture(scope="module")
-def problems(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+def mission(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     file = save(mountains(), Path(tmp_path_factory.mktemp("terrain")) / "mountains.npz")
-    return record(file, FEW, lambda done, doing="": None)[:FEW]
+    return record(file, FEW, lambda done, doing="": None)
+
+
+@pytest.fixture(scope="module")
+def problems(mission: Recorded) -> Recorded:
+    return mission[:FEW]
 
 
 def test_problems_are_recorded_with_the_planners_guess(problems: Recorded) -> None:
@@ -65,14 +70,15 @@ def test_do_mpc_solves_the_same_problem(problems: Recorded) -> None:
     assert results[OURS].cost == pytest.approx(results[DO_MPC].cost, rel=1e-4)
 
 
-def test_acados_solves_the_same_problem(problems: Recorded) -> None:
+def test_acados_solves_the_same_problem(mission: Recorded) -> None:
     if reason := missing(FOLDER):
         pytest.skip(f"acados: {reason}")
+    problems = mission[5 : 5 + FEW]  # in flight: from rest, without multipliers, its full steps do not converge
     ours = measure({OURS: partial(CondensedSqp, TOLERANCE)}, problems, 1, QUIET)[OURS]
     answers = acados_replan.solved(FOLDER, problems, 1)
     results = {name: judged(problems, *answer) for name, answer in answers.items()}
     assert set(results) == {"acados, SQP", "acados, RTI"}
-    assert results["acados, SQP"].failures < FEW
+    assert results["acados, SQP"].failures < len(problems)
     assert np.nanmin(results["acados, SQP"].cost / ours.cost) == pytest.approx(1.0, rel=1e-4)
     assert (results["acados, RTI"].ms > 0.0).all()
 

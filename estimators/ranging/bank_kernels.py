@@ -37,7 +37,7 @@ from mathnavi.models.field.kernels import WallShape
 from mathnavi.models.unicycle.kernels import wrapped
 from mathnavi.sim.interfaces.signals import Array, Integers
 
-LEAST_SLIP, MOST_SLIP = 5e-8, 0.03
+LEAST_SLIP, MOST_SLIP = 1e-9, 0.03
 """[m^2/s] bounds of q"""
 
 _BY_HEADING, _BY_SCALE = 16.0, 1.0  # [rad/m], [1/m] c_phi, c_b

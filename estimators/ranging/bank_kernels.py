@@ -16,10 +16,10 @@ each innovation's variance,
     ln q <- ln q + eta (mean_i (a_i n_i m_i / sqrt v) - delta),
     m_i <- mu m_i + (1 - mu) n_i,   v = (1 - mu) / (1 + mu),
 
-ends where they are as good as white again (Robbins and Monro, 1951), delta keeping it low where they are: q [m^2/s] is
-the intensity of the process noise that each hypothesis adds to its pose and to the scale of its odometry,
+ends where they are as good as white again (Robbins and Monro, 1951), delta keeping it low where they are. The process
+noise that a hypothesis adds to its pose and to the scale of its odometry has the intensity q - q_0 [m^2/s], none below,
 
-    P <- P + q dt diag(1, 1, c_phi^2, c_b^2),   between a least and a most value.
+    P <- P + max(q - q_0, 0) dt diag(1, 1, c_phi^2, c_b^2),   q between a least and a most value.
 """
 
 from __future__ import annotations
@@ -37,10 +37,11 @@ from mathnavi.models.unicycle.kernels import wrapped
 from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array, Integers
 
-LEAST_SLIP, MOST_SLIP = 5e-8, 0.03
+LEAST_SLIP, MOST_SLIP = 2e-7, 0.03
 """[m^2/s] bounds of q"""
 
-_BY_HEADING, _BY_SCALE = 16.0, 1.0  # [rad/m], [1/m] c_phi, c_b
+_BY_HEADING, _BY_SCALE = 8.0, 1.0  # [rad/m], [1/m] c_phi, c_b
+_GRIP = 2e-6  # [m^2/s] q_0
 _ADAPTATION = 0.15  # eta
 _LEAK = 0.02  # delta
 _AVERAGING = 0.97  # mu
@@ -96,7 +97,7 @@ def predict_each(bank: Hypotheses, u: Array, W: Array, wall: WallShape, dt: floa
     for k in range(len(bank.score)):
         if math.isnan(bank.score[k]):
             continue
-        P, q = bank.P[k], bank.slip[k] * dt
+        P, q = bank.P[k], max(bank.slip[k] - _GRIP, 0.0) * dt
         predict(bank.x[k], P, u, W, wall, dt)
         P[0, 0] += q
         P[1, 1] += q

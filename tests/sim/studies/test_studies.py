@@ -115,7 +115,7 @@ CLAIMS = {
         "D.prohibitive",
     },
     "real-arms": {"real-arms.best", "real-arms.honest"},
-    "bounds": {"seeds": 1, "scenarios": 2, "shortened": 4},
+    "bounds": {"bounds.efficiency", "bounds.valid"},
     "range-convergence": {"range.global", "range.bank", "range.nonconvex", "range.diffdrive", "range.consistency"},
     "range-observer": {
         *(

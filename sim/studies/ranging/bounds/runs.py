@@ -195,9 +195,15 @@ def _mechanism(rng: np.random.Generator, seconds: float) -> _Recorded:
     return _Recorded(mission, calls, bound, lambda x, truth: x[n:] - truth[n:])
 
 
-DECLARED = "missile_kalman, declared gusts"
+DECLARED = "missile_kalman, declared"
 TUNED: dict[str, tuple[str, dict[str, float]]] = {
-    DECLARED: ("missile_kalman", {"force_std": 1e-3, "moment_std": 1e-3, "time_constant": 1.0})
+    DECLARED: (
+        "missile_kalman",
+        {
+            **{"force_std": 1e-3, "moment_std": 1e-3, "time_constant": 1.0},
+            **{"start_position_std": 1e-3, "start_velocity_std": 1e-3, "start_angle_std": 1e-5, "start_rate_std": 1e-5},
+        },
+    )
 }
 """estimators with other fields than the standard ones, by the name that they have here"""
 

@@ -10,7 +10,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from mathnavi.renders.figures import BOUND, INK, STYLE
+from mathnavi.renders.figures import BOUND, STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
@@ -18,8 +18,9 @@ from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.ranging.bounds.runs import DECLARED, SCENARIOS, BoundErrors, BoundRun, compared
 
-NEAR = 1.15  # times the bound, which counts as reached
+NEAR = 1.3  # times the bound, which counts as reached
 CHANCE = 3.0  # standard errors
+FEWEST = 5  # runs that tell a standard error
 DISTURBED = ("ranges", "flight", "missile")  # scenarios with process noise
 
 
@@ -42,7 +43,7 @@ class Efficiency:
     scenario: str
     estimator: str
     value: float  # root of the sum of squared errors over that of their bounds
-    standard_error: float  # of it, by the jackknife over runs; infinite of one
+    standard_error: float  # of it, by the jackknife over runs; infinite of too few
     ok: float  # share of the estimates with the status OK
     cost: float  # [us] an update
 
@@ -68,8 +69,8 @@ class Bounds:
                 "Every system moves with the very noise that is declared. Efficiency: the root of the sum of squared "
                 "errors over that of the posterior Cramér-Rao bounds, over the second half of every run: of the "
                 "position, and of the mechanism's joint velocities. Estimators have their standard fields; "
-                f"{DECLARED} has that of the gusts as they are declared, without the reserve for a wrong mass. On the "
-                "mechanism no noise acts, so that its bound is that of "
+                f"{DECLARED} has the gusts and the exact start that are declared, without a reserve for a wrong mass. "
+                "On the mechanism no noise acts, so that its bound is that of "
                 "its start as a parameter, to which an estimator that allows for errors of its model cannot come.",
             ),
             rows=[
@@ -92,7 +93,7 @@ def efficiencies(found: Mapping[str, Sequence[Sequence[BoundErrors]]]) -> list[E
             squares, bounds = np.array([e.squares for e in errors]), np.array([e.bounds for e in errors])
             value = math.sqrt(squares.sum() / bounds.sum())
             n, spread = len(errors), math.inf
-            if n > 1:
+            if n >= FEWEST:
                 without = np.sqrt((squares.sum() - squares) / (bounds.sum() - bounds))
                 spread = float(np.sqrt((n - 1) * np.mean(np.square(without - without.mean()))))
             ok, cost = float(np.mean([e.ok for e in errors])), float(np.median([e.cost for e in errors]))
@@ -136,18 +137,18 @@ def _table(found: Sequence[Efficiency]) -> Table:
 def _figure(found: Sequence[Efficiency]) -> Figure:
     names = list(dict.fromkeys(e.scenario for e in found))
     with matplotlib.rc_context(STYLE):
-        page = Figure(figsize=(9.4, 2.9 * math.ceil(len(names) / 2)), layout="constrained")
+        page = Figure(figsize=(11.0, 2.9 * math.ceil(len(names) / 2)), layout="constrained")
         drawn = page.subplots(math.ceil(len(names) / 2), 2, squeeze=False).ravel()
         for axes, name in zip(drawn, names, strict=False):
             of_scenario = [e for e in found if e.scenario == name]
             axes.axhline(1.0, color=BOUND, ls=":", lw=1.2)
             for e in of_scenario:
                 spread = e.standard_error if math.isfinite(e.standard_error) else 0.0
-                axes.errorbar(e.cost, e.value, min(spread, 0.9 * e.value), fmt="o", color=INK, ms=5, capsize=3)
-                axes.annotate(e.estimator, (e.cost, e.value), (5, 4), textcoords="offset points")
+                axes.errorbar(e.cost, e.value, min(spread, 0.9 * e.value), fmt="o", ms=6, capsize=3, label=e.estimator)
             axes.set(xscale="log", yscale="log", title=name, ylabel="error / bound")
             axes.set_xlabel("CPU time of an update [µs]")
-            axes.margins(x=0.35, y=0.3)
+            axes.margins(x=0.2, y=0.2)
+            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         for axes in drawn[len(names) :]:
             axes.set_axis_off()
     return page

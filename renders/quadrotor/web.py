@@ -12,9 +12,10 @@ from mathnavi.models.quadrotor.entity import add_vehicle
 from mathnavi.renders.flight.web import VEHICLE
 from mathnavi.renders.flight.web import web_scene as flight_scene
 from mathnavi.renders.framing import framing
+from mathnavi.renders.landscape import OPTICS
 from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.quadrotor.run_data import QuadrotorRun
-from mathnavi.renders.quadrotor.scene import DRAWN, FREE, OPTICS, SIGHT
+from mathnavi.renders.quadrotor.scene import DRAWN, FREE, SIGHT
 from mathnavi.renders.web.bodies import body_surfaces, model_shapes
 from mathnavi.renders.web.charts import TRUTH, curve
 from mathnavi.renders.web.elements import Camera, Chart, Layer, Motion, WebScene

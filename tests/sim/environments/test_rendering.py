@@ -13,9 +13,8 @@ from mathnavi.sim.environments.gym import ScenarioEnv
 DRAWN = """
 import numpy as np
 from mathnavi.sim.environments.gym import LearningEnv
-from tests.sim.environments import missions
-for scenario, action in (("safe-flight", [9.0, 9.0, 0.0]), ("textbook-observer", [0.5])):
-    env = LearningEnv(scenario, 1, render_mode="rgb_array", **missions.fields(scenario))
+for scenario, action in (("sphere-observer", [1.0, -1.0, 0.5]), ("textbook-observer", [0.5])):
+    env = LearningEnv(scenario, 1, render_mode="rgb_array", hold=0.1)
     env.reset(seed=1)
     for _ in range(2):
         env.step(np.array(action))

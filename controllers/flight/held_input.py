@@ -65,7 +65,7 @@ class HeldInput:
 
     def _along(self, plan: Plan, begin: float, end: float, lag: Array) -> tuple[Array, float, float]:
         writable = lag.copy()  # as any other: for an array that is read-only the kernel would be compiled once more
-        return _lag_along(plan.t, plan.x, plan.u, begin, end, self.period, self.bandwidth, writable)  # type: ignore[no-any-return]
+        return _lag_along(plan.t, plan.x, plan.u, begin, end, self.period, self.bandwidth, writable)
 
 
 @njit(cache=True, nogil=True)

@@ -175,7 +175,7 @@ def _least_clearance(z: Array, spacing: float, arc: Arc, stop_below: float) -> f
         + _crossing_bound(y0, y1, y2, duration)
         + _crossing_bound(d0, d1, d2, duration)
     )
-    none = np.int64(0)  # a literal would be a type of its own, and the kernel compiled once more for it
+    none = int(np.int64(0))  # a literal would be a type of its own, and the kernel compiled once more for it
     end_x = _crossing_times(times, none, x0, x1, x2, duration)
     end_y = _crossing_times(times, end_x, y0, y1, y2, duration)
     end_d = _crossing_times(times, end_y, d0, d1, d2, duration)

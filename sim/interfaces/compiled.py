@@ -10,50 +10,56 @@ call it, which numba's own cache does not notice. Without a folder to write to, 
 from __future__ import annotations
 
 import hashlib
+import importlib
 import os
 import pickle
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import llvmlite
 import numba
 import numpy as np
-from numba.core import config
-from numba.core.caching import CompileResultCacheImpl, _Cache
+from numba.core.caching import _Cache
 from numba.core.dispatcher import Dispatcher
-from numba.core.serialize import dumps
 from numba.core.types import ExternalFunction
 
+_caching: Any = importlib.import_module("numba.core.caching")
+_config: Any = importlib.import_module("numba.core.config")
+_serialize: Any = importlib.import_module("numba.core.serialize")
+_llvmlite: Any = importlib.import_module("llvmlite")
 _KEPT = 90 * 86400.0  # [s] since its last use, for which an entry is kept
 _REMARKED = 86400.0  # [s] between two notes that an entry is in use
 
 
-def njit(function: Callable[..., Any] | None = None, *, cache: bool = False, **options: Any) -> Any:
-    """``numba.njit``, with kernels kept by their content if ``cache``."""
-    if function is None:
-        return lambda function: njit(function, cache=cache, **options)
-    dispatcher = numba.njit(**options)(function)
-    if cache and isinstance(dispatcher, Dispatcher):  # a plain function where NUMBA_DISABLE_JIT is set
-        dispatcher._cache = KernelCache(dispatcher)
-    return dispatcher
+if TYPE_CHECKING:
+    from numba import njit as njit
+else:
+
+    def njit(function=None, *, cache=False, **options):
+        """``numba.njit``, with kernels kept by their content if ``cache``."""
+        if function is None:
+            return lambda function: njit(function, cache=cache, **options)
+        kernel = numba.njit(**options)(function)
+        if cache and isinstance(kernel, Dispatcher):  # it is a plain function where NUMBA_DISABLE_JIT is set
+            kernel._cache = KernelCache(kernel)
+        return kernel
 
 
 def kernel_folder() -> Path:
     """The folder of all compiled kernels."""
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return Path(config.CACHE_DIR or Path(home) / "mathnavi" / "kernels")
+    return Path(_config.CACHE_DIR or Path(home) / "mathnavi" / "kernels")
 
 
 class KernelCache(_Cache):
     """The compiled code of one kernel, a file for each combination of argument types."""
 
-    def __init__(self, kernel: Dispatcher) -> None:
+    def __init__(self, kernel: Dispatcher[Any]) -> None:
         self._kernel = kernel
         self._enabled = True
 
@@ -75,13 +81,13 @@ class KernelCache(_Cache):
         with suppress(OSError):
             if time.time() - file.stat().st_mtime > _REMARKED:
                 os.utime(file)
-        return CompileResultCacheImpl.rebuild(None, target_context, content)
+        return _caching.CompileResultCacheImpl.rebuild(None, target_context, content)
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the compiled code, whole or not at all; nothing happens where it cannot be written."""
         if not self._enabled or data.library.has_dynamic_globals or any(not lifted.can_cache for lifted in data.lifted):
             return
-        file, content = self._file(sig, data.codegen), dumps(data._reduce())
+        file, content = self._file(sig, data.codegen), _serialize.dumps(data._reduce())
         with suppress(OSError):
             file.parent.mkdir(parents=True, exist_ok=True)
             handle, partial = tempfile.mkstemp(dir=file.parent, prefix=".partial-")
@@ -107,16 +113,16 @@ class KernelCache(_Cache):
 
     @property
     def _name(self) -> str:
-        return f"{self._kernel.__module__}.{self._kernel.__name__}"
+        return f"{self._kernel.__module__}.{self._kernel.py_func.__name__}"
 
     def _file(self, sig: Any, codegen: Any) -> Path:
-        versions = sys.version, numba.__version__, llvmlite.__version__
+        versions = sys.version, numba.__version__, _llvmlite.__version__
         types = [repr(sig), *map(repr, _fields(sig))]
         found = repr((versions, codegen.magic_tuple(), types, kernel_digest(self._kernel)))
         return kernel_folder() / f"{self._name}-{hashlib.sha256(found.encode()).hexdigest()[:32]}.nbc"
 
 
-def kernel_digest(kernel: Dispatcher) -> str:
+def kernel_digest(kernel: Dispatcher[Any]) -> str:
     """Hash of everything of mathnavi's that the machine code of a kernel depends on.
 
     Raises:
@@ -128,7 +134,7 @@ def kernel_digest(kernel: Dispatcher) -> str:
     return digest.hexdigest()
 
 
-def _content(kernel: Dispatcher, seen: set[Dispatcher]) -> Iterator[str]:
+def _content(kernel: Dispatcher[Any], seen: set[Any]) -> Iterator[str]:
     """The parts of a kernel's content, and of those that it calls, each kernel once."""
     seen.add(kernel)
     function = kernel.py_func
@@ -144,7 +150,7 @@ def _content(kernel: Dispatcher, seen: set[Dispatcher]) -> Iterator[str]:
                 yield from _value(f"{function.__module__}.{name}", used[name], code.co_names, seen)
 
 
-def _value(name: str, value: Any, names: tuple[str, ...], seen: set[Dispatcher]) -> Iterator[str]:
+def _value(name: str, value: Any, names: tuple[str, ...], seen: set[Any]) -> Iterator[str]:
     """The content of a global of a kernel; of a module what stands there under ``names``, those of the kernel's code.
 
     Names of attributes are among them too, so that a global may be read in vain, but none is left out.

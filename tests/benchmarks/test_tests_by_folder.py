@@ -1,0 +1,70 @@
+"""The CPU time of tests is measured, test by test, and summed by folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from benchmarks.tests_by_folder import FILE, ROOT, Arguments, TestTimes
+
+BUSY = """
+import subprocess, sys, time
+
+SPENT = "import time\\nwhile time.process_time() < {}: pass"
+
+def spend(seconds):
+    until = time.process_time() + seconds
+    while time.process_time() < until:
+        pass
+
+def test_in_this_process():
+    spend(0.2)
+
+def test_in_another():
+    subprocess.run([sys.executable, "-c", SPENT.format(0.4)], check=True)
+
+def test_that_only_waits():
+    time.sleep(0.3)
+"""
+
+
+def test_each_test_has_the_time_of_its_process_and_of_those_it_started(tmp_path: Path) -> None:
+    (tmp_path / "test_busy.py").write_text(BUSY, encoding="utf-8")
+    out = tmp_path / "out.json"
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "benchmarks.tests_by_folder", "--rootdir", str(tmp_path)]
+    environment = os.environ | {FILE: str(out), "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [*command, "-c", os.devnull, str(tmp_path)], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    figures = json.loads(out.read_text(encoding="utf-8"))
+    here, other, waiting = (figures["tests"][f"test_busy.py::test_{name}"] for name in (
+        "in_this_process", "in_another", "that_only_waits"))  # fmt: skip
+    assert here >= 0.19
+    assert other >= 0.39
+    assert waiting < 0.2
+    assert figures["whole_s"] >= here + other + waiting
+
+
+def test_folders_are_summed_and_the_longest_comes_first() -> None:
+    times = TestTimes(
+        {"tests/a/test_x.py::test_1": 1.0, "tests/a/test_y.py::test_2": 2.0, "tests/b/test_z.py::t": 4.0}, 9.0
+    )
+    assert times.folders() == {"tests/b": (1, 4.0), "tests/a": (2, 3.0)}
+    assert list(times.folders()) == ["tests/b", "tests/a"]
+    console = Console(record=True, width=100, file=open(os.devnull, "w"))  # noqa: SIM115
+    times.show(console)
+    (rest,) = (line for line in console.export_text().splitlines() if "collection" in line)
+    assert " 2.0 " in rest  # 9 less 7
+
+
+def test_no_worker_is_one_process_and_fewer_are_refused() -> None:
+    assert Arguments(workers=0).workers == 0
+    with pytest.raises(ValueError, match="workers = -1; allowed: >= 0"):
+        Arguments(workers=-1)

@@ -20,10 +20,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from mathnavi.models.field.kernels import WallShape, cast_ray, is_inside
 from mathnavi.models.unicycle.kernels import wrapped
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 DistanceGrid = tuple[Array, float, float, float, float]

@@ -96,7 +96,7 @@ class _Disturbed:
         self.states, self.inputs = system.states, system.inputs
         self.constant, self.amplitude = system.constant, system.amplitude
         self.velocity_dependent = system.velocity_dependent
-        self.torque = np.zeros(system.manifold.dimension)
+        self.torque: Array = np.zeros(system.manifold.dimension)
         self._stepped = stepped(system)
 
     def acceleration(self, x: Array) -> Array:

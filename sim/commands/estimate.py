@@ -87,7 +87,7 @@ def main(argv: Sequence[str]) -> int:
         playback = _playback(request, run_config, log)
         note_environment(errors, run_config)
         with request.failures("a run"):
-            result = fly(playback, lambda: _playback(request, run_config, log), progress)
+            result = fly(playback, progress, lambda: _playback(request, run_config, log))
         result.write_files(claim.new)
         claim.install()
     console = Console(markup=False)

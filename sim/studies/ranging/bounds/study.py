@@ -18,7 +18,7 @@ from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.ranging.bounds.runs import DECLARED, SCENARIOS, BoundErrors, BoundRun, compared
 
-NEAR = 1.3  # times the bound, which counts as reached
+NEAR = 1.15  # times the bound, which counts as reached
 CHANCE = 3.0  # standard errors
 FEWEST = 5  # runs that tell a standard error
 DISTURBED = ("ranges", "flight", "missile")  # scenarios with process noise

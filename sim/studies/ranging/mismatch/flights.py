@@ -55,8 +55,8 @@ def honesty(outcome: RunResult) -> dict[str, Any]:
     """A measure: over the last quarter of a run, how often the estimator was sure, and how right it then was.
 
     ``known`` is the share of samples with the status OK, and ``nees_known`` the mean NEES of those, None without any.
-    ``sure_and_wrong`` is the share of samples at which the estimator is sure, the status being OK and two of its
-    standard deviations less than .3 m and .2 rad, and the error is beyond either.
+    ``ok_and_wrong`` is the share of samples at which the status is OK and the error beyond .3 m or .2 rad, and
+    ``sure_and_wrong`` that of those at which two standard deviations of the estimate are less than both, too.
     """
     recording, record = outcome.recording, outcome.config["mission"]
     mission = RangingMission(Curve(tuple(map(tuple, record["coefficients"])), record["field"]), (0.0,))
@@ -66,6 +66,7 @@ def honesty(outcome: RunResult) -> dict[str, Any]:
     nees = errors.nees[last][known[last]]
     return {
         "known": float(known[last].mean()),
+        "ok_and_wrong": float((known & beyond)[last].mean()),
         "sure_and_wrong": float((sure & beyond)[last].mean()),
         "nees_known": float(nees.mean()) if len(nees) else None,
     }

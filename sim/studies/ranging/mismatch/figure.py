@@ -32,7 +32,7 @@ def figure(e: MismatchResults) -> Figure:
                 nees.plot(squares.mean(), k, "D", ms=6.0, mfc="white" if case in MODEL_HOLDS else INK, mec=INK)
         for label, colour in (("converged", CONVERGED), ("does not know", UNKNOWN), ("neither", WRONG)):
             outcomes.barh(0, 0.0, color=colour, label=label)
-        outcomes.legend(loc="lower left", fontsize=8)
+        outcomes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=3, fontsize=8)
         outcomes.set_yticks(range(len(e.runs)), list(e.runs))
         outcomes.invert_yaxis()
         outcomes.set(xlim=(0.0, 1.0), xlabel="share of the runs")

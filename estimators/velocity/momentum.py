@@ -101,8 +101,7 @@ class _Disturbed:
 
     def acceleration(self, x: Array) -> Array:
         """M^-1 tau_d (n,) at x (size,)."""
-        a: Array = np.linalg.solve(self._mass.mass(x), self.torque)
-        return a
+        return np.asarray(np.linalg.solve(self._mass.mass(x), self.torque), dtype=np.float64)
 
     def force(self, x: Array, v: Array, u: Array) -> Array:
         return self._system.force(x, v, u) + self.acceleration(x)

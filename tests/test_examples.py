@@ -58,9 +58,9 @@ def at_hand(installed: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def test_it_is_listed_by_its_names(at_hand: None, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["list", "controllers"]) == 0
+    assert main(["list", "controllers", "--verbose"]) == 0
     assert "ridgeline 0.1.0, ridgeline.controller:Roadmap" in capsys.readouterr().out
-    assert main(["list", "estimators"]) == 0
+    assert main(["list", "estimators", "--verbose"]) == 0
     assert "ridgeline.estimator:AlphaBetaGamma" in capsys.readouterr().out
 
 

@@ -119,7 +119,7 @@ class _Momentum:
     def __init__(self, config: MomentumObserverConfig, mission: LagrangianMission) -> None:
         manifold = mission.system.manifold
         if not isinstance(manifold, _WithMass) or manifold.vector_size != manifold.dimension:
-            raise FieldError(f"estimator = 'momentum_observer' on {manifold.name}; allowed: on mechanisms")
+            raise FieldError(f"system = {manifold.name!r}; allowed for momentum_observer: a mechanism")
         self._mass: _WithMass = manifold
         self._mission, self._manifold, self._bandwidth = mission, mission.system.manifold, config.bandwidth
         self._system = _Disturbed(mission.system, manifold)

@@ -26,7 +26,10 @@ def verdict(result: RunResult, subject: str = "the mission") -> str:
 
 
 def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
-    """One row a figure, in groups; keys of no group come last. Of a kind of events the first is shown."""
+    """One row a figure, in groups; keys of no group come last. Of a kind of events the first is shown.
+
+    Why there is no Cramér-Rao bound is in summary.json and in the report.
+    """
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="dim")
     table.add_column()
@@ -37,7 +40,7 @@ def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
     for group, keys in {**SUMMARY_GROUPS, "other": rest}.items():
         heading = group
         for key in keys:
-            if key in summary:
+            if key in summary and not (group == "bound" and summary["efficiency"] is None):
                 name, unit = label(key)
                 table.add_row(heading, name, value_text(summary[key]), unit)
                 heading = ""

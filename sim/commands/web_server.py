@@ -20,6 +20,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from mathnavi.sim.commands.errors import BadInputError
+from mathnavi.sim.interfaces.reading.files import parsed
 
 LOCAL_NAMES = ("127.0.0.1", "localhost", "[::1]")  # by which a browser on this machine may ask
 MOST_POSTED = 65536  # [bytes]
@@ -116,7 +117,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"allowed: at most {MOST_POSTED} bytes")
             return
         try:
-            self._send_json(self.server.changes[path](json.loads(self.rfile.read(int(length)))))
+            self._send_json(self.server.changes[path](parsed(self.rfile.read(int(length)), "the request", ValueError)))
         except ValueError as error:  # also of the JSON
             self._refuse(HTTPStatus.BAD_REQUEST, str(error))
 

@@ -133,8 +133,8 @@ class Recording:
         for name, truth in self.truths.items():
             prefix = "" if len(self.truths) == 1 else f"{name}."
             out[f"{prefix}truth.x"] = truth
-            if name in self.cramer_rao:
-                out[f"{prefix}cramer_rao.deviation"] = self.cramer_rao[name]
             if name in self.agents:
                 out |= {f"{prefix}{key}": value for key, value in self.agents[name].arrays(self.length).items()}
+            if name in self.cramer_rao:
+                out[f"{prefix}cramer_rao.deviation"] = self.cramer_rao[name]
         return out

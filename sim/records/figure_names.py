@@ -10,7 +10,6 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     "estimate": (
         "converged", "position_rms_m", "heading_rms_deg", "convergence_time_s", "position_error_max_m",
         "heading_error_max_deg", "nees_mean", "observable", "lost_ranges", "initialising_s", "lost_s",
-        "efficiency", "efficiency_basis",
         "velocity_rms", "position_rms", "velocity_rms_last_quarter", "velocity_error_start", "velocity_error_end",
         "found_from_s", "error_start", "error_rms", "error_end", "error_max", "decay_rate_per_s", "escaped",
         "escape_time_s",
@@ -42,6 +41,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
         "fallback_steps",
     ),
     "solver": ("solver_failures", "iteration_limits", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max"),
+    "bound": ("efficiency", "efficiency_basis"),
 }  # fmt: skip
 # All figures above are numbers, or null where there is none, but for these.
 TRUTH_VALUES = frozenset(("hit", "hit_ground", "converged", "escaped", "arrived", "touched_wall"))
@@ -51,7 +51,7 @@ UNITS = {"_per_s": "1/s", "_m_s": "m/s", "_deg": "deg", "_rad": "rad", "_ms": "m
 # What a name alone does not say; |v| is a length in the metric of what moves.
 LABELS = {
     "efficiency": ("error over the Cramér-Rao bound, rms", ""),
-    "efficiency_basis": ("the bound", ""),
+    "efficiency_basis": ("over", ""),
     "velocity_rms": ("velocity error, rms", "in units of v"),
     "position_rms": ("distance of position, rms", "in the metric"),
     "velocity_rms_last_quarter": ("|Δv| of the last quarter", "in the metric"),

@@ -12,6 +12,7 @@ from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Estimate, Event, Plan
 from mathnavi.sim.records.figure_names import SHORTFALL
+from mathnavi.sim.records.log_arrays import CRAMER_RAO
 from mathnavi.sim.records.run_folder import read_arrays, read_record, read_state_names
 from mathnavi.sim.scenarios.closed_loop import RunResult
 
@@ -42,14 +43,16 @@ def _recording(
     """A single vehicle's arrays have no prefix, those of a fleet have their vehicle's name."""
     t = arrays["t"]
     single = _TRUTH in arrays
-    truths, agents = {}, {}
+    truths, agents, bounds = {}, {}, {}
     for name in states:
         prefix = "" if single else f"{name}."
         own = {key.removeprefix(prefix): rows for key, rows in arrays.items() if key != "t" and key.startswith(prefix)}
         truths[name] = own[_TRUTH]
         if "command.u" in own:
             agents[name] = _agent(name, events, own, int(summary.get("replans", 0)))
-    return Recording(t, truths, agents, events, dict(states), len(t))
+        if CRAMER_RAO in own:
+            bounds[name] = own[CRAMER_RAO]
+    return Recording(t, truths, agents, events, dict(states), len(t), bounds)
 
 
 def _agent(name: str, events: list[Event], own: Mapping[str, Array], requests: int) -> AgentRecorder:

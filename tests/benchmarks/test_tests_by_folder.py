@@ -47,7 +47,7 @@ def test_each_test_has_the_time_of_its_process_and_of_those_it_started(tmp_path:
     here, other, waiting = (figures["tests"][f"test_busy.py::test_{name}"] for name in (
         "in_this_process", "in_another", "that_only_waits"))  # fmt: skip
     assert here >= 0.19
-    assert other >= 0.39
+    assert other >= 0.39 - 1e-9
     assert waiting < 0.2
     assert figures["whole_s"] >= here + other + waiting
 

@@ -31,6 +31,8 @@ from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import PositionQuality
 from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.models.manifold.systems import PointSystem, RigidBody, linear
+from mathnavi.models.mechanism.entity import build_spec
+from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.models.missile.coordinates import COORDINATES
 from mathnavi.models.missile.dynamics import TICK as MISSILE_TICK
 from mathnavi.models.missile.mission import CASES, MissileMission, Target
@@ -282,6 +284,26 @@ def point_bench(manifold: ConstantCurvature, silent: bool = False) -> Bench:
     )
 
 
+def arm_bench(silent: bool = False) -> Bench:
+    """Two hinges in a vertical plane, which hang and are driven to and fro.
+
+    The mean of the sigma points is off by .2 rad/s here.
+    """
+    system = MechanismSystem(build_spec("two-link").compile())
+    rate = np.zeros(2) if silent else np.array([0.3, -0.3])
+    return Bench(
+        lagrangian_mission(system, silent),
+        LAGRANGIAN_PERIOD,
+        np.concatenate([[0.1, -0.1], rate]),
+        lambda t: np.array([0.5 * math.sin(3.0 * t), 0.2 * math.cos(2.0 * t)]),
+        lambda x, u: system.flow(x, u, LAGRANGIAN_PERIOD),
+        lambda x, u: Truth(x, system.force(x[:2], x[2:], u)),
+        np.array([0.02] * 2 + [1.0] * 2),
+        np.array([1e-4] * 2 + [0.3] * 2),
+        4.0,
+    )
+
+
 def finely(system: LagrangianSystem, x: Array, u: Array) -> Array:
     """The state after a period, in ten steps."""
     for _ in range(10):
@@ -297,6 +319,7 @@ BENCHES: dict[str, Callable[[bool], Bench]] = {
     "quadrotor": quadrotor_bench,
     "rigid body": rigid_body_bench,
     "hyperbolic plane": partial(point_bench, hyperbolic_space(2)),
+    "two-link arm": arm_bench,
     **{name: partial(textbook_bench, name) for name in SYSTEMS if name != "example-2-1"},  # which has no observer
 }
 

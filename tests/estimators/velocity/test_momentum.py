@@ -50,5 +50,5 @@ def test_the_disturbance_is_the_torque_that_the_model_lacks() -> None:
 
 
 def test_a_curved_space_without_a_mass_matrix_is_refused() -> None:
-    with pytest.raises(FieldError, match=r"momentum_observer.*allowed: on mechanisms"):
+    with pytest.raises(FieldError, match=r"system = .*; allowed for momentum_observer: a mechanism"):
         observer(PointSystem(sphere(2), linear(1.0, 0)))

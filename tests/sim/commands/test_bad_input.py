@@ -275,8 +275,8 @@ def test_a_controller_that_builds_the_wrong_thing_is_named(
     [
         ("safe-flight", "--controller", "missile", "as_printed, barrier, faster, flight, gatekeeper"),
         ("missile-guidance", "--controller", "flight", "missile"),
-        ("missile-guidance", "--estimator", "kalman", "full_state, missile_kalman"),
-        ("safe-flight", "--estimator", "missile_kalman", "full_state, kalman"),
+        ("missile-guidance", "--estimator", "kalman", "full_state, missile_kalman, moving_horizon"),
+        ("safe-flight", "--estimator", "missile_kalman", "full_state, kalman, moving_horizon"),
     ],
 )
 def test_a_plug_in_of_another_kind_of_mission_is_named_with_those_that_fit(

@@ -102,7 +102,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, Any]]:
     """The closed loop that a command would fly, without flying it."""
     import mathnavi.sim.commands.run
 
-    def without_flight(closed_loop: Any, errors: Any) -> RunResult:
+    def without_flight(closed_loop: Any, *others: Any) -> RunResult:
         raise FlightAskedForError(closed_loop.config)
 
     monkeypatch.setattr(mathnavi.sim.commands.run, "fly", without_flight)
@@ -159,7 +159,7 @@ def test_a_flight_that_is_cut_short_leaves_no_folder(
 ) -> None:
     import mathnavi.sim.commands.run
 
-    def interrupted(closed_loop: Any, errors: Any) -> RunResult:
+    def interrupted(closed_loop: Any, *others: Any) -> RunResult:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(mathnavi.sim.commands.run, "fly", interrupted)
@@ -225,7 +225,7 @@ def test_list_shows_what_is_installed(capsys: pytest.CaptureFixture[str], monkey
             assert name in shown
     assert {"flight", "kalman", "safe-flight", "tian_shan"} <= set(shown.split())
     assert "cannot be imported" not in shown
-    assert main(["list", "estimators"]) == 0
+    assert main(["list", "estimators", "--verbose"]) == 0
     shown = capsys.readouterr().out
     assert "noise-floor" in shown
     assert "tian_shan" not in shown

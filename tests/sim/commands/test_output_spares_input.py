@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mathnavi.models.terrain.dem import import_dem, write_npz
+from mathnavi.models.terrain.dem import write_npz
+from mathnavi.models.terrain.dem_import import import_dem
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.commands.cli import main
 from mathnavi.sim.interfaces.errors import FieldError
@@ -96,7 +97,7 @@ def test_an_elevation_model_is_not_imported_over_itself(refused: Refused, tmp_pa
     out = "map.npz" if kind == "same" else "other.npz"
     if kind != "same":
         LINKS[kind](tmp_path / "map.npz", tmp_path / out)
-    words = ["terrain", "import", "map.npz", "--out", out, "--crop", "0", "0", "4"]
+    words = ["terrain", "import", "map.npz", "--out", out, "--crop", "0", "0", "40", "40"]
     assert f"--out = {out} is what is read" in refused(*words)
     with pytest.raises(FieldError, match="out = "):
         import_dem("map.npz", out)

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from mathnavi.sim.commands.cli import main
 from mathnavi.sim.commands.errors import BadInputError
@@ -44,7 +43,7 @@ def asked(url: str, posted: object = None) -> Any:
 
 
 def flown(run: FollowedRun, wanted: RunRequest) -> RunResult:
-    return run.fly(wanted.build(), Console(stderr=True, quiet=True), fly)
+    return run.fly(wanted.build(), lambda loop, watch: fly(loop, lambda t, duration: None, watch=watch))
 
 
 def test_a_page_that_follows_a_run_gets_all_of_it_and_changes_nothing() -> None:

@@ -89,7 +89,7 @@ def test_a_command_that_does_not_need_it_works(capsys: pytest.CaptureFixture[str
 
 def test_the_list_shows_both_and_says_that_they_are_refused() -> None:
     console = Console(width=200, file=StringIO())
-    console.print(listing("consensus", installed("consensus"), full=True))
+    console.print(listing("consensus", installed("consensus"), full=True, verbose=True))
     text = console.file.getvalue()
     assert text.count("refused: 2 plug-ins have this name") == 2
     assert "strange 1.2, mathnavi.controllers.arrival.clock:Clock" in text

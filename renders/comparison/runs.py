@@ -48,7 +48,10 @@ def _verdict(one: ComparedRun, other: ComparedRun) -> str:
 def _summaries(left: Mapping[str, Any], right: Mapping[str, Any]) -> Table:
     """The figures of the summaries in their groups; what a clock measured is apart, as the machine's doing."""
     grouped = {key for keys in SUMMARY_GROUPS.values() for key in keys}
-    keys = [key for key in dict.fromkeys([*left, *right]) if key not in LEFT_OUT]
+    left_out = {*LEFT_OUT, "efficiency_basis"}
+    if left.get("efficiency") is right.get("efficiency") is None:
+        left_out.add("efficiency")
+    keys = [key for key in dict.fromkeys([*left, *right]) if key not in left_out]
     by_clock = [key for key in keys if is_wall_clock(key)]
     groups = {**SUMMARY_GROUPS, "other": [key for key in keys if key not in grouped]}
     chosen = {name: [key for key in group if key in keys and key not in by_clock] for name, group in groups.items()}

@@ -13,7 +13,7 @@ from mathnavi.sim.interfaces.signals import Event
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, label
 from mathnavi.sim.scenarios.closed_loop import RunResult
 
-SHOWN_ELSEWHERE = ("seed", "version", SHORTFALL, PLANNER_STATUS)
+SHOWN_ELSEWHERE = ("seed", "version", "efficiency_basis", SHORTFALL, PLANNER_STATUS)
 
 
 def verdict(result: RunResult, subject: str = "the mission") -> str:
@@ -28,7 +28,7 @@ def verdict(result: RunResult, subject: str = "the mission") -> str:
 def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
     """One row a figure, in groups; keys of no group come last. Of a kind of events the first is shown.
 
-    Why there is no Cramér-Rao bound is in summary.json and in the report.
+    How the Cramér-Rao bound is averaged, and why there is none, is in summary.json and in the report.
     """
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="dim")
@@ -40,7 +40,7 @@ def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
     for group, keys in {**SUMMARY_GROUPS, "other": rest}.items():
         heading = group
         for key in keys:
-            if key in summary and not (group == "bound" and summary["efficiency"] is None):
+            if key in summary and key not in SHOWN_ELSEWHERE and not (key == "efficiency" and summary[key] is None):
                 name, unit = label(key)
                 table.add_row(heading, name, value_text(summary[key]), unit)
                 heading = ""

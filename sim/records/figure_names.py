@@ -50,7 +50,7 @@ TEXTS = frozenset(("observable", "nearest_pair", "efficiency_basis"))
 UNITS = {"_per_s": "1/s", "_m_s": "m/s", "_deg": "deg", "_rad": "rad", "_ms": "ms", "_s": "s", "_m": "m"}
 # What a name alone does not say; |v| is a length in the metric of what moves.
 LABELS = {
-    "efficiency": ("error over the Cramér-Rao bound, rms", ""),
+    "efficiency": ("rms over Cramér-Rao", ""),
     "efficiency_basis": ("over", ""),
     "velocity_rms": ("velocity error, rms", "in units of v"),
     "position_rms": ("distance of position, rms", "in the metric"),

@@ -10,9 +10,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mathnavi.estimators.invariant.ranging import RangeIekf
 from mathnavi.estimators.ranging.extended import RangeEkf
 from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank
+from mathnavi.estimators.ranging.invariant import RangeIekf
 from mathnavi.estimators.ranging.model import RangeModel
 from mathnavi.estimators.ranging.pose_certificate import MOST_OTHERS, PoseCertificate, PoseCertificateConfig
 from mathnavi.models.unicycle.mission import RangingMission
@@ -29,7 +29,7 @@ _KINDS: Mapping[str, Any] = {"feasible_set_bank": FeasibleSetBank, "range_ekf": 
 class RangeCertifiedConfig:
     """Fields of the command line."""
 
-    of: Literal["feasible_set_bank", "range_ekf", "range_iekf"] = "feasible_set_bank"
+    method: Literal["feasible_set_bank", "range_ekf", "range_iekf"] = "feasible_set_bank"
     """the estimator whose pose is certified, with its own defaults"""
     every: Positive = 1.0
     """between two certificates [s]"""
@@ -42,7 +42,7 @@ class RangeCertified:
     Config = RangeCertifiedConfig
 
     def __init__(self, config: RangeCertifiedConfig, mission: RangingMission) -> None:
-        kind = _KINDS[config.of]
+        kind = _KINDS[config.method]
         self._estimator: Estimator = kind.build(kind.Config(), mission)
         self.period = self._estimator.period
         self._model, self._every = RangeModel(mission), config.every
@@ -68,7 +68,7 @@ class RangeCertified:
     @staticmethod
     def properties(config: RangeCertifiedConfig) -> ObserverProperties:
         """Table 2.1, of the estimator that is certified."""
-        kind = _KINDS[config.of]
+        kind = _KINDS[config.method]
         declared: ObserverProperties = kind.properties(kind.Config())
         return declared
 

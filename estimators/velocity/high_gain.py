@@ -21,9 +21,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mathnavi.estimators.velocity.gated_law import GatedLaw
 from mathnavi.estimators.velocity.poles import pole_weights
 from mathnavi.estimators.velocity.position_observer import PositionObserver
-from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
 from mathnavi.models.manifold.manifold import Manifold
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.sim.interfaces.bounds import Positive, configuration
@@ -73,41 +73,21 @@ class HighGain:
         )  # fmt: skip
 
 
-class _HighGain:
+class _HighGain(GatedLaw):
     """A ``VelocityLaw``."""
 
     extra: Mapping[str, Array] = NOTHING
 
     def __init__(self, config: HighGainConfig, mission: LagrangianMission) -> None:
-        self._mission, self._system, self._bandwidth = mission, mission.system, config.bandwidth
-        self._manifold = mission.system.manifold
-
-    @property
-    def state(self) -> Array:
-        return self._state
-
-    def start(self, y: Array) -> None:
-        self._state = np.concatenate([y, np.zeros(self._manifold.vector_size)])
-        self._y = y  # the last reading that was used
-        self._gate, self._outlier_counter = SpeedGate(self._mission, y), OutlierCounter()
+        super().__init__(mission)
+        self._system, self._bandwidth = mission.system, config.bandwidth
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         self._state = self._system.flow(self._state, u, h)
 
-    def correct(self, y: Array, h: float) -> bool:
-        manifold, size = self._manifold, self._manifold.size
-        x, v = self._state[:size], self._state[size:]
-        moved, L = innovation(manifold, self._y, y), innovation(manifold, x, y)
-        good = moved is not None and L is not None and self._gate.passes(self._y, moved, h)
-        if not self._outlier_counter.admits(good):
-            return False
-        if L is None or not good:
-            self.start(y)
-            return True
+    def _corrected(self, x: Array, v: Array, L: Array, h: float) -> Array:
         alpha, beta = pole_weights(self._bandwidth, 1.0, h)
-        self._state = _recentred(manifold, x, alpha * L, manifold.components(x, v) + beta * L)
-        self._y = y
-        return True
+        return _recentred(self._manifold, x, alpha * L, self._manifold.components(x, v) + beta * L)
 
 
 def _recentred(manifold: Manifold, p: Array, c: Array, rate: Array) -> Array:

@@ -23,9 +23,9 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from mathnavi.estimators.velocity.gated_law import GatedLaw
 from mathnavi.estimators.velocity.poles import triple_pole_weights
 from mathnavi.estimators.velocity.position_observer import PositionObserver
-from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
 from mathnavi.models.manifold.manifold import Manifold
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.system import LagrangianSystem, integrate, stepped
@@ -113,49 +113,31 @@ class _Disturbed:
         return np.concatenate(self._stepped.step(x, v, u, h, self.acceleration(x)))
 
 
-class _Momentum:
+class _Momentum(GatedLaw):
     """A ``VelocityLaw``."""
 
     def __init__(self, config: MomentumObserverConfig, mission: LagrangianMission) -> None:
+        super().__init__(mission)
         manifold = mission.system.manifold
         if not isinstance(manifold, _WithMass) or manifold.vector_size != manifold.dimension:
             raise FieldError(f"system = {manifold.name!r}; allowed for momentum_observer: a mechanism")
         self._mass: _WithMass = manifold
-        self._mission, self._manifold, self._bandwidth = mission, mission.system.manifold, config.bandwidth
-        self._system = _Disturbed(mission.system, manifold)
-
-    @property
-    def state(self) -> Array:
-        return self._state
+        self._bandwidth, self._system = config.bandwidth, _Disturbed(mission.system, manifold)
 
     @property
     def extra(self) -> Mapping[str, Array]:
         return {"disturbance": self._system.torque.copy()}
 
     def start(self, y: Array) -> None:
-        self._state = np.concatenate([y, np.zeros(self._manifold.vector_size)])
+        super().start(y)
         self._system.torque = np.zeros(self._manifold.dimension)
-        self._y = y  # the last reading that was used
-        self._gate, self._outlier_counter = SpeedGate(self._mission, y), OutlierCounter()
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         self._state = self._system.flow(self._state, u, h)
 
-    def correct(self, y: Array, h: float) -> bool:
-        manifold, size = self._manifold, self._manifold.size
-        x, v = self._state[:size], self._state[size:]
-        moved, L = innovation(manifold, self._y, y), innovation(manifold, x, y)
-        good = moved is not None and L is not None and self._gate.passes(self._y, moved, h)
-        if not self._outlier_counter.admits(good):
-            return False
-        if L is None or not good:
-            self.start(y)
-            return True
+    def _corrected(self, x: Array, v: Array, L: Array, h: float) -> Array:
         alpha, beta, gamma = triple_pole_weights(self._bandwidth, h)
         M = self._mass.mass(x)
-        after = manifold.point(x, alpha * L)
-        momentum = M @ (v + beta * L)
+        after = self._manifold.point(x, alpha * L)
         self._system.torque = self._system.torque + gamma * (M @ L)
-        self._state = np.concatenate([after, np.linalg.solve(self._mass.mass(after), momentum)])
-        self._y = y
-        return True
+        return np.concatenate([after, np.linalg.solve(self._mass.mass(after), M @ (v + beta * L))])

@@ -188,13 +188,9 @@ def followed(request: RunRequest, host: str, port: int) -> Iterator[FollowedRun]
     run = FollowedRun(request)
     server = PageServer(host, port, run.page, {"/news": run.news}, {"/change": run.change})
     run.url = server.url
-    server.start()
-    print(f"{request.name} is shown at {server.url} while it is simulated", flush=True)
-    try:
+    with server.serving():
+        print(f"{request.name} is shown at {server.url} while it is simulated", flush=True)
         yield run
-    finally:
-        server.shutdown()
-        server.server_close()
 
 
 def _controls(request: RunRequest, closed_loop: ClosedLoop) -> list[Control]:

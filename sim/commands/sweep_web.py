@@ -72,10 +72,6 @@ def followed(sweep: FollowedSweep, host: str, port: int) -> Iterator[FollowedSwe
     """A sweep that is served at an address for as long as the block lasts."""
     server = PageServer(host, port, sweep.page)
     sweep.url = server.url
-    server.start()
-    print(f"{sweep.name} is shown at {server.url} while it goes on", flush=True)
-    try:
+    with server.serving():
+        print(f"{sweep.name} is shown at {server.url} while it goes on", flush=True)
         yield sweep
-    finally:
-        server.shutdown()
-        server.server_close()

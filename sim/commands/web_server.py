@@ -13,7 +13,8 @@ import json
 import secrets
 import socket
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -65,9 +66,15 @@ class PageServer(ThreadingHTTPServer):
         name = f"[{host}]" if ":" in host else host
         return f"http://{name}:{port}/" + (f"?token={self.token}" if self.token else "")
 
-    def start(self) -> None:
-        """Serve in a thread of its own, until ``shutdown``."""
+    @contextmanager
+    def serving(self) -> Iterator[None]:
+        """Serve in a thread of its own for as long as the block lasts."""
         threading.Thread(target=self.serve_forever, daemon=True).start()
+        try:
+            yield
+        finally:
+            self.shutdown()
+            self.server_close()
 
     def refusal(self, host: str, origin: str | None, query: Mapping[str, list[str]]) -> str | None:
         """Why a request with these headers is refused; None where it is not."""

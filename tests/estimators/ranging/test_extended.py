@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from mathnavi.estimators.ranging.extended import RangeEkf, RangeEkfConfig
+from mathnavi.estimators.ranging.extended import RangeEkf
+from mathnavi.estimators.ranging.pose_filter import PoseFilterConfig
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.consistency import consistency
 from tests.estimators.ranging.runs import START, Run, estimates_of, misplaced, mission, nees, reference, steps_of
@@ -22,7 +23,7 @@ def runs() -> tuple[list[Run], Array]:
     for seed in range(RUNS):
         rng = np.random.default_rng(seed)
         task = misplaced(mission("2s", 0.1), rng)
-        found.append(estimates_of(RangeEkf(RangeEkfConfig(), task), steps_of(task, 2.5, rng)))
+        found.append(estimates_of(RangeEkf(PoseFilterConfig(), task), steps_of(task, 2.5, rng)))
         squares.append(nees(task, found[-1]))
     return found, np.array(squares)
 
@@ -31,7 +32,9 @@ def runs() -> tuple[list[Run], Array]:
 def test_every_step_is_that_of_the_textbook(sensors: str) -> None:
     task = mission(sensors, 0.02)
     x, P = np.array([*START, 0.0]), np.diag(np.square([0.02] * 4))
-    for step, estimate in estimates_of(RangeEkf(RangeEkfConfig(), task), steps_of(task, 1.0, np.random.default_rng(3))):
+    for step, estimate in estimates_of(
+        RangeEkf(PoseFilterConfig(), task), steps_of(task, 1.0, np.random.default_rng(3))
+    ):
         x, P, nis = reference(task, step, x, P)
         np.testing.assert_allclose(estimate.x, x[:3], atol=1e-7)
         np.testing.assert_allclose(np.array(estimate.covariance), P[:3, :3], rtol=1e-4, atol=1e-9)

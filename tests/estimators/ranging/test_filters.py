@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mathnavi.estimators.invariant.ranging import RangeIekf
 from mathnavi.estimators.ranging.extended import RangeEkf
+from mathnavi.estimators.ranging.invariant import RangeIekf
 from mathnavi.estimators.ranging.particle import RangeParticle
 from mathnavi.estimators.ranging.unscented import RangeUkf
 from mathnavi.models.field.curve import BEAN

@@ -18,9 +18,6 @@ from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.engine.replay import RecordedMotion
 from tests.flight import mountains
 
-ROBOT = ("range-localisation", "--duration", "0.5", "--sensors", "0", "90")
-NUMBERS = ("textbook-observer", "--duration", "0.2", "--tolerance", "1000")
-
 
 class Viewer:
     """A stand-in for the handle of ``mujoco.viewer``, open for so many frames."""
@@ -39,15 +36,6 @@ class Viewer:
 
     def sync(self) -> None:
         self.seen.append(np.concatenate((self.data.qpos, self.data.qvel)))
-
-
-@pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The runs ``robot``, which has a body, and ``numbers``, which has none."""
-    folder = tmp_path_factory.mktemp("runs")
-    for name, words in (("robot", ROBOT), ("numbers", NUMBERS)):
-        assert main(["run", *words, "--out", str(folder / name)]) in (0, 1)
-    return folder
 
 
 def test_bodies_stand_where_the_log_says_and_begin_again(runs: Path) -> None:

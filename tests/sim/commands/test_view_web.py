@@ -14,18 +14,6 @@ import pytest
 from mathnavi.sim.commands.cli import main
 from mathnavi.sim.commands.web_server import PageServer
 
-ROBOT = ("range-localisation", "--duration", "0.5", "--sensors", "0", "90")
-NUMBERS = ("textbook-observer", "--duration", "0.2", "--tolerance", "1000")
-
-
-@pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The runs ``robot``, which has a body, and ``numbers``, which has none."""
-    folder = tmp_path_factory.mktemp("runs")
-    for name, words in (("robot", ROBOT), ("numbers", NUMBERS)):
-        assert main(["run", *words, "--out", str(folder / name)]) in (0, 1)
-    return folder
-
 
 def ask(server: PageServer, path: str, headers: dict[str, str] | None = None, body: object = None) -> tuple[int, str]:
     """Status and text of an answer."""
@@ -45,10 +33,8 @@ def local() -> Iterator[PageServer]:
     changed: list[object] = []
     server = PageServer("127.0.0.1", 0, lambda: "the page", {"/state": dict}, {"/change": changed.append})
     server.changed = changed  # type: ignore[attr-defined]
-    server.start()
-    yield server
-    server.shutdown()
-    server.server_close()
+    with server.serving():
+        yield server
 
 
 def test_the_page_is_served_to_this_machine(local: PageServer) -> None:
@@ -71,17 +57,13 @@ def test_a_page_from_elsewhere_is_refused(local: PageServer) -> None:
 
 def test_at_another_address_every_request_needs_the_token() -> None:
     server = PageServer("0.0.0.0", 0, lambda: "the page", {"/state": dict}, {"/change": lambda posted: posted})
-    server.start()
-    try:
+    with server.serving():
         assert f"?token={server.token}" in server.url
         assert len(server.token) >= 32
         for path, body in (("/", None), ("/state", None), ("/change", 1)):
             assert ask(server, path, None, body)[0] == 403
             assert ask(server, f"{path}?token=x", None, body)[0] == 403
             assert ask(server, f"{path}?token={server.token}", None, body)[0] == 200
-    finally:
-        server.shutdown()
-        server.server_close()
 
 
 def test_the_page_is_saved(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.invariant.lie_groups import SE2
-from mathnavi.estimators.invariant.ranging import RangeIekf
 from mathnavi.estimators.ranging.extended import RangeEkf
+from mathnavi.estimators.ranging.invariant import RangeIekf
 from mathnavi.models.field.curve import ellipse
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality

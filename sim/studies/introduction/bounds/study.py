@@ -16,7 +16,7 @@ from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
-from mathnavi.sim.studies.ranging.bounds.runs import DECLARED, SCENARIOS, BoundErrors, BoundRun, compared
+from mathnavi.sim.studies.introduction.bounds.runs import DECLARED, SCENARIOS, BoundErrors, BoundRun, compared
 
 NEAR = 1.15  # times the bound, which counts as reached
 CHANCE = 3.0  # standard errors

@@ -6,6 +6,7 @@ back, as a network would.
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import subprocess
 import sys
@@ -90,10 +91,8 @@ def _swept(case: SweepCase) -> SweepRate:
 @contextmanager
 def _cluster(workers: int, delay: float) -> Iterator[str]:
     """The address of a Dask scheduler on this machine, with workers that are ``delay`` away from it."""
-    import distributed  # an extra
-
-    make: Any = distributed.LocalCluster  # distributed has no types
-    with make(n_workers=0, dashboard_address=None) as cluster, ExitStack() as opened:
+    dask: Any = importlib.import_module("distributed")  # an extra, without types
+    with dask.LocalCluster(n_workers=0, dashboard_address=None) as cluster, ExitStack() as opened:
         scheduler = str(cluster.scheduler_address)
         host, _, port = scheduler.rpartition("/")[2].rpartition(":")
         relay = opened.enter_context(delayed(host, int(port), delay))
@@ -105,6 +104,6 @@ def _cluster(workers: int, delay: float) -> Iterator[str]:
             process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
             opened.callback(process.wait)
             opened.callback(process.terminate)
-        with distributed.Client(scheduler, set_as_default=False) as client:
+        with dask.Client(scheduler, set_as_default=False) as client:
             client.wait_for_workers(workers, timeout=PATIENCE)
         yield scheduler

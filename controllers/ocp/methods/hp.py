@@ -20,7 +20,7 @@ import numpy as np
 from mathnavi.controllers.ocp.arcs import Arcs
 from mathnavi.controllers.ocp.defects import defects
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, uniform
-from mathnavi.controllers.ocp.layout import variation
+from mathnavi.controllers.ocp.layout import control_variations
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.methods.hp_mesh import TINY, VIOLATION, interval_errors, meshed, with_boundaries
 from mathnavi.controllers.ocp.nlp import SHORTEST_ARC
@@ -76,7 +76,7 @@ class _Plan:
     def added(self, solution: Solution) -> float:
         """What the smoothing adds to J: J is at most as much above its least value."""
         u = solution.u / solution.problem.control_scale
-        return float(self.weights(solution.problem) @ np.einsum("kl,ikm,ilm->m", variation(solution.scheme), u, u))
+        return float(self.weights(solution.problem) @ control_variations(solution.scheme, u).sum(axis=0))
 
     def weights(self, problem: ProblemFunctions) -> Array:
         """Weights ρ (nu,) of the variation of each control where it is free."""

@@ -35,15 +35,6 @@ from mathnavi.sim.interfaces.signals import Array
 _KINDS = (
     Euler, GaussLegendre, HermiteSimpson, LegendreGaussLobatto, MultipleShooting, RadauIIA, Trapezoid, VariableRadauIIA,
 )  # fmt: skip
-    Euler,
-    GaussLegendre,
-    HermiteSimpson,
-    LegendreGaussLobatto,
-    MultipleShooting,
-    RadauIIA,
-    Trapezoid,
-    VariableRadauIIA,
-)
 SCHEMES: dict[str, Any] = {kind.__name__: kind for kind in _KINDS}
 """the schemes that a file may name"""
 

@@ -11,6 +11,7 @@ joins the derivatives at its points with constant factors. A programme of anothe
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import casadi as ca
@@ -51,10 +52,10 @@ def collocation_blocks(
         share: W (A, N - 1), shares of the interval itself, or its width (1, N - 1) as a fraction of T.
         smoothing: ρ (nu or 0, N - 1).
     """
-    blocks, entries = [], []
-    for members in layout.members:
-        own = _Alike(layout, members, places)
-        chosen = slice(None) if len(layout.members) == 1 else members.intervals.tolist()
+    groups = [_Alike(layout, members, places) for members in layout.members]
+    blocks, entries = [_points(layout, groups, p, before, share)], []
+    for own in groups:
+        chosen = slice(None) if len(groups) == 1 else own.intervals.tolist()
         blocks += own.blocks(p, before[:, chosen], share[:, chosen], smoothing[:, chosen])
         entries += own.linear()
     linear = Factors(
@@ -65,12 +66,38 @@ def collocation_blocks(
     return blocks, linear
 
 
+def _points(layout: ProgrammeLayout, groups: Sequence[_Alike], p: ca.MX, before: ca.MX, share: ca.MX) -> Block:
+    """Block of the points of all intervals."""
+    problem = layout.problem
+    height = problem.nx + len(problem.path_bounds.lower)
+    of_point = np.concatenate([np.repeat(own.intervals, own.k) for own in groups])
+    fractions = np.concatenate([np.tile(own.scheme.points, own.count) for own in groups])
+    each = ca.DM(np.eye(layout.nodes - 1)[:, of_point])  # of an interval, at each of its points
+    shares = ca.mtimes(share, each)
+    starts = ca.mtimes(before, each) + shares * ca.DM(np.tile(fractions, (layout.arcs, 1)))
+    factors, quadratures, done = [], [], 0
+    for own in groups:
+        A, b = integration_matrix(own.scheme.points)
+        rows, columns, values = own.factors(A, b)
+        factors.append((rows, columns + height * done, values))
+        quadratures.append(np.tile(b, own.count))
+        done += own.k * own.count
+    return Block(
+        _point(problem, layout.arcs),
+        np.vstack([own.at_points for own in groups]),
+        Factors(*(np.concatenate(parts) for parts in zip(*factors, strict=True))),
+        ca.vertcat(ca.repmat(p, 1, done), starts, shares),
+        np.concatenate(quadratures),
+    )
+
+
 class _Alike:
     """Intervals (n,) that are transcribed alike: where their unknowns and their rows stand."""
 
     def __init__(self, layout: ProgrammeLayout, members: Members, places: Integers) -> None:
         self.layout, self.problem, self.scheme = layout, layout.problem, members.scheme
         problem, scheme, intervals = self.problem, self.scheme, members.intervals
+        self.intervals = intervals
         self.count, self.k, own = len(intervals), len(scheme.points), len(scheme.points) - int(scheme.shared)
         nx, nu, nd, nz = problem.nx, problem.nu, len(problem.path_bounds.lower), layout.state_size
         self.z, self.z_next = layout.state_columns[intervals], layout.state_columns[intervals + 1]
@@ -97,21 +124,9 @@ class _Alike:
         self.mixed = rows[:, rows.shape[1] - len(mixed_constraints(problem)) :]
 
     def blocks(self, p: ca.MX, before: ca.MX, share: ca.MX, smoothing: ca.MX) -> list[Block]:
-        """Blocks of these intervals; the arguments are those of ``collocation_blocks``, of these intervals only."""
-        problem, scheme, count, k, arcs = self.problem, self.scheme, self.count, self.k, self.layout.arcs
-        each = ca.DM(np.repeat(np.eye(count), k, axis=1))  # of an interval, at each of its points
-        shares = ca.mtimes(share, each)
-        starts = ca.mtimes(before, each) + shares * ca.DM(np.tile(scheme.points, (arcs, count)))
-        A, b = integration_matrix(scheme.points)
-        at_points = [self.states.reshape(count * k, -1), self.controls.reshape(count * k, -1)]
-        points = Block(
-            _point(problem, arcs),
-            np.hstack([*at_points, np.repeat(self.lengths, k, axis=0)]),
-            self._factors(A, b),
-            ca.vertcat(ca.repmat(p, 1, count * k), starts, shares),
-            np.tile(b, count),
-        )
-        blocks, own = [points], self.controls.reshape(count, -1)
+        """Blocks of what holds between points; arguments as of ``collocation_blocks``, of these intervals."""
+        problem, scheme, count, arcs = self.problem, self.scheme, self.count, self.layout.arcs
+        blocks, own = [], self.controls.reshape(count, -1)
         if mixed_constraints(problem) and fractions_between(scheme):
             columns = np.hstack([self.z[:, : problem.nx], own, self.lengths])
             known = ca.vertcat(ca.repmat(p, 1, count), before, share)
@@ -122,7 +137,13 @@ class _Alike:
             blocks.append(Block(_smoothed(problem, scheme), own, nothing, known))
         return blocks
 
-    def _factors(self, A: Array, b: Array) -> Factors:
+    @property
+    def at_points(self) -> Integers:
+        """Columns (n k, nx + nu + ·) of state, control and durations at every point."""
+        parts = (self.states, self.controls, np.repeat(self.lengths[:, None], self.k, axis=1))
+        return np.concatenate(parts, axis=2).reshape(self.count * self.k, -1)
+
+    def factors(self, A: Array, b: Array) -> Factors:
         """S: what the rates and path constraints at the points enter."""
         nx, nd, k, count = self.problem.nx, len(self.problem.path_bounds.lower), self.k, self.count
         first = (nx + nd) * (np.arange(count, dtype=np.int64)[:, None] * k + np.arange(k))  # of each point's rows

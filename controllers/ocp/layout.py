@@ -95,14 +95,16 @@ class ProgrammeLayout:
     @cached_property
     def _kept(self) -> NDArray[np.bool_]:
         """(N - 1, state_size + input_size) True for what an interval has in the vector."""
-        own, p = point_counts(self.scheme)[:, None], self.problem
+        own, p = np.empty((self.nodes - 1, 1), dtype=np.int64), self.problem
+        for scheme, intervals in self.members:
+            own[intervals] = len(scheme.points)
         parts = [
             np.ones((self.nodes - 1, self.state_size), dtype=bool),
             np.arange(self.own_points * p.nu) < own * p.nu,
             np.arange(self.scheme.interior * p.nx) < (own - len(self.scheme.points) + self.scheme.interior) * p.nx,
             np.ones((self.nodes - 1, int(self.moving)), dtype=bool),
         ]
-        return np.hstack([np.broadcast_to(part, (self.nodes - 1, part.shape[1])) for part in parts])
+        return np.hstack(parts)
 
     @cached_property
     def state_scale(self) -> Array:

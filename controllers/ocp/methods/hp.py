@@ -1,7 +1,8 @@
 """hp refinement with switch detection: more points where a solution is smooth, nodes where not, a boundary at a switch.
 
 Each round solves by Radau collocation, compares every interval with its own dynamics under the saturated control (see
-``defects``) and reads the solution's structure (see ``structure``). Where controls are held by their bounds, or leave
+``defects``) and reads the solution's structure (see ``structure``). Points and nodes are chosen interval by interval
+(see ``hp_mesh``). Where controls are held by their bounds, or leave
 them, the next programme has arcs whose lengths are unknowns; a control that a bound holds is held there. A control that
 enters linearly and is free, on a singular arc, is kept from ringing by a small weight ρ on what it varies within an
 interval beside its straight line: J is at most ρ times that variation above its least value, and ρ falls until this is

@@ -2,12 +2,12 @@
 
 Each round solves by Radau collocation, compares every interval with its own dynamics under the saturated control (see
 ``defects``) and reads the solution's structure (see ``structure``). Points and nodes are chosen interval by interval
-(see ``hp_mesh``). Where controls are held by their bounds, or leave
-them, the next programme has arcs whose lengths are unknowns; a control that a bound holds is held there. A control that
-enters linearly and is free, on a singular arc, is kept from ringing by a small weight ρ on what it varies within an
-interval beside its straight line: J is at most ρ times that variation above its least value, and ρ falls until this is
-below the tolerance. The rounds end when the defects are small and J no longer changes or, of a smooth solution, is seen
-to be as good as its least value (see ``suboptimality``).
+(see ``hp_mesh``). Where controls are held by their bounds, or leave them, the next programme has arcs whose lengths are
+unknowns; a control that a bound holds is held there. A control that enters linearly and is free, on a singular arc, is
+kept from ringing by a small weight ρ on what it varies within an interval beside its straight line: J is at most ρ
+times that variation above its least value, and ρ falls until this is below the tolerance. The rounds end when the
+defects are small and J no longer changes or, of a smooth solution, is seen to be as good as its least value (see
+``suboptimality``).
 """
 
 from __future__ import annotations

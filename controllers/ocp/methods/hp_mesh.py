@@ -115,7 +115,8 @@ def meshed(
     if (counts < MOST_COUNT).any() and ((everywhere and asymptotic and not violated.any()) or full):
         raised = np.where(counts < MOST_COUNT, counts + 1, counts)
         return HpMesh(mesh.grid, raised).with_boundaries(structure.boundaries, most_nodes)
-    both = everywhere and not asymptotic  # two parts with a point more each, for want of both
+    # Two parts with a point more each, for want of both.
+    both = everywhere and not asymptotic and bool((counts < MOST_COUNT).any())
     decays = _decays(solution)
     counts, raised = _degrees(counts, decays, errors, each, large & ~violated, both=both)
     order = 2 * mesh.counts

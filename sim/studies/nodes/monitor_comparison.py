@@ -232,7 +232,9 @@ def _figure(rows: Sequence[Mapping[str, Any]], names: Sequence[str], nodes: int)
     monitors = [monitor.name for monitor in MONITORS if monitor is not UNIFORM]
     shown = [("control error", "control_error_ratio"), ("replay miss", "replay_miss_ratio")]
     panels = {}
-    of_panels = [(HERMITE_SIMPSON, *each) for each in itertools.product(shown, ROUNDS)]
+    of_panels: list[tuple[Scheme, tuple[str, str], int]] = [
+        (HERMITE_SIMPSON, *each) for each in itertools.product(shown, ROUNDS)
+    ]
     of_panels += [(RADAU, each, max(ROUNDS)) for each in shown]
     for letter, (scheme, (what, key), rounds) in zip("abcdef", of_panels, strict=True):
         values, errors = (

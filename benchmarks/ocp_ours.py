@@ -9,6 +9,7 @@ import numpy as np
 from benchmarks.ocp_trajectory import Trajectory
 from mathnavi.controllers.ocp.methods.automatic import automatic
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.transcriptions.variable_radau import own_points
 
 
 def solved(problem: ProblemFunctions, tolerance: float) -> Trajectory | None:
@@ -17,7 +18,6 @@ def solved(problem: ProblemFunctions, tolerance: float) -> Trajectory | None:
     solution = automatic(unknown, tolerance=tolerance)
     if not solution.solved:
         return None
-    points = tuple(np.array(solution.scheme.points) for _ in solution.u)
-    return Trajectory(
-        problem, solution.duration, solution.grid.nodes, solution.x, points, tuple(solution.u), solution.cost
-    )
+    points = tuple(np.array(own_points(solution.scheme, i)) for i in range(solution.nodes - 1))
+    controls = tuple(u[: len(own)] for u, own in zip(solution.u, points, strict=True))
+    return Trajectory(problem, solution.duration, solution.grid.nodes, solution.x, points, controls, solution.cost)

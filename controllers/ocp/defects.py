@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mathnavi.controllers.ocp.solution import Solution, along
-from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre, integral_weights, weights
+from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre, integral_weights
+from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_integral_weights, interval_weights
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
@@ -34,17 +35,17 @@ class Defects(NamedTuple):
 
 def defects(solution: Solution) -> Defects:
     """Defects of each interval of a solution; ProblemError for a scheme of a single point."""
-    problem, points, d = solution.problem, solution.scheme.points, np.diff(solution.t)
-    if len(points) < 2:
+    problem, scheme, d = solution.problem, solution.scheme, np.diff(solution.t)
+    if len(scheme.points) < 2:
         raise ProblemError(f"scheme = {solution.scheme.name} has no polynomial; allowed: a collocation scheme")
     abscissae, share = gauss_legendre(_POINTS)
     c, b = 0.5 * (abscissae + 1.0), 0.5 * share
-    basis, steps = weights(points, c), integral_weights(points, c)
+    basis, steps = interval_weights(scheme, c), interval_integral_weights(scheme, c)
     onwards = integral_weights(tuple(c.tolist()), c)
     t = (solution.t[:-1, None] + c * d[:, None]).ravel()
-    rates = np.einsum("gk,nkm->ngm", basis, solution.rates)
-    x = solution.x[:-1, None, :] + d[:, None, None] * np.einsum("gk,nkm->ngm", steps, solution.rates)
-    u = np.clip(np.einsum("gk,nkm->ngm", basis, solution.u), *problem.control_bounds).reshape(len(t), problem.nu)
+    rates = basis @ solution.rates
+    x = solution.x[:-1, None, :] + d[:, None, None] * (steps @ solution.rates)
+    u = np.clip(basis @ solution.u, *problem.control_bounds).reshape(len(t), problem.nu)
     e = np.zeros_like(x)
     with np.errstate(all="ignore"):
         for _ in range(_SWEEPS):
@@ -53,11 +54,9 @@ def defects(solution: Solution) -> Defects:
             e = d[:, None, None] * np.einsum("gh,nhm->ngm", onwards, f - rates)
         ends = d[:, None] * np.einsum("g,ngm->nm", b, f - rates) / problem.state_scale
         gained = d * (running_costs(solution, flown.reshape(len(t), -1), u, t).reshape(-1, _POINTS) @ b)
-    own = integral_weights(points, np.array([1.0]))[0]
-    k = len(points)
-    at = (solution.t[:-1, None] + np.array(points) * d[:, None]).ravel()
+    at, shares = solution.point_times.ravel(), solution.point_shares
     inner = solution.inner.reshape(len(at), -1), solution.u.reshape(len(at), problem.nu)
-    stated = d * (running_costs(solution, *inner, at).reshape(-1, k) @ own)
+    stated = (running_costs(solution, *inner, at).reshape(shares.shape) * shares).sum(axis=1)
     values = (
         ends,
         gained - stated,

@@ -20,11 +20,12 @@ import numpy as np
 
 from mathnavi.controllers.ocp.layout import bounded_states
 from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues, distinct
-from mathnavi.controllers.ocp.nlp import Programme
+from mathnavi.controllers.ocp.nlp import Programme, at_rows
 from mathnavi.controllers.ocp.pointwise import COLLOCATIONS
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.transcriptions.collocation import integration_matrix
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights
+from mathnavi.controllers.ocp.transcriptions.variable_radau import alike, interval_integral_weights, repeated
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -46,7 +47,7 @@ def multipliers_of(nlp: Programme, answer: Answer) -> Multipliers:
     nx, nu, nd, ns = problem.nx, problem.nu, len(problem.path_bounds.lower), len(problem.final_bounds.lower)
     count, k, own, inside = len(answer.t) - 1, len(scheme.points), layout.own_points, scheme.interior
     z, w, last = layout.split(answer.bounds / layout.scale**2)  # of unknowns in the problem's units
-    held = answer.rows[nlp.held_rows]
+    held = at_rows(answer.rows, nlp.held_rows)
 
     of_controls, of_path, of_states = (np.zeros((count, k, size)) for size in (nu, nd, nx))
     of_controls[:, :own] = w[:, : own * nu].reshape(count, own, nu)
@@ -60,7 +61,7 @@ def multipliers_of(nlp: Programme, answer: Answer) -> Multipliers:
         of_states[:, 1:-1, bounded] = rows.reshape(count, k - 2, len(bounded))
     factors = (
         -answer.rows[nlp.gap_start[:, None] + np.arange(nx)] / problem.state_scale,
-        answer.rows[nlp.inner_rows] / np.tile(problem.state_scale, inside),
+        at_rows(answer.rows, nlp.inner_rows) / np.tile(problem.state_scale, inside),
         of_path.reshape(count, -1),
         of_states.reshape(count, -1),
     )
@@ -73,7 +74,9 @@ def multipliers_of(nlp: Programme, answer: Answer) -> Multipliers:
         of_states[:, 0] = z[:-1, :nx]
     if scheme.points[-1] == 1.0:
         of_states[:, -1] = z[1:, :nx]
-    b, d = quadrature(scheme), np.diff(answer.t)
+    # What an interval has not stands for its last point, and has the values that belong to it.
+    of_path, b, d = repeated(scheme, of_path), interval_integral_weights(scheme, np.ones(1))[:, 0], np.diff(answer.t)
+    b = repeated(scheme, b)
     one = point_shares(b, d, joined=scheme.shared)[:, :, None]
     node = point_shares(b, d, joined=scheme.points[0] == 0.0 and scheme.points[-1] == 1.0)[:, :, None]
     return Multipliers(
@@ -107,7 +110,10 @@ def quadrature(scheme: Scheme) -> Array:
 
 
 def point_shares(b: Array, d: Array, *, joined: bool) -> Array:
-    """Time (N - 1, k) [s] that each point stands for; a point that two intervals have in common, for both parts."""
+    """Time (N - 1, k) [s] that each point stands for; a point that two intervals have in common, for both parts.
+
+    From weights b (N - 1, k) of the quadrature, or (1, k), and the intervals' widths d (N - 1,).
+    """
     shares = d[:, None] * b
     if joined:
         at_nodes = shares[1:, 0] + shares[:-1, -1]
@@ -119,10 +125,13 @@ def _costates_at_points(problem: ProblemFunctions, scheme: Scheme, answer: Answe
     """Costates (N - 1, k, nx); ``factors`` are the multipliers of flow, inner, path and states, a row an interval."""
     count, k = len(answer.t) - 1, len(scheme.points)
     if isinstance(scheme, COLLOCATIONS):  # (b_j Λ + Σ_m A_mj Λ_m) / b_j
-        A, b = integration_matrix(scheme.points)
-        inner = factors[1].reshape(count, len(A), problem.nx)
-        costates: Array = factors[0][:, None, :] + np.einsum("mj,nmi->nji", A / b, inner)
-        return costates
+        costates = np.zeros((count, k, problem.nx))
+        for own, intervals in alike(scheme, count):
+            A, b = integration_matrix(own.points)
+            inner = factors[1][intervals, : len(A) * problem.nx].reshape(len(intervals), len(A), problem.nx)
+            known = factors[0][intervals, None, :] + np.einsum("mj,nmi->nji", A / b, inner)
+            costates[intervals, : len(own.points)] = known
+        return repeated(scheme, costates)
     inside = [0.0 < c < 1.0 for c in scheme.points] if scheme.interior else [False] * k
     found = _costate_function(problem, scheme).map(count)(
         answer.x[:-1].T,

@@ -216,7 +216,9 @@ def _mesh(axes: Axes, solution: SolutionView) -> None:
         axes.yaxis.set_major_locator(LogLocator(numticks=5))
         axes.yaxis.set_minor_formatter(NullFormatter())
         axes.set_title("error of each interval")
-        _note(axes, f"{len(t)} nodes, largest {errors.max():.1g}")
+        counts = np.count_nonzero(solution.point_shares, axis=1)
+        points = f"{counts.min()} to {counts.max()}" if np.ptp(counts) else str(counts[0])
+        _note(axes, f"{len(t)} nodes, {points} points in each interval, largest {errors.max():.1g}")
         low = shown.min() / 30.0
     axes.plot(t, np.full(len(t), low), "|", ms=9.0, mew=0.8, color=INK, clip_on=False, zorder=4)
     axes.grid(axis="y", color=GRID)

@@ -108,7 +108,8 @@ def _row_labels(nlp: Programme) -> list[str]:
 
     def label(rows: Integers, names: Sequence[str]) -> None:
         for row, name in zip(rows.tolist(), names, strict=False):
-            labels[row] = name
+            if row >= 0:
+                labels[row] = name
 
     for start, inner, held in zip(nlp.gap_start, nlp.inner_rows, nlp.held_rows, strict=True):
         label(start + np.arange(problem.nx), dynamics)
@@ -132,7 +133,8 @@ def _bound_labels(nlp: Programme, multipliers: Array) -> list[str]:
         z += [""] * (layout.state_size - len(z))
         w = controls * layout.own_points + states * layout.scheme.interior
         w += [""] * (layout.input_size - len(w))
-        names[side] = (z + w) * (layout.nodes - 1) + z + (controls if layout.scheme.shared else [])
+        own = np.tile(np.array(z + w, dtype=object), (layout.nodes - 1, 1))[layout.stage_columns >= 0]
+        names[side] = [*own, *z, *(controls if layout.scheme.shared else [])]
     return [str(names[int(above), i]) for i, above in enumerate(upper)]
 
 

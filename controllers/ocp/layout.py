@@ -7,10 +7,12 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, gauss_legendre, weights
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.controllers.ocp.transcriptions.variable_radau import Members, alike, point_counts, repeated
+from mathnavi.sim.interfaces.signals import Array, Integers
 
 SLOPE = 1e-3
 """share of a control's slope in its variation"""
@@ -18,7 +20,11 @@ SLOPE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class ProgrammeLayout:
-    """Layout of the vector of unknowns (size,): the place and the scale of each part, see the module."""
+    """Layout of the vector of unknowns (size,): the place and the scale of each part, see the module.
+
+    Where intervals have different numbers of points, w_i is that of the largest number, of which an interval of fewer
+    points has only its own part in the vector.
+    """
 
     problem: ProblemFunctions
     scheme: Scheme
@@ -49,7 +55,7 @@ class ProgrammeLayout:
 
     @property
     def input_size(self) -> int:
-        """Size of w_i = (U_i, X_i, D_i), but for the last stage."""
+        """Largest size of w_i = (U_i, X_i, D_i), but for the last stage."""
         p = self.problem
         return self.own_points * p.nu + self.scheme.interior * p.nx + int(self.moving)
 
@@ -63,10 +69,42 @@ class ProgrammeLayout:
         """Number of controls whose variation within an interval a weight ρ holds down: all that may jump at nodes."""
         return self.problem.nu if fractions_between(self.scheme) else 0
 
+    @cached_property
+    def members(self) -> tuple[Members, ...]:
+        """Intervals that are transcribed alike."""
+        return alike(self.scheme, self.nodes - 1)
+
+    @cached_property
+    def stage_columns(self) -> Integers:
+        """Columns (N - 1, state_size + input_size) of z_i and w_i in the vector; -1 for what an interval has not."""
+        columns = np.full(self._kept.shape, -1, dtype=np.int64)
+        columns[self._kept] = np.arange(np.count_nonzero(self._kept))
+        return columns
+
+    @cached_property
+    def state_columns(self) -> Integers:
+        """Columns (N, state_size) of z_i in the vector."""
+        last = self.size - self.last_input_size - self.state_size + np.arange(self.state_size, dtype=np.int64)
+        return np.vstack([self.stage_columns[:, : self.state_size], last])
+
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return (self.nodes - 1) * (self.state_size + self.input_size) + self.state_size + self.last_input_size
+        return int(np.count_nonzero(self._kept)) + self.state_size + self.last_input_size
+
+    @cached_property
+    def _kept(self) -> NDArray[np.bool_]:
+        """(N - 1, state_size + input_size) True for what an interval has in the vector."""
+        own, p = np.empty((self.nodes - 1, 1), dtype=np.int64), self.problem
+        for scheme, intervals in self.members:
+            own[intervals] = len(scheme.points)
+        parts = [
+            np.ones((self.nodes - 1, self.state_size), dtype=bool),
+            np.arange(self.own_points * p.nu) < own * p.nu,
+            np.arange(self.scheme.interior * p.nx) < (own - len(self.scheme.points) + self.scheme.interior) * p.nx,
+            np.ones((self.nodes - 1, int(self.moving)), dtype=bool),
+        ]
+        return np.hstack(parts)
 
     @cached_property
     def state_scale(self) -> Array:
@@ -91,26 +129,31 @@ class ProgrammeLayout:
         """Scales (size,) of the unknowns."""
         stage = np.concatenate([self.state_scale, self.input_scale])
         last = [self.state_scale, self.problem.control_scale if self.scheme.shared else np.empty(0)]
-        return np.concatenate([np.tile(stage, self.nodes - 1), *last])
+        return np.concatenate([np.tile(stage, (self.nodes - 1, 1))[self._kept], *last])
 
     def split(self, unknowns: Array) -> tuple[Array, Array, Array]:
         """Split scaled unknowns (size,) into z (N, state_size), w (N - 1, input_size) and w_N (last_input_size,).
 
-        The parts are in the problem's units, no longer over their scales.
+        The parts are in the problem's units, no longer over their scales. What an interval has not repeats the values
+        at its last point.
         """
         values = unknowns * self.scale
-        stage = self.state_size + self.input_size
-        body = values[: (self.nodes - 1) * stage].reshape(self.nodes - 1, stage)
-        tail = values[(self.nodes - 1) * stage :]
-        z = np.vstack([body[:, : self.state_size], tail[: self.state_size]])
-        return z, body[:, self.state_size :], tail[self.state_size :]
+        body, tail = values[self.stage_columns], values[self.size - self.last_input_size - self.state_size :]
+        z, w = np.vstack([body[:, : self.state_size], tail[: self.state_size]]), body[:, self.state_size :]
+        if not self._kept.all():
+            nu, nx, own = self.problem.nu, self.problem.nx, self.own_points
+            u, X = w[:, : own * nu].reshape(len(w), own, nu), w[:, own * nu :].reshape(len(w), -1, nx)
+            inside = np.arange(X.shape[1]) < point_counts(self.scheme)[:, None] - 1
+            X = np.where(inside[:, :, None], X, z[1:, None, :nx])
+            w = np.hstack([repeated(self.scheme, u).reshape(len(w), -1), X.reshape(len(w), -1)])
+        return z, w, tail[self.state_size :]
 
     def join(self, z: Array, w: Array, last: Array) -> Array:
         """Join z (N, state_size), w (N - 1, input_size) and w_N (last_input_size,) to scaled unknowns (size,).
 
         The inverse of ``split``.
         """
-        body = np.hstack([z[:-1], w]).ravel()
+        body = np.hstack([z[:-1], w])[self._kept]
         joined: Array = np.concatenate([body, z[-1], last]) / self.scale
         return joined
 
@@ -126,6 +169,15 @@ def variation(scheme: Scheme) -> Array:
     bent = basis - b @ basis - slope
     matrix: Array = bent.T @ (b[:, None] * bent) + SLOPE * slope.T @ (b[:, None] * slope)
     return matrix
+
+
+def control_variations(scheme: Scheme, u: Array) -> Array:
+    """``variation`` (N - 1, nu) of controls (N - 1, k, nu) in each interval."""
+    found = np.empty((len(u), u.shape[2]))
+    for own, intervals in alike(scheme, len(u)):
+        values = u[intervals, : len(own.points)]
+        found[intervals] = np.einsum("kl,ikm,ilm->im", variation(own), values, values)
+    return found
 
 
 def bounded_states(problem: ProblemFunctions) -> list[int]:

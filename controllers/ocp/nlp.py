@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution
 from mathnavi.controllers.ocp.layout import (
@@ -56,8 +57,8 @@ class Programme:
     x_upper: Array  # (layout.size,) over the scales
     path_rows: tuple[int, ...]  # (N,) constraints of each stage beside its gap
     gap_start: Integers  # (N - 1,) row of each stage's gap
-    inner_rows: Integers  # (N - 1, interior * nx) rows of the scheme's inner equations
-    held_rows: Integers  # (N - 1, ·) rows of what holds along each interval: path constraints first
+    inner_rows: Integers  # (N - 1, interior * nx) rows of the scheme's inner equations; -1 for one that is not there
+    held_rows: Integers  # (N - 1, ·) rows of what holds along each interval: path constraints first; -1 likewise
     initial_rows: Integers  # (ni,) rows of the start
     final_rows: Integers  # (ns + ·,) rows of the end, and of the path constraints at the last node
     functional: ca.MX | None  # () Σ I_i(x, p), the distribution's share of f; None where it has none
@@ -79,7 +80,7 @@ def programme(
     if arcs > 1 and distribution.moving:
         raise ProblemError(f"arcs = {arcs} with {distribution!r}; allowed: one arc, or fixed nodes in each")
     layout = ProgrammeLayout(problem, scheme, nodes, distribution.moving, distribution.constants, arcs)
-    count, nz, stride = nodes - 1, layout.state_size, layout.state_size + layout.input_size
+    count, nz = nodes - 1, layout.state_size
     x = ca.MX.sym("x", layout.size)
     parameters = ca.MX.sym("p", len(problem.parameters))
     places_known = [] if layout.moving else [ca.MX.sym("D", count)] if arcs == 1 else _arc_shares(count, arcs)
@@ -88,20 +89,19 @@ def programme(
     interval = None if pointwise else _interval(layout, distribution)
     start, end = _start(layout), _end(layout)
     between = 0 if interval is None else interval.between
-    own_lower, own_upper = _interval_limits(layout, distribution, layout.own_points + between)
+    own_limits = _interval_limits(layout, distribution, layout.own_points + between)
+    kept = _own_rows(layout, len(own_limits[0]))
 
     # Rows of g: the first interval's gap, what holds at the start, the rest of the first interval, the other intervals
     # and what holds at the end.
     shift = len(start.lower)
-    places = np.arange(count * len(own_lower)).reshape(count, -1) + shift
+    places = np.full(kept.shape, -1, dtype=np.int64)
+    places[kept] = np.arange(np.count_nonzero(kept)) + shift
     places[0, :nz] -= shift
-    at_start, at_end = nz + np.arange(shift)[None, :], places[-1, -1] + 1 + np.arange(len(end.lower))[None, :]
+    at_start, at_end = nz + np.arange(shift)[None, :], places.max() + 1 + np.arange(len(end.lower))[None, :]
     lower, upper = (
-        np.concatenate([each[:nz], first, each[nz:], np.tile(each, count - 1), last])
-        for first, each, last in (
-            (start.lower, own_lower, end.lower),
-            (start.upper, own_upper, end.upper),
-        )
+        np.concatenate([each[:nz], first, np.tile(each, (count, 1))[kept][nz:], last])
+        for first, each, last in zip((start.lower, start.upper), own_limits, (end.lower, end.upper), strict=True)
     )
     p = ca.vertcat(parameters, *(ca.vec(each) for each in (*places_known, smoothing)))
     functional = None
@@ -109,7 +109,7 @@ def programme(
         before, share = places_known if arcs > 1 else (_starts(places_known[0]), places_known[0].T / count)
         blocks, linear = collocation_blocks(layout, places, parameters, before, share, smoothing)
     else:
-        columns = np.arange(interval.stage.v.numel()) + stride * np.arange(count)[:, None]
+        columns = np.arange(interval.stage.v.numel()) + layout.stage_columns[:, :1]
         known: list[ca.MX] = [ca.repmat(parameters, 1, count), ca.MX(ca.DM(range(count)).T)]
         if arcs > 1:
             known += places_known
@@ -124,10 +124,10 @@ def programme(
     blocks = [
         Block(start.stage, np.arange(nz)[None, :], at_start, parameters),
         *blocks,
-        Block(end.stage, count * stride + np.arange(end.stage.v.numel())[None, :], at_end, parameters),
+        Block(end.stage, layout.state_columns[-1:, :1] + np.arange(end.stage.v.numel()), at_end, parameters),
     ]
     x_lower, x_upper = _variable_bounds(layout, distribution)
-    path_rows = [len(own_lower) - nz] * count + [len(end.lower)]
+    path_rows = [*(kept.sum(axis=1) - nz).tolist(), len(end.lower)]
     path_rows[0] += shift
     return Programme(
         layout=layout,
@@ -146,6 +146,34 @@ def programme(
         final_rows=at_end[0],
         functional=functional,
     )
+
+
+def at_rows(values: Array, rows: Integers) -> Array:
+    """Values (m,) of rows at places (·), 0 for a row that is not there."""
+    found: Array = np.where(rows < 0, 0.0, values[rows])
+    return found
+
+
+def _own_rows(layout: ProgrammeLayout, size: int) -> NDArray[np.bool_]:
+    """(N - 1, size) True for the rows of the largest interval that an interval has: those of its own points."""
+    problem, kept = layout.problem, np.zeros((layout.nodes - 1, size), dtype=bool)
+    nx, nd, nb = problem.nx, len(problem.path_bounds.lower), len(bounded_controls(problem))
+    inner = layout.scheme.interior * nx
+    path = layout.state_size + inner + layout.own_points * nd
+    if len(layout.members) == 1:
+        return ~kept
+    between = len(fractions_between(layout.scheme)) * nb
+    for scheme, intervals in layout.members:
+        own = (
+            (layout.state_size, scheme.interior * nx, inner),
+            (layout.state_size + inner, len(scheme.points) * nd, layout.own_points * nd),
+            (path, len(fractions_between(scheme)) * nb, between),
+        )
+        some = np.ones(size, dtype=bool)
+        for first, present, largest in own:
+            some[first + present : first + largest] = False
+        kept[intervals] = some
+    return kept
 
 
 def _arc_shares(count: int, arcs: int) -> list[ca.MX]:

@@ -6,10 +6,9 @@ import dataclasses
 import math
 
 import casadi as ca
-import numpy as np
 
 from mathnavi.controllers.ocp.defects import running_costs
-from mathnavi.controllers.ocp.dual_solution import own_names, quadrature
+from mathnavi.controllers.ocp.dual_solution import own_names
 from mathnavi.controllers.ocp.lowering import functions_of
 from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues, distinct
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
@@ -106,9 +105,9 @@ def phase_solution(stacked: Solution, name: str, phase: Statement, elapsed: floa
 def _running_cost(view: Solution) -> float:
     """∫ L dt of a phase by the quadrature of its scheme."""
     count, k, nx = view.inner.shape
-    times = (view.t[:-1, None] + np.array(view.scheme.points) * np.diff(view.t)[:, None]).ravel()
+    times = view.point_times.ravel()
     rates = running_costs(view, view.inner.reshape(count * k, nx), view.u.reshape(count * k, -1), times)
-    return float(np.diff(view.t) @ rates.reshape(count, k) @ quadrature(view.scheme))
+    return float((rates.reshape(count, k) * view.point_shares).sum())
 
 
 def _multipliers(
@@ -122,7 +121,7 @@ def _multipliers(
     )
     if problem.free_duration:
         rates = whole.states[f"{name}.duration"]
-        of_duration = float(stacked.grid.widths @ rates @ quadrature(stacked.scheme))
+        of_duration = float((rates * stacked.point_shares).sum() / stacked.duration)
     return Multipliers(
         dynamics=NamedValues(problem.states, whole.dynamics.values[..., states]),
         path=NamedValues(distinct(problem.path_names), whole.path.values[..., path] / duration),

@@ -21,6 +21,7 @@ import numpy as np
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre, integral_weights, weights
+from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_weights
 from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.sim.interfaces.signals import Array
 
@@ -42,13 +43,13 @@ def flight(solution: Solution, fractions: Array, tolerance: float, *, by_interva
 
     From x(0) or, ``by_intervals``, from the node of each interval.
     """
-    problem, d, points = solution.problem, np.diff(solution.t), solution.scheme.points
-    if len(points) < 2:
+    problem, d = solution.problem, np.diff(solution.t)
+    if len(solution.scheme.points) < 2:
         return None
     c, b, onwards = _gauss(_POINTS)
     scale, nodes = problem.state_scale, solution.x / problem.state_scale
     steps = d[:, None, None]
-    rates = np.einsum("gk,nkm->ngm", weights(points, c), solution.rates) / scale
+    rates = interval_weights(solution.scheme, c) @ solution.rates / scale
     at = _Evaluated(solution, c)
     starts, change, first = nodes[:-1], np.inf, None
     with np.errstate(all="ignore"):
@@ -94,7 +95,7 @@ class _Evaluated:
 
     def __init__(self, solution: Solution, c: Array) -> None:
         problem, (count, k) = solution.problem, (solution.nodes - 1, len(c))
-        u = np.clip(np.einsum("gk,nkm->ngm", weights(solution.scheme.points, c), solution.u), *problem.control_bounds)
+        u = np.clip(interval_weights(solution.scheme, c) @ solution.u, *problem.control_bounds)
         t = solution.t[:-1, None] + c * np.diff(solution.t)[:, None]
         self._shape, self._scale, size = (count, k), problem.state_scale, count * k
         self._x, self._out = np.zeros((size, problem.nx)), np.zeros((size, problem.nx + 1))

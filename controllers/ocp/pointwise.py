@@ -11,6 +11,7 @@ joins the derivatives at its points with constant factors. A programme of anothe
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import casadi as ca
@@ -30,9 +31,10 @@ from mathnavi.controllers.ocp.transcriptions.gauss import GaussLegendre
 from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
 from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, weights
+from mathnavi.controllers.ocp.transcriptions.variable_radau import Members, VariableRadauIIA
 from mathnavi.sim.interfaces.signals import Array, Integers
 
-COLLOCATIONS = (RadauIIA, GaussLegendre, LegendreGaussLobatto)
+COLLOCATIONS = (RadauIIA, VariableRadauIIA, GaussLegendre, LegendreGaussLobatto)
 """schemes whose equations are those of collocation at their points"""
 
 
@@ -44,109 +46,136 @@ def collocation_blocks(
     Args:
         layout: of the unknowns; its scheme is one of ``COLLOCATIONS``.
         places: (N - 1, ·) rows of each interval: gap, inner equations, path constraints, controls between points,
-            mixed constraints at the start.
+            mixed constraints at the start; -1 for those that an interval has not.
         p: (np,) parameters of the problem.
         before: E (A, N - 1), shares of the arcs before each interval, or τ (1, N - 1) at its start.
         share: W (A, N - 1), shares of the interval itself, or its width (1, N - 1) as a fraction of T.
         smoothing: ρ (nu or 0, N - 1).
     """
-    problem, scheme, count = layout.problem, layout.scheme, layout.nodes - 1
-    k = len(scheme.points)
-    states, controls, lengths = _columns(layout)
-    c = np.tile(scheme.points, count)
-    each = ca.DM(np.repeat(np.eye(count), k, axis=1))  # of an interval, at each of its points
-    shares = ca.mtimes(share, each)
-    starts = ca.mtimes(before, each) + shares * ca.DM(np.tile(c, (layout.arcs, 1)))
-    A, b = integration_matrix(scheme.points)
-    points = Block(
-        _point(problem, layout.arcs),
-        np.hstack([states.reshape(count * k, -1), controls.reshape(count * k, -1), np.repeat(lengths, k, axis=0)]),
-        _factors(layout, places, A, b),
-        ca.vertcat(ca.repmat(p, 1, count * k), starts, shares),
-        np.tile(b, count),
-    )
-    blocks = [points]
-    own = controls.reshape(count, -1)
-    if mixed_constraints(problem) and fractions_between(scheme):
-        mixed = len(mixed_constraints(problem))
-        columns = np.hstack([_starts(layout)[:-1, : problem.nx], own, lengths])
-        known = ca.vertcat(ca.repmat(p, 1, count), before, share)
-        blocks.append(Block(_start_of_interval(problem, layout.arcs, scheme), columns, places[:, -mixed:], known))
-    if layout.smoothed:
-        known = ca.vertcat(ca.repmat(p, 1, count), smoothing)
-        nothing = np.zeros((count, 0), dtype=np.int64)
-        blocks.append(Block(_smoothed(problem, scheme), own, nothing, known))
-    return blocks, _linear(layout, places, states, controls)
-
-
-def _starts(layout: ProgrammeLayout) -> Integers:
-    """(N, state_size) where z of each node stands."""
-    stride = layout.state_size + layout.input_size
-    return stride * np.arange(layout.nodes, dtype=np.int64)[:, None] + np.arange(layout.state_size)
-
-
-def _columns(layout: ProgrammeLayout) -> tuple[Integers, Integers, Integers]:
-    """States (N - 1, k, nx), controls (N - 1, k, nu) and durations (N - 1, ·): where the unknowns stand."""
-    problem, points, own = layout.problem, layout.scheme.points, layout.own_points
-    nx, nu, z = problem.nx, problem.nu, _starts(layout)
-    first = z[:-1, :1] + layout.state_size  # of w
-    inner = [c for c in points if 0.0 < c < 1.0]
-    states = []
-    for c in points:
-        if c in inner:
-            states.append(first + own * nu + inner.index(c) * nx + np.arange(nx))
-        else:
-            states.append((z[:-1] if c == 0.0 else z[1:])[:, :nx])
-    controls = [first + j * nu + np.arange(nu) for j in range(own)]
-    if layout.scheme.shared:
-        controls.append(z[1:, :1] + layout.state_size + np.arange(nu))
-    return np.stack(states, axis=1), np.stack(controls, axis=1), z[:-1, nx : nx + layout.durations]
-
-
-def _factors(layout: ProgrammeLayout, places: Integers, A: Array, b: Array) -> Factors:
-    """S: what the rates and path constraints at the points enter."""
-    problem, k, count = layout.problem, len(layout.scheme.points), layout.nodes - 1
-    nx, nd, nz = problem.nx, len(problem.path_bounds.lower), layout.state_size
-    height = nx + nd
-    first = height * (np.arange(count, dtype=np.int64)[:, None] * k + np.arange(k))  # of each point's rows
-    rows, columns, values = [], [], []
-    for s in range(nx):
-        for m, row in enumerate((-b, *A)):
-            own = s if m == 0 else nz + (m - 1) * nx + s
-            rows.append(np.repeat(places[:, own], k))
-            columns.append((first + s).ravel())
-            values.append(np.tile(row, count))
-    path = nz + len(A) * nx
-    for j in range(layout.own_points):
-        for q in range(nd):
-            rows.append(places[:, path + j * nd + q])
-            columns.append(first[:, j] + nx + q)
-            values.append(np.ones(count))
-    return Factors(*(np.concatenate(each) for each in (rows, columns, values)))
-
-
-def _linear(layout: ProgrammeLayout, places: Integers, states: Integers, controls: Integers) -> Factors:
-    """L: z_{i+1} - z_i in the gaps, x_i - X_im in the inner equations, and controls between the points."""
-    problem, scheme, z = layout.problem, layout.scheme, _starts(layout)
-    nx, nd, nz = problem.nx, len(problem.path_bounds.lower), layout.state_size
-    entries: list[tuple[Integers, Integers, float]] = [
-        (places[:, :nz], z[1:], 1.0),
-        (places[:, :nz], z[:-1], -1.0),
-    ]
-    inner = [j for j, c in enumerate(scheme.points) if 0.0 < c < 1.0]
-    for m, j in enumerate(inner):
-        rows = places[:, nz + m * nx : nz + (m + 1) * nx]
-        entries += [(rows, z[:-1, :nx], 1.0), (rows, states[:, j], -1.0)]
-    first = nz + len(inner) * nx + layout.own_points * nd
-    bounded = bounded_controls(problem)
-    for q, row in enumerate(weights(scheme.points, np.array(fractions_between(scheme)))):
-        rows = places[:, first + q * len(bounded) : first + (q + 1) * len(bounded)]
-        entries += [(rows, controls[:, j][:, bounded], float(value)) for j, value in enumerate(row)]
-    return Factors(
+    groups = [_Alike(layout, members, places) for members in layout.members]
+    blocks, entries = [_points(layout, groups, p, before, share)], []
+    for own in groups:
+        chosen = slice(None) if len(groups) == 1 else own.intervals.tolist()
+        blocks += own.blocks(p, before[:, chosen], share[:, chosen], smoothing[:, chosen])
+        entries += own.linear()
+    linear = Factors(
         np.concatenate([rows.ravel() for rows, _, _ in entries]),
         np.concatenate([columns.ravel() for _, columns, _ in entries]),
         np.concatenate([np.full(rows.size, value) for rows, _, value in entries]),
     )
+    return blocks, linear
+
+
+def _points(layout: ProgrammeLayout, groups: Sequence[_Alike], p: ca.MX, before: ca.MX, share: ca.MX) -> Block:
+    """Block of the points of all intervals."""
+    problem = layout.problem
+    height = problem.nx + len(problem.path_bounds.lower)
+    of_point = np.concatenate([np.repeat(own.intervals, own.k) for own in groups])
+    fractions = np.concatenate([np.tile(own.scheme.points, own.count) for own in groups])
+    each = ca.DM(np.eye(layout.nodes - 1)[:, of_point])  # of an interval, at each of its points
+    shares = ca.mtimes(share, each)
+    starts = ca.mtimes(before, each) + shares * ca.DM(np.tile(fractions, (layout.arcs, 1)))
+    factors, quadratures, done = [], [], 0
+    for own in groups:
+        A, b = integration_matrix(own.scheme.points)
+        rows, columns, values = own.factors(A, b)
+        factors.append((rows, columns + height * done, values))
+        quadratures.append(np.tile(b, own.count))
+        done += own.k * own.count
+    return Block(
+        _point(problem, layout.arcs),
+        np.vstack([own.at_points for own in groups]),
+        Factors(*(np.concatenate(parts) for parts in zip(*factors, strict=True))),
+        ca.vertcat(ca.repmat(p, 1, done), starts, shares),
+        np.concatenate(quadratures),
+    )
+
+
+class _Alike:
+    """Intervals (n,) that are transcribed alike: where their unknowns and their rows stand."""
+
+    def __init__(self, layout: ProgrammeLayout, members: Members, places: Integers) -> None:
+        self.layout, self.problem, self.scheme = layout, layout.problem, members.scheme
+        problem, scheme, intervals = self.problem, self.scheme, members.intervals
+        self.intervals = intervals
+        self.count, self.k, own = len(intervals), len(scheme.points), len(scheme.points) - int(scheme.shared)
+        nx, nu, nd, nz = problem.nx, problem.nu, len(problem.path_bounds.lower), layout.state_size
+        self.z, self.z_next = layout.state_columns[intervals], layout.state_columns[intervals + 1]
+        inputs = layout.stage_columns[intervals, nz:]
+        self.lengths = self.z[:, nx : nx + layout.durations]
+        hidden = inputs[:, layout.own_points * nu :]
+        self.inner = [j for j, c in enumerate(scheme.points) if 0.0 < c < 1.0]
+        states = [
+            hidden[:, self.inner.index(j) * nx :][:, :nx]
+            if j in self.inner
+            else (self.z if c == 0.0 else self.z_next)[:, :nx]
+            for j, c in enumerate(scheme.points)
+        ]
+        controls = [inputs[:, j * nu : (j + 1) * nu] for j in range(own)]
+        if scheme.shared:
+            controls.append(self.z_next[:, :1] + nz + np.arange(nu))
+        self.states, self.controls = np.stack(states, axis=1), np.stack(controls, axis=1)
+        # Rows: of what the largest interval has, the first are those of this one.
+        rows, between = places[intervals], len(fractions_between(scheme)) * len(bounded_controls(problem))
+        path = nz + layout.scheme.interior * nx
+        after = path + layout.own_points * nd
+        self.gap, self.of_inner = rows[:, :nz], rows[:, nz : nz + len(self.inner) * nx]
+        self.path, self.between = rows[:, path : path + own * nd], rows[:, after : after + between]
+        self.mixed = rows[:, rows.shape[1] - len(mixed_constraints(problem)) :]
+
+    def blocks(self, p: ca.MX, before: ca.MX, share: ca.MX, smoothing: ca.MX) -> list[Block]:
+        """Blocks of what holds between points; arguments as of ``collocation_blocks``, of these intervals."""
+        problem, scheme, count, arcs = self.problem, self.scheme, self.count, self.layout.arcs
+        blocks, own = [], self.controls.reshape(count, -1)
+        if mixed_constraints(problem) and fractions_between(scheme):
+            columns = np.hstack([self.z[:, : problem.nx], own, self.lengths])
+            known = ca.vertcat(ca.repmat(p, 1, count), before, share)
+            blocks.append(Block(_start_of_interval(problem, arcs, scheme), columns, self.mixed, known))
+        if self.layout.smoothed:
+            known = ca.vertcat(ca.repmat(p, 1, count), smoothing)
+            nothing = np.zeros((count, 0), dtype=np.int64)
+            blocks.append(Block(_smoothed(problem, scheme), own, nothing, known))
+        return blocks
+
+    @property
+    def at_points(self) -> Integers:
+        """Columns (n k, nx + nu + ·) of state, control and durations at every point."""
+        parts = (self.states, self.controls, np.repeat(self.lengths[:, None], self.k, axis=1))
+        return np.concatenate(parts, axis=2).reshape(self.count * self.k, -1)
+
+    def factors(self, A: Array, b: Array) -> Factors:
+        """S: what the rates and path constraints at the points enter."""
+        nx, nd, k, count = self.problem.nx, len(self.problem.path_bounds.lower), self.k, self.count
+        first = (nx + nd) * (np.arange(count, dtype=np.int64)[:, None] * k + np.arange(k))  # of each point's rows
+        rows, columns, values = [], [], []
+        for s in range(nx):
+            for m, row in enumerate((-b, *A)):
+                own = self.gap[:, s] if m == 0 else self.of_inner[:, (m - 1) * nx + s]
+                rows.append(np.repeat(own, k))
+                columns.append((first + s).ravel())
+                values.append(np.tile(row, count))
+        for j in range(k - int(self.scheme.shared)):
+            for q in range(nd):
+                rows.append(self.path[:, j * nd + q])
+                columns.append(first[:, j] + nx + q)
+                values.append(np.ones(count))
+        return Factors(*(np.concatenate(each) for each in (rows, columns, values)))
+
+    def linear(self) -> list[tuple[Integers, Integers, float]]:
+        """Rows, columns and value of each part of L.
+
+        z_{i+1} - z_i in the gaps, x_i - X_im in the inner equations, and controls between the points.
+        """
+        nx, scheme = self.problem.nx, self.scheme
+        entries = [(self.gap, self.z_next, 1.0), (self.gap, self.z, -1.0)]
+        for m, j in enumerate(self.inner):
+            rows = self.of_inner[:, m * nx : (m + 1) * nx]
+            entries += [(rows, self.z[:, :nx], 1.0), (rows, self.states[:, j], -1.0)]
+        bounded = bounded_controls(self.problem)
+        for q, row in enumerate(weights(scheme.points, np.array(fractions_between(scheme)))):
+            rows = self.between[:, q * len(bounded) : (q + 1) * len(bounded)]
+            entries += [(rows, self.controls[:, j][:, bounded], float(value)) for j, value in enumerate(row)]
+        return entries
 
 
 class _Symbols:

@@ -40,7 +40,11 @@ from mathnavi.controllers.ocp.pontryagin_terms import (
 )
 from mathnavi.controllers.ocp.problem_functions import Interval
 from mathnavi.controllers.ocp.solution import Solution
-from mathnavi.controllers.ocp.transcriptions.scheme import integral_weights, weights
+from mathnavi.controllers.ocp.transcriptions.variable_radau import (
+    interval_integral_weights,
+    interval_points,
+    interval_weights,
+)
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.short_tables import html_table, short_table
 from mathnavi.sim.interfaces.signals import Array
@@ -211,12 +215,13 @@ class _Judge:
 
         ``smooth`` is a function of time at the points, ``atoms`` are integrals that each point stands for.
         """
-        points = np.array(self.solution.scheme.points)
-        ends = integral_weights(self.solution.scheme.points, np.array([0.5, 1.0]))
-        d = np.diff(self.solution.t)
-        early = np.where(np.abs(points - 0.5) < 1e-12, 0.5, points < 0.5)
-        first: Array = np.einsum("n,k,nk...->n...", d, ends[0], smooth) + np.einsum("k,nk...->n...", early, atoms)
-        whole = np.einsum("n,k,nk...->n...", d, ends[1], smooth) + atoms.sum(axis=1)
+        points = interval_points(self.solution.scheme)
+        ends = np.diff(self.solution.t)[:, None, None] * interval_integral_weights(
+            self.solution.scheme, np.array([0.5, 1.0])
+        )
+        early = np.broadcast_to(np.where(np.abs(points - 0.5) < 1e-12, 0.5, points < 0.5), self.times.shape)
+        first: Array = np.einsum("nk,nk...->n...", ends[:, 0], smooth) + np.einsum("nk,nk...->n...", early, atoms)
+        whole = np.einsum("nk,nk...->n...", ends[:, 1], smooth) + atoms.sum(axis=1)
         return first, whole - first
 
     def _forces(self) -> tuple[Array, Array]:
@@ -226,8 +231,7 @@ class _Judge:
     @property
     def _middle(self) -> Array:
         """Costates (N - 1, nx) in the middle of every interval."""
-        basis = weights(self.solution.scheme.points, np.array([0.5]))[0]
-        middle: Array = np.einsum("k,nkm->nm", basis, self.costates)
+        middle: Array = (interval_weights(self.solution.scheme, np.array([0.5])) @ self.costates)[:, 0]
         return middle
 
     @property
@@ -372,7 +376,7 @@ class _Judge:
                 residual = np.where(lost, 0.0, residual)
             yield self._judged(name, float(residual.max(initial=0.0)))
         if problem.free_duration:
-            at_T = float((weights(points, np.ones(1))[0] * self.H[-1]).sum())
+            at_T = float((interval_weights(s.scheme, np.ones(1))[-1, 0] * self.H[-1]).sum())
             size_T = max(self.H_size, abs(float(by_T)))
             yield self._judged("duration", abs(at_T + float(by_T) + m.duration) / size_T)
 

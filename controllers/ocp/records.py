@@ -117,6 +117,8 @@ class RecordReader:
         if kind in self.kinds or dataclasses.is_dataclass(kind) or _is_named_tuple(kind):
             return self.record(kind, key)
         if get_origin(kind) is tuple:
+            if get_args(kind) == (int, ...):
+                return tuple(self._array(key, "iu", 1).tolist())
             return self.texts(key) if get_args(kind)[0] is str else self._pair(key, len(get_args(kind)))
         if isinstance(kind, type) and issubclass(kind, Enum):
             called = self.text(key)

@@ -23,7 +23,7 @@ from mathnavi.controllers.ocp.defects import Defects, defects
 from mathnavi.controllers.ocp.picard import flight
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Outcome, ReplayResult, Solution
-from mathnavi.controllers.ocp.transcriptions.scheme import weights
+from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_weights, own_points
 from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
@@ -116,7 +116,8 @@ def _integrated(solution: Solution, i: int, y: Array) -> tuple[Array, float] | N
     """Scaled states (DENSE + 1, nx) over interval i from y, and the running cost gathered; None if it diverges."""
     problem = solution.problem
     t_0, t_1 = solution.t[i], solution.t[i + 1]
-    rates = _Rates(problem, solution.u[i], solution.scheme.points, t_0, t_1 - t_0, solution.parameters)
+    points = own_points(solution.scheme, i)
+    rates = _Rates(problem, solution.u[i, : len(points)], points, t_0, t_1 - t_0, solution.parameters)
     found = solve_ivp(
         rates,
         (0.0, 1.0),
@@ -193,7 +194,7 @@ def _control_violation(solution: Solution) -> float:
 
 def _control(solution: Solution, fractions: Array) -> Array:
     """(N - 1, n, nu) the scheme's control, not saturated, at fractions (n,) of each interval."""
-    values: Array = np.einsum("ck,nkm->ncm", weights(solution.scheme.points, fractions), solution.u)
+    values: Array = interval_weights(solution.scheme, fractions) @ solution.u
     return values
 
 

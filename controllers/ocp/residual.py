@@ -17,7 +17,12 @@ import numpy as np
 
 from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.solution import Solution, along
-from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre, integral_weights, weights
+from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre
+from mathnavi.controllers.ocp.transcriptions.variable_radau import (
+    interval_integral_weights,
+    interval_weights,
+    point_counts,
+)
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
@@ -48,21 +53,19 @@ def cost_errors(solution: Solution) -> Array:
 
 def _residuals(solution: Solution) -> tuple[Array, Array]:
     """∫ |x' - f| dt (N - 1, nx) and ∫ |L - L_scheme| dt (N - 1,) of each interval."""
-    problem, points, d = solution.problem, solution.scheme.points, np.diff(solution.t)
-    if len(points) < 2:
-        raise ProblemError(
-            f"scheme = {solution.scheme.name} has no polynomial to integrate; allowed: a collocation scheme"
-        )
+    problem, scheme, d = solution.problem, solution.scheme, np.diff(solution.t)
+    if len(scheme.points) < 2:
+        raise ProblemError(f"scheme = {scheme.name} has no polynomial to integrate; allowed: a collocation scheme")
     abscissae, share = gauss_legendre(_POINTS)
     fractions = 0.5 * (abscissae + 1.0)
-    basis, steps = weights(points, fractions), integral_weights(points, fractions)
+    basis, steps = interval_weights(scheme, fractions), interval_integral_weights(scheme, fractions)
     t = solution.t[:-1, None] + fractions * d[:, None]
-    u = np.einsum("gk,nkm->ngm", basis, solution.u)
-    x = solution.x[:-1, None, :] + d[:, None, None] * np.einsum("gk,nkm->ngm", steps, solution.rates)
+    u = basis @ solution.u
+    x = solution.x[:-1, None, :] + d[:, None, None] * (steps @ solution.rates)
     f = along(problem, x.reshape(t.size, -1), u.reshape(t.size, -1), t.ravel(), solution.parameters)
-    residual = np.abs(np.einsum("gk,nkm->ngm", basis, solution.rates) - f.reshape(x.shape))
-    at_points = solution.t[:-1, None] + np.array(points) * d[:, None]
-    polynomial = np.einsum("gk,nk->ng", basis, _running_costs(solution, solution.inner, solution.u, at_points))
+    residual = np.abs(basis @ solution.rates - f.reshape(x.shape))
+    at_points = _running_costs(solution, solution.inner, solution.u, solution.point_times)
+    polynomial = (basis @ at_points[:, :, None])[:, :, 0]
     quadrature = np.abs(_running_costs(solution, x, u, t) - polynomial)
     half = 0.5 * d
     return half[:, None] * np.einsum("g,ngm->nm", share, residual), half * (quadrature @ share)
@@ -83,7 +86,7 @@ def _residual_density(solution: Solution, tau: Array, epsilon: float) -> Array:
     An error of either kind falls as Δτ_i^(k + 1), so equal shares of w are equal errors.
     """
     widths, e = solution.grid.widths, 0.5 * (_shares(local_errors(solution)) + _shares(cost_errors(solution)))
-    mass = (epsilon + e) ** (1.0 / (len(solution.scheme.points) + 1))
+    mass = (epsilon + e) ** (1.0 / (point_counts(solution.scheme) + 1))
     mass[1:] = np.maximum(mass[1:], _NEIGHBOUR * mass[:-1])
     mass[:-1] = np.maximum(mass[:-1], _NEIGHBOUR * mass[1:])
     interval = np.clip(np.searchsorted(solution.grid.nodes, tau, side="right") - 1, 0, len(widths) - 1)

@@ -27,11 +27,14 @@ from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGauss
 from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
+from mathnavi.controllers.ocp.transcriptions.variable_radau import VariableRadauIIA, point_counts
 from mathnavi.sim.interfaces.errors import SolutionFileError
 from mathnavi.sim.interfaces.reading.arrays import NUMBERS_AND_TEXTS, read_npz
 from mathnavi.sim.interfaces.signals import Array
 
-_KINDS = (Euler, GaussLegendre, HermiteSimpson, LegendreGaussLobatto, MultipleShooting, RadauIIA, Trapezoid)
+_KINDS = (
+    Euler, GaussLegendre, HermiteSimpson, LegendreGaussLobatto, MultipleShooting, RadauIIA, Trapezoid, VariableRadauIIA,
+)  # fmt: skip
 SCHEMES: dict[str, Any] = {kind.__name__: kind for kind in _KINDS}
 """the schemes that a file may name"""
 
@@ -107,6 +110,8 @@ def _check_shapes(solution: Solution) -> None:
     problem, m = solution.problem, solution.multipliers
     n, k, nx, nu = len(solution.grid), len(solution.scheme.points), problem.nx, problem.nu
     nd, ni, ns = (len(limits.lower) for limits in (problem.path_bounds, problem.initial_bounds, problem.final_bounds))
+    if len(point_counts(solution.scheme)) not in (1, n - 1):
+        raise ValueError(f"scheme.counts: points of {len(point_counts(solution.scheme))} intervals; allowed: {n - 1}")
     parameters, guesses = len(problem.parameters), len(problem.guess_times)
     wanted = {
         "x": (solution.x, (n, nx)),

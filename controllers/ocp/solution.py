@@ -18,7 +18,13 @@ from mathnavi.controllers.ocp.grid import Grid
 from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues, column_of
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.records import encoded
-from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.controllers.ocp.transcriptions.variable_radau import (
+    interval_integral_weights,
+    interval_points,
+    located_weights,
+    point_counts,
+)
 from mathnavi.models.nlp_solver import Outcome as Outcome
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, vector_text
@@ -108,7 +114,8 @@ class Solution:
 
     ``status`` says how the solve ended and ``ok`` whether this solves the problem to the tolerance that was asked for;
     of a failed solve the arrays hold the solver's last iterate. Values are in the problem's units, times in s since the
-    start.
+    start. Where intervals have different numbers of points, k is the largest, and an interval of fewer repeats its last
+    one, with no share in integrals.
     """
 
     problem: ProblemFunctions
@@ -213,13 +220,13 @@ class Solution:
     @property
     def point_times(self) -> Array:
         """Times (N - 1, k) [s] of the scheme's k points in each interval: of ``inner``, ``u`` and the multipliers."""
-        times: Array = self.t[:-1, None] + np.array(self.scheme.points) * np.diff(self.t)[:, None]
+        times: Array = self.t[:-1, None] + interval_points(self.scheme) * np.diff(self.t)[:, None]
         return times
 
     @property
     def point_shares(self) -> Array:
         """Time (N - 1, k) [s] that each of these points stands for in the scheme's quadrature."""
-        shares: Array = np.diff(self.t)[:, None] * integral_weights(self.scheme.points, np.ones(1))[0]
+        shares: Array = np.diff(self.t)[:, None] * interval_integral_weights(self.scheme, np.ones(1))[:, 0]
         return shares
 
     @cached_property
@@ -241,7 +248,8 @@ class Solution:
         values = self.multipliers.dynamics.values
         if len(self.scheme.points) > 1:
             interval, fraction = self._locate(times)
-            found: Array = np.einsum("nk,nkm->nm", weights(self.scheme.points, fraction), values[interval])
+            basis = located_weights(self.scheme, interval, fraction)
+            found: Array = np.einsum("nk,nkm->nm", basis, values[interval])
         else:
             known = self.point_times[:, 0]
             found = np.array([np.interp(times, known, column) for column in values[:, 0].T]).T
@@ -263,7 +271,7 @@ class Solution:
         """
         times = np.atleast_1d(np.asarray(t, float))
         interval, fraction = self._locate(times)
-        basis = weights(self.scheme.points, fraction)
+        basis = located_weights(self.scheme, interval, fraction)
         values: Array = np.clip(np.einsum("nk,nkm->nm", basis, self.u[interval]), *self.problem.control_bounds)
         return values[0] if np.ndim(t) == 0 else values
 
@@ -277,7 +285,7 @@ class Solution:
         interval, fraction = self._locate(times)
         d = np.diff(self.t)[interval]
         if len(self.scheme.points) > 1:
-            basis = integral_weights(self.scheme.points, fraction)
+            basis = located_weights(self.scheme, interval, fraction, integral=True)
             values: Array = self.x[interval] + d[:, None] * np.einsum("nk,nkm->nm", basis, self.rates[interval])
         else:
             values = np.array(PchipInterpolator(self.t, self.x, axis=0)(np.clip(times, 0.0, self.duration)))
@@ -294,14 +302,15 @@ class Solution:
 
     @cached_property
     def _rate_spline(self) -> CubicSpline:
-        points, widths = np.array(self.scheme.points), self.grid.widths
-        if len(points) == 1:  # a control that is held: the rate at the middle stands for the interval
+        points, widths = interval_points(self.scheme), self.grid.widths
+        if points.shape[1] == 1:  # a control that is held: the rate at the middle stands for the interval
             tau = self.grid.nodes[:-1] + 0.5 * widths
             rates = np.diff(self.x, axis=0) / (widths[:, None] * self.duration)
         else:
-            count = len(points) - int(self.scheme.shared)
-            tau = (self.grid.nodes[:-1, None] + points[:count] * widths[:, None]).ravel()
-            rates = self.rates[:, :count].reshape(len(tau), -1)
+            own = np.broadcast_to(np.arange(points.shape[1]) < point_counts(self.scheme)[:, None], self.rates.shape[:2])
+            own = own & (np.arange(points.shape[1]) < points.shape[1] - int(self.scheme.shared))
+            tau = (self.grid.nodes[:-1, None] + points * widths[:, None])[own]
+            rates = self.rates[own]
             if self.scheme.shared:
                 tau, rates = np.append(tau, 1.0), np.vstack([rates, self.rates[-1, -1]])
         return CubicSpline(tau, rates * self.duration / self.problem.state_scale, axis=0)

@@ -21,12 +21,13 @@ from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
 from mathnavi.controllers.ocp.finite import not_finite
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths
 from mathnavi.controllers.ocp.infeasible import contradiction
-from mathnavi.controllers.ocp.layout import bounded_controls, fractions_between, mixed_constraints, variation
+from mathnavi.controllers.ocp.layout import bounded_controls, control_variations, fractions_between, mixed_constraints
 from mathnavi.controllers.ocp.multipliers import NamedValues
-from mathnavi.controllers.ocp.nlp import programme
+from mathnavi.controllers.ocp.nlp import at_rows, programme
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_points
 from mathnavi.controllers.ocp.unbounded import unbounded
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
@@ -128,8 +129,8 @@ class Transcription:
         found = self._read(answer, where, p, known, shares, cost)
         if smoothing.any():  # it is no part of J
             u = found.u / self.problem.control_scale
-            added = np.einsum("kl,ikm,ilm,im->", variation(self.scheme), u, u, smoothing)
-            found = dataclasses.replace(found, cost=found.cost - float(added))
+            added = float((control_variations(self.scheme, u) * smoothing).sum())
+            found = dataclasses.replace(found, cost=found.cost - added)
         if answer.status in _MAY_BE_UNBOUNDED:
             u, diverged = np.concatenate(list(found.u)), answer.status is Outcome.UNBOUNDED
             if why := unbounded(self.problem, found.x, u, found.duration, diverged=diverged):
@@ -150,8 +151,7 @@ class Transcription:
     def _bounds(self, arcs: Arcs) -> tuple[Array, Array, Array, Array]:
         """Bounds on the scaled unknowns and the rows, those of controls and path constraints by their arcs."""
         layout, problem, programme = self.layout, self.problem, self.programme
-        count, points, nd = self.nodes - 1, self.layout.own_points, len(self.problem.path_bounds.lower)
-        first, stage = layout.state_size, layout.state_size + layout.input_size
+        points, nd = self.layout.own_points, len(self.problem.path_bounds.lower)
         unknowns, rows = (
             (programme.x_lower.copy(), programme.x_upper.copy()),
             (
@@ -159,17 +159,19 @@ class Transcription:
                 programme.upper.copy(),
             ),
         )
+        controls = layout.stage_columns[:, layout.state_size :][:, : points * problem.nu]
         for limits, own in zip(unknowns, arcs.control_bounds, strict=True):
             held = np.tile((own / problem.control_scale)[arcs.of_interval], (1, points))
-            limits[: count * stage].reshape(count, stage)[:, first : first + points * problem.nu] = held
+            limits[controls[controls >= 0]] = held[controls >= 0]
         bounded = bounded_controls(problem)
         fixed = (arcs.control_bounds.lower == arcs.control_bounds.upper)[:, bounded][arcs.of_interval]
         path = (arcs.path_bounds.lower == arcs.path_bounds.upper)[:, mixed_constraints(problem)][arcs.of_interval]
         many = len(fractions_between(self.scheme))  # what is held needs no bounds in between
         fixed = np.hstack([np.tile(fixed, (1, many)), path[:, : path.shape[1] * min(1, many)]])
-        between = programme.held_rows[:, programme.held_rows.shape[1] - fixed.shape[1] :][fixed]
+        between = programme.held_rows[:, programme.held_rows.shape[1] - fixed.shape[1] :]
+        between, along = between[fixed & (between >= 0)], programme.held_rows[:, : points * nd]
         for limits, own, free in zip(rows, arcs.path_bounds, (-np.inf, np.inf), strict=True):
-            limits[programme.held_rows[:, : points * nd]] = np.tile(own[arcs.of_interval], (1, points))
+            limits[along[along >= 0]] = np.tile(own[arcs.of_interval], (1, points))[along >= 0]
             limits[between] = free
         return *unknowns, *rows
 
@@ -196,7 +198,7 @@ class Transcription:
         # The gap is written z_(i+1) - flow = 0 over the scale: its multiplier is -λ times the scale. Where a scheme has
         # inner equations, flow - X = 0, x_i enters each of them, and λ is their sum.
         lam = answer.multipliers[1]
-        parts = lam[self.programme.inner_rows].reshape(count, scheme.interior, nx).sum(axis=1)
+        parts = at_rows(lam, self.programme.inner_rows).reshape(count, scheme.interior, nx).sum(axis=1)
         costates = (parts - lam[rows]) / problem.state_scale
         multipliers = multipliers_of(self.programme, Answer(*answer.multipliers, grid.nodes * duration, x, inner, u, p))
         return Solution(
@@ -218,10 +220,12 @@ class Transcription:
     def _unknowns(self, guess: Solution | None, grid: Grid, p: Array, arcs: Arcs | None) -> Array:
         """The vector of unknowns that a guess amounts to on a grid."""
         problem, layout, scheme = self.problem, self.layout, self.scheme
-        points = np.array(scheme.points[: layout.own_points])
+        every = interval_points(scheme)
+        points = every[:, : layout.own_points]
         # A point at the end of an interval is read just before it: the control may jump there.
         at_points = (grid.nodes[:-1, None] + np.minimum(points, _BEFORE_THE_END) * grid.widths[:, None]).ravel()
-        inside = np.array([c for c in scheme.points if 0.0 < c < 1.0][: scheme.interior])
+        # Of what an interval has not, there may be any guess.
+        inside = every[:, [j for j, c in enumerate(scheme.points) if 0.0 < c < 1.0][: scheme.interior]]
         at_inner = (grid.nodes[:-1, None] + inside * grid.widths[:, None]).ravel()
         if guess is not None:
             T = guess.duration

@@ -22,7 +22,8 @@ import numpy as np
 
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
-from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre, integral_weights, weights
+from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre
+from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_integral_weights, interval_weights
 
 _POINTS = 5  # Gauss points of an interval
 _FELT = 1e-6  # share of |J| that a limit's multiplier has where it holds back
@@ -31,15 +32,15 @@ _CONVEX = 1e-9  # least eigenvalue of H_uu over its largest along the solution
 
 def suboptimality(solution: Solution) -> float:
     """Estimate of J - J*, in units of J; infinite where a limit holds back, or H_uu does not determine a control."""
-    problem, points, d = solution.problem, solution.scheme.points, np.diff(solution.t)
-    if not problem.nu or len(points) < 2 or _restrained(solution):
+    problem, scheme, d = solution.problem, solution.scheme, np.diff(solution.t)
+    if not problem.nu or len(scheme.points) < 2 or _restrained(solution):
         return math.inf
     abscissae, share = gauss_legendre(_POINTS)
     c, b = 0.5 * (abscissae + 1.0), 0.5 * share
-    basis, steps = weights(points, c), integral_weights(points, c)
+    basis, steps = interval_weights(scheme, c), interval_integral_weights(scheme, c)
     t = (solution.t[:-1, None] + c * d[:, None]).ravel()
-    x = solution.x[:-1, None, :] + d[:, None, None] * np.einsum("gk,nkm->ngm", steps, solution.rates)
-    u, costate = (np.einsum("gk,nkm->ngm", basis, of) for of in (solution.u, solution.multipliers.dynamics.values))
+    x = solution.x[:-1, None, :] + d[:, None, None] * (steps @ solution.rates)
+    u, costate = basis @ solution.u, basis @ solution.multipliers.dynamics.values
     p = np.tile(solution.parameters[:, None], (1, len(t)))
     arguments = (x.reshape(len(t), -1).T, u.reshape(len(t), -1).T, t[None, :], p, costate.reshape(len(t), -1).T)
     values = _derivatives(problem).map(len(t))(*arguments)

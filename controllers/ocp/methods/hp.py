@@ -1,12 +1,13 @@
 """hp refinement with switch detection: more points where a solution is smooth, nodes where not, a boundary at a switch.
 
 Each round solves by Radau collocation, compares every interval with its own dynamics under the saturated control (see
-``defects``) and reads the solution's structure (see ``structure``). Where controls are held by their bounds, or leave
-them, the next programme has arcs whose lengths are unknowns; a control that a bound holds is held there. A control that
-enters linearly and is free, on a singular arc, is kept from ringing by a small weight ρ on what it varies within an
-interval beside its straight line: J is at most ρ times that variation above its least value, and ρ falls until this is
-below the tolerance. The rounds end when the defects are small and J no longer changes or, of a smooth solution, is seen
-to be as good as its least value (see ``suboptimality``).
+``defects``) and reads the solution's structure (see ``structure``). Points and nodes are chosen interval by interval
+(see ``hp_mesh``). Where controls are held by their bounds, or leave them, the next programme has arcs whose lengths are
+unknowns; a control that a bound holds is held there. A control that enters linearly and is free, on a singular arc, is
+kept from ringing by a small weight ρ on what it varies within an interval beside its straight line: J is at most ρ
+times that variation above its least value, and ρ falls until this is below the tolerance. The rounds end when the
+defects are small and J no longer changes or, of a smooth solution, is seen to be as good as its least value (see
+``suboptimality``).
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ import numpy as np
 
 from mathnavi.controllers.ocp.arcs import Arcs
 from mathnavi.controllers.ocp.defects import defects
-from mathnavi.controllers.ocp.grid import Grid, check_nodes, uniform
-from mathnavi.controllers.ocp.layout import variation
+from mathnavi.controllers.ocp.grid import check_nodes, uniform
+from mathnavi.controllers.ocp.layout import control_variations
 from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.methods.hp_mesh import TINY, VIOLATION, interval_errors, meshed, with_boundaries
+from mathnavi.controllers.ocp.methods.hp_mesh import TINY, VIOLATION, HpMesh, interval_errors, meshed
 from mathnavi.controllers.ocp.nlp import SHORTEST_ARC
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.replay import check_tolerance, replayed
@@ -30,7 +31,6 @@ from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing
 from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
 from mathnavi.controllers.ocp.structure import Structure, linear_controls, structure, without_structure
 from mathnavi.controllers.ocp.suboptimality import suboptimality
-from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.winding import unwound
 from mathnavi.sim.interfaces.signals import Array
 
@@ -54,10 +54,9 @@ _ROUNDING = 1e-9  # relative change of J that the solver's own tolerance leaves
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """What a round solves: a grid, the points of its intervals, its structure and the smoothing of free controls."""
+    """What a round solves: a mesh, its structure and the smoothing of free controls."""
 
-    grid: Grid
-    count: int  # points of each interval
+    mesh: HpMesh
     structure: Structure
     smoothing: float  # ρ, in units of J
     every: bool = False  # True if all free controls are smoothed, not only those that enter linearly
@@ -66,17 +65,17 @@ class _Plan:
         self, problem: ProblemFunctions, guess: Solution | None, parameters: Array | None, options: Options
     ) -> Solution:
         known = self.structure
-        ends = np.searchsorted(self.grid.nodes, np.append(known.boundaries, 1.0) - 1e-12)
+        ends = np.searchsorted(self.mesh.grid.nodes, np.append(known.boundaries, 1.0) - 1e-12)
         intervals = tuple(int(n) for n in np.diff(np.append(0, ends)))
         weights = np.where(known.held[:, : problem.nu] == 0, self.weights(problem), 0.0)
         arcs = Arcs(intervals, *known.limits(problem), weights)
-        made = transcription(problem, RadauIIA(self.count), len(self.grid), FIXED, options, len(known))
-        return unwound(made.solve(guess, self.grid, parameters, arcs))
+        made = transcription(problem, self.mesh.scheme, len(self.mesh.grid), FIXED, options, len(known))
+        return unwound(made.solve(guess, self.mesh.grid, parameters, arcs))
 
     def added(self, solution: Solution) -> float:
         """What the smoothing adds to J: J is at most as much above its least value."""
         u = solution.u / solution.problem.control_scale
-        return float(self.weights(solution.problem) @ np.einsum("kl,ikm,ilm->m", variation(solution.scheme), u, u))
+        return float(self.weights(solution.problem) @ control_variations(solution.scheme, u).sum(axis=0))
 
     def weights(self, problem: ProblemFunctions) -> Array:
         """Weights ρ (nu,) of the variation of each control where it is free."""
@@ -84,7 +83,7 @@ class _Plan:
 
     def placed(self, solution: Solution) -> Structure:
         """The structure with its boundaries where a solution put them, without arcs that became as good as nothing."""
-        ends = np.searchsorted(self.grid.nodes, self.structure.boundaries - 1e-12)
+        ends = np.searchsorted(self.mesh.grid.nodes, self.structure.boundaries - 1e-12)
         moved = dataclasses.replace(self.structure, boundaries=solution.grid.nodes[ends])
         return moved.without_arcs_below(100.0 * SHORTEST_ARC)
 
@@ -144,18 +143,18 @@ def hp(
         if settled:
             rho *= 0.1 if fair and not smooth else 1.0
             mesh = meshed(current, own, errors, allowed, most_nodes, hard=plan.every)
-            following = _Plan(*mesh, own, rho, plan.every)
+            following = _Plan(mesh, own, rho, plan.every)
         else:
-            grid = with_boundaries(current.grid, seen.boundaries, most_nodes)
-            following = _Plan(grid, plan.count, seen, rho, plan.every)
-        found, following, smooth_start = _next(problem, plan, following, current, parameters, options)
+            mesh = HpMesh.of(current).with_boundaries(seen.boundaries, most_nodes)
+            following = _Plan(mesh, seen, rho, plan.every)
+        found, following, smooth_start = _next(problem, following, current, parameters, options)
         failures += int(not smooth_start)
         current = dataclasses.replace(current, timing=current.timing + found.timing)
         if not found.solved or failures > 1:
             break
         free = free or len(following.structure) == 1 < max(len(own), len(seen))
         change = abs(found.cost - current.cost) / max(abs(found.cost), TINY)
-        full = len(following.grid) >= most_nodes and _mesh(following) == _mesh(plan)
+        full = len(following.mesh.grid) >= most_nodes and following.mesh.same(plan.mesh)
         plan, current = following, dataclasses.replace(found, timing=current.timing)
         visited.append(plan.structure)
         if full:
@@ -192,7 +191,7 @@ def _first(
     if guess is not None and len(guess.grid) <= most_nodes:
         starts.insert(0, (guess.grid, _STARTS[0][1]))
     for grid, count in starts:
-        plan = _Plan(grid, count, without_structure(problem), smoothing)
+        plan = _Plan(HpMesh.alike(grid, count), without_structure(problem), smoothing)
         found = plan.solved(problem, guess, parameters, options)
         timing += found.timing
         if found.solved:
@@ -202,7 +201,6 @@ def _first(
 
 def _next(
     problem: ProblemFunctions,
-    plan: _Plan,
     following: _Plan,
     current: Solution,
     parameters: Array | None,
@@ -214,12 +212,13 @@ def _next(
     True if the first try was enough.
     """
     timing, weight, without = Timing(), _SMOOTHING * abs(current.cost), without_structure(problem)
-    nodes = with_boundaries(current.grid, following.structure.boundaries, len(current.grid))
+    last = HpMesh.of(current)
+    nodes = last.with_boundaries(following.structure.boundaries, len(current.grid))
     tries = (
         following,
         dataclasses.replace(following, smoothing=weight, every=True),
-        _Plan(nodes, plan.count, without, weight, every=True),
-        _Plan(current.grid, plan.count + 1, without, weight, every=True),
+        _Plan(nodes, without, weight, every=True),
+        _Plan(HpMesh(last.grid, last.counts + 1), without, weight, every=True),
     )
     for each in tries:
         found = each.solved(problem, current, parameters, options)
@@ -229,10 +228,6 @@ def _next(
     return dataclasses.replace(found, timing=timing), each, each is following
 
 
-def _mesh(plan: _Plan) -> tuple[int, int]:
-    return len(plan.grid), plan.count
-
-
 def _described(plan: _Plan) -> str:
     arcs = f", {len(plan.structure)} arcs" if len(plan.structure) > 1 else ""
-    return f"{len(plan.grid)} nodes, {RadauIIA(plan.count).name}{arcs}"
+    return f"{len(plan.mesh.grid)} nodes, {plan.mesh.scheme.name}{arcs}"

@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
+from numpy.typing import NDArray
 
 from mathnavi.controllers.ocp.defects import Defects
 from mathnavi.controllers.ocp.grid import Grid
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.structure import Structure
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
+from mathnavi.controllers.ocp.transcriptions.variable_radau import VariableRadauIIA, alike, point_counts
+from mathnavi.sim.interfaces.signals import Array, Integers
 
 TINY = 1e-9  # |J| below which its error is no longer relative
-MOST_COUNT = 5  # points of an interval
+LEAST_COUNT, MOST_COUNT = 3, 5  # points of an interval where all get one more
+HIGHEST_COUNT = 9  # points of an interval that is smooth
 _MOST_PARTS = 4  # of an interval in one round
 _NARROWEST = 1e-8  # interval that is still divided, as a fraction of T
 VIOLATION = 5.0  # times the allowed sum of errors, a violation may stay
 _ASYMPTOTIC = 1e-2  # error below which another point helps more than another node
+_SMOOTH = 0.2  # decay of the Legendre coefficients below which an interval gets points, not nodes
+_FASTEST = 1e-3  # decay that counts: coefficients at rounding say nothing
+_IDLE = 1e-2  # of the allowed error, that of an interval without one of its points
 _KEPT = 0.4  # of an interval's width that a node keeps from a boundary
 
 
@@ -35,6 +44,41 @@ class Errors:
         return float(self.own.sum())
 
 
+@dataclass(frozen=True, eq=False)
+class HpMesh:
+    """A mesh: the nodes of a grid and the number of points of each interval, the degree of its controls plus one."""
+
+    grid: Grid
+    counts: Integers  # (N - 1,)
+
+    @staticmethod
+    def of(solution: Solution) -> HpMesh:
+        """The mesh of a solution by Radau collocation, its nodes where the solution has put them."""
+        return HpMesh(solution.grid, np.broadcast_to(point_counts(solution.scheme), solution.nodes - 1))
+
+    @staticmethod
+    def alike(grid: Grid, count: int) -> HpMesh:
+        """The mesh whose intervals all have ``count`` points."""
+        return HpMesh(grid, np.full(len(grid) - 1, count))
+
+    @cached_property
+    def scheme(self) -> RadauIIA | VariableRadauIIA:
+        """Radau collocation on this mesh."""
+        if (self.counts == self.counts[0]).all():
+            return RadauIIA(int(self.counts[0]))
+        return VariableRadauIIA(tuple(self.counts.tolist()))
+
+    def with_boundaries(self, boundaries: Array, most_nodes: int) -> HpMesh:
+        """The mesh with a node at each boundary, see the function of this name; points as there were in the middle."""
+        grid = with_boundaries(self.grid, boundaries, most_nodes)
+        middles = 0.5 * (grid.nodes[1:] + grid.nodes[:-1])
+        return HpMesh(grid, self.counts[np.searchsorted(self.grid.nodes, middles, side="right") - 1])
+
+    def same(self, other: HpMesh) -> bool:
+        """True if both have as many intervals with the same numbers of points."""
+        return np.array_equal(self.counts, other.counts)
+
+
 def interval_errors(solution: Solution, found: Defects) -> Errors:
     """Errors of the intervals of a solution, from its defects."""
     scale = max(abs(solution.cost), TINY)
@@ -47,8 +91,12 @@ def interval_errors(solution: Solution, found: Defects) -> Errors:
 
 def meshed(
     solution: Solution, structure: Structure, errors: Errors, allowed: float, most_nodes: int, *, hard: bool
-) -> tuple[Grid, int]:
-    """Grid and number of points of the next round, with the boundaries of a structure among its nodes.
+) -> HpMesh:
+    """Mesh of the next round, with the boundaries of a structure among its nodes.
+
+    Where the error is too large nearly everywhere, all intervals get a point more. Else each one whose error is too
+    large gets points where its solution is smooth, nodes where it is not; one whose error would be small enough with
+    a point less loses it, and neighbours whose error would be small enough as one are joined.
 
     Args:
         solution: the last round's.
@@ -58,25 +106,31 @@ def meshed(
         most_nodes: limit of the number of nodes.
         hard: True if a solve failed before: the mesh grows more slowly.
     """
-    count, nodes, widths = len(solution.scheme.points), solution.grid.nodes, solution.grid.widths
+    mesh = HpMesh.of(solution)
+    counts, nodes, widths = mesh.counts, mesh.grid.nodes, mesh.grid.widths
     each = allowed / len(widths)
     large, violated = errors.own > each, errors.path > VIOLATION * allowed
     everywhere, asymptotic = not 0.0 < large.mean() <= 0.5, errors.total < _ASYMPTOTIC
-    if count < MOST_COUNT and ((everywhere and asymptotic and not violated.any()) or len(nodes) >= most_nodes):
-        return with_boundaries(solution.grid, structure.boundaries, most_nodes), count + 1
-    both = everywhere and not asymptotic and count < MOST_COUNT  # two parts with a point more each, for want of both
-    order = 2 * count
+    full = len(nodes) >= most_nodes
+    if (counts < MOST_COUNT).any() and ((everywhere and asymptotic and not violated.any()) or full):
+        raised = np.where(counts < MOST_COUNT, counts + 1, counts)
+        return HpMesh(mesh.grid, raised).with_boundaries(structure.boundaries, most_nodes)
+    # Two parts with a point more each, for want of both.
+    both = everywhere and not asymptotic and bool((counts < MOST_COUNT).any())
+    decays = _decays(solution)
+    counts, raised = _degrees(counts, decays, errors, each, large & ~violated, both=both)
+    order = 2 * mesh.counts
     parts = np.where(large, np.ceil((np.minimum(errors.own, 1.0) / each) ** (1.0 / order)), 1.0)
-    parts = np.where(large, np.clip(parts, 2, 2 if hard or both else _MOST_PARTS), 1).astype(int)
+    parts = np.where(large & ~raised, np.clip(parts, 2, 2 if hard or both else _MOST_PARTS), 1).astype(int)
     parts[violated] = np.maximum(parts[violated], 2)
     if not (large.any() or violated.any()):
         parts[:] = 2
     parts[widths < _NARROWEST] = 1
     # Where a constraint is felt, neighbours stay: joined, they would violate it and be divided again.
     own = errors.own + np.where(errors.path > 0.0, each, 0.0)
-    kept = _without_idle(nodes, own, parts, each, structure.boundaries, order)
+    kept = _without_idle(nodes, own, parts, counts, each, structure.boundaries)
     spare = most_nodes - len(kept)
-    pieces = []
+    pieces, of_pieces = [], []
     worst = np.argsort(-np.where(parts > 1, errors.own + errors.path, -1.0))
     granted = np.ones_like(parts)
     for i in worst:
@@ -86,18 +140,50 @@ def meshed(
         i = int(np.searchsorted(nodes, start + 1e-15, side="right")) - 1
         n = granted[i] if end - start <= 1.0000001 * widths[i] else 1
         pieces.append(np.linspace(start, end, n + 1)[:-1])
+        of_pieces += [counts[i]] * n
     grid = Grid(np.append(np.concatenate(pieces), 1.0))
-    return with_boundaries(grid, structure.boundaries, most_nodes), count + int(both)
+    return HpMesh(grid, np.array(of_pieces)).with_boundaries(structure.boundaries, most_nodes)
 
 
-def _without_idle(nodes: Array, own: Array, parts: Array, each: float, boundaries: Array, order: int) -> Array:
-    """The nodes without those between two intervals whose error would be below ``each`` as one."""
+def _degrees(
+    counts: Integers, decays: Array, errors: Errors, each: float, large: NDArray[np.bool_], *, both: bool
+) -> tuple[Integers, NDArray[np.bool_]]:
+    """Numbers of points (N - 1,) of the next round, and which intervals (N - 1,) these make accurate enough.
+
+    A point more makes the error of an interval smaller by the square of its decay, a point less larger by as much.
+    """
+    if both:
+        return np.minimum(counts + 1, np.maximum(counts, MOST_COUNT)), np.zeros(len(counts), dtype=bool)
+    gain = -2.0 * np.log(decays)
+    wanted = np.ceil(np.log(np.maximum(np.minimum(errors.own, 1.0) / each, 1.0)) / np.maximum(gain, 1e-9))
+    raised = large & (decays <= _SMOOTH) & (counts + wanted <= HIGHEST_COUNT)
+    spare = (counts > LEAST_COUNT) & (errors.own / decays**2 < _IDLE * each) & (errors.path <= 0.0)
+    return np.where(raised, counts + np.where(raised, wanted, 0.0), counts - spare).astype(np.int64), raised
+
+
+def _decays(solution: Solution) -> Array:
+    """Decay (N - 1,) of the Legendre coefficients of rates and controls in each interval, from one to the next."""
+    scales = solution.problem.state_scale / solution.duration, solution.problem.control_scale
+    values = np.concatenate([solution.rates / scales[0], solution.u / scales[1]], axis=2)
+    found = np.ones(solution.nodes - 1)
+    for scheme, intervals in alike(solution.scheme, solution.nodes - 1):
+        k = len(scheme.points)
+        coefficients = np.linalg.inv(legvander(2.0 * np.array(scheme.points) - 1.0, k - 1)) @ values[intervals, :k]
+        sizes = np.abs(coefficients).max(axis=2)
+        steps = 1 if k < 4 else 2  # the mean says nothing of the decay
+        before = np.maximum(sizes[:, -1 - steps], np.finfo(float).tiny)
+        found[intervals] = np.clip((sizes[:, -1] / before) ** (1.0 / steps), _FASTEST, 1.0)
+    return found
+
+
+def _without_idle(nodes: Array, own: Array, parts: Integers, counts: Integers, each: float, boundaries: Array) -> Array:
+    """The nodes without those between two intervals of as many points whose error would be below ``each`` as one."""
     keep = np.ones(len(nodes), dtype=bool)
     i = 0
     while i + 1 < len(own) and len(nodes) > 20:
-        joined = (own[i] + own[i + 1]) * 2.0**order
+        joined = (own[i] + own[i + 1]) * 4.0 ** counts[i]
         at_boundary = len(boundaries) and np.abs(boundaries - nodes[i + 1]).min() < 1e-12
-        if joined < each and parts[i] == parts[i + 1] == 1 and not at_boundary:
+        if joined < each and parts[i] == parts[i + 1] == 1 and counts[i] == counts[i + 1] and not at_boundary:
             keep[i + 1] = False
             i += 1
         i += 1

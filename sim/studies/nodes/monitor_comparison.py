@@ -1,9 +1,9 @@
 """Monitor functions side by side (B.3): where each puts the same number of nodes, and what that is worth.
 
-N nodes, Hermite-Simpson, one and three redistributions of the uniform solution, without the replay gate. Two figures as
-ratios to the uniform solution at the same N: the control error, the relative L2 distance of the controls over their
-scales to a solution on many nodes, and the miss of the replay in the true dynamics. The thesis claims that the
-arclength is the most efficient of the monitor functions.
+N nodes, by Hermite-Simpson's scheme and by Radau collocation of order 5, one and three redistributions of the uniform
+solution, without the replay gate. Two figures as ratios to the uniform solution by the same scheme at the same N: the
+control error, the relative L2 distance of the controls over their scales to a solution on many nodes, and the miss of
+the replay in the true dynamics. The thesis claims that the arclength is the most efficient of the monitor functions.
 """
 
 from __future__ import annotations
@@ -18,12 +18,14 @@ import numpy as np
 from annotated_types import Interval
 from matplotlib.figure import Figure
 
-from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.direct import HERMITE_SIMPSON, solve
 from mathnavi.controllers.ocp.methods.redistribution import redistribute, redistributed
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
 from mathnavi.controllers.ocp.problems.library import MISSILES, PROBLEMS, KnownOptimum
 from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.renders.figures import STYLE, canvas
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.interfaces.bounds import configuration
@@ -35,6 +37,8 @@ from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.nodes.missile_nodes.study import control_error
 
 ROUNDS = (1, 3)
+RADAU = RadauIIA(3)
+SCHEMES: tuple[Scheme, ...] = (HERMITE_SIMPSON, RADAU)
 LEAST_MISS = 1e-9  # scaled: where the uniform solution replays better than this, there is no ratio to speak of
 FAILED, NO_MISS = "failed", "no miss"  # what stands where there is no ratio
 BOOKS = PROBLEMS | MISSILES
@@ -102,34 +106,38 @@ class Monitors:
         rows = [row for of_problem in solved for row in of_problem]
         return StudyResult(
             summary=(
-                f"N = {config.nodes}, Hermite-Simpson; after one and after three redistributions, without the replay "
-                "gate. Ratios to the uniform solution at the same N; the reference of the controls has "
-                f"{config.reference_nodes} nodes. 'Arclength of the control' is a monitor function that is given from "
+                f"N = {config.nodes}, by {' and by '.join(scheme.name for scheme in SCHEMES)}; after one and after "
+                "three redistributions, without the replay gate. Ratios to the uniform solution by the same scheme at "
+                f"the same N; the reference of the controls, by {HERMITE_SIMPSON.name}, has {config.reference_nodes} "
+                "nodes. 'Arclength of the control' is a monitor function that is given from "
                 "outside, in the few lines that a user would write.",
             ),
             rows=rows,
-            tables=(_table(rows),),
+            tables=tuple(_table(rows, scheme) for scheme in SCHEMES),
             figure=_figure(rows, names, config.nodes),
             caption="Errors over those of the uniform grid with as many nodes: blue is better, red is worse. Grey: the "
             "solve failed, or there is no miss to compare with, as the dynamics are linear.",
-            claims=(_claim(rows, names),),
+            claims=(_claim(rows, names), _claim_of_schemes(rows)),
         )
 
 
 def monitor_rows(name: str, nodes: int, reference_nodes: int) -> list[dict[str, Any]]:
-    """A row for each monitor function and number of redistributions; the first is the uniform grid's own."""
+    """A row for each scheme, monitor function and number of redistributions; a scheme's first is its uniform grid's."""
     known: KnownOptimum = BOOKS[name]
     problem = known.problem()
-    even = solve(problem, nodes)
-    reference = redistribute(problem, reference_nodes, LOCAL_ERROR, rounds=3, guess=even)
-    rows = [_row(name, "uniform grid", 0, even, even, reference)]
-    for monitor in MONITORS:
-        current = even
-        for done in range(1, max(ROUNDS) + 1):
-            if current.solved:
-                current = solve(problem, redistributed(current, nodes, monitor), guess=current)
-            if done in ROUNDS:
-                rows.append(_row(name, monitor.name, done, current, even, reference))
+    evens = [solve(problem, nodes, scheme=scheme) for scheme in SCHEMES]
+    reference = redistribute(problem, reference_nodes, LOCAL_ERROR, rounds=3, guess=evens[0])
+    rows = []
+    for scheme, even in zip(SCHEMES, evens, strict=True):
+        rows.append(_row(name, "uniform grid", 0, even, even, reference))
+        for monitor in MONITORS:
+            current = even
+            for done in range(1, max(ROUNDS) + 1):
+                if current.solved:
+                    grid = redistributed(current, nodes, monitor)
+                    current = solve(problem, grid, scheme=scheme, guess=current)
+                if done in ROUNDS:
+                    rows.append(_row(name, monitor.name, done, current, even, reference))
     return rows
 
 
@@ -140,6 +148,7 @@ def _row(
     miss, miss_even = (s.replay.miss if s.solved and s.replay is not None else math.nan for s in (solution, even))
     return {
         "problem": name,
+        "transcription": solution.scheme.name,
         "monitor": monitor,
         "redistributions": rounds,
         "status": solution.status.name.lower(),
@@ -153,9 +162,14 @@ def _row(
     }
 
 
-def _of(rows: Sequence[Mapping[str, Any]], monitor: str, rounds: int, figure: str) -> Array:
+def _of(
+    rows: Sequence[Mapping[str, Any]], monitor: str, rounds: int, figure: str, scheme: Scheme = HERMITE_SIMPSON
+) -> Array:
     """The figure of every problem, in order."""
-    return np.array([row[figure] for row in rows if row["monitor"] == monitor and row["redistributions"] == rounds])
+    wanted = (scheme.name, monitor, rounds)
+    return np.array(
+        [row[figure] for row in rows if (row["transcription"], row["monitor"], row["redistributions"]) == wanted]
+    )
 
 
 def _mean(ratios: Array) -> float:
@@ -163,13 +177,18 @@ def _mean(ratios: Array) -> float:
     return float(np.exp(np.log(ratios).mean())) if np.isfinite(ratios).all() else math.inf
 
 
+def _means(rows: Sequence[Mapping[str, Any]], scheme: Scheme) -> dict[str, float]:
+    """Geometric mean of the control errors' ratio to uniform, after all redistributions, by monitor function."""
+    others = [monitor.name for monitor in MONITORS if monitor is not UNIFORM]
+    return {name: _mean(_of(rows, name, max(ROUNDS), "control_error_ratio", scheme)) for name in others}
+
+
 def _claim(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Claim:
     others = [monitor for monitor in MONITORS if monitor is not UNIFORM]
-    means = {m.name: _mean(_of(rows, m.name, max(ROUNDS), "control_error_ratio")) for m in others}
     every = np.array([_of(rows, m.name, max(ROUNDS), "control_error_ratio") for m in others])
     ranked = np.nan_to_num(every, nan=np.inf)
     first = int(((ranked.argmin(axis=0) == 0) & np.isfinite(ranked[0])).sum())
-    by_monitor = ", ".join(f"{name} {mean:.2f}" for name, mean in means.items())
+    by_monitor = ", ".join(f"{name} {mean:.2f}" for name, mean in _means(rows, HERMITE_SIMPSON).items())
     return Claim(
         "B.arclength-best-problems", "printed",
         "The arclength monitor function is the most efficient among all choices.", "B.3",
@@ -180,27 +199,46 @@ def _claim(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Claim:
     )  # fmt: skip
 
 
-def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
+def _claim_of_schemes(rows: Sequence[Mapping[str, Any]]) -> Claim:
+    means = {scheme: _means(rows, scheme) for scheme in SCHEMES}
+    best = {scheme: min(own, key=lambda name: own[name]) for scheme, own in means.items()}
+    by_monitor = ", ".join(f"{name} {mean:.2f}" for name, mean in means[RADAU].items())
+    return Claim(
+        "B.monitors-radau", "target",
+        "The monitor function that is the best by Hermite-Simpson's scheme is the best on Radau grids too.", "B.3",
+        f"the same has the least geometric mean, over the problems, of the control error's ratio to uniform after "
+        f"{max(ROUNDS)} redistributions",
+        f"{best[HERMITE_SIMPSON]} by {HERMITE_SIMPSON.name}; {best[RADAU]} by {RADAU.name}: {by_monitor}",
+        len(set(best.values())) == 1 and all(math.isfinite(means[scheme][name]) for scheme, name in best.items()),
+    )  # fmt: skip
+
+
+def _table(rows: Sequence[Mapping[str, Any]], scheme: Scheme) -> Table:
     columns = ("monitor function", "redistributions", "control error", "largest", "replay miss", "largest")
     cells = []
     for monitor in MONITORS:
         for rounds in ROUNDS:
-            error = _of(rows, monitor.name, rounds, "control_error_ratio")
-            miss = _of(rows, monitor.name, rounds, "replay_miss_ratio")
+            error = _of(rows, monitor.name, rounds, "control_error_ratio", scheme)
+            miss = _of(rows, monitor.name, rounds, "replay_miss_ratio", scheme)
             miss = miss[np.isfinite(miss)]
             shown = [_mean(error), float(np.nan_to_num(error, nan=np.inf).max())]
             shown += [_mean(miss), float(miss.max())] if len(miss) else [math.nan, math.nan]
             cells.append((monitor.name, str(rounds), *(f"{value:.3g}" for value in shown)))
-    return Table("Ratios to uniform nodes: geometric means over the problems, and the largest", columns, cells)
+    title = f"{scheme.name}, ratios to uniform nodes: geometric means over the problems, and the largest"
+    return Table(title, columns, cells)
 
 
 def _figure(rows: Sequence[Mapping[str, Any]], names: Sequence[str], nodes: int) -> Figure:
     monitors = [monitor.name for monitor in MONITORS if monitor is not UNIFORM]
     shown = [("control error", "control_error_ratio"), ("replay miss", "replay_miss_ratio")]
     panels = {}
-    for letter, ((what, key), rounds) in zip("abcd", itertools.product(shown, ROUNDS), strict=True):
+    of_panels: list[tuple[Scheme, tuple[str, str], int]] = [
+        (HERMITE_SIMPSON, *each) for each in itertools.product(shown, ROUNDS)
+    ]
+    of_panels += [(RADAU, each, max(ROUNDS)) for each in shown]
+    for letter, (scheme, (what, key), rounds) in zip("abcdef", of_panels, strict=True):
         values, errors = (
-            np.array([_of(rows, monitor, rounds, name) for monitor in monitors]).T
+            np.array([_of(rows, monitor, rounds, name, scheme) for monitor in monitors]).T
             for name in (key, "control_error_ratio")
         )
         texts = [
@@ -210,14 +248,15 @@ def _figure(rows: Sequence[Mapping[str, Any]], names: Sequence[str], nodes: int)
             ]
             for row in np.stack([values, errors], axis=-1)
         ]
-        panels[f"({letter}) {what}, {rounds} redistribution{'s' * (rounds > 1)}"] = values, texts
+        by = f"{scheme.name}, " if scheme is RADAU else ""
+        panels[f"({letter}) {by}{what}, {rounds} redistribution{'s' * (rounds > 1)}"] = values, texts
     with matplotlib.rc_context(STYLE):
-        figure = canvas(10.2, 2.8 + 0.6 * len(names))
+        figure = canvas(10.2, 3.2 + 0.9 * len(names))
         figure.suptitle(
             f"What each monitor function makes of {nodes} nodes: errors over those of uniform nodes", x=0.01, ha="left",
             size=11.0, weight="bold",
         )  # fmt: skip
-        cells = figure.subplots(2, 2, sharex=True, sharey=True)
+        cells = figure.subplots(3, 2, sharex=True, sharey=True)
         for axes, (title, (values, texts)) in zip(cells.ravel(), panels.items(), strict=True):
             colours = heat_map(axes, values, names, monitors, texts, decades=(2.0, 2.0))
             axes.set_title(title)

@@ -52,19 +52,20 @@ def test_from_an_unknown_start_it_finds_the_pose_and_knows_how_well(seed: int) -
 
 
 def test_a_robot_that_was_carried_to_another_place_is_found_again() -> None:
-    """Readings that its particles do not explain make it draw new ones."""
+    """Readings that its particles do not explain make it draw new ones; it turns on the spot meanwhile."""
     task = mission("4")
     there = np.array([-1.0, -0.3, -2.0])
     filter_ = RangeParticle(RangeParticleConfig(), task)
     rng, counts = np.random.default_rng(3), []
-    for k in range(600):
-        pose = np.array(START) if k < 100 else there
+    turning = np.array([0.0, 0.6])
+    for k in range(400):
+        pose = (np.array(START) if k < 60 else there) + [0.0, 0.0, 0.006 * k]
         exact, _ = task.curve.ranges(pose, task.alpha)
         rho = exact * (1.0 + 0.05 * rng.standard_normal(len(exact)))
-        estimate = filter_.update(0.01 * k, (Measurement("ranges", 0.01 * k, rho),), np.zeros(2))
+        estimate = filter_.update(0.01 * k, (Measurement("ranges", 0.01 * k, rho),), turning)
         counts.append(estimate.extra["particles"][0])
-    assert max(counts[100:]) > 2.0 * counts[99]
-    assert np.abs(task.difference(estimate.x, there)).max() < 0.1
+    assert max(counts[60:]) > 2.0 * counts[59]
+    assert np.abs(task.difference(estimate.x, pose)).max() < 0.1
     assert estimate.status is Status.OK
 
 

@@ -1,11 +1,11 @@
-"""Cost of an update of a range estimator: thread CPU time, ours beside a particle filter and beside filterpy's.
+"""Cost of an update of a range estimator: thread CPU time, the bank's beside particles and beside filterpy's.
 
     python -m benchmarks.range_estimators [--seconds 20] [--repetitions 7]
 
 Everyone gets the same readings of the same figure of eight, 100 a second, with two sensors and with four. What is
 compiled runs in one compiled loop (``mathnavi.sim.studies.ranging.range_convergence.costs``): the bank as it is flown,
-the bank if no hypothesis were ever dropped, one filter of it, and a particle filter. The plug-ins are called as the
-loop calls them, reading by reading, Python included.
+the bank if no hypothesis were ever dropped, one filter of it, and 1000 particles. The plug-ins are called as the loop
+calls them, reading by reading, Python included; ``range_particle`` has as many particles as it needs (KLD sampling).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from mathnavi.sim.studies.ranging.range_convergence.costs import (
 )
 
 SENSORS = {"2 rays": "2s", "4 rays": "4"}
-FILTERPY = {"range_ekf": "filterpy EKF", "range_ukf": "filterpy UKF", "range_particle": "filterpy PF"}
+CALLED = {"range_ekf": "filterpy EKF", "range_ukf": "filterpy UKF", "range_particle": "AMCL"}
 AT_LEAST = 20.0  # times cheaper than the particle filter, both compiled
 
 
@@ -72,7 +72,7 @@ class RangeFindings:
                         f"{name}, {sensors}", "us", taken[name], taken[PARTICLE_LOOP], PARTICLE_LOOP, ratio_of, wanted
                     )
                 )
-            for name, software in FILTERPY.items():
+            for name, software in CALLED.items():
                 ours = taken["feasible_set_bank"]
                 rows.append(Comparison(f"called, {sensors}", "us", ours, taken[name], software, ratio_of))
         return rows

@@ -41,7 +41,7 @@ class RangeModel:
         self.absolute = math.hypot(ranging.absolute, LEAST_NOISE)  # [m]
         self.outliers = ranging.outliers
         self.W = np.square(odometry.noise) + np.square(odometry.slip) + _LEAST_VARIANCE  # (2,) of what is new each time
-        self._scale = odometry.bias  # standard deviation of b
+        self.scale = odometry.bias  # standard deviation of b
         self.longest = mission.sensors_carried()[0].longest  # [m]
         self._limits = np.array([mission.speed_max, mission.turn_rate_max])
         self._mission = mission
@@ -65,7 +65,7 @@ class RangeModel:
 
     def covariance(self, deviation: tuple[float, float, float]) -> Array:
         """Covariance (4, 4) of a pose known to standard deviations [m, m, rad], and of b as declared."""
-        return np.diag(np.square([*deviation, self._scale]))
+        return np.diag(np.square([*deviation, self.scale]))
 
     def anywhere(self, rng: np.random.Generator, count: int) -> Array:
         """Draw states (count, 4): poses uniform over all that is within the wall, and b as declared."""
@@ -73,7 +73,7 @@ class RangeModel:
         points = np.empty((0, 2))
         while len(points) < count:
             points = np.concatenate((points, within(self.wall, rng.uniform(low, high, (count, 2)))))
-        headings, scales = rng.uniform(-math.pi, math.pi, count), self._scale * rng.standard_normal(count)
+        headings, scales = rng.uniform(-math.pi, math.pi, count), self.scale * rng.standard_normal(count)
         return np.column_stack((points[:count], headings, scales))
 
     def particles(self, count: int, rng: np.random.Generator) -> Array:

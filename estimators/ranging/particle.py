@@ -1,60 +1,99 @@
-"""A particle filter for a robot that reads ranges, resampled by filterpy.
+"""Augmented Monte Carlo localisation of a robot that reads ranges, with KLD sampling.
 
-Sampling importance resampling (``particle_kernels``): propagation and weights are compiled, and when N_eff falls below
-N / 2 filterpy's systematic resampling draws the particles anew, which are then roughened. Where the start is unknown
-the particles are uniform over all that is within the wall. The estimate is the mean of the particles around the place
-where there are most.
+Particles (``particle_kernels``) that start where the robot may be, as many as the cells that they occupy need. Where
+readings are less likely than they used to be, a share max(0, 1 - w_fast / w_slow) of them is drawn anew from anywhere,
+w_slow and w_fast being averages of their likelihood over a long and a short time (Probabilistic Robotics, table 8.3).
+The estimate is the mean of the heaviest cluster.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Gt, Interval
+from scipy.special import ndtri
 
-from mathnavi.estimators.ranging.model import RangeModel, chi_square_gate
-from mathnavi.estimators.ranging.particle_kernels import mode, propagate, roughen, weigh
+from mathnavi.estimators.ranging.kalman_kernels import step_within
+from mathnavi.estimators.ranging.model import RangeModel
+from mathnavi.estimators.ranging.particle_clusters import Cells, Clusters, clusters_of, fold
+from mathnavi.estimators.ranging.particle_kernels import propagate, resample, weigh
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
-from mathnavi.sim.interfaces.bounds import CountInMemory, Positive, Probability, Seed, configuration
+from mathnavi.sim.interfaces.bounds import CountInMemory, Positive, Probability, Seed, Within, configuration
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Integers, Measurement
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
-_RADIUS = 0.4  # [m, rad] of the particles that count as one place
-_STARTS = 16  # places that are looked at
+_KNOWN = 2.0 / 3.0  # weight of the heaviest cluster, twice that of all others, with which the pose is known
+_RECOVERING = 0.25  # share of new particles from which there is resampling whatever n_eff is
+_GATE = math.inf  # nothing is refused: outliers have their part of the likelihood
 
 
 @configuration
 class RangeParticleConfig:
     """Fields of the command line."""
 
-    particles: CountInMemory = 1000
-    """N"""
-    roughening: Positive = 0.1
-    """kappa: standard deviation of what is added after resampling, over the particles' extent and N^(-1/4)"""
-    gate: Probability = 1e-4
-    """probability of a good range beyond which no range is thought less likely"""
+    min_particles: CountInMemory = 500
+    """least number"""
+    max_particles: CountInMemory = 5000
+    """greatest number, with which an unknown start begins"""
+    kld_error: Annotated[float, Within(Interval(gt=0.0, le=1.0), allowed="> 0 and <= 1")] = 0.05
+    """epsilon: bound of the Kullback-Leibler divergence from the posterior over the cells"""
+    kld_probability: Probability = 0.99
+    """1 - delta: with which that bound is to hold"""
+    cell_position: Positive = 0.1
+    """side of a cell [m]"""
+    cell_heading: Annotated[float, Within(Interval(gt=1e-3, le=2.0), allowed="> .001 and <= 2")] = 0.1
+    """side of a cell [rad]"""
+    recovery_slow: Positive = 10.0
+    """over which the likelihood is averaged for w_slow [s]"""
+    recovery_fast: Positive = 0.5
+    """over which it is averaged for w_fast [s]"""
+    outliers: Annotated[float, Within(Interval(gt=0.0, lt=1.0), allowed="> 0 and < 1")] = 0.02
+    """epsilon: share of outliers for which the likelihood leaves room where fewer are declared"""
+    spread: Annotated[float, Gt(0.0)] = 0.3
+    """largest standard deviation of the heaviest cluster with which the pose is known [m, rad]"""
     timeout: Positive = 0.5
     """without a range after which the estimate is lost [s]"""
     seed: Seed = 0
     """of the particles"""
 
+    def __post_init__(self) -> None:
+        if self.min_particles > self.max_particles:
+            raise FieldError(
+                f"min_particles = {self.min_particles!r}; allowed: at most max_particles, {self.max_particles}"
+            )
+        if self.recovery_fast >= self.recovery_slow:
+            raise FieldError(
+                f"recovery_fast = {self.recovery_fast!r}; allowed: less than recovery_slow, {self.recovery_slow:g} s"
+            )
+
 
 class RangeParticle:
-    """Estimator of the pose from ranges and odometry: particles."""
+    """Estimator of the pose from ranges and odometry: augmented Monte Carlo localisation (AMCL)."""
 
     Config = RangeParticleConfig
 
     def __init__(self, config: RangeParticleConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._model, self._timeout_monitor = RangeModel(mission), TimeoutMonitor(config.timeout)
-        self._sensors = self._model.sensors(chi_square_gate(config.gate))
-        self._rng, self._roughening = np.random.default_rng(config.seed), config.roughening
-        self._x = self._model.particles(config.particles, self._rng)
-        self._w = np.full(config.particles, 1.0 / config.particles)
+        self._config, self._model, self._timeout_monitor = config, RangeModel(mission), TimeoutMonitor(config.timeout)
+        sensors = self._model.sensors(_GATE)
+        self._sensors = sensors._replace(outliers=max(sensors.outliers, config.outliers))
+        self._symmetry = (mission.curve.symmetry, *mission.curve.centre)
+        self._cells = Cells(config.cell_position, max(3, round(2.0 * math.pi / config.cell_heading)))
+        self._kld = (config.kld_error, float(ndtri(config.kld_probability)))
+        self._limits = (config.min_particles, config.max_particles)
+        self._rng = np.random.default_rng(config.seed)
+        self._x = self._model.particles(config.max_particles, self._rng)
+        self._w = np.full(config.max_particles, 1.0 / config.max_particles)
         self._mean, _ = self._model.start()
+        self._slow = self._fast = 0.0  # w_slow, w_fast
+        self._averaged = 0  # likelihoods in them
         self._t: float | None = None  # [s] of the particles; None before the first call
 
     @staticmethod
@@ -82,51 +121,57 @@ class RangeParticle:
             observer_domain=Domain.GLOBAL,
             system_domain=Domain.GLOBAL,
             stays_on_truth=False,
-            note="roughening keeps it from the truth: it comes near, and no nearer",
+            note="its particles are drawn: it comes near the truth, and no nearer",
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) stands in where odometry says nothing.
 
-        ``extra["effective"]`` (1,) is N_eff.
+        ``extra`` has ``effective`` (1,), n_eff, ``particles`` (1,), their number, and ``weight`` (1,), that of the
+        heaviest cluster.
         """
         model, rho = self._model, self._model.ranges(measurements)
         self._timeout_monitor.note(t, not np.isnan(rho).all())
-        if self._t is not None and t > self._t:
-            u = model.input(measurements, command)
-            propagate(self._x, u, np.sqrt(model.W), model.wall, t - self._t, self._rng)
+        dt = 0.0 if self._t is None else t - self._t
+        if dt > 0.0:
+            propagate(
+                self._x, model.input(measurements, command), np.sqrt(model.W), model.scale, model.wall, dt, self._rng
+            )
         self._t = t
+        effective = 1.0 / float(np.square(self._w).sum())
         if not np.isnan(rho).all():
-            self._condition(rho)
-        self._mean, P = mode(self._x, self._w, self._mean, _RADIUS, _STARTS, model.wall)
-        effective = np.array([1.0 / np.square(self._w).sum()])
-        return Estimate(
-            t, self._mean[:3].copy(), 0.5 * (P + P.T), self._timeout_monitor.status(t), {"effective": effective}
-        )
+            effective, likelihood = weigh(self._x, self._w, rho, model.wall, self._sensors)
+            self._average(likelihood, dt)
+        if self._symmetry[0] > 1:
+            fold(self._x, self._mean[2], *self._symmetry)
+        clusters = clusters_of(self._x, self._w, self._cells)
+        estimate = self._estimate(t, clusters, effective)
+        random = max(0.0, 1.0 - self._fast / self._slow) if self._slow > 0.0 else 0.0
+        if effective < 0.5 * len(self._w) or random > _RECOVERING:
+            self._x = resample(
+                self._x, self._w, clusters, random, self._limits, self._kld, self._cells, model.scale, model.wall,
+                self._rng,
+            )  # fmt: skip
+            self._w = np.full(len(self._x), 1.0 / len(self._x))
+        return estimate
 
-    def _condition(self, rho: Array) -> None:
-        model = self._model
-        effective = weigh(self._x, self._w, rho, model.wall, self._sensors)
-        if effective < 0.5 * len(self._w):
-            self._x = self._x[_systematic(self._w, self._rng)]
-            self._w[:] = 1.0 / len(self._w)
-            roughen(self._x, self._roughening, model.wall, self._rng)
+    def _average(self, likelihood: float, dt: float) -> None:
+        """Average a likelihood into w_slow and w_fast, equally with those before until their time has passed."""
+        self._averaged += 1
+        least = 1.0 / self._averaged
+        self._slow += max(least, min(1.0, dt / self._config.recovery_slow)) * (likelihood - self._slow)
+        self._fast += max(least, min(1.0, dt / self._config.recovery_fast)) * (likelihood - self._fast)
 
-
-def _systematic(w: Array, rng: np.random.Generator) -> Integers:
-    """filterpy's indices (N,) for weights (N,).
-
-    It draws from numpy's global generator, which is therefore seeded for it and then put back, and reads beyond the
-    last weight where round-off leaves their sum below one.
-    """
-    from filterpy.monte_carlo import systematic_resample  # takes .7 s to import
-
-    whole = w / w.sum()
-    whole[-1] += 1e-9
-    state = np.random.get_state()
-    np.random.seed(int(rng.integers(2**32)))
-    try:
-        chosen: Integers = systematic_resample(whole).astype(np.int64)
-    finally:
-        np.random.set_state(state)
-    return chosen
+    def _estimate(self, t: float, clusters: Clusters, effective: float) -> Estimate:
+        best = int(np.argmax(clusters.weight))
+        centre, offset = self._x[clusters.origin[best]], clusters.offset[best].copy()
+        offset[:2] *= step_within(self._model.wall, *centre[:2], *offset[:2])  # of a wall that is not convex
+        self._mean = centre + offset
+        self._mean[2] = math.remainder(self._mean[2], 2.0 * math.pi)
+        P = clusters.covariance[best, :3, :3].copy()
+        weight = float(clusters.weight[best])
+        is_known = weight >= _KNOWN and np.diag(P).max() < self._config.spread**2
+        status = self._timeout_monitor.status(t) if is_known else Status.INITIALISING
+        figures = {"effective": effective, "particles": float(len(self._w)), "weight": weight}
+        extra = {name: np.array([value]) for name, value in figures.items()}
+        return Estimate(t, self._mean[:3].copy(), P, status, extra)

@@ -1,14 +1,19 @@
-"""A particle filter of a unicycle that reads ranges, compiled: sampling importance resampling.
+"""Augmented Monte Carlo localisation of a unicycle that reads ranges, compiled.
 
-Particles are states x (N, 4) as of ``kalman_kernels``, with weights w (N,) that sum to one.
+Thrun, Burgard and Fox, Probabilistic Robotics (2005), tables 8.2 to 8.4. Particles are states x (n, 4) as of
+``kalman_kernels``, with weights w (n,) that sum to one.
 
-    propagate   x_n <- f(x_n, (1 - b_n) u + noise of variances W)
-    weigh       w_n <- w_n prod_i N(rho_i; h_i(x_n), r_i(x_n)),   N_eff = 1 / sum w_n^2
-    resample    N particles at the N equidistant places of the cumulated weights (systematic)
-    roughen     x_n <- x_n + noise of deviation kappa E N^(-1/4),   E the extent of the particles in each coordinate
+    propagate   x_m <- f(x_m, (1 - b_m) u + noise of variances W),   b_m a Gauss-Markov process
+    weigh       w_m <- w_m prod_i p_i(x_m)^beta,   p_i = (1 - epsilon) N(rho_i; h_i, r_i) + epsilon / L
+    resample    where n_eff = 1 / sum w^2 < n / 2: as many as the occupied cells need (KLD sampling), systematically
 
-Roughening (Gordon, Salmond and Smith, 1993) keeps particles that were one and the same apart; b, which does not change,
-has no other way to be found. It makes the filter's error wider than the readings would.
+beta is one, or as much less as keeps n_eff from falling below a tenth of n in one update: readings more exact than
+particles are dense would otherwise leave one (adaptive likelihood: Pfaff, Burgard and Fox, 2006). Resampled particles
+are regularised (Musso, Oudjane and Le Gland, 2001): with the mean m and the covariance C = A A' of their cluster
+
+    x <- m + sqrt(1 - s^2) (x - m) + s A eta,   eta ~ N(0, 1),   s = (4 / (d + 2) / n)^(1 / (d + 4)),   d = 4,
+
+s being less where C is larger than a cell, so that mean and covariance stay as they are.
 """
 
 from __future__ import annotations
@@ -18,64 +23,78 @@ import math
 import numpy as np
 
 from mathnavi.estimators.ranging.kalman_kernels import RaySensors, step_within
-from mathnavi.models.field.kernels import WallShape, cast_ray
+from mathnavi.estimators.ranging.particle_clusters import Cells, Clusters, difference, kld_bound, occupied_cells
+from mathnavi.models.field.kernels import WallShape, cast_ray, is_inside
 from mathnavi.models.unicycle.kernels import integrate, wrapped
 from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array, Integers
 
+_SCALE_TIME = 3.0  # [s] correlation time of b: particles that all have the same one could find no other
+_LEAST_EFFECTIVE = 0.1  # n_eff over n after one update
+_HALVINGS = 20  # of beta
+_GROWTH = 1.25  # of the number of particles while the bound is looked for
+_FEW = 8  # particles of a cluster, whose covariance is not known
+_DIMENSION = 4
+_TRIALS = 1000  # of a point within the wall
+
 
 @njit(cache=True, nogil=True)
-def propagate(x: Array, u: Array, deviation: Array, wall: WallShape, dt: float, rng: np.random.Generator) -> None:
-    """Propagate particles x (N, 4), in place, over dt [s] under a reading u (2,) of standard deviations (2,)."""
+def propagate(
+    x: Array, u: Array, deviation: Array, scale: float, wall: WallShape, dt: float, rng: np.random.Generator
+) -> None:
+    """Propagate particles x (n, 4), in place, over dt [s] under a reading u (2,) of standard deviations (2,).
+
+    ``scale`` is the standard deviation of b.
+    """
+    memory = math.exp(-dt / _SCALE_TIME)
+    renewed = scale * math.sqrt(1.0 - memory**2)
     for n in range(len(x)):
         u_1 = (1.0 - x[n, 3]) * u[0] + deviation[0] * rng.standard_normal()
         u_2 = (1.0 - x[n, 3]) * u[1] + deviation[1] * rng.standard_normal()
         _place(x[n], integrate(x[n, :3], u_1, u_2, dt), wall)
+        x[n, 3] = memory * x[n, 3] + renewed * rng.standard_normal()
 
 
 @njit(cache=True, nogil=True)
-def weigh(
-    x: Array,
-    w: Array,
-    z: Array,
-    wall: WallShape,
-    sensors: RaySensors,
-) -> float:
-    """Weigh particles x (N, 4), w (N,), in place, by ranges z (l,) [m], NaN where lost.
+def weigh(x: Array, w: Array, z: Array, wall: WallShape, sensors: RaySensors) -> tuple[float, float]:
+    """Weigh particles x (n, 4), w (n,), in place, by ranges z (l,) [m], NaN where lost.
 
-    Returns N_eff. A range is never less likely than one at the gate, so that one that is wholly wrong does not decide.
+    Returns n_eff and the mean likelihood of the particles a range, its geometric mean over the ranges that were read,
+    so that lost ones make no difference; NaN where none was.
     """
-    angles, relative, absolute, gate, _, _ = sensors
+    angles, relative, absolute, _, outliers, longest = sensors
     coefficients, polyline = wall
-    log = np.empty(len(x))
-    for n in range(len(x)):
-        log[n] = 0.0
-        for i in range(len(z)):
-            if math.isnan(z[i]):
-                continue
+    log, read = np.zeros(len(x)), 0
+    for i in range(len(z)):
+        if math.isnan(z[i]):
+            continue
+        read += 1
+        for n in range(len(x)):
             h, _ = cast_ray(coefficients, polyline, x[n, 0], x[n, 1], x[n, 2] + angles[i])
-            if math.isnan(h):
-                log[n] -= 0.5 * gate
-                continue
-            r = (relative * h) ** 2 + absolute**2
-            log[n] -= 0.5 * (min((z[i] - h) ** 2 / r, gate) + math.log(r))
-    greatest, total, squares = log.max(), 0.0, 0.0
-    for n in range(len(x)):
-        w[n] *= math.exp(log[n] - greatest)
-        total += w[n]
-    for n in range(len(x)):
-        w[n] = w[n] / total if total > 0.0 else 1.0 / len(x)
-        squares += w[n] * w[n]
-    return 1.0 / squares
+            p = outliers / longest
+            if not math.isnan(h):
+                r = (relative * h) ** 2 + absolute**2
+                p += (1.0 - outliers) * math.exp(-0.5 * (z[i] - h) ** 2 / r) / math.sqrt(2.0 * math.pi * r)
+            log[n] += math.log(p)
+    greatest, beta = log.max(), 1.0
+    after = w * np.exp(log - greatest)
+    likelihood = math.exp((greatest + math.log(after.sum())) / read) if read else math.nan
+    for _ in range(_HALVINGS):
+        if after.sum() ** 2 >= _LEAST_EFFECTIVE * len(x) * np.square(after).sum():
+            break
+        beta *= 0.5
+        after = w * np.exp(beta * (log - greatest))
+    w[:] = after / after.sum()
+    return 1.0 / np.square(w).sum(), likelihood
 
 
 @njit(cache=True, nogil=True)
-def resampled(w: Array, start: float) -> Integers:
-    """Indices (N,) of the particles at the places (n + start) / N of the cumulated weights, start in [0, 1)."""
-    chosen = np.empty(len(w), np.int64)
+def resampled(w: Array, start: float, count: int) -> Integers:
+    """Indices (count,) of the particles at the places (n + start) / count of the cumulated weights, start in [0, 1)."""
+    chosen = np.empty(count, np.int64)
     k, cumulated = 0, w[0]
-    for n in range(len(w)):
-        while (n + start) / len(w) >= cumulated and k < len(w) - 1:
+    for n in range(count):
+        while (n + start) / count >= cumulated and k < len(w) - 1:
             k += 1
             cumulated += w[k]
         chosen[n] = k
@@ -83,73 +102,118 @@ def resampled(w: Array, start: float) -> Integers:
 
 
 @njit(cache=True, nogil=True)
-def roughen(x: Array, kappa: float, wall: WallShape, rng: np.random.Generator) -> None:
-    """Add the noise of roughening to particles x (N, 4), in place."""
-    scale = kappa * len(x) ** -0.25
-    extent = np.empty(4)
-    for j in range(4):
-        extent[j] = x[:, j].max() - x[:, j].min()
-    for n in range(len(x)):
-        after = x[n, :3].copy()
-        for j in range(3):
-            after[j] += scale * extent[j] * rng.standard_normal()
-        _place(x[n], after, wall)
-        x[n, 3] += scale * extent[3] * rng.standard_normal()
+def resample(
+    x: Array,
+    w: Array,
+    clusters: Clusters,
+    random: float,
+    limits: tuple[int, int],
+    kld: tuple[float, float],
+    cells: Cells,
+    scale: float,
+    wall: WallShape,
+    rng: np.random.Generator,
+) -> Array:
+    """Particles (m, 4) of equal weight in place of x (n, 4) with the weights w (n,), which are in ``clusters``.
 
-
-@njit(cache=True, nogil=True)
-def mode(x: Array, w: Array, before: Array, radius: float, starts: int, wall: WallShape) -> tuple[Array, Array]:
-    """Mean (4,) and covariance (3, 3) of the particles within ``radius`` [m, rad] of a place where there are most.
-
-    Of ``starts`` particles, at equidistant places of the cumulated weights, and the state ``before`` (4,), the one with
-    the most weight around it. What was the mode before stays it until another one has twice its weight. A mean that
-    is outside of a wall that is not convex is drawn back towards that place.
+    A share ``random`` is drawn anew from all that is within the wall, b with the standard deviation ``scale``. m is
+    within ``limits``, least and most, and else the least that satisfies the bound for ``kld``, epsilon and z.
     """
-    chosen = resampled(w, 0.5)
-    centre, most = before.copy(), 2.0 * _around(x, w, before, radius)
-    for k in range(starts):
-        here = x[chosen[(2 * k + 1) * len(x) // (2 * starts)]]
-        weight = _around(x, w, here, radius)
-        if weight > most:
-            centre, most = here.copy(), weight
-    mean, P, total = np.zeros(4), np.zeros((3, 3)), 0.0
-    deviation = np.empty(4)
-    for n in range(len(x)):
-        if _near(x[n], centre, radius):
-            total += w[n]
-            for j in range(4):
-                mean[j] += w[n] * (wrapped(x[n, j] - centre[j]) if j == 2 else x[n, j] - centre[j])
-    if total == 0.0:
-        return before.copy(), np.diag(np.array([radius, radius, radius]) ** 2)
-    mean /= total
-    for n in range(len(x)):
-        if _near(x[n], centre, radius):
-            for j in range(3):
-                deviation[j] = (wrapped(x[n, j] - centre[j]) if j == 2 else x[n, j] - centre[j]) - mean[j]
-            for j in range(3):
-                for k in range(3):
-                    P[j, k] += w[n] / total * deviation[j] * deviation[k]
-    step = step_within(wall, centre[0], centre[1], mean[0], mean[1])
-    mean[:2] *= step
-    mean += centre
-    mean[2] = wrapped(mean[2])
-    return mean, P
+    cell, _ = occupied_cells(x, cells)
+    start, count = rng.random(), limits[0]
+    while True:
+        new = round(random * count)
+        chosen = resampled(w, start, count - new)
+        needed = kld_bound(new + _distinct(cell, chosen), kld[0], kld[1])
+        if needed <= count or count >= limits[1]:
+            break
+        count = min(limits[1], max(math.ceil(needed), math.ceil(_GROWTH * count)))
+    after = np.empty((count, 4))
+    after[: len(chosen)] = x[chosen]
+    _regularise(after[: len(chosen)], clusters, clusters.label[chosen], x, cells, wall, rng)
+    low, high = np.empty(2), np.empty(2)
+    for j in range(2):
+        low[j], high[j] = wall[1][:, j].min(), wall[1][:, j].max()
+    for n in range(len(chosen), count):
+        _draw(after[n], low, high, scale, wall, rng)
+    return after
 
 
 @njit(cache=True, nogil=True)
-def _around(x: Array, w: Array, centre: Array, radius: float) -> float:
-    total = 0.0
-    for n in range(len(x)):
-        if _near(x[n], centre, radius):
-            total += w[n]
-    return total
+def _regularise(
+    after: Array,
+    clusters: Clusters,
+    label: Integers,
+    x: Array,
+    cells: Cells,
+    wall: WallShape,
+    rng: np.random.Generator,
+) -> None:
+    """Regularise particles ``after`` (m, 4), in place, each by its cluster (m,); x (n, 4) are those before."""
+    K = len(clusters.weight)
+    side = np.array([cells.position, cells.position, 2.0 * math.pi / cells.headings])
+    factor, share = np.zeros((K, 4, 4)), np.zeros(K)
+    for c in range(K):
+        C, s = clusters.covariance[c], (4.0 / (_DIMENSION + 2) / clusters.count[c]) ** (1.0 / (_DIMENSION + 4))
+        if clusters.count[c] < _FEW:
+            for j in range(3):
+                factor[c, j, j] = 0.5 * side[j]
+            continue
+        for j in range(3):
+            s = min(s, side[j] / math.sqrt(max(C[j, j], 1e-300)))
+        share[c] = s
+        factor[c] = s * _cholesky(C)
+    d, eta = np.empty(4), np.empty(4)
+    for n in range(len(after)):
+        c = label[n]
+        keep = math.sqrt(1.0 - share[c] ** 2)
+        difference(after[n], x[clusters.origin[c]], d)
+        for j in range(4):
+            eta[j] = rng.standard_normal()
+        for j in range(4):
+            d[j] = (keep - 1.0) * (d[j] - clusters.offset[c, j])
+            for k in range(j + 1):
+                d[j] += factor[c, j, k] * eta[k]
+        _place(after[n], after[n, :3] + d[:3], wall)
+        after[n, 3] += d[3]
 
 
 @njit(cache=True, nogil=True)
-def _near(a: Array, b: Array, radius: float) -> bool:
-    angle = wrapped(a[2] - b[2])
-    square: float = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + angle * angle
-    return square < radius * radius
+def _cholesky(C: Array) -> Array:
+    """Lower factor (4, 4) of a covariance that may be singular."""
+    A = np.zeros((4, 4))
+    for j in range(4):
+        for i in range(j, 4):
+            value = C[i, j]
+            for k in range(j):
+                value -= A[i, k] * A[j, k]
+            if i == j:
+                A[j, j] = math.sqrt(max(value, 0.0))
+            elif A[j, j] > 0.0:
+                A[i, j] = value / A[j, j]
+    return A
+
+
+@njit(cache=True, nogil=True)
+def _distinct(cell: Integers, chosen: Integers) -> int:
+    """Number of different values of ``cell`` (n,) among those ``chosen`` (m,)."""
+    seen = np.zeros(cell.max() + 1, np.bool_)
+    for n in chosen:
+        seen[cell[n]] = True
+    return seen.sum()  # type: ignore[no-any-return]
+
+
+@njit(cache=True, nogil=True)
+def _draw(x: Array, low: Array, high: Array, scale: float, wall: WallShape, rng: np.random.Generator) -> None:
+    """Draw a state (4,) anew, in place; it keeps its position where the wall holds next to nothing of its extent."""
+    coefficients, polyline = wall
+    x[:2] = polyline[0]
+    for _ in range(_TRIALS):
+        p_1, p_2 = low[0] + (high[0] - low[0]) * rng.random(), low[1] + (high[1] - low[1]) * rng.random()
+        if is_inside(coefficients, polyline, p_1, p_2):
+            x[0], x[1] = p_1, p_2
+            break
+    x[2], x[3] = math.pi * (2.0 * rng.random() - 1.0), scale * rng.standard_normal()
 
 
 @njit(cache=True, nogil=True)

@@ -14,10 +14,13 @@ from mathnavi.estimators.ranging.bank_kernels import (
 )
 from mathnavi.estimators.ranging.kalman_kernels import Innovations, RaySensors
 from mathnavi.estimators.ranging.noise_kernels import NoiseSums
-from mathnavi.estimators.ranging.particle_kernels import propagate, resampled, roughen, weigh
+from mathnavi.estimators.ranging.particle_clusters import Cells, clusters_of
+from mathnavi.estimators.ranging.particle_kernels import propagate, resample, weigh
 from mathnavi.models.field.kernels import WallShape
 from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
+
+_KLD = (0.05, 2.33)  # epsilon and z, which decide nothing where the number of particles stays
 
 
 @njit(cache=True, nogil=True)
@@ -49,18 +52,20 @@ def particle_updates(
     z: Array,
     u: Array,
     deviation: Array,
+    scale: float,
     wall: WallShape,
     sensors: RaySensors,
-    roughening: float,
+    cells: Cells,
     dt: float,
     rng: np.random.Generator,
 ) -> int:
-    """Particles x (N, 4) over ranges z (n, l) and inputs u (n, 2); returns n."""
-    w = np.full(len(x), 1.0 / len(x))
+    """Particles x (n, 4), whose number stays, over ranges z (m, l) and inputs u (m, 2); returns m."""
+    w, limits = np.full(len(x), 1.0 / len(x)), (len(x), len(x))
     for k in range(len(z)):
-        propagate(x, u[k], deviation, wall, dt, rng)
-        if weigh(x, w, z[k], wall, sensors) < 0.5 * len(x):
-            x = x[resampled(w, rng.random())]
+        propagate(x, u[k], deviation, scale, wall, dt, rng)
+        effective, _ = weigh(x, w, z[k], wall, sensors)
+        clusters = clusters_of(x, w, cells)
+        if effective < 0.5 * len(x):
+            x = resample(x, w, clusters, 0.0, limits, _KLD, cells, scale, wall, rng)
             w[:] = 1.0 / len(x)
-            roughen(x, roughening, wall, rng)
     return len(z)

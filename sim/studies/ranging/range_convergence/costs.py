@@ -1,8 +1,8 @@
 """Costs of an update of each range estimator: thread CPU time on one thread, over one and the same readings.
 
 The compiled ones are loops over the kernels that the plug-ins call, without the plug-ins' Python: the bank as it is
-flown, the bank if no hypothesis were ever dropped, a single filter of the bank, and a particle filter that propagates,
-weighs and, when N_eff is below N / 2, resamples and roughens.
+flown, the bank if no hypothesis were ever dropped, a single filter of the bank, and 1000 particles: the kernels of the
+particle filter with a number of particles that stays. The plug-in itself has as many as it needs.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from mathnavi.estimators.ranging.kalman_kernels import no_innovations
 from mathnavi.estimators.ranging.model import RangeModel, chi_square_gate
 from mathnavi.estimators.ranging.noise_kernels import WINDOW, declared_noise
 from mathnavi.estimators.ranging.particle import RangeParticle, RangeParticleConfig
+from mathnavi.estimators.ranging.particle_clusters import Cells
 from mathnavi.estimators.ranging.unscented import RangeUkf
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.interfaces.signals import Array, Measurement
@@ -32,6 +33,7 @@ from mathnavi.sim.studies.ranging.range_convergence.runs import noisy_run, told_
 
 START = (1.0, 0.2, 0.5 * math.pi)  # from where the figure of eight stays within the standard field
 
+_PARTICLES = 1000
 _MEMORY = 0.98  # of the misfit, which costs the same whatever it is
 
 BANK_LOOP, ALL_ALIVE, EKF_LOOP, PARTICLE_LOOP = "bank", "bank, whole", "one EKF", "1000 particles"
@@ -115,8 +117,11 @@ def _bank(readings: Readings, count: int, lowest: float, twin: float) -> Callabl
 
 
 def _particles(readings: Readings) -> Callable[[], int]:
-    """Updates of a particle filter that starts anywhere."""
+    """Updates of so many particles that start anywhere."""
     config, model, rng = RangeParticleConfig(), RangeModel(readings.mission), np.random.default_rng(0)
-    x, z, u, period = model.particles(config.particles, rng), readings.ranges, readings.inputs, readings.mission.period
-    deviation, sensors = np.sqrt(model.W), model.sensors(chi_square_gate(config.gate))
-    return lambda: int(particle_updates(x, z, u, deviation, model.wall, sensors, config.roughening, period, rng))
+    x, z, u, period = model.particles(_PARTICLES, rng), readings.ranges, readings.inputs, readings.mission.period
+    sensors = model.sensors(math.inf)._replace(outliers=config.outliers)
+    cells = Cells(config.cell_position, round(2.0 * math.pi / config.cell_heading))
+    return lambda: int(
+        particle_updates(x, z, u, np.sqrt(model.W), model.scale, model.wall, sensors, cells, period, rng)
+    )

@@ -48,7 +48,7 @@ TIMES: Mapping[str, tuple[str, str]] = {  # name, colour of what is timed
     "feasible_set_bank": ("bank, called", COLOUR[BANK]),
     "range_ekf": ("filterpy EKF, called", COLOUR[EKF]),
     "range_ukf": ("filterpy UKF, called", COLOUR[UKF]),
-    "range_particle": ("1000 particles, called", COLOUR[PARTICLES]),
+    "range_particle": ("AMCL, called", COLOUR[PARTICLES]),
 }
 
 
@@ -89,7 +89,7 @@ def _sets(e: ConvergenceResults, wall: str, estimator: str) -> dict[str, Proport
 
 
 def _short(name: str) -> str:
-    return name.replace("particle filter", "1000\nparticles").replace("EKF from nearby", "EKF from\nnearby")
+    return name.replace("particle filter", "AMCL").replace("EKF from nearby", "EKF from\nnearby")
 
 
 def _errors(axes: Axes, e: ConvergenceResults, seconds: float) -> None:

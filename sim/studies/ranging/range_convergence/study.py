@@ -81,10 +81,11 @@ class RangeConvergence:
         return StudyResult(
             summary=(
                 f"{config.seeds} runs of {config.seconds} s with each set of sensors, a figure of eight of 1.5 m by "
-                f".55 m, from a start that is drawn and not known; {peers} of them with the UKF and the particle "
-                "filter, all on the same readings. Converged: RMS error below .3 m and .2 rad over the last quarter, "
-                "modulo the symmetry of the wall. RMSE: of the runs that converged. 2s are sensors at ±60°, 2t at -90° "
-                "and -45°, 3 and 4 evenly spaced. The EKF from nearby is given its start to .1 m and .1 rad.",
+                f".55 m, from a start that is drawn and not known; {peers} of them with the UKF and adaptive "
+                "Monte Carlo localisation (AMCL), all on the same readings. Converged: RMS error below .3 m and .2 rad "
+                "over the last quarter, modulo the symmetry of the wall. RMSE: of the runs that converged. 2s are "
+                "sensors at ±60°, 2t at -90° and -45°, 3 and 4 evenly spaced. "
+                "The EKF from nearby is given its start to .1 m and .1 rad.",
             ),
             rows=_rows(evidence),
             tables=(_found_table(evidence), _cost_table(evidence), _drive_table(evidence)),

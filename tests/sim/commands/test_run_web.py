@@ -110,7 +110,7 @@ def test_sliders_change_fields_from_now_on() -> None:
 def test_a_run_in_which_sliders_were_moved_is_flown_again_from_its_folder(tmp_path: Path) -> None:
     words = ("--drawn-separation", "0.25", "0.3", "--drawn-heights", "1", "15", "--planner.grid-nodes", "17")
     wanted = request("safe-flight", "--terrain", "canyon:3", "--seed", "3", *words)
-    run, moved = FollowedRun(wanted), iter(({"radar_radius": 0.05}, {"gust_rms": 0.5}))
+    run, moved = FollowedRun(wanted), iter(({"radar_radius": 0.05}, {"target_east": 0.35}))
 
     def simulate(closed_loop: ClosedLoop, watch: Callable[[Loop], None]) -> RunResult:
         run.change({"pace": 20.0})
@@ -126,7 +126,7 @@ def test_a_run_in_which_sliders_were_moved_is_flown_again_from_its_folder(tmp_pa
     run.fly(wanted.build(), simulate).write(first)
     fields = json.loads((first / "config.json").read_text())["fields"]
     assert fields["radar"][0][2] == 50.0
-    assert fields["faults"]["gust_rms"] == 0.5
+    assert fields["target_path"][-1][1] == 350.0
     assert main(["run", "--from", str(first), "--out", str(again)]) in (0, 1)
     for name in ("log.npz", "events.jsonl"):
         assert (first / name).read_bytes() == (again / name).read_bytes()

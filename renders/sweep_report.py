@@ -26,7 +26,7 @@ from mathnavi.renders.statistics_figures import (
 from mathnavi.renders.terrain_view import Track, script, terrain_view
 from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.records.computing_environment import environment, environment_digest
-from mathnavi.sim.records.figure_names import SHORTFALL, label
+from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, label
 from mathnavi.sim.records.statistics import Band, Proportion, percent
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import (
@@ -39,6 +39,7 @@ from mathnavi.sim.records.sweep_data import (
     format_value,
     grouped,
     is_number,
+    planned_by_none,
     shared,
 )
 
@@ -95,13 +96,19 @@ def _headline(title: str, sweep: Sweep) -> tuple[Markup, Markup]:
         "of the trials did not run to their end": failed,
     }
     faults = [f"{count:,} {words}" for words, count in counts.items() if count]
-    verdict = f"{', '.join(faults)}." if faults else "Every mission did what it should."
+    alone = sum(map(planned_by_none, sweep.records))
+    sentences = [
+        *([f"{', '.join(faults)}."] if faults else []),
+        *([f"In {alone:,} of the missions the planner had no part."] if alone else []),
+    ]
+    faulty = bool(sentences)
+    verdict = " ".join(sentences or ["Every mission did what it should."])
     tiles: dict[str, object] = {"trials": f"{len(sweep.records):,}"}
     for kind, happened in sweep.events.items():
         found = everything.rate(happened)
         if found is not None and len(tiles) < MOST_TILES:
             tiles[f"{kind}: {_limits(found)}"] = f"{found.events:,} of {found.trials:,}"
-    return page.heading(title, verdict, not faults), page.tiles(tiles)
+    return page.heading(title, verdict, not faulty), page.tiles(tiles)
 
 
 def _limits(found: Proportion) -> str:
@@ -242,7 +249,7 @@ def _over(sweep: Sweep, name: str) -> list[Markup]:
 
 
 def _failures(sweep: Sweep) -> list[Markup]:
-    """The trials that did not run to their end, and the missions that did not do what they should."""
+    """The trials that did not run to their end, and missions without success or without their planner."""
     failed = [record for record in sweep.records if record.status != "ok"]
     missed = [record for record in sweep.records if record.status == "ok" and not record.success]
     blocks = []
@@ -253,20 +260,29 @@ def _failures(sweep: Sweep) -> list[Markup]:
         ]
         table = page.table(("status", "seed", *sweep.varied, "error"), rows)
         blocks.append(page.section(f"Recorded failures ({len(failed)})", page.card(table), *_more(failed)))
-    if missed:
-        keys = sweep.figures[:MOST_PANELS]
-        rows = [
-            (
-                str(record.seed),
-                *_varied(sweep, record),
-                str(record.summary.get(SHORTFALL, UNKNOWN)),
-                *(page.quantity(key, _whole(figures([record], key)[0])) for key in keys),
-            )
-            for record in missed[:MOST_FAILURES]
-        ]
-        table = page.table(("seed", *sweep.varied, SHORTFALL, *(label(key)[0] for key in keys)), rows)
-        blocks.append(page.section(f"Missions without success ({len(missed)})", page.card(table), *_more(missed)))
+    for title, said, records in (
+        ("Missions without success", SHORTFALL, missed),
+        ("Missions in which the planner had no part", PLANNER_STATUS, list(filter(planned_by_none, sweep.records))),
+    ):
+        if records:
+            table = _missions(sweep, records[:MOST_FAILURES], said)
+            blocks.append(page.section(f"{title} ({len(records)})", page.card(table), *_more(records)))
     return blocks
+
+
+def _missions(sweep: Sweep, records: Sequence[Record], said: str) -> Markup:
+    """Missions with a text of their summaries and their first figures."""
+    keys = sweep.figures[:MOST_PANELS]
+    rows = [
+        (
+            str(record.seed),
+            *_varied(sweep, record),
+            str(record.summary.get(said, UNKNOWN)),
+            *(page.quantity(key, _whole(figures([record], key)[0])) for key in keys),
+        )
+        for record in records
+    ]
+    return page.table(("seed", *sweep.varied, label(said)[0], *(label(key)[0] for key in keys)), rows)
 
 
 def _varied(sweep: Sweep, record: Record) -> list[str]:

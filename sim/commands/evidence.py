@@ -15,7 +15,7 @@ from rich.text import Text
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.statistics import Band, Proportion
 from mathnavi.sim.records.store import Record
-from mathnavi.sim.records.sweep_data import PATH_RATIO, Sweep, TrialGroup, format_numbers, format_value
+from mathnavi.sim.records.sweep_data import PATH_RATIO, Sweep, TrialGroup, format_numbers, format_value, planned_by_none
 
 # Shown first: of a flight these, of another scenario those that come first.
 FLIGHT_EVENTS = ("success", "any ground contacts", "below h_min", "late or not arrived", "recorded failure")
@@ -68,7 +68,9 @@ def verdict(records: Sequence[Record]) -> str:
     statuses = Counter(record.status for record in records)
     successes = sum(record.success is True for record in records)
     ends = [f"{count} {status.replace('-', ' ')}" for status, count in sorted(statuses.items()) if status != "ok"]
-    return f"{len(records)} trials: {', '.join([f'{successes} did what they should', *ends])}"
+    alone = sum(map(planned_by_none, records))
+    planners = [f"in {alone} the planner had no part"] if alone else []
+    return f"{len(records)} trials: {', '.join([f'{successes} did what they should', *planners, *ends])}"
 
 
 def _print_groups(console: Console, sweep: Sweep, groups: Sequence[TrialGroup], lead: Sequence[Column]) -> None:

@@ -18,7 +18,7 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.records.figure_names import SUMMARY_GROUPS, label
+from mathnavi.sim.records.figure_names import PLANNER_STATUS, SUMMARY_GROUPS, label
 from mathnavi.sim.records.statistics import Band, Proportion, rate, supported_band
 from mathnavi.sim.records.store import Record
 
@@ -103,6 +103,8 @@ class Sweep:
             "below h_min": _too_low, "nearer to each other than allowed": _too_near, "late or not arrived": _late,
         }  # fmt: skip
         tests |= {kind: happened for kind, happened in flights.items() if any(map(_can_say(happened), self.records))}
+        if any(map(planned_by_none, self.records)):
+            tests["planner without a part"] = planned_by_none
         for key in self._keys:
             values = [record.summary[key] for record in self.records if record.summary.get(key) is not None]
             if not values:
@@ -167,6 +169,11 @@ class Sweep:
     @cached_property
     def _keys(self) -> list[str]:
         return list(dict.fromkeys(key for record in self.records for key in record.summary))
+
+
+def planned_by_none(record: Record) -> bool:
+    """Whether the planner had no part in a trial, though the mission may have done what it should."""
+    return PLANNER_STATUS in record.summary
 
 
 def grouped(records: Iterable[Record], names: Sequence[str]) -> list[TrialGroup]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,9 @@ from hypothesis import strategies as st
 
 from mathnavi.renders.sweep_report import MOST_PANELS, report, write_sweep_report
 from mathnavi.renders.terrain_view import Track
+from mathnavi.sim.commands.evidence import verdict
+from mathnavi.sim.metrics.planning import NEVER_ANSWERED
+from mathnavi.sim.records.figure_names import PLANNER_STATUS
 from mathnavi.sim.records.statistics import median_band, rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import Sweep, TrialGroup, format_numbers
@@ -150,6 +154,22 @@ def test_too_low_late_and_unknown_clearances_are_violations() -> None:
     assert group.rate(sweep.events["below h_min"]) == rate(2, 5)
     assert group.rate(sweep.events["late or not arrived"]) == rate(2, 5)
     assert group.rate(sweep.events["arrived"]) == rate(4, 5)
+
+
+def test_missions_in_which_the_planner_had_no_part_are_counted_and_named(tmp_path: Path) -> None:
+    flown = [flight(seed, 13, 0.0) for seed in range(3)]
+    alone = replace(flown[0], key="alone", summary={**flown[0].summary, PLANNER_STATUS: NEVER_ANSWERED})
+    assert "planner without a part" not in Sweep(flown, []).events
+    sweep = Sweep([*flown, alone], [])
+    (group,) = sweep.groups
+    found = group.rate(sweep.events["planner without a part"])
+    assert found is not None
+    assert (found.events, found.trials) == (1, 4)
+    assert verdict([*flown, alone]) == "4 trials: 4 did what they should, in 1 the planner had no part"
+    text = write_sweep_report(tmp_path / "sweep.html", [*flown, alone], [], None, [], COMMAND).read_text()
+    assert "Every mission did what it should." not in text
+    assert "In 1 of the missions the planner had no part." in text
+    assert NEVER_ANSWERED in text
 
 
 def test_everything_that_was_found_is_shown(tmp_path: Path) -> None:

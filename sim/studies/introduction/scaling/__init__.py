@@ -1,0 +1,1 @@
+"""Time and memory against size, for everything that can grow."""

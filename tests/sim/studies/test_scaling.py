@@ -1,0 +1,113 @@
+"""The study of time and memory against size: what it fits, what it names, what it measures with."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mathnavi.sim.records.encoding import MeasuredTime
+from mathnavi.sim.studies.introduction.scaling.curves import (
+    CURVES,
+    Measured,
+    SizedCase,
+    exponent,
+    measured,
+    serves_up_to,
+)
+from mathnavi.sim.studies.introduction.scaling.memory import PeakMemory
+from mathnavi.sim.studies.introduction.scaling.relay import delayed
+from mathnavi.sim.studies.introduction.scaling.study import Growth, claims, grown
+from mathnavi.sim.studies.introduction.scaling.sweeps import SweepCase, swept
+
+SIZES = (4, 8, 16, 32, 64)
+
+
+@given(p=st.floats(0.2, 3.0), factor=st.floats(1e-6, 1e3), beyond=st.floats(1.5, 50.0))
+def test_a_power_law_is_found_and_followed_to_its_limit(p: float, factor: float, beyond: float) -> None:
+    costs = [factor * size**p for size in SIZES]
+    curve = replace(CURVES["fleet"], today=16, limit=factor * (16.0 * 4.0 * beyond) ** p)
+    assert exponent(SIZES, costs) == pytest.approx(p)
+    assert serves_up_to(curve, SIZES, costs) == pytest.approx(4.0 * beyond, rel=1e-6)
+
+
+def test_what_does_not_grow_serves_at_any_size() -> None:
+    curve = replace(CURVES["fleet"], limit=2.0)
+    assert serves_up_to(curve, SIZES, [1.0] * len(SIZES)) == np.inf
+
+
+def test_a_limit_that_was_met_is_where_it_last_served() -> None:
+    curve = replace(CURVES["fleet"], today=16, limit=10.0)
+    assert serves_up_to(curve, SIZES, [1.0, 2.0, 8.0, 20.0, 90.0]) == 1.0
+    assert serves_up_to(curve, SIZES, [11.0, 12.0, 18.0, 20.0, 90.0]) == 0.0
+
+
+def test_claims_follow_from_the_exponents_and_what_breaks_is_named() -> None:
+    def growths(map_flown: float, fleet: float) -> list[Growth]:
+        exponents = dict.fromkeys(CURVES, 1.0) | {"map, built": 2.0, "map, flown": map_flown, "fleet": fleet}
+        costs = {
+            name: tuple(1e-9 * (size / curve.today) ** exponents[name] for size in curve.sizes)
+            for name, curve in CURVES.items()
+        }
+        return [Growth(name, curve, curve.sizes, costs[name], ()) for name, curve in CURVES.items()]
+
+    assert [each.holds for each in claims(growths(map_flown=0.0, fleet=1.0))] == [True, True, True]
+    bad = claims(growths(map_flown=2.0, fleet=6.0))
+    assert [each.holds for each in bad] == [False, False, False]
+    assert "fleet (at " in bad[2].measured
+
+
+def test_medians_over_the_repetitions() -> None:
+    cases = [SizedCase("fleet", size, seed) for size in (4, 8) for seed in range(3)]
+    results = [Measured(MeasuredTime(case.size * (1.0 + case.seed)), MeasuredTime(1.0)) for case in cases]
+    (growth,) = grown(cases, results)
+    assert (growth.sizes, growth.costs, growth.memory) == ((4, 8), (8.0, 16.0), (1.0, 1.0))
+
+
+@pytest.mark.parametrize("curve", ["bank", "observer", "radars"])
+def test_a_size_is_measured(curve: str) -> None:
+    found = measured(SizedCase(curve, CURVES[curve].sizes[0], seed=0))
+    assert 0.0 < found.cost < np.inf
+
+
+@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="the system does not say")
+def test_memory_that_was_given_back_counts() -> None:
+    with PeakMemory() as memory:
+        np.ones(8_000_000).sum()
+    assert 50.0 < memory.grown < 500.0
+
+
+def test_a_sweep_of_nothing_ends() -> None:
+    (rate,) = swept([SweepCase(workers=1, trials=3)])
+    assert rate.start > 0.0
+    assert rate.interval > 0.0
+
+
+def test_the_relay_holds_every_byte_back_and_loses_none() -> None:
+    sent = bytes(range(256)) * 1024
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def echo() -> None:
+            there, _ = server.accept()
+            with there:
+                while data := there.recv(4096):
+                    there.sendall(data)
+
+        threading.Thread(target=echo, daemon=True).start()
+        relay = delayed("127.0.0.1", server.getsockname()[1], 0.1)
+        with relay as port, socket.create_connection(("127.0.0.1", port), timeout=60.0) as here:
+            began = time.monotonic()
+            threading.Thread(target=here.sendall, args=(sent,), daemon=True).start()
+            got = here.recv(1)
+            first = time.monotonic() - began
+            while len(got) < len(sent):
+                got += here.recv(65536)
+    assert got == sent
+    assert first >= 0.2  # there and back

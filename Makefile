@@ -3,7 +3,7 @@
 #   make test    the tests           make test ARGS="-k terrain"
 #   make lint    style, types and layers of the sources
 #   make check   lint, and the tests of what has changed since HEAD   make check SINCE=main
-#   make docs    the documentation, docs/_build/html/index.html, every link of it followed
+#   make docs    the documentation, docs/_build/html/index.html, every link of it followed; papers and exercises as PDF
 #   make gallery the committed pictures made again (hours)   make gallery ARGS=safe_flight
 #   make wheel   sdist and wheel, into dist/
 #   make bench   one table: mathnavi compared with other solvers   make bench ARGS=--quick

@@ -11,7 +11,16 @@ sys.path[:0] = [str(HERE / "_ext"), str(HERE.parent)]
 
 project = "mathnavi"
 version = release = installed("mathnavi")
-extensions = ["myst_parser", "sphinx_design", "mathml", "api", "generated", "scenes", "sphinx_gallery.gen_gallery"]
+extensions = [
+    "myst_parser",
+    "sphinx_design",
+    "mathml",
+    "api",
+    "generated",
+    "scenes",
+    "pdf",
+    "sphinx_gallery.gen_gallery",
+]
 exclude_patterns = ["_build", "_ext", "sg_execution_times.rst", "examples/sg_execution_times.rst"]
 
 myst_enable_extensions = ["amsmath", "attrs_block", "colon_fence", "deflist", "dollarmath", "fieldlist"]

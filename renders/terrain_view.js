@@ -48,11 +48,23 @@
     }, { capture: true, passive: false });
   };
 
+  // On a telephone the legend stands below the scene, whose labels are smaller: there is no room for both.
+  const narrow = ({ legend, margin, scene, ...rest }) => ({
+    ...rest,
+    legend: { ...legend, orientation: "h", y: 0, yanchor: "top", font: { size: 11 } },
+    margin: { ...margin, b: 60 },
+    scene: {
+      ...scene,
+      annotations: scene.annotations.map((each) => ({ ...each, font: { ...each.font, size: 10 }, borderpad: 1 })),
+    },
+  });
+
   for (const view of document.querySelectorAll(".view")) {
     const { ground, ground_style, traces, layout } = JSON.parse(view.nextElementSibling.textContent);
     const config = { responsive: true, displaylogo: false, modeBarButtons: [["resetCameraDefault3d", "toImage"]] };
     wheelZooms(view);
-    Plotly.newPlot(view, [{ ...groundTrace(ground), ...ground_style }, ...traces], layout, config)
+    const fitting = matchMedia("(max-width: 600px)").matches ? narrow(layout) : layout;
+    Plotly.newPlot(view, [{ ...groundTrace(ground), ...ground_style }, ...traces], fitting, config)
       .then(inTheme)
       .then(() => { view.dataset.drawn = "yes"; });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => inTheme(view));

@@ -8,17 +8,21 @@ what is allowed. tyro prints the help.
 from __future__ import annotations
 
 import dataclasses
+import io
 import math
 import re
+import sys
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, TextIO, get_type_hints
 
 import tyro
 
 from mathnavi.sim.commands.errors import BadInputError, bad_input, short
+from mathnavi.sim.commands.wrapping import wrapped
 from mathnavi.sim.interfaces.checks import check_path, close_names
 from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.failures import failures_named
@@ -70,10 +74,24 @@ def _print_help(prog: str, description: str, groups: Sequence[FlagGroup]) -> Non
     schema = dataclasses.make_dataclass(
         "Arguments", [_help_field(*pair) for pair in zip(names, groups, strict=True)], kw_only=True
     )
+    captured = _CapturedHelp(sys.stdout)
     try:
-        tyro.cli(schema, prog=prog, description=description, args=["--help"], config=_CONFIG)
+        with redirect_stdout(captured):
+            tyro.cli(schema, prog=prog, description=description, args=["--help"], config=_CONFIG)
     except SystemExit:
+        print(captured.getvalue().replace(description, wrapped(description)), end="")  # which tyro leaves on one line
         raise HelpPrinted from None
+
+
+class _CapturedHelp(io.StringIO):
+    """What tyro prints, in colours where the output has them."""
+
+    def __init__(self, output: TextIO) -> None:
+        super().__init__()
+        self._output = output
+
+    def isatty(self) -> bool:
+        return self._output.isatty()
 
 
 def _help_field(name: str, group: FlagGroup) -> tuple[str, Any, Any]:

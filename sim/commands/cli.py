@@ -18,6 +18,7 @@ from contextlib import suppress
 from mathnavi.sim.commands.errors import PIPE_CLOSED, UNFORESEEN, BadInputError, one_line
 from mathnavi.sim.commands.interruption import end, exit_code, interrupted_line, interruptible
 from mathnavi.sim.commands.known import COMMANDS
+from mathnavi.sim.commands.wrapping import wrapped
 from mathnavi.sim.interfaces.checks import allowed_for
 
 USAGE = "usage: mathnavi COMMAND ...\n       mathnavi --version\n\n{}\n\nmathnavi COMMAND --help explains a command."
@@ -69,7 +70,7 @@ def _called(arguments: Sequence[str]) -> int:
         sys.stdout.reconfigure(errors="backslashreplace")  # a name of a file may be no text
     if not arguments or arguments[0] in ("-h", "--help"):
         usage = USAGE.format("\n".join(f"  {name:12}{purpose}" for name, (_, purpose) in COMMANDS.items()))
-        print(usage, file=sys.stdout if arguments else sys.stderr)
+        print(wrapped(usage), file=sys.stdout if arguments else sys.stderr)
         return 0 if arguments else 2
     if arguments[0] == "--version":
         from importlib.metadata import version  # takes as long to import as all else here

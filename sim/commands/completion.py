@@ -13,6 +13,7 @@ from importlib.metadata import EntryPoint
 
 from mathnavi.sim.commands.errors import BadInputError
 from mathnavi.sim.commands.known import COMMANDS
+from mathnavi.sim.commands.wrapping import wrapped
 from mathnavi.sim.interfaces.entry_points import named
 from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.plugin.flag_names import flag_of, joined, negation
@@ -78,7 +79,7 @@ def main(argv: Sequence[str]) -> int:
         print("\n".join(candidates(argv[1:])))
         return 0
     if {"-h", "--help"} & set(argv):
-        print(USAGE)
+        print(wrapped(USAGE))
         return 0
     if len(argv) != 1 or argv[0] not in SCRIPTS:
         raise BadInputError(f"SHELL = {' '.join(argv)!r}; allowed: {', '.join(SCRIPTS)}")

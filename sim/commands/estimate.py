@@ -28,6 +28,7 @@ from mathnavi.sim.commands.run import build, fly
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import CommonOptions, RunRequest, loaded, prepare, restored_plugin
 from mathnavi.sim.commands.summary import verdict
+from mathnavi.sim.commands.wrapping import wrapped
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
@@ -40,10 +41,11 @@ from mathnavi.sim.records.run_folder import ARRAYS, RunLog, read_log
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 SMOOTHER = "smoother"
-USAGE = (
-    "usage: mathnavi estimate ESTIMATOR DIR [OPTIONS]      ESTIMATOR: {}\n"
-    "mathnavi estimate ESTIMATOR DIR --help lists the options."
-)
+USAGE = """usage: mathnavi estimate ESTIMATOR DIR [OPTIONS]
+
+ESTIMATOR: {}
+
+mathnavi estimate ESTIMATOR DIR --help lists the options."""
 ESTIMATOR_EVENTS = ("estimator-status", "estimate-unusable", "sensor-unused")
 LATE = 0.75  # of a run, from which on its last quarter lasts
 
@@ -67,7 +69,7 @@ def main(argv: Sequence[str]) -> int:
     if (code := watched("estimate", argv)) is not None:
         return code
     if {"-h", "--help"} & set(argv[:2]):
-        print(USAGE.format(", ".join(_allowed())))
+        print(wrapped(USAGE.format(", ".join(_allowed()))))
         return 0
     estimator, folder, words = _places(argv)
     prepare()

@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mathnavi.sim.commands.errors import BadInputError
+from mathnavi.sim.commands.wrapping import wrapped
 from mathnavi.sim.plugin.flag_names import flag_of
 from mathnavi.sim.plugin.groups import GROUPS, installed
 from mathnavi.sim.plugin.index import describe, imported
@@ -37,7 +38,7 @@ WITH_FIELDS = {"controllers": "--planner", "estimators": "--estimator"}
 
 def main(argv: Sequence[str]) -> int:
     if {"-h", "--help"} & set(argv):
-        print(USAGE)
+        print(wrapped(USAGE))
         return 0
     kind, full, verbose = read_words(argv)
     if full:

@@ -15,6 +15,7 @@ from mathnavi.sim.commands import opengl
 from mathnavi.sim.commands.arguments import FlagGroup, flags, given, parse, value_of, with_flag
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.run_config import RunConfig
+from mathnavi.sim.commands.wrapping import wrapped
 from mathnavi.sim.interfaces.bounds import Seed, configuration
 from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.fields import flattened, plain
@@ -22,7 +23,11 @@ from mathnavi.sim.plugin.registry import PluginSpec, load, names, of_stranger
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, built
 
 PLACES = {"scenarios": "SCENARIO", "controllers": "--controller", "estimators": "--estimator"}
-USAGE = "usage: mathnavi {0} SCENARIO [OPTIONS]      SCENARIO: {1}\nmathnavi {0} SCENARIO --help lists the options."
+USAGE = """usage: mathnavi {0} SCENARIO [OPTIONS]
+
+SCENARIO: {1}
+
+mathnavi {0} SCENARIO --help lists the options."""
 
 
 @configuration
@@ -95,7 +100,7 @@ def usage(command: str, argv: Sequence[str]) -> bool:
     if not argv:
         raise BadInputError(f"SCENARIO is missing; allowed: {', '.join(names('scenarios'))}")
     if argv[0] in ("-h", "--help"):
-        print(USAGE.format(command, ", ".join(names("scenarios"))))
+        print(wrapped(USAGE.format(command, ", ".join(names("scenarios")))))
         return True
     return False
 

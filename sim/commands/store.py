@@ -24,7 +24,8 @@ from mathnavi.sim.records.sweep_data import Sweep, grouped
 
 USAGE = """usage: mathnavi store show FILE.db
        mathnavi store export FILE.db --out FILE.csv|FILE.jsonl|FILE.parquet
-       mathnavi store export FILE.db --out DIR --crate [--parquet] [--licence SPDX|ADDRESS]"""
+       mathnavi store export FILE.db --out DIR --crate [--parquet]
+                             [--licence SPDX|ADDRESS]"""
 
 PLUGINS = ("controller", "estimator")  # they decide which other fields there are
 

@@ -23,6 +23,7 @@ from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import sweep_progress
 from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import prepare
+from mathnavi.sim.commands.wrapping import wrapped
 from mathnavi.sim.interfaces.bounds import Processes, configuration
 from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.writing import write_text
@@ -41,7 +42,11 @@ LEDGER = "CLAIMS.md"
 OUT = Path("renders/out/study")
 TERRAIN = "tian_shan"  # unless another is requested
 Studies = Mapping[str, tuple[Any, Any]]  # plug-in and configuration by name
-USAGE = "usage: mathnavi study NAME|all [OPTIONS]      NAME: {}\nmathnavi study NAME --help lists the options."
+USAGE = """usage: mathnavi study NAME|all [OPTIONS]
+
+NAME: {}
+
+mathnavi study NAME --help lists the options."""
 
 
 @configuration
@@ -71,7 +76,7 @@ def main(argv: Sequence[str]) -> int:
     if not argv:
         raise BadInputError(f"NAME is missing; allowed: {', '.join((*known, ALL))}")
     if argv[0] in ("-h", "--help"):
-        print(USAGE.format(", ".join(known)))
+        print(wrapped(USAGE.format(", ".join(known))))
         return 0
     prepare()
     try:

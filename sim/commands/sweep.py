@@ -165,9 +165,9 @@ def _followed(
     from mathnavi.sim.commands.sweep_web import FollowedSweep, followed  # what draws takes a while to import
 
     options = sweep.request.options
-    varied = [*sweep.listed, *sweep.drawn]
+    varied, trials = [*sweep.listed, *sweep.drawn], dict(zip(asked, sweep.trials, strict=True))
     page = FollowedSweep(
-        sweep.request.name, options.store, asked, varied, options.mix_environments, command, progress
+        sweep.request.name, options.store, trials, varied, options.mix_environments, command, progress
     )  # fmt: skip
     return followed(page, *address_of(options.host, options.port))
 

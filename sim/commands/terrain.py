@@ -19,12 +19,16 @@ from mathnavi.models.terrain.library import load_terrain, terrain_names
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, flags, parse, with_flag
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
+from mathnavi.sim.commands.wrapping import wrapped
 from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.writing import write_bytes
 
-USAGE = """usage: mathnavi terrain import FILE --out FILE.npz [--crop WEST SOUTH EAST NORTH] [--fill]
+USAGE = """usage: mathnavi terrain import FILE --out FILE.npz [--fill]
+                               [--crop WEST SOUTH EAST NORTH]
                                [--resample M] [--spacing M] [--scale M]
-       mathnavi terrain show NAME|FILE.npz [--out PNG]          NAME: {}"""
+       mathnavi terrain show NAME|FILE.npz [--out PNG]
+
+NAME: {}"""
 
 
 @dataclass(frozen=True)
@@ -61,7 +65,7 @@ class TerrainShowOptions:
 def main(argv: Sequence[str]) -> int:
     actions = {"import": _import, "show": _show}
     if argv and argv[0] in ("-h", "--help"):
-        print(USAGE.format(", ".join(terrain_names())))
+        print(wrapped(USAGE.format(", ".join(terrain_names()))))
         return 0
     if not argv or argv[0] not in actions:
         raise BadInputError(f"terrain {' '.join(argv[:1])}: not a command; allowed: {', '.join(actions)}")

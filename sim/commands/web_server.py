@@ -29,10 +29,11 @@ PAGE = "/"
 HEADERS = {"Cache-Control": "no-store", "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer"}
 Answer = Callable[[Mapping[str, str]], Any]  # plain data for the query's arguments
 Change = Callable[[Any], Any]  # plain data for plain data that was posted
+Page = Callable[[Mapping[str, str]], str]  # HTML for the query's arguments; ValueError or OSError where there is none
 
 
 class PageServer(ThreadingHTTPServer):
-    """Serves one page at ``/``, answers at other paths in JSON, and takes changes."""
+    """Serves a page at ``/`` and others at paths of their own, answers in JSON, and takes changes."""
 
     daemon_threads = True
     block_on_close = False
@@ -44,9 +45,10 @@ class PageServer(ThreadingHTTPServer):
         page: Callable[[], str],
         answers: Mapping[str, Answer] | None = None,
         changes: Mapping[str, Change] | None = None,
+        pages: Mapping[str, Page] | None = None,
     ) -> None:
         """Bind to an address; port 0 is any that is free. BadInputError where that cannot be had."""
-        self.page, self.answers, self.changes = page, answers or {}, changes or {}
+        self.page, self.answers, self.changes, self.pages = page, answers or {}, changes or {}, pages or {}
         self.is_local = _is_loopback(host)
         self.token = "" if self.is_local else secrets.token_urlsafe(24)
         self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -100,10 +102,18 @@ class _Handler(BaseHTTPRequestHandler):
         path, query = self._asked()
         if path is None:
             return
+        arguments = {name: values[0] for name, values in query.items()}
         if path == PAGE:
-            self._send(HTTPStatus.OK, self.server.page().encode(), "text/html; charset=utf-8")
+            self._send_page(self.server.page())
+        elif path in self.server.pages:
+            try:
+                page = self.server.pages[path](arguments)
+            except (ValueError, OSError) as error:
+                self._refuse(HTTPStatus.BAD_REQUEST, str(error))
+            else:
+                self._send_page(page)
         elif path in self.server.answers:
-            self._send_json(self.server.answers[path]({name: values[0] for name, values in query.items()}))
+            self._send_json(self.server.answers[path](arguments))
         else:
             self._refuse(HTTPStatus.NOT_FOUND, "there is no such page")
 
@@ -144,6 +154,9 @@ class _Handler(BaseHTTPRequestHandler):
     def _refuse(self, status: HTTPStatus, reason: str) -> None:
         self.close_connection = True  # what was posted may not have been read
         self._send(status, f"{reason}\n".encode(), "text/plain; charset=utf-8")
+
+    def _send_page(self, page: str) -> None:
+        self._send(HTTPStatus.OK, page.encode(), "text/html; charset=utf-8")
 
     def _send_json(self, data: Any) -> None:
         body = json.dumps(data, separators=(",", ":"), allow_nan=False).encode()

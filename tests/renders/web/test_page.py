@@ -8,7 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
+from mathnavi.renders.page import document as report_page
+from mathnavi.renders.page import figure_block
 from mathnavi.renders.palette import COLOURS, SceneElement
 from mathnavi.renders.web.document import document
 from mathnavi.renders.web.scene import read_scene
@@ -84,3 +87,18 @@ def test_the_page_forbids_every_request_and_hides_no_markup(run_dir: Path) -> No
     assert "connect-src" not in found
     assert "<img" not in found
     assert found.count("</script>") == 2
+
+
+def test_a_report_on_a_telephone_keeps_its_letters_and_moves_no_further_than_its_figures(
+    tmp_path: Path, browser: Any
+) -> None:
+    figure = Figure((9.4, 2.6))
+    figure.subplots().set_xlabel("time [s]")
+    path = tmp_path / "report.html"
+    path.write_text(report_page("a report", figure_block(figure, "one", "a figure")))
+    with watched(browser, 390, 800) as seen:
+        seen.page.goto(path.as_uri())
+        assert seen.page.evaluate("document.documentElement.scrollWidth") == 390
+        assert seen.page.evaluate("document.querySelector('figure svg').getBoundingClientRect().width") == 640
+        seen.page.set_viewport_size({"width": 1280, "height": 800})
+        assert seen.page.evaluate("document.querySelector('figure svg').getBoundingClientRect().width") > 900

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import threading
 import urllib.request
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,8 @@ from mathnavi.sim.commands.errors import BadInputError
 from mathnavi.sim.commands.run import RunOptions, fly
 from mathnavi.sim.commands.run_request import RunRequest, read_request
 from mathnavi.sim.commands.run_web import FollowedRun, changed_config, followed
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.engine.loop import Loop
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
 from tests.renders.web.browser import chromium, watched
 
@@ -103,6 +105,31 @@ def test_sliders_change_fields_from_now_on() -> None:
     assert again.target_path[2] == (55.0, 6000.0, 3000.0, 600.0)
     windy = changed_config(before, MISSION, VALUES, {"gust_rms"}, 3.0)
     assert windy.faults == replace(before.faults, gust_rms=0.5)
+
+
+def test_a_run_in_which_sliders_were_moved_is_flown_again_from_its_folder(tmp_path: Path) -> None:
+    words = ("--drawn-separation", "0.25", "0.3", "--drawn-heights", "1", "15", "--planner.grid-nodes", "17")
+    wanted = request("safe-flight", "--terrain", "canyon:3", "--seed", "3", *words)
+    run, moved = FollowedRun(wanted), iter(({"radar_radius": 0.05}, {"target_east": 0.35}))
+
+    def simulate(closed_loop: ClosedLoop, watch: Callable[[Loop], None]) -> RunResult:
+        run.change({"pace": 20.0})
+
+        def moving(loop: Loop) -> None:
+            if loop.t > 1.0 and (change := next(moved, None)):
+                run.change(change)
+            watch(loop)
+
+        return fly(closed_loop, lambda t, duration: None, watch=moving)
+
+    first, again = tmp_path / "first", tmp_path / "again"
+    run.fly(wanted.build(), simulate).write(first)
+    fields = json.loads((first / "config.json").read_text())["fields"]
+    assert fields["radar"][0][2] == 50.0
+    assert fields["target_path"][-1][1] == 350.0
+    assert main(["run", "--from", str(first), "--out", str(again)]) in (0, 1)
+    for name in ("log.npz", "events.jsonl"):
+        assert (first / name).read_bytes() == (again / name).read_bytes()
 
 
 @pytest.mark.parametrize("posted", [[1], {"pace": 1e9}, {"pace": True}, {"pace": "1"}, {"no_such": 1.0}, {"paused": 1}])

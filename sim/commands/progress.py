@@ -5,12 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from mathnavi.sim.engine.compilation import compilation_reported
-from mathnavi.sim.sweep.execution import Progress as Done
+
+if TYPE_CHECKING:  # a single flight does not wait for what sweeps import
+    from mathnavi.sim.sweep.execution import Progress as Done
 
 SELDOM = 30.0  # [s] between lines where there is no terminal
 COMPILING = "compiling the numerical kernels, once on this machine for each kind of planner"

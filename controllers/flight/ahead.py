@@ -20,7 +20,6 @@ from mathnavi.controllers.flight.kernels.problem_data import ProblemData, Quadra
 from mathnavi.controllers.flight.tracker import tracking_command
 from mathnavi.models.terrain.kernels import path_clearance
 
-
 _named: Any = types.NamedTuple  # which has no types itself
 
 

@@ -26,8 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
-from scipy.special import gammainc
-from scipy.stats import chi2
+from scipy.special import chdtri, gammainc
 
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
 from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission
@@ -42,10 +41,10 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 _H = np.array([[1.0, 0.0, 0.0]])  # a fix reads the position
 _EYE = np.eye(3)
 _AXES = 3
-_OUTLIER = float(chi2.isf(1e-9, _AXES))
+_OUTLIER = float(chdtri(_AXES, 1e-9))
 _LASTING = 10  # outliers in a row
 _WINDOW = 20  # fixes
-_UNLIKELY = float(chi2.isf(1e-9, _AXES * _WINDOW))
+_UNLIKELY = float(chdtri(_AXES * _WINDOW, 1e-9))
 
 
 @configuration

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
@@ -73,6 +72,8 @@ class OverlayWriter:
         self.width, self.height = width, height
         self._brief = brief
         self._unit = height / 720.0 * (ENLARGED if brief else 1.0)
+        import matplotlib  # its letters only; a run without pictures does not wait for it
+
         folder = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
         self._plain = {n: ImageFont.truetype(str(folder / "DejaVuSans.ttf"), self._px(n)) for n in (13, 15, 17)}
         self._bold = {n: ImageFont.truetype(str(folder / "DejaVuSans-Bold.ttf"), self._px(n)) for n in (16, 26)}

@@ -122,12 +122,11 @@ class CriticallyDamped:
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
         """Acceleration (3,) [m/s^2] at ``t`` [s] that tracks the plan."""
         gust = estimate.extra.get("gust", _STILL)
-        for name, value, shape in (("state", estimate.x, (6,)), ("gust", gust, (3,))):
-            if value.shape != shape:  # compiled code would read on
-                raise ValueError(f"the estimate's {name} has shape {value.shape}; allowed: {shape}")
-        command: Array = tracking_command(
-            plan.t, plan.x, plan.u, t, self.period, estimate.x, gust, self._bandwidth, self._limit
-        )
+        x = estimate.x
+        if x.shape != (6,) or gust.shape != (3,):  # compiled code would read on
+            name, value, shape = ("state", x, (6,)) if x.shape != (6,) else ("gust", gust, (3,))
+            raise ValueError(f"the estimate's {name} has shape {value.shape}; allowed: {shape}")
+        command: Array = tracking_command(plan.t, plan.x, plan.u, t, self.period, x, gust, self._bandwidth, self._limit)
         return command
 
 

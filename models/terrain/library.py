@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from functools import cache
 from importlib.metadata import EntryPoint
+from importlib.util import find_spec
 from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any
@@ -39,9 +40,11 @@ def tian_shan() -> HeightField:
 @cache
 def jacksboro() -> HeightField:
     """The Jacksboro fault in Tennessee: 30 km by 32 km of low ridges at 90 m (data/SOURCES.md)."""
-    from matplotlib import cbook  # slow to import, and no other terrain needs it
-
-    sample = read_npz_arrays(Path(cbook.get_sample_data("jacksboro_fault_dem.npz", asfileobj=False)), TerrainError)
+    package = find_spec("matplotlib")  # only its folder: the package itself takes long to import
+    assert package is not None
+    assert package.origin is not None
+    folder = Path(package.origin).parent / "mpl-data" / "sample_data"
+    sample = read_npz_arrays(folder / "jacksboro_fault_dem.npz", TerrainError)
     z = sample["elevation"][::-1].astype(np.float64)  # the file's row 0 is north, and it calls that side ymin
     latitude = 0.5 * (float(sample["ymin"]) + float(sample["ymax"]))
     degrees_north, degrees_east = float(sample["dy"]), float(sample["dx"])

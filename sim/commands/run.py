@@ -112,10 +112,7 @@ def _run(
                     result = follow.fly(closed_loop, lambda loop, watch: fly(loop, progress, watch=watch))
         replaced = request.options.out is None and (folder / "summary.json").exists()
         result.write_files(claim.new)
-        stale = _drawn(folder)
-        with trusting():  # its drawing is the one of the scenario that has been flown
-            stale |= _drawn(claim.new)
-        removed = sorted(name for name in stale if (folder / name).exists())
+        removed = _stale(folder, claim.new)
         claim.install(dropped=(*removed, LEFT, SCENE))
         when_interrupted(lambda: f"the run is in {folder}, its pictures may not be; to begin again")
         if replaced:  # by chance, perhaps: nobody named the folder
@@ -196,8 +193,19 @@ def fly(
         raise BadInputError(str(error)) from error
 
 
+def _stale(folder: Path, new: Path) -> list[str]:
+    """Names of an earlier run's pictures and reports in a folder, which must not stay beside a new run."""
+    pictures = {file.name for file in folder.glob("*") if file.suffix in {".mp4", ".png", ".webp", ".html"}}
+    if not pictures:
+        return []  # what draws takes a while to import
+    stale = _drawn(folder)
+    with trusting():  # its drawing is the one of the scenario that has been flown
+        stale |= _drawn(new)
+    return sorted(stale & pictures)
+
+
 def _drawn(folder: Path) -> set[str]:
-    """Names of the pictures and reports of a run like the one in a folder, if any: an earlier run's must not stay."""
+    """Names of the pictures and reports of a run like the one in a folder, if it is known how it is drawn."""
     from mathnavi.renders.drawing import drawing_of
 
     try:

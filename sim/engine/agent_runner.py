@@ -262,5 +262,6 @@ def _unusable(estimate: Any, before: Estimate | None) -> str:
     if x.ndim != 1 or (before is not None and x.shape != before.x.shape):
         allowed = "(nx,)" if before is None else f"{before.x.shape}, as before"
         return f"the estimate's state has shape {x.shape}; allowed: {allowed}"
-    finite = np.isfinite(x).all() and math.isfinite(estimate.t)
+    # The square is finite if the state is, short of a length of 1e154, and found sooner.
+    finite = (math.isfinite(x.dot(x)) or np.isfinite(x).all()) and math.isfinite(estimate.t)
     return "" if finite else f"the estimate is {x.tolist()} at {estimate.t!r} s; allowed: finite numbers"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -31,6 +32,34 @@ def compilation_reported(report: Callable[[bool], None]) -> Iterator[None]:
 
     with event.install_listener("numba:compile", Listener()):
         yield
+
+
+@contextmanager
+def compiled_ahead(package: str, module: str) -> Iterator[None]:
+    """Have a second process run ``module``, which compiles, as soon as a kernel of ``package`` is compiled in here.
+
+    The process ends with what is in here at the latest; whether it succeeds changes nothing but the time.
+    """
+    event: Any = importlib.import_module("numba.core.event")  # takes a while to import
+    processes: list[subprocess.Popen[bytes]] = []
+
+    class Listener(event.Listener):
+        def on_start(self, event: Any) -> None:
+            if not processes and event.data["dispatcher"].py_func.__module__.startswith(f"{package}."):
+                command = [sys.executable, "-P", "-m", module]
+                quiet = subprocess.DEVNULL
+                processes.append(subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet))
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    try:
+        with event.install_listener("numba:compile", Listener()):
+            yield
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
 
 
 @dataclass

@@ -27,6 +27,7 @@ from mathnavi.sim.interfaces.protocols import ActuatorModel, Sensor
 from mathnavi.sim.interfaces.signals import Array, Event, Measurement
 
 _GROUND = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_PLANE))
+_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)  # all that the next steps depend on
 
 
 @dataclass(frozen=True)
@@ -145,6 +146,7 @@ class MujocoPlant:
         self.model, self.data = model, mujoco.MjData(model)
         self.dt = float(model.opt.timestep)
         self._ticks = 0
+        self._before = np.empty(mujoco.mj_stateSize(model, _STATE))
         self._sensors = OwnSensors(model, self.data)
         generators = rng.spawn(len(vehicles))
         self._vehicles = {
@@ -152,11 +154,13 @@ class MujocoPlant:
             for (name, setup), generator in zip(vehicles.items(), generators, strict=True)
         }
         self._names = tuple(self._vehicles)
+        self._each = tuple(self._vehicles.values())
+        self._late = tuple(vehicle for vehicle in self._each if vehicle.delay)
         self._touching = False  # any vehicle anything
         self._read_between: dict[int, tuple[_Vehicle, ...]] = {}
         self._owner = {geom: vehicle for vehicle in self._vehicles.values() for geom in vehicle.geoms}
         self._driven = [(vehicle, vehicle.drive) for vehicle in self._vehicles.values() if vehicle.drive is not None]
-        self._expected = _expected_contacts(model, self._vehicles.values())
+        self._expected = _expected_contacts(model, self._each)
         mujoco.mj_forward(model, self.data)
 
     @property
@@ -195,11 +199,13 @@ class MujocoPlant:
 
     def _read(self, vehicle: _Vehicle, *, looking: bool) -> None:
         """Read the sensors that fall due at this tick."""
+        ticks = self._ticks
         for each in vehicle.sensors:
-            if each.due(self._ticks, looking):
-                value = each.sensor.read(vehicle.motion, each.rng)
+            if each.due(ticks, looking):
+                sensor = each.sensor
+                value = sensor.read(vehicle.motion, each.rng)
                 if value is not None:
-                    vehicle.readings.append(Measurement(each.sensor.name, self._ticks * self.dt, value))
+                    vehicle.readings.append(Measurement(sensor.name, ticks * self.dt, value))
 
     def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
         vehicle = self._vehicle(name)
@@ -228,21 +234,45 @@ class MujocoPlant:
         many ticks later on; until the first one arrives there is none.
         """
         events: list[Event] = []
-        for vehicle in self._vehicles.values():
+        for vehicle in self._each:
             command = commands.get(vehicle.name)
             control = np.zeros_like(vehicle.control) if command is None else self._bounded(vehicle, command, events)
             if vehicle.delay:
                 vehicle.underway.append((self._ticks + vehicle.delay, control.copy()))
             else:
                 vehicle.control[:] = control
-        late = tuple(vehicle for vehicle in self._vehicles.values() if vehicle.delay)
         # Samples of one rate fall on multiples of its period, where there is little to read in between.
-        between = self._between(ticks) if self._ticks % ticks == 0 else tuple(self._vehicles.values())
+        between = self._between(ticks) if self._ticks % ticks == 0 else self._each
         for vehicle in between:
             vehicle.readings.clear()
+        held = not (between or self._late or self._driven or self._touching or self._expected is not None)
+        if not (held and self._pass_free(ticks)):
+            self._pass(ticks, between, events)
+        self._sensors.passed()
+        self.data.time = self._ticks * self.dt
+        for vehicle in self._each:
+            if vehicle.disturbed:
+                vehicle.wrench[:] = 0.0
+                vehicle.disturbed = False
+        return events
+
+    def _pass_free(self, ticks: int) -> bool:
+        """Advance by so many ticks with all held, in one call; False, and nothing has happened, if anything touches."""
+        model, data = self.model, self.data
+        mujoco.mj_getState(model, data, self._before, _STATE)
+        data.maxuse_con = 0
+        mujoco.mj_step(model, data, ticks)
+        if data.maxuse_con:
+            mujoco.mj_setState(model, data, self._before, _STATE)
+            return False
+        self._ticks += ticks
+        return True
+
+    def _pass(self, ticks: int, between: Sequence[_Vehicle], events: list[Event]) -> None:
+        """Advance tick by tick: read the sensors of the vehicles ``between``, note contacts, let late inputs act."""
         model, data, sensors = self.model, self.data, self._sensors
         for left in range(ticks - 1, -1, -1):
-            for vehicle in late:
+            for vehicle in self._late:
                 while vehicle.underway and vehicle.underway[0][0] <= self._ticks:
                     vehicle.control[:] = vehicle.underway.popleft()[1]
             for vehicle, drive in self._driven:
@@ -256,18 +286,11 @@ class MujocoPlant:
             if left:
                 for vehicle in between:
                     self._read(vehicle, looking=False)
-        data.time = self._ticks * self.dt
-        for vehicle in self._vehicles.values():
-            if vehicle.disturbed:
-                vehicle.wrench[:] = 0.0
-                vehicle.disturbed = False
-        return events
 
     def _between(self, ticks: int) -> tuple[_Vehicle, ...]:
         """The vehicles with sensors to be read within steps of so many ticks; the rest is left to sense()."""
         if ticks not in self._read_between:
-            vehicles = self._vehicles.values()
-            self._read_between[ticks] = tuple(v for v in vehicles if any(m.every % ticks for m in v.sensors))
+            self._read_between[ticks] = tuple(v for v in self._each if any(m.every % ticks for m in v.sensors))
         return self._read_between[ticks]
 
     def _vehicle(self, name: str) -> _Vehicle:
@@ -313,7 +336,7 @@ class MujocoPlant:
                 else:
                     ground = int(self.model.geom_type[other]) in _GROUND
                     touching[owner.name][self.model.geom(other).name] = "ground-contact" if ground else "contact"
-        for vehicle in self._vehicles.values():
+        for vehicle in self._each:
             now = touching[vehicle.name]
             for thing in sorted(now.keys() - vehicle.touched):
                 slides = [i for i, _ in vehicle.slides]  # revolute joints do not contribute to its position

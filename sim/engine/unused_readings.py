@@ -25,10 +25,15 @@ class UnusedReadings:
     used: set[str] = field(default_factory=set)
     reported: set[str] = field(default_factory=set)
 
+    settled: bool = False  # each sensor is used or reported
+
     def watched(self, readings: Sequence[Measurement]) -> Sequence[Measurement]:
         """The readings, those of sensors of which none was used yet in a form that notes their use."""
+        if self.settled:
+            return readings
         open_ = set(self.sensors) - self.used - self.reported
-        if not open_:
+        self.settled = not open_
+        if self.settled:
             return readings
         self.given.update(reading.name for reading in readings if reading.name in open_)
         return [
@@ -38,6 +43,8 @@ class UnusedReadings:
 
     def found(self) -> list[str]:
         """Sensors, each once, of which no reading was used though there have been enough of them."""
+        if self.settled:
+            return []
         unused = [
             name
             for name, count in self.given.items()

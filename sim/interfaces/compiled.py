@@ -44,7 +44,7 @@ else:
         """``numba.njit``, with kernels kept by their content if ``cache``."""
         if function is None:
             return lambda function: njit(function, cache=cache, **options)
-        kernel = numba.njit(**options)(function)
+        kernel = numba.njit(**{"no_cfunc_wrapper": True, **options})(function)  # none is called as a pointer from C
         if cache and isinstance(kernel, Dispatcher):  # it is a plain function where NUMBA_DISABLE_JIT is set
             kernel._cache = KernelCache(kernel)
         return kernel

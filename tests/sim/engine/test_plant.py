@@ -277,6 +277,25 @@ def test_a_contact_within_a_step_of_many_ticks_is_reported(terrain: HeightField)
     assert 0.0 < events[0].t < 60 * TICK
 
 
+def test_a_bounce_between_two_samples_is_found_at_its_tick(terrain: HeightField) -> None:
+    """A step is one call of MuJoCo where nothing touches; the ball is in the air at the end of most."""
+    start = VehicleSetup(np.array([200.0, 200.0, 3.0, 0.0, 0.0, -40.0]), (FullStateSensor(),))
+    single, whole = (plant_of(terrain, uav=start) for _ in range(2))
+    ends, found = 0, {}
+    for plant, ticks in ((single, 1), (whole, 5)):
+        events, states = [], []
+        for tick in range(0, 120, ticks):
+            if tick % 5 == 0:
+                states.append(plant.state("uav").tolist())
+                ends += plant is whole and plant.data.ncon > 0
+                plant.sense("uav")
+            events += plant.step({"uav": np.array([0.0, 0.0, -9.0])}, ticks)
+        found[ticks] = states, events
+    assert found[5] == found[1]
+    assert found[1][1]
+    assert ends < 12
+
+
 def test_a_step_that_begins_between_two_looks_loses_no_reading(terrain: HeightField) -> None:
     plant = plant_of(terrain, uav=VehicleSetup(HIGH, (PositionSensor(rate=60.0),)))
     plant.sense("uav")

@@ -108,6 +108,9 @@ def test_two_are_compared_at_the_finest_level_that_both_came_to() -> None:
 
 def test_bad_arguments_are_refused() -> None:
     assert set(SMALL) <= set(PROBLEMS)
+    short, long = Arguments(limit=10), Arguments(limit=60)
+    assert [short.limit_of(name) for name in (OURS, "maptor", "dymos")] == [10, 10, 20]
+    assert long.limit_of("dymos") == 60
     with pytest.raises(ValueError, match="repetitions = 0; allowed: >= 1"):
         Arguments(repetitions=0)
     with pytest.raises(ValueError, match="problems = moon landing; allowed: brachistochrone"):

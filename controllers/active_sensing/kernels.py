@@ -2,9 +2,11 @@
 
 An input is followed over N nodes x_j, h apart, of which it is held for the first n; then the robot rests. With
 F_j = d x_j / d x_0, and every sensor being read h / dt times between two nodes, dt the time between readings, the error
-at the last node is expected to have the covariance
+at node k is expected to have the covariance
 
-    F_N (P^-1 + sum_j F_j' H_j' (h / dt) R_j^-1 H_j F_j)^-1 F_N',    H_j = d rho / d x at x_j,   R_j = diag(var rho_i),
+    F_k (P^-1 + sum_{j <= k} F_j' H_j' (h / dt) R_j^-1 H_j F_j)^-1 F_k',   H_j = d rho / d x at x_j,
+
+    R_j = diag(var rho_i),
 
 which no process noise widens. A ray that misses the wall, or grazes it, carries no information.
 """
@@ -48,17 +50,17 @@ class PredictionHorizon(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def expected_covariance(
+def expected_covariances(
     wall: WallTable, sensors: RangeSensors, horizon: PredictionHorizon, pose: Array, P: Array, u: Array, held: int
-) -> tuple[Array, Array]:
-    """Pose (3,) and covariance (3, 3) at the last node, from ``pose`` (3,) and P (3, 3) at the first.
+) -> Array:
+    """Covariances (N, 3, 3) at the nodes, from ``pose`` (3,) and P (3, 3) at the start.
 
     The input u (2,) [m/s, rad/s] is held for ``held`` nodes; then the robot rests.
     """
     coefficients, polyline = wall
     angles, noise = sensors
     node, nodes, readings = horizon
-    x, F, information = pose, np.eye(3), inverse(P)
+    x, F, information, covariances = pose, np.eye(3), inverse(P), np.empty((nodes, 3, 3))
     for j in range(nodes):
         u_1, u_2 = (u[0], u[1]) if j < held else (0.0, 0.0)
         step, _ = integrate_jacobians(x, u_1, u_2, node)
@@ -70,7 +72,8 @@ def expected_covariance(
             if math.isfinite(h_1 + h_2 + h_3):
                 row = h_1 * F[0] + h_2 * F[1] + h_3 * F[2]
                 information += (readings / ((noise[0] * rho) ** 2 + noise[1] ** 2)) * np.outer(row, row)
-    return x, F @ inverse(information) @ F.T
+        covariances[j] = F @ inverse(information) @ F.T
+    return covariances
 
 
 @njit(cache=True, nogil=True)
@@ -78,16 +81,21 @@ def expected_traces(
     wall: WallTable,
     sensors: RangeSensors,
     horizon: PredictionHorizon,
-    pose: Array,
+    poses: Array,
     P: Array,
     inputs: Array,
     held: Integers,
 ) -> Array:
-    """Traces (m,) of the expected covariance after each of ``inputs`` (m, 2), held for ``held`` (m,) nodes."""
-    traces = np.empty(len(inputs))
+    """Mean traces (m,) of the expected covariances under each of ``inputs`` (m, 2), held for ``held`` (m,) nodes.
+
+    The mean is that over the nodes, and over ``poses`` (n, 3) at any of which the robot may be.
+    """
+    traces = np.zeros(len(inputs))
     for m in range(len(inputs)):
-        _, covariance = expected_covariance(wall, sensors, horizon, pose, P, inputs[m], held[m])
-        traces[m] = np.trace(covariance)
+        for i in range(len(poses)):
+            covariances = expected_covariances(wall, sensors, horizon, poses[i], P, inputs[m], held[m])
+            for j in range(len(covariances)):
+                traces[m] += np.trace(covariances[j]) / (len(poses) * len(covariances))
     return traces
 
 

@@ -1,15 +1,10 @@
 """Criteria by which ``candidate_search`` prefers one input to another.
 
-``ExpectedCovariance`` minimises the trace of the expected covariance, the posterior Cramér-Rao bound without process
-noise, in its mean over the horizon and over the belief,
+``ExpectedCovariance`` minimises the trace of the covariance that is expected at the end of the horizon,
 
-    1 / (7 N) sum_x sum_k tr [F_k (P^-1 + sum_{j <= k} F_j' H_j' (h / dt) R^-1 H_j F_j)^-1 F_k']      (see ``kernels``),
+    tr [F (P^-1 + sum_j F_j' H_j' (H_d / dt) R^-1 H_j F_j)^-1 F']                                (see ``kernels``),
 
-in which a metre weighs as much as a radian. The mean over the horizon prefers what is learnt soon to what is learnt at
-its end. The seven poses x are the estimate and one standard deviation from it along the axes of P: the
-robot may be there too.
-
-``SmallestSingularValue`` maximises, at the pose where the input begins,
+in which a metre weighs as much as a radian. ``SmallestSingularValue`` maximises, at the pose where the input begins,
 the least singular value of
 
     O(x, u) = [d rho / dx; d rho_dot / dx],     rho_dot = (d rho / dx) f(x, u),
@@ -32,13 +27,10 @@ from mathnavi.controllers.active_sensing.kernels import (
     RangeSensors,
     WallTable,
     expected_traces,
-    sigma_poses,
     smallest_singular_values,
 )
 from mathnavi.models.unicycle.mission import LEAST_NOISE, RangingMission
 from mathnavi.sim.interfaces.signals import Array, Integers
-
-_DEVIATIONS = 1.0  # standard deviations of the poses over which the expected covariance is averaged
 
 
 class InputCriterion(Protocol):
@@ -50,19 +42,17 @@ class InputCriterion(Protocol):
 
 
 class ExpectedCovariance:
-    """The mode ``active``: the least mean trace of the covariance expected over ``nodes`` nodes of a horizon [s]."""
+    """The mode ``active``: the least trace of the covariance expected ``horizon`` [s] ahead, over ``nodes`` nodes."""
 
     def __init__(self, mission: RangingMission, horizon: float, nodes: int) -> None:
         absolute = float(np.hypot(mission.ranging.absolute, LEAST_NOISE))
         node = horizon / nodes
         self._wall = WallTable(mission.curve.table, mission.curve.polyline)
         self._sensors = RangeSensors(mission.alpha, np.array([mission.ranging.relative, absolute]))
-        self._margin = mission.margin
         self._horizon = PredictionHorizon(node, nodes, node / mission.period * (1.0 - mission.ranging.dropout))
 
     def best(self, belief: Belief, inputs: Array, held: Integers) -> tuple[int, float]:
-        poses = sigma_poses(self._wall, belief.pose, belief.covariance, _DEVIATIONS, self._margin)
-        traces = expected_traces(self._wall, self._sensors, self._horizon, poses, belief.covariance, inputs, held)
+        traces = expected_traces(self._wall, self._sensors, self._horizon, belief.pose, belief.covariance, inputs, held)
         k = int(np.argmin(traces))
         return k, float(traces[k])
 

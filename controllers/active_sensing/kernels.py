@@ -2,11 +2,9 @@
 
 An input is followed over N nodes x_j, h apart, of which it is held for the first n; then the robot rests. With
 F_j = d x_j / d x_0, and every sensor being read h / dt times between two nodes, dt the time between readings, the error
-at node k is expected to have the covariance
+at the last node is expected to have the covariance
 
-    F_k (P^-1 + sum_{j <= k} F_j' H_j' (h / dt) R_j^-1 H_j F_j)^-1 F_k',   H_j = d rho / d x at x_j,
-
-    R_j = diag(var rho_i),
+    F_N (P^-1 + sum_j F_j' H_j' (h / dt) R_j^-1 H_j F_j)^-1 F_N',    H_j = d rho / d x at x_j,   R_j = diag(var rho_i),
 
 which no process noise widens. A ray that misses the wall, or grazes it, carries no information.
 """
@@ -50,17 +48,17 @@ class PredictionHorizon(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def expected_covariances(
+def expected_covariance(
     wall: WallTable, sensors: RangeSensors, horizon: PredictionHorizon, pose: Array, P: Array, u: Array, held: int
-) -> Array:
-    """Covariances (N, 3, 3) at the nodes, from ``pose`` (3,) and P (3, 3) at the start.
+) -> tuple[Array, Array]:
+    """Pose (3,) and covariance (3, 3) at the last node, from ``pose`` (3,) and P (3, 3) at the first.
 
     The input u (2,) [m/s, rad/s] is held for ``held`` nodes; then the robot rests.
     """
     coefficients, polyline = wall
     angles, noise = sensors
     node, nodes, readings = horizon
-    x, F, information, covariances = pose, np.eye(3), inverse(P), np.empty((nodes, 3, 3))
+    x, F, information = pose, np.eye(3), inverse(P)
     for j in range(nodes):
         u_1, u_2 = (u[0], u[1]) if j < held else (0.0, 0.0)
         step, _ = integrate_jacobians(x, u_1, u_2, node)
@@ -72,8 +70,7 @@ def expected_covariances(
             if math.isfinite(h_1 + h_2 + h_3):
                 row = h_1 * F[0] + h_2 * F[1] + h_3 * F[2]
                 information += (readings / ((noise[0] * rho) ** 2 + noise[1] ** 2)) * np.outer(row, row)
-        covariances[j] = F @ inverse(information) @ F.T
-    return covariances
+    return x, F @ inverse(information) @ F.T
 
 
 @njit(cache=True, nogil=True)
@@ -81,21 +78,16 @@ def expected_traces(
     wall: WallTable,
     sensors: RangeSensors,
     horizon: PredictionHorizon,
-    poses: Array,
+    pose: Array,
     P: Array,
     inputs: Array,
     held: Integers,
 ) -> Array:
-    """Mean traces (m,) of the expected covariances under each of ``inputs`` (m, 2), held for ``held`` (m,) nodes.
-
-    The mean is that over the nodes, and over ``poses`` (n, 3) at any of which the robot may be.
-    """
-    traces = np.zeros(len(inputs))
+    """Traces (m,) of the expected covariance after each of ``inputs`` (m, 2), held for ``held`` (m,) nodes."""
+    traces = np.empty(len(inputs))
     for m in range(len(inputs)):
-        for i in range(len(poses)):
-            covariances = expected_covariances(wall, sensors, horizon, poses[i], P, inputs[m], held[m])
-            for j in range(len(covariances)):
-                traces[m] += np.trace(covariances[j]) / (len(poses) * len(covariances))
+        _, covariance = expected_covariance(wall, sensors, horizon, pose, P, inputs[m], held[m])
+        traces[m] = np.trace(covariance)
     return traces
 
 

@@ -36,7 +36,7 @@ def test_candidates_are_symmetric_and_within_the_limits() -> None:
     assert np.zeros(2).tolist() in inputs.tolist()
 
 
-def test_active_prefers_the_input_of_the_least_mean_trace_even_if_it_is_shorter() -> None:
+def test_active_prefers_what_leaves_the_least_trace_even_if_it_is_shorter() -> None:
     task = mission()
     belief, inputs = unsure(START, 0.8), candidates(task)
     active = ExpectedCovariance(task, 1.0, 10)

@@ -207,6 +207,9 @@ TUNED: dict[str, tuple[str, dict[str, float]]] = {
 }
 """estimators with other fields than the standard ones, by the name that they have here"""
 
+SLOW_ERRORS = {"missile": 4}
+"""times as many runs of a scenario whose errors change so slowly that a run is little more than one sample of them"""
+
 Readings = list[list[tuple[str, Array]]]
 
 SCENARIOS: dict[str, tuple[Callable[[np.random.Generator, float], _Recorded], tuple[str, ...], float]] = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes.util
+import importlib
 import os
 import sys
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ if sys.platform == "linux" and not os.environ.get("MUJOCO_GL"):
     backends = {"osmesa": "OSMesa", "egl": "EGL"}
     loadable = [backend for backend, library in backends.items() if ctypes.util.find_library(library)]
     os.environ["MUJOCO_GL"] = loadable[0] if loadable else "disable"
+importlib.import_module("mujoco")  # a command that flies would import it without OpenGL, and tests draw in this process
 
 # Small matrices only: on a busy machine the threads of a linear-algebra library wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import importlib.metadata
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import mathnavi as mn
+from tests.renders.drawn import needs_opengl
 
 SOURCE = Path(mn.__file__)
 HEAVY = ("numpy", "mujoco", "casadi", "matplotlib", "numba")
@@ -59,3 +61,16 @@ def test_its_import_loads_no_library_that_takes_long() -> None:
 
 def test_the_version_is_the_installed_one() -> None:
     assert mn.__version__ == importlib.metadata.version("mathnavi")
+
+
+@needs_opengl
+def test_whoever_uses_a_name_can_draw_later_in_the_same_process() -> None:
+    """MuJoCo looks for OpenGL when it is imported, which any of the names may do."""
+    script = (
+        "import mathnavi as mn; mn.MechanismSystem; import mujoco;"
+        "model = mujoco.MjModel.from_xml_string('<mujoco/>'); renderer = mujoco.Renderer(model, 8, 8);"
+        "renderer.update_scene(mujoco.MjData(model)); print(renderer.render().shape); renderer.close()"
+    )
+    environment = {name: value for name, value in os.environ.items() if name not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")}
+    drawn = subprocess.check_output([sys.executable, "-c", script], text=True, env=environment)
+    assert drawn.strip() == "(8, 8, 3)"

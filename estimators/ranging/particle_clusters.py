@@ -36,7 +36,7 @@ class Clusters(NamedTuple):
 
     label: Integers  # (n,) cluster of each particle, 0 to K - 1
     weight: Array  # (K,) summing to one
-    count: Integers  # (K,) particles
+    members: Integers  # (K,) numbers of particles
     origin: Integers  # (K,) heaviest particle of each
     offset: Array  # (K, 4) mean less that particle
     covariance: Array  # (K, 4, 4)
@@ -48,7 +48,7 @@ def kld_bound(k: int, epsilon: float, z: float) -> float:
     if k < 2:
         return 1.0
     ninths = 2.0 / (9.0 * (k - 1))
-    return (k - 1) / (2.0 * epsilon) * (1.0 - ninths + math.sqrt(ninths) * z) ** 3  # type: ignore[no-any-return]
+    return (k - 1) / (2.0 * epsilon) * (1.0 - ninths + math.sqrt(ninths) * z) ** 3
 
 
 @njit(cache=True, nogil=True)

@@ -154,8 +154,8 @@ def _regularise(
     side = np.array([cells.position, cells.position, 2.0 * math.pi / cells.headings])
     factor, share = np.zeros((K, 4, 4)), np.zeros(K)
     for c in range(K):
-        C, s = clusters.covariance[c], (4.0 / (_DIMENSION + 2) / clusters.count[c]) ** (1.0 / (_DIMENSION + 4))
-        if clusters.count[c] < _FEW:
+        C, s = clusters.covariance[c], (4.0 / (_DIMENSION + 2) / clusters.members[c]) ** (1.0 / (_DIMENSION + 4))
+        if clusters.members[c] < _FEW:
             for j in range(3):
                 factor[c, j, j] = 0.5 * side[j]
             continue

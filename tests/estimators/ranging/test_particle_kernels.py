@@ -183,7 +183,7 @@ def test_clusters_have_their_own_weight_mean_and_covariance() -> None:
     w /= w.sum()
     found = clusters_of(x, w, CELLS)
     assert found.weight.sum() == pytest.approx(1.0)
-    assert found.count.sum() == 500
+    assert found.members.sum() == 500
     for part, own in ((one, w[:300]), (other, w[300:])):
         k = int(np.argmin(np.abs(found.weight - own.sum())))
         assert found.weight[k] == pytest.approx(own.sum(), rel=0.02)

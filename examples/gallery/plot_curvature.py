@@ -12,7 +12,7 @@ import numpy as np
 import mathnavi as mn
 
 s = np.linspace(0.0, 2.0, 100)
-figure, (geodesics, error) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
+_, geodesics = plt.subplots(figsize=(7, 3.8), layout="constrained")
 for space in (mn.Sphere(2), mn.EuclideanSpace(2), mn.HyperbolicSpace(2)):
     p, (ahead, beside) = space.origin, np.eye(space.size)[-2:]
     q = space.exp(p, 0.1 * beside)
@@ -40,6 +40,7 @@ system = mn.IntrinsicObserver(sphere, bandwidth=1.0, potential=pulled).system
 motion = [system.state(p, v)]
 for _ in range(1500):
     motion.append(system.flow(motion[-1], np.zeros(4), step))
+_, error = plt.subplots(figsize=(7, 3.8), layout="constrained")
 for sign in ("minus-one", "none", "plus-one"):
     observer = mn.IntrinsicObserver(sphere, bandwidth=1.0, potential=pulled, curvature=sign)
     found = [observer.step(step, state[:4]).velocity for state in motion]

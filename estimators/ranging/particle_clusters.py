@@ -101,7 +101,7 @@ def clusters_of(x: Array, w: Array, cells: Cells) -> Clusters:
             difference(x[n], x[origin[c]], d)
             for i in range(4):
                 for j in range(4):
-                    covariance[c, i, j] += w[n] / weight[c] * (d[i] - offset[c, i]) * (d[j] - offset[c, j])
+                    covariance[c, i, j] += w[n] / weight[c] * ((d[i] - offset[c, i]) * (d[j] - offset[c, j]))
     return Clusters(label, weight, count, origin, offset, covariance)
 
 

@@ -204,7 +204,7 @@ def _claim_of_schemes(rows: Sequence[Mapping[str, Any]]) -> Claim:
     best = {scheme: min(own, key=lambda name: own[name]) for scheme, own in means.items()}
     by_monitor = ", ".join(f"{name} {mean:.2f}" for name, mean in means[RADAU].items())
     return Claim(
-        "B.monitors-radau", "target",
+        "ocp.monitors-radau", "target",
         "The monitor function that is the best by Hermite-Simpson's scheme is the best on Radau grids too.", "B.3",
         f"the same has the least geometric mean, over the problems, of the control error's ratio to uniform after "
         f"{max(ROUNDS)} redistributions",

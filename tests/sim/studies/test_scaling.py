@@ -80,14 +80,14 @@ def test_a_size_is_measured(curve: str) -> None:
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="the system does not say")
 def test_memory_that_was_given_back_counts() -> None:
     with PeakMemory() as memory:
-        np.ones(8_000_000).sum()
-    assert 50.0 < memory.grown < 500.0
+        np.ones(25_000_000).sum()
+    assert 100.0 < memory.grown < 1000.0  # 200, less what was given back meanwhile
 
 
 def test_a_sweep_of_nothing_ends() -> None:
     (rate,) = swept([SweepCase(workers=1, trials=3)])
     assert rate.start > 0.0
-    assert rate.interval > 0.0
+    assert rate.rate > 0.0
 
 
 def test_the_relay_holds_every_byte_back_and_loses_none() -> None:

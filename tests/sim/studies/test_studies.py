@@ -59,6 +59,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "mechanisms": {"own": 1, "suite": 1, "values": 1, "seconds": 1},
     "real-arms": {"cases": 1, "values": 1, "seconds": 2},
     "bounds": {"seeds": 1, "scenarios": 2, "shortened": 4},
+    "scaling": {"repetitions": 1, "sizes": 2, "trials": 10, "workers": 1, "cluster": False},
     "range-convergence": {"seeds": 1, "peers": 1, "drives": 1, "repetitions": 1, "seconds": 1},
     "range-observer": {"starts": 1, "drives": 1, "states": 2, "seconds": 1},
     "hunt": {"missions": 4, "tries": 4, "draws": 4, "repeats": 1},
@@ -84,7 +85,7 @@ CLAIMS = {
     "missile-closed-loop": {
         *("missile.replan", "missile.open-loop", "missile.feedback", "missile.moving-target", "missile.drawn"),
     },
-    "monitors": {"B.arclength-best-problems"},
+    "monitors": {"B.arclength-best-problems", "ocp.monitors-radau"},
     "active-control": {"range.active", "C.input-decides", "C.basis", "C.deliberate"},
     "mismatch": {"mismatch.converged", "mismatch.sure-and-wrong", "mismatch.consistency"},
     "introduction-examples": {
@@ -116,6 +117,7 @@ CLAIMS = {
     },
     "real-arms": {"real-arms.best", "real-arms.honest"},
     "bounds": {"bounds.efficiency", "bounds.valid"},
+    "scaling": {"scaling.map", "scaling.fleet", "scaling.hundred"},
     "range-convergence": {"range.global", "range.bank", "range.nonconvex", "range.diffdrive", "range.consistency"},
     "range-observer": {
         *(

@@ -180,7 +180,7 @@ def _of_cluster(rates: Sequence[SweepRate], commit: float) -> str:
     far = [rate for rate in rates if rate.delay]
     held = f"the store's single writer commits {1.0 / commit:.0f} trials a second one by one"
     if far:
-        held += f", and the scheduler hands out {max(1.0 / rate.interval for rate in far):.0f} across {DELAYS[-1]:g} s"
+        held += f", and the scheduler hands out {max(each.rate for each in far):.0f} across {DELAYS[-1]:g} s"
     return (
         f"A cluster of {MACHINES} machines with {CORES} cores each would fly {needed:.0f} missions of {MISSION:g} s a "
         f"second; {held}."
@@ -201,7 +201,7 @@ def _growth_table(found: Sequence[Growth]) -> Table:
 
 def _sweep_table(rates: Sequence[SweepRate]) -> Table:
     body = [
-        (_place(rate), rate.workers, f"{rate.start:.2f}", f"{1e3 * rate.interval:.2f}", f"{1.0 / rate.interval:.0f}")
+        (_place(rate), rate.workers, f"{rate.start:.2f}", f"{1e3 * rate.interval:.2f}", f"{rate.rate:.0f}")
         for rate in rates
     ]
     return Table("Trials that do nothing", ("", "workers", "start [s]", "ms a trial", "trials a second"), body)
@@ -227,7 +227,7 @@ def _figure(found: Sequence[Growth], rates: Sequence[SweepRate]) -> Figure:
         axes = drawn[len(found)]
         for place in dict.fromkeys(_place(rate) for rate in rates):
             group = [rate for rate in rates if _place(rate) == place]
-            axes.plot([rate.workers for rate in group], [1.0 / rate.interval for rate in group], "o-", label=place)
+            axes.plot([rate.workers for rate in group], [rate.rate for rate in group], "o-", label=place)
         axes.set(xlabel="workers", ylabel="trials a second", ylim=(0.0, None))
         axes.set_title("sweep")
         axes.legend()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import math
 import subprocess
 import sys
 import tempfile
@@ -44,6 +45,11 @@ class SweepRate:
     delay: float | None  # [s]
     start: MeasuredTime  # [s] until every worker had ended a trial
     interval: MeasuredTime  # [s] between the ends of two trials after that
+
+    @property
+    def rate(self) -> float:
+        """Trials a second; infinite where all others had ended when the last worker's first had."""
+        return 1.0 / self.interval if self.interval > 0.0 else math.inf
 
 
 def nothing(number: int) -> int:

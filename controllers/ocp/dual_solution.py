@@ -74,7 +74,7 @@ def multipliers_of(nlp: Programme, answer: Answer) -> Multipliers:
         of_states[:, 0] = z[:-1, :nx]
     if scheme.points[-1] == 1.0:
         of_states[:, -1] = z[1:, :nx]
-    # What an interval has not stands for its last point, and has the values that belong to it.
+    # A point that an interval lacks stands for its last one, and has its values.
     of_path, b, d = repeated(scheme, of_path), interval_integral_weights(scheme, np.ones(1))[:, 0], np.diff(answer.t)
     b = repeated(scheme, b)
     one = point_shares(b, d, joined=scheme.shared)[:, :, None]

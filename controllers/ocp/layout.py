@@ -76,7 +76,7 @@ class ProgrammeLayout:
 
     @cached_property
     def stage_columns(self) -> Integers:
-        """Columns (N - 1, state_size + input_size) of z_i and w_i in the vector; -1 for what an interval has not."""
+        """Columns (N - 1, state_size + input_size) of z_i and w_i in the vector; -1 for what an interval lacks."""
         columns = np.full(self._kept.shape, -1, dtype=np.int64)
         columns[self._kept] = np.arange(np.count_nonzero(self._kept))
         return columns
@@ -134,8 +134,8 @@ class ProgrammeLayout:
     def split(self, unknowns: Array) -> tuple[Array, Array, Array]:
         """Split scaled unknowns (size,) into z (N, state_size), w (N - 1, input_size) and w_N (last_input_size,).
 
-        The parts are in the problem's units, no longer over their scales. What an interval has not repeats the values
-        at its last point.
+        The parts are in the problem's units, no longer over their scales. Points that an interval lacks repeat
+        the values at its last one.
         """
         values = unknowns * self.scale
         body, tail = values[self.stage_columns], values[self.size - self.last_input_size - self.state_size :]

@@ -46,7 +46,7 @@ def collocation_blocks(
     Args:
         layout: of the unknowns; its scheme is one of ``COLLOCATIONS``.
         places: (N - 1, ·) rows of each interval: gap, inner equations, path constraints, controls between points,
-            mixed constraints at the start; -1 for those that an interval has not.
+            mixed constraints at the start; -1 for those that an interval lacks.
         p: (np,) parameters of the problem.
         before: E (A, N - 1), shares of the arcs before each interval, or τ (1, N - 1) at its start.
         share: W (A, N - 1), shares of the interval itself, or its width (1, N - 1) as a fraction of T.

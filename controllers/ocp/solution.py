@@ -53,7 +53,7 @@ class Timing:
 
     @property
     def total_ms(self) -> float:
-        """All of it [ms]."""
+        """The whole time [ms]."""
         return self.build_ms + self.solve_ms + self.replay_ms + self.gate_ms
 
     def __repr__(self) -> str:

@@ -224,7 +224,7 @@ class Transcription:
         points = every[:, : layout.own_points]
         # A point at the end of an interval is read just before it: the control may jump there.
         at_points = (grid.nodes[:-1, None] + np.minimum(points, _BEFORE_THE_END) * grid.widths[:, None]).ravel()
-        # Of what an interval has not, there may be any guess.
+        # Points that an interval lacks may have any guess.
         inside = every[:, [j for j, c in enumerate(scheme.points) if 0.0 < c < 1.0][: scheme.interior]]
         at_inner = (grid.nodes[:-1, None] + inside * grid.widths[:, None]).ravel()
         if guess is not None:

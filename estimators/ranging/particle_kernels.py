@@ -200,7 +200,7 @@ def _distinct(cell: Integers, chosen: Integers) -> int:
     seen = np.zeros(cell.max() + 1, np.bool_)
     for n in chosen:
         seen[cell[n]] = True
-    return seen.sum()  # type: ignore[no-any-return]
+    return int(seen.sum())
 
 
 @njit(cache=True, nogil=True)

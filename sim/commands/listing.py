@@ -21,7 +21,7 @@ from mathnavi.sim.plugin.groups import GROUPS, installed
 from mathnavi.sim.plugin.index import describe, imported
 
 ALL, FULL, VERBOSE = "all", "--full", "--verbose"
-OWN = "mathnavi"  # distribution whose plug-ins need not be said to be of it
+OWN = "mathnavi"  # distribution whose plug-ins stand without its name
 KINDS = tuple(sorted((ALL, *GROUPS)))
 USAGE = f"""usage: mathnavi list [KIND] [{VERBOSE}] [{FULL}]
 

@@ -89,7 +89,7 @@ def flight_progress(errors: Console) -> Iterator[Callable[[float, float], None]]
     def fly(t: float, duration: float) -> None:
         nonlocal flown, flying
         now = time.perf_counter()
-        if not flying or t < flown[0]:  # the first of it, or a rehearsal has ended
+        if not flying or t < flown[0]:  # the flight begins, or begins anew after a rehearsal
             flown, flying = (t, now), True
         pace = f"{(t - flown[0]) / (now - flown[1]):.1f} x real time" if t > flown[0] else ""
         bar.update(

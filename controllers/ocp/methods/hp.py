@@ -191,7 +191,7 @@ def _first(
     if guess is not None and len(guess.grid) <= most_nodes:
         starts.insert(0, (guess.grid, _STARTS[0][1]))
     for grid, count in starts:
-        plan = _Plan(HpMesh.alike(grid, count), without_structure(problem), smoothing)
+        plan = _Plan(HpMesh.uniform(grid, count), without_structure(problem), smoothing)
         found = plan.solved(problem, guess, parameters, options)
         timing += found.timing
         if found.solved:

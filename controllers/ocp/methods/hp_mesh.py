@@ -57,7 +57,7 @@ class HpMesh:
         return HpMesh(solution.grid, np.broadcast_to(point_counts(solution.scheme), solution.nodes - 1))
 
     @staticmethod
-    def alike(grid: Grid, count: int) -> HpMesh:
+    def uniform(grid: Grid, count: int) -> HpMesh:
         """The mesh whose intervals all have ``count`` points."""
         return HpMesh(grid, np.full(len(grid) - 1, count))
 

@@ -95,7 +95,7 @@ class DelayCheck:
         self.events: list[Event] = []
         self.guaranteed = True
         self._delay, self._wait, self._step, self._rng = delay, wait, step, rng
-        self._current = PlannedTrajectory.of(current)
+        self._current = PlannedTrajectory.from_plan(current)
         self._committed = Published(0, self._current, committed=True)
         self._candidate: _Candidate | None = None
         self._last_id = 0
@@ -114,9 +114,9 @@ class DelayCheck:
     def propose(self, plan: Plan | PlannedTrajectory) -> int:
         """Make a plan pending, in place of one that may be, and return its id.
 
-        ValueError for what ``PlannedTrajectory.of`` refuses: that is never pending.
+        ValueError for what ``PlannedTrajectory.from_plan`` refuses: that is never pending.
         """
-        trajectory = PlannedTrajectory.of(plan)
+        trajectory = PlannedTrajectory.from_plan(plan)
         self.withdraw()
         self._last_id += 1
         begin = float(trajectory.t[0]) - self._delay - 2.0 * self._step - self._wait * float(self._rng.random())
@@ -150,7 +150,7 @@ class DelayCheck:
     def rebase(self, plan: Plan | PlannedTrajectory) -> None:
         """The vehicle has left its plan and flies this one unasked: the guarantee is lost until it next adopts one."""
         self._candidate = None
-        self._current = PlannedTrajectory.of(plan)
+        self._current = PlannedTrajectory.from_plan(plan)
         self._stay(float(self._current.t[0]))
 
     def exchange(self, t: float, received: Sequence[Message]) -> list[tuple[str, Message]]:
@@ -224,6 +224,6 @@ def joined(before: PlannedTrajectory, after: PlannedTrajectory) -> PlannedTrajec
         x[-1, 3:] = 0.0
         u = np.vstack([u, np.zeros((1, 3))])
     arcs = np.vstack([u, after.u])
-    return PlannedTrajectory.of(
+    return PlannedTrajectory.from_plan(
         Plan(np.concatenate([t, after.t]), np.vstack([x, after.x]), arcs, np.zeros(len(arcs), np.int64))
     )

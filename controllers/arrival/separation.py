@@ -90,7 +90,7 @@ class Separation:
         self.name, self.peers, self.zone = name, tuple(peers), zone
         self.events: list[Event] = []
         self.guaranteed = True  # False from a ``rebase`` to the next adoption
-        self._current = PlannedTrajectory.of(current)
+        self._current = PlannedTrajectory.from_plan(current)
         self._pending: Proposal | None = None
         self._acknowledged: set[str] = set()  # who has, the pending proposal
         self._rng = rng
@@ -110,9 +110,9 @@ class Separation:
     def propose(self, plan: Plan | PlannedTrajectory) -> int:
         """Make a plan pending, in place of one that may be, and return its id; ``exchange`` sends it to the others.
 
-        ValueError for what ``PlannedTrajectory.of`` refuses: that is never pending.
+        ValueError for what ``PlannedTrajectory.from_plan`` refuses: that is never pending.
         """
-        trajectory = PlannedTrajectory.of(plan)
+        trajectory = PlannedTrajectory.from_plan(plan)
         self.withdraw()
         self._last_id += 1
         self._pending = Proposal(self._last_id, float(self._rng.random()), trajectory)
@@ -154,7 +154,7 @@ class Separation:
         The others receive it as their proposals are checked against it. The invariant holds again between any two
         that have adopted a plan since they were last rebased: the proof is about adopted plans only.
         """
-        self._current = PlannedTrajectory.of(plan)
+        self._current = PlannedTrajectory.from_plan(plan)
         if self.guaranteed:
             self._record(float(self._current.t[0]), "unguaranteed", "it flies a plan that nobody has acknowledged")
         self.guaranteed = False

@@ -62,7 +62,7 @@ def checked_start(
     stored: dict[str, PlannedTrajectory] = {}
     for name, plan in plans:
         try:
-            stored[name] = PlannedTrajectory.of(plan)
+            stored[name] = PlannedTrajectory.from_plan(plan)
         except ValueError as error:
             raise ValueError(f"plan of {name}: {error}") from error
         if np.shape(slots[name]) != (3,) or not np.isfinite(slots[name]).all():

@@ -87,7 +87,7 @@ class Certificate:
     held: HeldInput | None = None  # of a tracker that does not follow every plan
 
     @staticmethod
-    def of(mission: FlightMission, bound: TrackingBound, held: HeldInput | None = None) -> Certificate:
+    def for_mission(mission: FlightMission, bound: TrackingBound, held: HeldInput | None = None) -> Certificate:
         """The certificate of a mission whose tracker keeps ``bound``, over plans whose lag ``held`` allows.
 
         Raises FieldError for an h_min below the body's reach; ValueError if the bound leaves nothing to fly with.

@@ -132,8 +132,8 @@ class Certified:
         self._announced = False  # True once that was announced
 
     @staticmethod
-    def of(planner: Planner, mission: FlightMission, tracker: Any) -> Certified:
-        """The planner behind the certificate of a mission; errors as of ``Certificate.of``.
+    def for_mission(planner: Planner, mission: FlightMission, tracker: Any) -> Certified:
+        """The planner behind the certificate of a mission; errors as of ``Certificate.for_mission``.
 
         ``tracker`` states its ``bound``, and ``held`` if that depends on how fast a plan changes. Where there is no
         plan to fall back on, one that stops and hovers flies in its place. Raises PluginError for a planner whose plans
@@ -147,7 +147,7 @@ class Certified:
                     f"the planner's period = {planner.period!r} s; allowed: a whole number of control periods of "
                     f"{held.period:.6g} s, for its plans are certified for commands that are held so long"
                 )
-        certificate = Certificate.of(mission, tracker.bound, held)
+        certificate = Certificate.for_mission(mission, tracker.bound, held)
         fallback = partial(StopAndHover, period=planner.period)
         worst = mission.quality.worst(mission.gust)
         return Certified(

@@ -90,7 +90,7 @@ class CommandFilter:
         self.stored: Plan | None = None
         """the plan that is flown unless a command is certified; None before the first step"""
         self._tracker, self._candidates = tracker, candidates
-        self._certificate = Certificate.of(mission, tracker.bound, tracker.held)
+        self._certificate = Certificate.for_mission(mission, tracker.bound, tracker.held)
         self._limits = _limits(self._certificate, tracker.period)
         self._worst = mission.quality.worst(mission.gust)
         x, y, z = mission.target
@@ -106,7 +106,7 @@ class CommandFilter:
         self._t = -np.inf  # [s] of the last step
 
     @staticmethod
-    def of(mission: FlightMission, bandwidth: float = FlightConfig.bandwidth) -> CommandFilter:
+    def for_mission(mission: FlightMission, bandwidth: float = FlightConfig.bandwidth) -> CommandFilter:
         """The filter of a mission with the tracker of the controller ``flight``; errors as of its making."""
         bound = tracking_bound(bandwidth, mission)
         return CommandFilter(mission, CriticallyDamped(mission.control_period, bandwidth, bound))

@@ -113,7 +113,7 @@ class FlightController:
 
 def planner(config: RecedingHorizonConfig, mission: FlightMission, bound: TrackingBound) -> RecedingHorizon:
     """The planner over a tracker that keeps ``bound``, whichever that is."""
-    certificate = Certificate.of(mission, bound)
+    certificate = Certificate.for_mission(mission, bound)
     parameters = Parameters(
         lengths=config.lengths,
         speed_max=certificate.speed_max * _INSIDE,

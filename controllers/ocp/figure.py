@@ -95,8 +95,8 @@ def solution_figure(solution: SolutionView, names: Sequence[str] = ()) -> Figure
             if kind is kinds[0]:
                 _curve(right, times.ravel(), costates[..., k].ravel(), DUAL, f"costate of {kind_names[k]}")
             else:
-                of = "the bounds of " if kind is kinds[1] else ""
-                _multiplier(right, times, limits, multipliers, k, of)
+                subject = "the bounds of " if kind is kinds[1] else ""
+                _multiplier(right, times, limits, multipliers, k, subject)
             least = ACTIVE * float(np.abs(costates[..., k]).max()) if kind is kinds[0] else LEAST_IMPULSE
             impulses = _impulses(solution, multipliers, k, least)
             for axes in (left, right):
@@ -177,13 +177,13 @@ def _note(axes: Axes, text: str, colour: str = INK) -> None:
     )  # fmt: skip
 
 
-def _multiplier(axes: Axes, times: Array, limits: Interval, multipliers: NamedValues, k: int, of: str) -> None:
+def _multiplier(axes: Axes, times: Array, limits: Interval, multipliers: NamedValues, k: int, subject: str) -> None:
     values = multipliers.values[..., k]
     if not (np.isfinite(limits.lower[k]) or np.isfinite(limits.upper[k])):
         axes.set_axis_off()
         axes.annotate(f"{multipliers.names[k]} has no bounds", (0.5, 0.5), xycoords="axes fraction", ha="center")
         return
-    _curve(axes, times.ravel(), values.ravel(), DUAL, f"multiplier of {of}{multipliers.names[k]}")
+    _curve(axes, times.ravel(), values.ravel(), DUAL, f"multiplier of {subject}{multipliers.names[k]}")
     axes.fill_between(times.ravel(), 0.0, values.ravel(), color=DUAL, alpha=0.18, lw=0.0)
 
 

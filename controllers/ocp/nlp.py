@@ -169,10 +169,10 @@ def _own_rows(layout: ProgrammeLayout, size: int) -> NDArray[np.bool_]:
             (layout.state_size + inner, len(scheme.points) * nd, layout.own_points * nd),
             (path, len(fractions_between(scheme)) * nb, between),
         )
-        some = np.ones(size, dtype=bool)
+        present_entries = np.ones(size, dtype=bool)
         for first, present, largest in own:
-            some[first + present : first + largest] = False
-        kept[intervals] = some
+            present_entries[first + present : first + largest] = False
+        kept[intervals] = present_entries
     return kept
 
 

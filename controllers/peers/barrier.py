@@ -89,7 +89,7 @@ class BarrierFlight:
         """Return the planner of a mission, and the tracker of its plans."""
         bound = tracking_bound(config.bandwidth, mission)
         tracker = CriticallyDamped(mission.control_period, config.bandwidth, bound)
-        return BarrierFilter(config, mission, Certificate.of(mission, bound)), tracker
+        return BarrierFilter(config, mission, Certificate.for_mission(mission, bound)), tracker
 
 
 class BarrierFilter:

@@ -38,7 +38,7 @@ class Similarity:
     time: Positive  # mu
 
     @staticmethod
-    def of(mission: FlightMission) -> Similarity:
+    def for_mission(mission: FlightMission) -> Similarity:
         """Similarity that makes arcs of half a second and the mission's greatest speed those of the thesis."""
         return Similarity(_TIME * _SPEED / mission.speed_max, _TIME)
 

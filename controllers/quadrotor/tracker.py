@@ -16,7 +16,7 @@ where tau_m f' and the rates of the reference tau_m ahead make up for the lag of
 where the paper's vanishes. ``mathnavi.models.quadrotor.allocation`` says which of T and tau is kept where rotors
 saturate.
 
-d^ is what the velocity tells of forces that the model does not know, a wind or a wrong mass, the integral action of
+d^ is what the velocity shows of forces that the model does not know, a wind or a wrong mass, the integral action of
 the loop: with the modelled v'^ = R (0, 0, T^) / m - g e_z - R D R' v / m + d^ and the residual r of the velocity
 against its integral, an observer with both poles at -omega_d; no more than ``disturbance_max`` of it is made up for.
 T^ are the rotors' thrusts by their lag.

@@ -77,7 +77,7 @@ class InertialIekf:
         self._R = _fix_deviation(config, mission) ** 2 * np.eye(3)
         self._noise = _deviations(mission)
         x = mission.start_state
-        self._X = SE23.of(rotation(x[ATTITUDE]), x[VELOCITY], x[POSITION])
+        self._X = SE23.from_parts(rotation(x[ATTITUDE]), x[VELOCITY], x[POSITION])
         self._rate = x[RATE].copy()
         self._P = _first(config, mission)
         self._t: float | None = None  # [s] of the filter's state; None before the first call
@@ -170,7 +170,7 @@ class InertialIekf:
         X, vehicle = self._X, self._mission.vehicle
         x = np.concatenate([X[:3, 4], quaternion(X[:3, :3]), X[:3, 3], self._rate])
         after = self._mission.flow(x, command, dt)
-        moved = SE23.of(rotation(after[ATTITUDE]), after[VELOCITY], after[POSITION])
+        moved = SE23.from_parts(rotation(after[ATTITUDE]), after[VELOCITY], after[POSITION])
         turned = SO3.log(X[:3, :3].T @ moved[:3, :3])
         force = moved[:3, :3].T @ ((moved[:3, 3] - X[:3, 3]) / dt + np.array([0.0, 0.0, vehicle.gravity]))
         _, A = propagation(X, turned / dt, force, vehicle.gravity, dt)
@@ -204,7 +204,7 @@ def propagation(X: Array, rate: Array, force: Array, gravity: float, dt: float) 
     body at its end.
     """
     turn = SO3.exp(dt * rate)
-    read = SE23.of(turn, dt * turn @ force, 0.5 * dt * dt * turn @ force)  # Upsilon
+    read = SE23.from_parts(turn, dt * turn @ force, 0.5 * dt * dt * turn @ force)  # Upsilon
     fall = np.array([0.0, 0.0, -gravity])
     carried = X.copy()
     carried[:3, 4] += dt * X[:3, 3]

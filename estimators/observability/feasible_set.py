@@ -2,7 +2,7 @@
 
 Its dimension is 3 - l: with one sensor a surface, given here by its slices at constant headings; with two sensors
 curves, closed or from wall to wall; with three or more, in general, points. Each curve is followed by continuation.
-Where they begin is looked for everywhere: reading y_1 while pointing at theta(s) is being at theta(s) - y_1 e, so the
+Their starts are searched everywhere: reading y_1 while pointing at theta(s) is being at theta(s) - y_1 e, so the
 poses that read y_1 are a surface over (s, phi), on which a grid is laid. A node is a start if the other ranges may
 become y within the cells around it, or if the surface ends there.
 
@@ -43,7 +43,7 @@ class FeasibleSet:
 def feasible_set(outputs: RangeOutputs, y: Array, step: float = 0.01, grid: int = 96, slices: int = 24) -> FeasibleSet:
     """Feasible set FS_y of a reading y (l,) [m] (Definition C.9), its curves at points ``step`` apart.
 
-    ``grid`` is the number of nodes along s and along phi among which starts are looked for, ``slices`` the number of
+    ``grid`` is the number of nodes along s and along phi among which starts are searched, ``slices`` the number of
     headings at which the surface of a single sensor is cut. Raises ValueError for a reading that is not l positive
     numbers.
     """

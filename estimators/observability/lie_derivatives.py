@@ -45,7 +45,7 @@ class ControlAffineSystem:
     constraint: casadi.SX = field(default_factory=_none)  # (q,) G
 
     @staticmethod
-    def of(f: Map, h: Map, states: int, inputs: int) -> ControlAffineSystem:
+    def from_functions(f: Map, h: Map, states: int, inputs: int) -> ControlAffineSystem:
         """System x' = f(x, u), y = h(x, u), where f is affine in u and h does not depend on it.
 
         Raises ValueError otherwise.
@@ -102,7 +102,7 @@ def singular_values(differentials: casadi.Function, x: Array, w: Array | None = 
 
 
 def rank(differentials: casadi.Function, x: Array, w: Array | None = None) -> int:
-    """Rank of a codistribution at x (n,), w (q,): how many directions its functions tell apart there.
+    """Rank of a codistribution at x (n,), w (q,): how many directions its functions distinguish there.
 
     Raises ValueError where it is not defined.
     """

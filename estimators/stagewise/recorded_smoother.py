@@ -102,11 +102,11 @@ def model_of(plugin: Any) -> Any:
         if name == "Kalman":
             from mathnavi.estimators.stagewise.flight import FlightModel
 
-            return FlightModel.of
+            return FlightModel.from_config
         if name == "MissileKalman":
             from mathnavi.estimators.stagewise.missile import MissileModel
 
-            return MissileModel.of
+            return MissileModel.from_config
         if name in ("RangeEkf", "RangeUkf"):
             from mathnavi.estimators.stagewise.ranging import RangingModel
 

@@ -12,7 +12,7 @@ so |Delta|^2 is a quartic. It is least at an end of the interval or where the cu
 goes from negative to positive. As its leading coefficient is not negative, g rises up to the smaller root of g', a
 quadratic, and from the larger one on, and nowhere else has |Delta|^2 a minimum. On each of these two parts g has one
 root at most, which Newton's method finds in a bracket: no degree degenerates, and at a nearly double root of g, where
-|Delta|^2 hardly changes, the roots of g' are looked at too.
+|Delta|^2 hardly changes, the roots of g' are tried too.
 
 An interval is passed over where boxes suffice: Delta stays within the convex hull of C, C + B / 2 and C + B + A, so its
 distance from zero is at least that of their axis-aligned box. The whole plans have boxes as well.
@@ -52,7 +52,7 @@ class PlannedTrajectory:
     speed: float  # [m/s] greatest
 
     @staticmethod
-    def of(plan: Plan | PlannedTrajectory) -> PlannedTrajectory:
+    def from_plan(plan: Plan | PlannedTrajectory) -> PlannedTrajectory:
         """ValueError for a plan that is a failure, or whose arrays do not fit together or are not finite."""
         if isinstance(plan, PlannedTrajectory):
             return plan
@@ -80,21 +80,21 @@ class PlannedTrajectory:
 def least_distance(plan_a: Plan | PlannedTrajectory, plan_b: Plan | PlannedTrajectory, t: float) -> float:
     """Least distance min |p_a(s) - p_b(s)| [m] over s in [t, infinity).
 
-    Raises ValueError for what ``PlannedTrajectory.of`` refuses.
+    Raises ValueError for what ``PlannedTrajectory.from_plan`` refuses.
     """
     check(t, "t", -math.inf)
-    a, b = PlannedTrajectory.of(plan_a), PlannedTrajectory.of(plan_b)
+    a, b = PlannedTrajectory.from_plan(plan_a), PlannedTrajectory.from_plan(plan_b)
     return math.sqrt(_least_squared(a.t, a.x, a.u, b.t, b.x, b.u, float(t), math.inf))
 
 
 def clear(plan_a: Plan | PlannedTrajectory, plan_b: Plan | PlannedTrajectory, distance: float, t: float) -> bool:
     """True if |p_a(s) - p_b(s)| >= distance [m] for all s in [t, infinity); no roots where boxes suffice.
 
-    ValueError for what ``PlannedTrajectory.of`` refuses and for a negative distance.
+    ValueError for what ``PlannedTrajectory.from_plan`` refuses and for a negative distance.
     """
     check(distance, "distance", 0.0)
     check(t, "t", -math.inf)
-    a, b = PlannedTrajectory.of(plan_a), PlannedTrajectory.of(plan_b)
+    a, b = PlannedTrajectory.from_plan(plan_a), PlannedTrajectory.from_plan(plan_b)
     squared = float(distance) * float(distance)
     gap = np.maximum(np.maximum(a.low - b.high, b.low - a.high), 0.0)
     if gap @ gap > squared * (1.0 + 1e-9):  # rounding of a box decides nothing

@@ -23,7 +23,7 @@ Coefficients = tuple[tuple[float, float, float, float], ...]
 POINTS = 512  # of the polyline
 _CHECKED = 256  # points at which a curve is held to be simple
 _LARGEST = 1e6  # [m]
-_MOST_TURNS = 12  # order of rotational symmetry that is looked for
+_MOST_TURNS = 12  # order of rotational symmetry that is tried
 _SAME = 1e-9  # of the size of the curve: two of its Fourier coefficients are the same
 
 

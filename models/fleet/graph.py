@@ -76,7 +76,7 @@ class Graph:
     # ---- graphs of a kind
 
     @staticmethod
-    def of(names: Sequence[str], edges: Mapping[tuple[str, str], float]) -> Graph:
+    def from_edges(names: Sequence[str], edges: Mapping[tuple[str, str], float]) -> Graph:
         """Graph with the edges (l, m): a_lm.
 
         Raises FieldError for an end that is no name.
@@ -92,7 +92,7 @@ class Graph:
     @staticmethod
     def line(names: Sequence[str], weight: float = 1.0) -> Graph:
         """Graph in which each vehicle hears the next."""
-        return Graph.of(names, dict.fromkeys(pairwise(names), weight))
+        return Graph.from_edges(names, dict.fromkeys(pairwise(names), weight))
 
     @staticmethod
     def ring(names: Sequence[str], weight: float = 1.0) -> Graph:
@@ -102,12 +102,12 @@ class Graph:
         """
         if len(names) < 3:
             raise FieldError(f"names = {list(names)!r}; allowed in a ring: at least 3")
-        return Graph.of(names, dict.fromkeys(pairwise([*names, names[0]]), weight))
+        return Graph.from_edges(names, dict.fromkeys(pairwise([*names, names[0]]), weight))
 
     @staticmethod
     def complete(names: Sequence[str], weight: float = 1.0) -> Graph:
         """Graph in which each vehicle hears every other."""
-        return Graph.of(names, dict.fromkeys(combinations(names, 2), weight))
+        return Graph.from_edges(names, dict.fromkeys(combinations(names, 2), weight))
 
     @staticmethod
     def random_connected(
@@ -127,7 +127,7 @@ class Graph:
             drawn, weight = rng.random() < chance, float(rng.uniform(least, most))
             if drawn or pair in tree or pair[::-1] in tree:
                 edges[pair] = weight
-        return Graph.of(names, edges)
+        return Graph.from_edges(names, edges)
 
     # ---- what it is
 

@@ -13,7 +13,7 @@ from mathnavi.sim.interfaces.bounds import Condition, configuration
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
-_OFF = 1e-6  # of |<p, p> - kappa| that is rounding, a float's at the worst
+_ROUNDING = 1e-6  # of |<p, p> - kappa| that is rounding, a float's at the worst
 
 
 @configuration
@@ -70,7 +70,7 @@ class ConstantCurvature:
             raise ValueError(f"point = {np.asarray(p).tolist()}; allowed on {self.name}: {self.size} finite numbers")
         square = kernels.inner(self.kappa, point, point)
         scale = max(1.0, kernels.inner(1.0, point, point))
-        near = abs(square - self.kappa) <= _OFF * scale < math.inf
+        near = abs(square - self.kappa) <= _ROUNDING * scale < math.inf
         if self.kappa and (not near or (self.kappa < 0.0 and point[0] <= 0.0)):
             sheet = ", p_0 > 0" if self.kappa < 0.0 else ""
             raise ValueError(

@@ -133,7 +133,7 @@ def radar_domes(
 ) -> tuple[dict[str, Motion], list[Surface]]:
     """What each radar reaches, where it is while it is on."""
     motions, surfaces = {}, []
-    layer = Layer.of(SceneElement.RADAR)
+    layer = Layer.for_element(SceneElement.RADAR)
     for number, track in enumerate(tracks):
         begin, end = max(track.time, 0.0), min(track.until, duration)
         if end <= begin:

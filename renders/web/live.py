@@ -85,12 +85,12 @@ class LiveScene:
         motions, domes = radar_domes(first.radars, terrain, self._duration)
         surfaces, lines, marks, cameras = [*ground(terrain), *domes], [], [], []
         for number, (name, own) in enumerate(flown.items()):
-            layer = Layer(name, vehicle_colour(number)) if several else Layer.of(SceneElement.FLOWN)
+            layer = Layer(name, vehicle_colour(number)) if several else Layer.for_element(SceneElement.FLOWN)
             motions[name] = Motion(np.zeros(1), own.start[None], np.array([[1.0, 0.0, 0.0, 0.0]]))
             surfaces += airframe(name, layer, layer.colour if several else None)
             lines.append(_path(name, layer))
             for part in PARTS:
-                in_part = layer if several else Layer.of(part, dashed=part is SceneElement.COMPLETION)
+                in_part = layer if several else Layer.for_element(part, dashed=part is SceneElement.COMPLETION)
                 lines.append(
                     _ahead(in_part, layer.colour if several else COLOURS[part], part, f"{name}:{PARTS.index(part)}")
                 )

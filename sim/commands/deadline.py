@@ -78,7 +78,7 @@ def watch(place: str, argv: Sequence[str], seconds: float) -> int:
         finally:
             signal.signal(signal.SIGTERM, before)
             _end(child, signal.SIGKILL)  # what it has started, and what is left of it
-        return _told(code, report, shlex.join(["mathnavi", *argv]), seconds)
+        return _exit_code(code, report, shlex.join(["mathnavi", *argv]), seconds)
 
 
 def run(path: Sequence[str], place: str, argv: Sequence[str], seconds: float, report: int) -> None:
@@ -114,7 +114,7 @@ def _end(child: subprocess.Popen[bytes], number: signal.Signals) -> None:
         child.wait()
 
 
-def _told(code: int | None, report: IO[str], command: str, seconds: float) -> int:
+def _exit_code(code: int | None, report: IO[str], command: str, seconds: float) -> int:
     """The exit code of this process; a line on standard error where the command has not come to its end."""
     report.seek(0)
     text = report.read()

@@ -117,7 +117,7 @@ def _estimator(name: str, run_config: RunConfig) -> PluginSpec:
         return restored_plugin("estimators", name, run_config)
     recorded = restored_plugin("estimators", run_config.estimator, run_config)
     with bad_input():
-        return PluginSpec.of(Smoothing(recorded.plugin, recorded.config))
+        return PluginSpec.with_fields(Smoothing(recorded.plugin, recorded.config))
 
 
 def _request(name: str, run_config: RunConfig, words: Sequence[str]) -> RunRequest:

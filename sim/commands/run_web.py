@@ -143,7 +143,7 @@ class FollowedRun:
             self._live, self._page = live, page
 
     def _watching(self, shown_from: float) -> Callable[[Loop], None]:
-        """What looks at the loop after every step: it takes samples, keeps the pace, and gives up after a change."""
+        """Observer of the loop after every step: it takes samples, keeps the pace, and gives up after a change."""
         behind, before = time.perf_counter(), shown_from  # when the present of the simulation should be reached
 
         def watch(loop: Loop) -> None:

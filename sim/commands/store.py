@@ -101,7 +101,7 @@ def _show(argv: Sequence[str]) -> None:
 def _kind(record: Record, changed: Sequence[str]) -> tuple[str, ...]:
     """Scenario, version of the code, environment, and digests of files that have changed, by the names of the fields.
 
-    Records that differ in any of these are told apart.
+    Records that differ in any of these are kept apart.
     """
     inputs = record.parameters.get("inputs", {})
     return record.scenario, record.code, record.origin.digest, *(str(inputs.get(name, "none")) for name in changed)

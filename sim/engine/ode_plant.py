@@ -120,10 +120,10 @@ class _Vehicle:
         self.motion.state = after
         return None
 
-    def read(self, tick: int, dt: float, *, looking: bool) -> None:
+    def read(self, tick: int, dt: float, *, at_control_step: bool) -> None:
         """Read the sensors that fall due at a tick."""
         for each in self.sensors if self.escaped is None else ():
-            if each.due(tick, looking):
+            if each.due(tick, at_control_step):
                 value = each.sensor.read(self.motion, each.rng)
                 if value is not None:
                     self.readings.append(Measurement(each.sensor.name, tick * dt, value))
@@ -173,7 +173,7 @@ class OdePlant:
 
     def sense(self, name: str) -> Sequence[Measurement]:
         vehicle = self._vehicle(name)
-        vehicle.read(self._tick, self.dt, looking=True)
+        vehicle.read(self._tick, self.dt, at_control_step=True)
         readings, vehicle.readings = vehicle.readings, []
         return readings
 
@@ -202,14 +202,14 @@ class OdePlant:
                 if (event := vehicle.advance(begin, tick - begin, self.dt)) is not None:
                     events.append(event)
                 if tick < end:
-                    vehicle.read(tick, self.dt, looking=False)
+                    vehicle.read(tick, self.dt, at_control_step=False)
                 begin = tick
         self._tick += ticks
         return events
 
     def _due(self, vehicle: _Vehicle, begin: int, end: int) -> list[int]:
         """The ticks in between at which a sensor of the vehicle is read."""
-        return [k for k in range(begin + 1, end) if any(each.due(k, looking=False) for each in vehicle.sensors)]
+        return [k for k in range(begin + 1, end) if any(each.due(k, at_control_step=False) for each in vehicle.sensors)]
 
     def _vehicle(self, name: str) -> _Vehicle:
         try:

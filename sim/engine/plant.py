@@ -193,15 +193,15 @@ class MujocoPlant:
 
     def sense(self, name: str) -> Sequence[Measurement]:
         vehicle = self._vehicle(name)
-        self._read(vehicle, looking=True)
+        self._read(vehicle, at_control_step=True)
         readings, vehicle.readings = vehicle.readings, []
         return readings
 
-    def _read(self, vehicle: _Vehicle, *, looking: bool) -> None:
+    def _read(self, vehicle: _Vehicle, *, at_control_step: bool) -> None:
         """Read the sensors that fall due at this tick."""
         ticks = self._ticks
         for each in vehicle.sensors:
-            if each.due(ticks, looking):
+            if each.due(ticks, at_control_step):
                 sensor = each.sensor
                 value = sensor.read(vehicle.motion, each.rng)
                 if value is not None:
@@ -285,7 +285,7 @@ class MujocoPlant:
                 self._touch(events)
             if left:
                 for vehicle in between:
-                    self._read(vehicle, looking=False)
+                    self._read(vehicle, at_control_step=False)
 
     def _between(self, ticks: int) -> tuple[_Vehicle, ...]:
         """The vehicles with sensors to be read within steps of so many ticks; the rest is left to sense()."""

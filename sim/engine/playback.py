@@ -34,13 +34,13 @@ class RecordedPlant:
         """The plant at the first sample of ``run``, with ticks of dt [s] and the readings of ``sensors``.
 
         ValueError if the samples are not at whole ticks, a sensor's readings are not in the run or of another length,
-        or some of them may not be because it is read more often than the loop looked.
+        or some of them may not be because it is read more often than at control steps.
         """
         self.dt = dt
         self._name, self._run, self._sensors = name, run, tuple(sensors)
         self._ticks = np.rint(run.t / dt).astype(np.int64)  # of the samples
         if not np.array_equal(self._ticks * dt, run.t):
-            raise ValueError(f"the run was looked at between physics ticks; allowed: at multiples of {dt:g} s")
+            raise ValueError(f"the run was sampled between physics ticks; allowed: at multiples of {dt:g} s")
         apart = int(np.diff(self._ticks).max(initial=1))
         self._every = [every(sensor, dt) for sensor in sensors]
         for sensor, ticks in zip(sensors, self._every, strict=True):

@@ -20,9 +20,9 @@ class Mounted:
     every: int  # ticks from one reading to the next; 0: at every control step
     rng: np.random.Generator  # of its own
 
-    def due(self, tick: int, looking: bool) -> bool:
+    def due(self, tick: int, at_control_step: bool) -> bool:
         """True if it is read at a tick, which may be that of a control step."""
-        return tick % self.every == 0 if self.every else looking
+        return tick % self.every == 0 if self.every else at_control_step
 
 
 def mounted(vehicle: str, sensors: Sequence[Sensor], dt: float, rng: np.random.Generator) -> list[Mounted]:

@@ -85,8 +85,10 @@ class EpisodeRunner:
         plugin = load("scenarios", scenario)
         wanted = plugin.estimator if estimator is None else estimator
         self._scenario, self._plugin = scenario, plugin
-        self._controller = PluginSpec.of(load("controllers", plugin.controller))  # of which the mission is made
-        self._estimator = PluginSpec.of(load("estimators", wanted)) if isinstance(wanted, str) else wanted
+        self._controller = PluginSpec.with_fields(
+            load("controllers", plugin.controller)
+        )  # of which the mission is made
+        self._estimator = PluginSpec.with_fields(load("estimators", wanted)) if isinstance(wanted, str) else wanted
         self._config = with_fields(plugin.Config(), fields or {})
         if getattr(self._config, "filter", False):
             raise ValueError(
@@ -123,7 +125,7 @@ class EpisodeRunner:
 
     def streams(self, seed: int) -> RandomStreams:
         """The random streams of the episode of a seed."""
-        return Assembler.of(self._plugin, self._config, seed, self._controller, self._estimator).streams
+        return Assembler.for_scenario(self._plugin, self._config, seed, self._controller, self._estimator).streams
 
     @property
     def inputs(self) -> Inputs:

@@ -78,7 +78,7 @@ class _Mission:
     deadline: float  # [s]
 
     @staticmethod
-    def of(terms: FlightTerms) -> _Mission:
+    def from_terms(terms: FlightTerms) -> _Mission:
         flight = terms.missions[VEHICLE]
         return _Mission(flight, cost_to_go(flight), terms.deadline)
 
@@ -91,7 +91,7 @@ class _Chance:
     gusts: np.random.Generator
 
     @staticmethod
-    def of(runner: EpisodeRunner, seed: int) -> _Chance:
+    def from_seed(runner: EpisodeRunner, seed: int) -> _Chance:
         streams, plant = runner.streams(seed), runner.plant
         own = streams["sensing"].spawn(1)[0]  # of the plant's only vehicle
         sensors = mounted(VEHICLE, plant.sensors(VEHICLE), plant.dt, own)
@@ -153,7 +153,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         plant = _checked_plant(runner)
         terms = _flight_terms(runner)
         others = (EpisodeRunner(scenario, seed + k, None, fields) for k in range(1, min(count, num_envs)))
-        made = [_Mission.of(terms), *(_Mission.of(_flight_terms(other)) for other in others)]
+        made = [_Mission.from_terms(terms), *(_Mission.from_terms(_flight_terms(other)) for other in others)]
         self._missions = [made[k % len(made)] for k in range(num_envs)]
         self.single_action_space, self.single_observation_space = first.action_space, first.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -364,7 +364,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         config = self._runner.config
         if config.noise.position > 0.0 or config.faults.gust_rms > 0.0:
             for i, seed in zip(rows.tolist(), seeds, strict=True):
-                self._chance[i] = _Chance.of(self._runner, int(seed))
+                self._chance[i] = _Chance.from_seed(self._runner, int(seed))
         self._x[rows] = self._read[rows] = self._starts[rows]
         if config.noise.position > 0.0:
             width = np.sqrt(3.0) * config.noise.position

@@ -18,7 +18,7 @@ BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)
 SIZES = {SLIDE: (1, 1), HINGE: (1, 1), BALL: (4, 3), FREE: (7, 6)}
 """of a joint's part of q and of v"""
 
-_OFF = 1e-6  # of a quaternion's length from 1 that is rounding, a float's at the worst
+_ROUNDING = 1e-6  # of a quaternion's length from 1 that is rounding, a float's at the worst
 _UNIT = {SLIDE: "m", HINGE: "rad"}
 
 
@@ -58,7 +58,7 @@ def with_unit_quaternions(q: Array, where: Sequence[slice], what: str) -> Array:
     q = q.copy()
     for each in where:
         length = float(np.linalg.norm(q[each]))
-        if not abs(length - 1.0) <= _OFF:
+        if not abs(length - 1.0) <= _ROUNDING:
             raise ValueError(f"{what} = {q.tolist()} has a quaternion of length {length:.9g}; allowed: 1")
         q[each] /= length
     return q

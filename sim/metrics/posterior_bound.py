@@ -93,7 +93,7 @@ class PosteriorBound:
 
     deviation: Array  # (n, m) standard deviations of the components at the samples; NaN where there is no bound
     judged: tuple[int, ...] = ()  # components by which the efficiency is judged
-    of: str = ""  # what they are: "position"
+    quantity: str = ""  # that these components are: "position"
     reason: str = ""  # why there is no bound at all
 
     @staticmethod
@@ -113,7 +113,7 @@ class PosteriorBound:
         if value is None:
             basis = f"none: over {span} the bound or the estimate is missing, or the bound is zero"
             return {"efficiency": None, "efficiency_basis": basis}
-        basis = f"root mean square error of {self.of} over {span}, over the posterior Cramér-Rao bound's"
+        basis = f"root mean square error of {self.quantity} over {span}, over the posterior Cramér-Rao bound's"
         return {"efficiency": value, "efficiency_basis": basis}
 
 

@@ -39,7 +39,7 @@ class Errors:
     found: NDArray[np.bool_]  # (n,) whether the estimator had an estimate
 
     @staticmethod
-    def of(recording: Recording, name: str, mission: RangingMission) -> Errors:
+    def from_recording(recording: Recording, name: str, mission: RangingMission) -> Errors:
         """The errors of one robot's run."""
         truths, estimates = recording.truths[name], recording.agents[name].estimates
         difference, P = np.full((len(truths), 3), np.nan), np.full((len(truths), 3, 3), np.nan)
@@ -95,7 +95,7 @@ def ranging_summary(
     """
     t, agent = recording.t, recording.agents[name]
     path = recording.truths[name][:, :2]
-    errors = Errors.of(recording, name, mission)
+    errors = Errors.from_recording(recording, name, mission)
     kinds = Counter(event.kind for event in recording.events if event.agent == name)
     converged, last = errors.converged, errors.last
     found = errors.last_above() if converged else math.inf

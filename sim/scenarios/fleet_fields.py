@@ -211,7 +211,7 @@ class FleetFields(LimitFields, FleetEndFields):
                     raise FieldError(f"edge = {(one, other, weight)!r}; allowed: each pair of vehicles once")
                 edges[one, other] = weight
             try:
-                return Graph.of(self.names, edges).checked_connected()
+                return Graph.from_edges(self.names, edges).checked_connected()
             except ValueError as error:
                 raise FieldError(f"edge: {error}") from None
         if self.graph == "random":

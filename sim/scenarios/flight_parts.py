@@ -244,7 +244,7 @@ def flight_task(
         return (float(np.square(acting).sum()) + len(names) * float(beta)) * (end.t - begin.t)
 
     def filters() -> dict[str, CommandFilter]:
-        return {name: CommandFilter.of(flight) for name, flight in flights.items()}
+        return {name: CommandFilter.for_mission(flight) for name, flight in flights.items()}
 
     commanded = dict.fromkeys(names, inputs)
     largest = len(names) * (acceleration_max**2 + float(beta))

@@ -138,7 +138,7 @@ def _efficiency(
     bound: PosteriorBound, recording: Recording, case: LagrangianCase, settled: float
 ) -> dict[str, float | str | None]:
     """The efficiency of the velocity from ``settled`` [s] on, in components at the truth."""
-    errors = VelocityErrors.of(recording, case.vehicle, case.manifold)
+    errors = VelocityErrors.from_recording(recording, case.vehicle, case.manifold)
     newest = np.searchsorted(errors.t, recording.t + TIME_TOLERANCE, side="right") - 1
     window = slice(int(np.searchsorted(recording.t, settled - TIME_TOLERANCE)), None)
     return bound.figures(errors.components[newest], window, f"the run from {settled:g} s on")

@@ -116,7 +116,7 @@ class TextbookObserver:
         config: TextbookConfig, seed: int, controller: PluginSpec | None = None, estimator: PluginSpec | None = None
     ) -> ClosedLoop:
         """The closed loop of one seed. Raises ValueError for an observer that is not made for the system."""
-        parts = Assembler.of(TextbookObserver, config, seed, controller, estimator)
+        parts = Assembler.for_scenario(TextbookObserver, config, seed, controller, estimator)
         stack = parts.stack(config.mission)
         vehicle = OdeVehicle(config.observed, config.start_state, stack.sensors)
         plant = OdePlant({VEHICLE: vehicle}, TICK, parts.streams.root)

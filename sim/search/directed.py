@@ -1,6 +1,6 @@
 """Directed search: a sampler proposes values, missions are flown there, and their figures are reported to it.
 
-    ask for a batch of values -> trials, flown where the store lacks them -> tell the sampler the figures, in order
+    ask for a batch of values -> trials, flown where the store lacks them -> give the sampler the figures, in order
 
 The sampler is Optuna's: TPE, the tree-structured Parzen estimator, CMA-ES, or independent draws. What it proposes
 follows from its seed and from the figures that it got, batch by batch: the same seed and batch make the same search,

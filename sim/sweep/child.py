@@ -49,7 +49,7 @@ class OtherEnvironmentError(RefusedError):
     """A worker computes in another environment, so that its results agree with those of this one to rounding only."""
 
     @staticmethod
-    def of(words: str) -> OtherEnvironmentError:
+    def from_difference(words: str) -> OtherEnvironmentError:
         """The error for a difference between two environments in words."""
         return OtherEnvironmentError(
             f"a worker computes in another environment, {words}: its results would agree with those of this one to "

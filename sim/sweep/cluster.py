@@ -138,7 +138,7 @@ def execute(
     OtherEnvironmentError where the computing environment is not the one that is ``needed``, if one is.
     """
     if needed and (other := difference(needed)):
-        raise OtherEnvironmentError.of(other.replace("(here", "(there"))
+        raise OtherEnvironmentError.from_difference(other.replace("(here", "(there"))
     known = module_path()
     place = (folder if os.path.isdir(folder) else None, (*known, *(entry for entry in path if entry not in known)))
     dask_worker = _dask().get_worker()

@@ -238,7 +238,7 @@ class _Sweep:
         self._store.add(*ended, retried=self._retry)
         other = next((record.origin for record in ended if record.origin.digest != environment_digest()), None)
         if other is not None and not self._mix_environments:
-            raise OtherEnvironmentError.of(difference(other.environment))
+            raise OtherEnvironmentError.from_difference(difference(other.environment))
         new = [record for record in ended if record.origin.content in self._pending]
         self._pending.difference_update(record.origin.content for record in new)
         now = _counted(self._now, [Ending(record.status, record.success) for record in new])

@@ -144,7 +144,7 @@ def missile_bench(name: str, silent: bool = False) -> Bench:
 def ranging_bench(silent: bool = False) -> Bench:
     """A figure of eight in an ellipse, with four range sensors and odometry; the start is known, roughly with noise.
 
-    The silent bench tells the start exactly and says that it may be off: what stays on the truth does so all the same.
+    The silent bench gives the start exactly and declares it uncertain: what stays on the truth does so all the same.
     The state is that of the ideal robot's joints: the pose and the two wheels.
     """
     start = np.array([0.6, -0.3, 0.8, 0.0, 0.0])

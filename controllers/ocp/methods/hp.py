@@ -145,7 +145,7 @@ def hp(
             mesh = meshed(current, own, errors, allowed, most_nodes, hard=plan.every)
             following = _Plan(mesh, own, rho, plan.every)
         else:
-            mesh = HpMesh.of(current).with_boundaries(seen.boundaries, most_nodes)
+            mesh = HpMesh.from_solution(current).with_boundaries(seen.boundaries, most_nodes)
             following = _Plan(mesh, seen, rho, plan.every)
         found, following, smooth_start = _next(problem, following, current, parameters, options)
         failures += int(not smooth_start)
@@ -212,7 +212,7 @@ def _next(
     True if the first try was enough.
     """
     timing, weight, without = Timing(), _SMOOTHING * abs(current.cost), without_structure(problem)
-    last = HpMesh.of(current)
+    last = HpMesh.from_solution(current)
     nodes = last.with_boundaries(following.structure.boundaries, len(current.grid))
     tries = (
         following,

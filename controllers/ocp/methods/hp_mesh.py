@@ -52,7 +52,7 @@ class HpMesh:
     counts: Integers  # (N - 1,)
 
     @staticmethod
-    def of(solution: Solution) -> HpMesh:
+    def from_solution(solution: Solution) -> HpMesh:
         """The mesh of a solution by Radau collocation, its nodes where the solution has put them."""
         return HpMesh(solution.grid, np.broadcast_to(point_counts(solution.scheme), solution.nodes - 1))
 
@@ -106,7 +106,7 @@ def meshed(
         most_nodes: limit of the number of nodes.
         hard: True if a solve failed before: the mesh grows more slowly.
     """
-    mesh = HpMesh.of(solution)
+    mesh = HpMesh.from_solution(solution)
     counts, nodes, widths = mesh.counts, mesh.grid.nodes, mesh.grid.widths
     each = allowed / len(widths)
     large, violated = errors.own > each, errors.path > VIOLATION * allowed

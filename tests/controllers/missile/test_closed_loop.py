@@ -71,7 +71,7 @@ def test_in_space_pitch_and_yaw_planners_meet_a_target_that_moves_across() -> No
 def test_the_same_seed_gives_the_same_flight() -> None:
     config = MissileGuidanceConfig(case="FAST")
     one, other = (
-        MissileGuidance.build(config, 3, PluginSpec.of(MissileController, backend="fatrop")).run().arrays
+        MissileGuidance.build(config, 3, PluginSpec.with_fields(MissileController, backend="fatrop")).run().arrays
         for _ in range(2)
     )
     for name, array in one.items():

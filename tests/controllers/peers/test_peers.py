@@ -25,7 +25,7 @@ from tests import flight
 
 MISSION = flight.mission()
 BOUND = tracking_bound(0.8, MISSION)
-CERTIFICATE = Certificate.of(MISSION, BOUND)
+CERTIFICATE = Certificate.for_mission(MISSION, BOUND)
 
 
 class Straight:

@@ -21,7 +21,7 @@ from tests.estimators.stagewise.test_smoother import FLIGHT, fixes, ranged
 
 @pytest.mark.parametrize("stages", [2, 6])
 def test_of_a_linear_model_it_is_the_kalman_filter_whatever_its_length(stages: int) -> None:
-    model = FlightModel.of(KalmanConfig(), FLIGHT)
+    model = FlightModel.from_config(KalmanConfig(), FLIGHT)
     horizon = MovingHorizon(model, stages, 1, slope=1e9)
     taken: list[Stage] = []
     for k, stage in enumerate(fixes(20)):
@@ -35,7 +35,7 @@ def test_of_a_linear_model_it_is_the_kalman_filter_whatever_its_length(stages: i
 
 def test_the_limits_of_the_mission_hold() -> None:
     """Fixes that run away ask for a gust that is not declared, of a filter without limits."""
-    model = FlightModel.of(KalmanConfig(), FLIGHT)
+    model = FlightModel.from_config(KalmanConfig(), FLIGHT)
     horizon, limit = MovingHorizon(model, 6, 1, slope=1e9), FLIGHT.gust.limit
     for stage in runaway(20):
         horizon.add(stage)

@@ -36,7 +36,7 @@ def fixes(n: int = 40) -> list[Stage]:
 
 
 def test_of_a_linear_model_the_smoother_is_that_of_filterpy() -> None:
-    model, stages = FlightModel.of(KalmanConfig(), FLIGHT), fixes()
+    model, stages = FlightModel.from_config(KalmanConfig(), FLIGHT), fixes()
     found = rauch_tung_striebel(model, stages, GATE)
     kalman = KalmanFilter(9, 3)
     kalman.x, kalman.P = model.start(None)
@@ -65,7 +65,7 @@ def moved(stage: Stage, u: Array) -> Array:
 
 
 def test_of_a_linear_model_batch_least_squares_is_the_smoother() -> None:
-    model, stages = FlightModel.of(KalmanConfig(), FLIGHT), fixes()
+    model, stages = FlightModel.from_config(KalmanConfig(), FLIGHT), fixes()
     smoothed, batch = rauch_tung_striebel(model, stages, GATE), batch_least_squares(model, stages, GATE)
     assert batch.converged
     np.testing.assert_allclose(np.array(batch.x), np.array(smoothed.x), atol=1e-6)
@@ -107,7 +107,7 @@ def test_a_smoother_is_nearer_to_the_truth_than_its_filter_and_batch_least_squar
 
 
 def test_an_outlier_is_not_used() -> None:
-    model, stages = FlightModel.of(KalmanConfig(), FLIGHT), fixes()
+    model, stages = FlightModel.from_config(KalmanConfig(), FLIGHT), fixes()
     spoilt = list(stages)
     spoilt[20] = Stage(stages[20].t, stages[20].inputs, (stages[20].readings[0] + 500.0,))
     without = list(stages)

@@ -204,7 +204,7 @@ def test_a_study_keeps_the_contract(name: str, hills: str, tmp_path: Path) -> No
 
 
 def assert_claims(name: str, result: StudyResult) -> None:
-    """They are those that the study is there for, and each tells all that a ledger needs."""
+    """They are those that the study is there for, and each has all that a ledger needs."""
     assert {claim.id for claim in result.claims} == CLAIMS[name]
     for claim in result.claims:
         assert claim.kind == ("printed" if claim.id.startswith(PRINTED) else "target")

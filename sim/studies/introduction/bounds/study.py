@@ -27,7 +27,7 @@ from mathnavi.sim.studies.introduction.bounds.runs import (
 
 NEAR = 1.15  # times the bound, which counts as reached
 CHANCE = 3.0  # standard errors
-FEWEST = 5  # runs that tell a standard error
+FEWEST = 5  # runs that a standard error needs
 DISTURBED = ("ranges", "flight", "missile")  # scenarios with process noise
 
 

@@ -34,7 +34,7 @@ from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.studies.introduction.scaling.memory import PeakMemory
 from mathnavi.sim.studies.ranging.observability.maps import STANDARD
 from mathnavi.sim.studies.ranging.range_convergence.costs import START
-from mathnavi.sim.studies.ranging.range_convergence.runs import noisy_run, told_mission
+from mathnavi.sim.studies.ranging.range_convergence.runs import declared_mission, noisy_run
 from mathnavi.sim.sweep.trial import Trial, trial
 
 GROUND = "tian_shan"
@@ -164,7 +164,7 @@ class _Replay:
 
 def _bank(count: int, seed: int) -> _Replay:
     """The bank, none of whose hypotheses is dropped."""
-    mission = told_mission(STANDARD, "2s")
+    mission = declared_mission(STANDARD, "2s")
     readings = noisy_run(mission, np.array(START), UPDATES * mission.period, np.random.default_rng(seed)).readings
     plugin = load("estimators", "feasible_set_bank")
     config = plugin.Config(hypotheses=count, candidates=max(300, 4 * count), lowest=-1e300)

@@ -340,7 +340,9 @@ def paths_of_figure_b_5(case: str) -> tuple[PlannedPath, PlannedPath]:
     problem, n = missile(case), 50
     even = solve(problem, n)
     programme = transcription(problem, HermiteSimpson(), n, Equidistributed(PATH))
-    return PlannedPath.of(even), PlannedPath.of(replayed(programme.solve(even, redistributed(even, n, PATH))))
+    return PlannedPath.from_solution(even), PlannedPath.from_solution(
+        replayed(programme.solve(even, redistributed(even, n, PATH)))
+    )
 
 
 def _densities(even: PlannedPath, adaptive: PlannedPath) -> str:

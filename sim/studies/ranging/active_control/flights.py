@@ -148,7 +148,7 @@ def tracked(outcome: RunResult) -> dict[str, Any]:
 
 def _errors(outcome: RunResult) -> Errors:
     """Modulo the wall's symmetry, which is all that a mission says of them."""
-    return Errors.of(outcome.recording, VEHICLE, RangingMission(WALL, (0.0,)))
+    return Errors.from_recording(outcome.recording, VEHICLE, RangingMission(WALL, (0.0,)))
 
 
 def _kept(outcome: RunResult) -> slice:

@@ -60,7 +60,7 @@ def honesty(outcome: RunResult) -> dict[str, Any]:
     """
     recording, record = outcome.recording, outcome.config["mission"]
     mission = RangingMission(Curve(tuple(map(tuple, record["coefficients"])), record["field"]), (0.0,))
-    errors = Errors.of(recording, VEHICLE, mission)
+    errors = Errors.from_recording(recording, VEHICLE, mission)
     last, (known, sure) = errors.last, _known(outcome, recording.t)
     beyond = (errors.position > POSITION) | (errors.heading > HEADING)
     nees = errors.nees[last][known[last]]

@@ -147,7 +147,7 @@ def _along(flow: Axes, outputs: RangeOutputs, x_0: Array, points: Array, motions
     flow.set(
         xlabel="along the feasible curve, from the true start [m, rad]",
         ylabel=f"difference of the output flow in {AHEAD:g} s [m]",
-        title="(b) any motion tells them apart",
+        title="(b) any motion distinguishes them",
     )
     flow.legend(fontsize=8.5, loc="upper center", ncols=2, columnspacing=1.2, handlelength=1.4)
 

@@ -190,7 +190,7 @@ class NearAttempt:
 def found_exactly(attempt: NearAttempt) -> bool:
     """Tell whether the pose is found to 1 mm and 1 mrad, from most of the first estimates.
 
-    One alone may happen to be as near as that on the feasible set, where it stays if nothing tells its states apart.
+    One alone may happen to be as near as that on the feasible set, where it stays if nothing distinguishes its states.
     """
     case, rng = attempt.case, np.random.default_rng(attempt.seed)
     start, u = drawn_start(case.curve, rng), driving if attempt.drives else standing

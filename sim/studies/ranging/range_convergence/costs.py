@@ -29,7 +29,7 @@ from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.interfaces.signals import Array, Measurement
 from mathnavi.sim.studies.ranging.observability.maps import STANDARD
 from mathnavi.sim.studies.ranging.range_convergence.cost_kernels import bank_updates, particle_updates
-from mathnavi.sim.studies.ranging.range_convergence.runs import noisy_run, told_mission
+from mathnavi.sim.studies.ranging.range_convergence.runs import declared_mission, noisy_run
 
 START = (1.0, 0.2, 0.5 * math.pi)  # from where the figure of eight stays within the standard field
 
@@ -56,7 +56,7 @@ class Readings:
 
 def read(sensors: str, seconds: float, rng: np.random.Generator) -> Readings:
     """Draw readings with a set of ``SENSORS``, by name, and the standard noise."""
-    mission = told_mission(STANDARD, sensors)
+    mission = declared_mission(STANDARD, sensors)
     readings = noisy_run(mission, np.array(START), seconds, rng).readings[1:]
     return Readings(mission, *(np.array([pair[k].value for pair in readings]) for k in (0, 1)))
 

@@ -131,7 +131,7 @@ class Browser:
 
 
 def complaints(events: list[dict[str, Any]], url: str) -> list[str]:
-    """What a page did that it must not."""
+    """Actions of a page that it must not take."""
     found = []
     for event in events:
         method, parameters = event.get("method"), event.get("params", {})

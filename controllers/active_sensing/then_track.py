@@ -155,7 +155,7 @@ class ReferencePath:
         return np.array([abs(first) / turn_rate, math.hypot(dx, dy) / speed, abs(last) / turn_rate]), u
 
     def _is_clear(self, begin: Array, end: Array) -> bool:
-        """Whether a line keeps the margin, or its begin's distance where that is less."""
+        """True if a line keeps the margin, or its begin's distance where that is less."""
         curve = self._mission.curve
         margin = min(self._mission.margin, curve.distance(begin) - _STEP)
         points = np.linspace(begin, end, 2 + int(np.linalg.norm(end - begin) / _STEP))
@@ -172,7 +172,7 @@ class _Joined:
 
 
 def _is_far(belief: Belief, plan: Plan, t: float) -> bool:
-    """Whether the estimate is far from the pose of a plan at t [s]."""
+    """True if the estimate is far from the pose of a plan at t [s]."""
     x, y, _ = belief.pose - pose_on(plan, t)
     return math.hypot(x, y) > _FAR
 

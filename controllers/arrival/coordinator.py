@@ -1,4 +1,4 @@
-"""What a vehicle of a fleet says to the others: its plans, for their room, and when it can arrive, for a common time.
+"""Messages of a vehicle of a fleet: its plans, for their room, and when it can arrive, for a common time.
 
     plan proposed -> SeparationRule, over the network, with every other vehicle -> admitted, or the stored plan stays
     ``ArrivalEstimate`` of the plan being flown -> Consensus, with the neighbours in the graph -> t_a for the planner
@@ -183,7 +183,7 @@ class FleetCoordinator:
         return ""
 
     def _keeping(self, t: float, flown: Plan) -> tuple[tuple[str, str], ...]:
-        """What to record where the plan being flown begins to miss the agreed time for good, or keeps it again."""
+        """Events to record where the plan being flown begins to miss the agreed time for good, or keeps it again."""
         agreed, assured, period = self._announced, self._assured, self._planning_period
         if assured is None or agreed is None or t < self._changed + 2.0 * period:
             return ()
@@ -197,7 +197,7 @@ class FleetCoordinator:
         return (("arrival-kept" if kept else "arrival-unkept", text),)
 
     def _silence(self) -> tuple[tuple[str, str], ...]:
-        """What to record where others begin to leave a proposal unanswered to its start, or all answer again."""
+        """Events to record where others begin to leave a proposal unanswered to its start, or all answer again."""
         silent = self._separation.unheard
         if bool(silent) == self._silent or not (silent or self._separation.pending):
             return ()
@@ -207,7 +207,7 @@ class FleetCoordinator:
         return (("separation-silent", f"no answer of {', '.join(silent)}: the stored plan is flown"),)
 
     def _taking_part(self) -> tuple[tuple[str, str], ...]:
-        """What to record where the vehicle becomes an outlier, or takes part again."""
+        """Events to record where the vehicle becomes an outlier, or takes part again."""
         outlier = self._consensus.outlier and self._flown is not None
         if outlier == self._outlier:
             return ()

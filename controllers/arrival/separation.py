@@ -205,7 +205,7 @@ class Separation:
         return self._answered[sender]
 
     def _clears_all(self, sender: str, proposal: Proposal, t: float) -> bool:
-        """Whether a proposal clears all of Own; what is in its way may give way."""
+        """True if a proposal clears all of Own; what is in its way may give way."""
         theirs = proposal.trajectory
         begin = max(t, float(theirs.t[0]))  # not flown before
         if not self.zone.kept(theirs, self._current, begin):

@@ -343,7 +343,7 @@ class AsPrinted:
         return steps, (np.array([0.0, 0.0, climb]) - v) / duration
 
     def _infeasible(self, nlp: EulerNlp, p: Array, v: Array, steps: int, push: Array) -> str:
-        """Which constraint of (A.4) the manoeuvre from the node (p, v) violates at its nodes; empty if none."""
+        """Constraint of (A.4) that the manoeuvre from the node (p, v) violates at its nodes; empty if none."""
         h = nlp.h
         v_i = v + h * np.arange(steps + 1)[:, None] * push  # (N_bar, 3)
         p_i = p + h * np.vstack([np.zeros(3), np.cumsum(v_i[:-1], axis=0)])

@@ -25,7 +25,7 @@ _PROBE = 1e-3  # of each input, that its effect is seen by: within the ranges th
 
 @configuration
 class TrackingGains:
-    """Of the position and of the velocity."""
+    """Gains of the position and of the velocity."""
 
     k_p: Positive  # [1/s^2]
     k_d: Positive  # [1/s]

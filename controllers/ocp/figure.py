@@ -36,7 +36,7 @@ STATE, CONTROL, CONSTRAINT, DUAL = SERIES[0], SERIES[1], SERIES[4], SERIES[2]
 
 
 class SolutionView(Protocol):
-    """What a figure needs to know of a solution."""
+    """Interface of a solution as a figure needs it."""
 
     @property
     def problem(self) -> ProblemFunctions: ...

@@ -1,4 +1,4 @@
-"""Which constraints of an infeasible programme cannot hold together, in the words of the problem: elastic mode.
+"""Constraints of an infeasible programme that cannot hold together, in the words of the problem: elastic mode.
 
     minimise Σ w_i (s+_i + s-_i)    subject to    lower <= g(x, p) - s+ + s- <= upper,   s+, s- >= 0,
 

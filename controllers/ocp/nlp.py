@@ -189,7 +189,7 @@ def _starts(widths: ca.MX) -> ca.MX:
 
 @dataclass(frozen=True, eq=False)
 class _End:
-    """What holds at the start or at the end, with the limits of its rows."""
+    """Constraints at the start or at the end, with the limits of its rows."""
 
     stage: Stage
     lower: Array
@@ -198,7 +198,7 @@ class _End:
 
 @dataclass(frozen=True, eq=False)
 class _Interval:
-    """What holds along an interval."""
+    """Constraints along an interval."""
 
     stage: Stage
     functional: ca.SX  # () the distribution's I_i, which the stage's cost contains

@@ -63,7 +63,7 @@ Flags = NDArray[np.bool_]
 
 
 class Verdict(Enum):
-    """What is found of a condition; the value is its word in a table."""
+    """Verdict on a condition; the value is its word in a table."""
 
     HOLDS = "holds"
     VIOLATED = "violated"

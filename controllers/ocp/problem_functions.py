@@ -155,5 +155,5 @@ def check_problem(problem: object) -> None:
 
 
 def first_line(value: object) -> str:
-    """What a value is called in an error of one line: the first line of its representation."""
+    """Name of a value in an error of one line: the first line of its representation."""
     return f"{repr(value).partition(chr(10))[0]:.120}"

@@ -84,7 +84,7 @@ class Factors(NamedTuple):
     values: Array
 
     def matrix(self, height: int, width: int) -> ca.DM:
-        """It as a matrix (height, width)."""
+        """Dense matrix (height, width)."""
         return _sparse(self.values, self.rows, self.columns, (height, width))
 
 

@@ -1,4 +1,4 @@
-"""What the quadrotor's tracker keeps: the deviation from a plan that the certificate has to allow for.
+"""Tracking bound of the quadrotor: the deviation from a plan that the certificate has to allow for.
 
 Two parts add up: how far the reference is from the plan (``reference.deviation``) and how far the vehicle is from the
 reference. The second comes from the loop on one axis, with the letters of ``tracker``; d is the force per mass that

@@ -23,7 +23,7 @@ _PERIODS = 100  # of the mission, from one plan to the next
 
 
 class DrivenSystem(Protocol):
-    """What an input signal has to know of a system."""
+    """Interface of a system as an input signal needs it."""
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -122,7 +122,7 @@ def _default(entry: dataclasses.Field[Any]) -> Any:
 
 
 def _kind(hint: Any) -> str:
-    """What is given with a flag."""
+    """Value that is given with a flag."""
     while get_origin(hint) is Annotated:
         hint = get_args(hint)[0]
     members = get_args(hint)

@@ -191,7 +191,7 @@ class FeasibleSetBank:
 
     @property
     def _is_believed(self) -> bool:
-        """Whether the best hypothesis explains the rays, an outlier counting as the gate, by as much slip as may be."""
+        """True if the best hypothesis explains the rays, an outlier counting as the gate, by as much slip as may be."""
         limit = self._config.misfit + _MORE_OUTLIERS * noise_of(self._noise)[1] * self._gate
         return bool(self._bank.misfit[self._best] <= limit and self._bank.slip[self._best] < MOST_SLIP)
 

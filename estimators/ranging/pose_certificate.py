@@ -40,7 +40,7 @@ _ALONG = (0.25, 0.5, 0.75)  # shares of a ray that have to be within the wall
 
 @configuration
 class PoseCertificateConfig:
-    """Which readings are used, and what is said of them."""
+    """Readings that are used, and what is assumed of them."""
 
     readings: CountInMemory = 16
     """sets of ranges, the newest one included"""

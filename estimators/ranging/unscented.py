@@ -170,5 +170,5 @@ def _sum(x: Array, y: Array) -> Array:
 
 
 def _mean(sigmas: Array, weights: Array) -> Array:
-    """Of sigma points (2 n + 1, n); the headings relative to the first, around which they lie."""
+    """Mean of sigma points (2 n + 1, n); the headings relative to the first, around which they lie."""
     return _sum(sigmas[0], weights @ np.array([_difference(sigma, sigmas[0]) for sigma in sigmas]))

@@ -70,7 +70,7 @@ class Differences:
         return True
 
     def _filtered(self, w: Array, periods: int) -> Array:
-        """What the filter says at the end of so many periods of a difference w (vector_size,)."""
+        """Output of the filter at the end of so many periods of a difference w (vector_size,)."""
         if self._sos is None:
             return w
         out, self._memory = sosfilt(self._sos, np.tile(w, (periods, 1)), axis=0, zi=self._memory)

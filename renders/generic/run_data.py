@@ -50,7 +50,7 @@ class GenericRun:
         return f"{self.config['scenario']}, seed {self.config['seed']}"
 
     def status(self, t: float) -> str:
-        """What the estimators say at ``t`` [s]: the first that is not OK, or nothing."""
+        """Status of the estimators at ``t`` [s]: the first that is not OK, or nothing."""
         for name, log in self.vehicles.items():
             if (status := log.status(t)) is not Status.OK:
                 return f"estimate {status.name.lower()}" + (f" ({name})" if len(self.vehicles) > 1 else "")

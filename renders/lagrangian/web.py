@@ -47,7 +47,7 @@ def lagrangian_charts(run: LagrangianRun) -> list[Chart]:
 
 
 def _mechanism(run: LagrangianRun) -> WebScene:
-    """What MuJoCo moved, its ghosts, the path of its tip and the velocities there."""
+    """Bodies that MuJoCo moved, their ghosts, the path of its tip and the velocities there."""
     assert run.mechanism is not None
     model = build_spec(run.mechanism).compile()
     rows = thinned_rows(len(run.t), MOST_POSES)

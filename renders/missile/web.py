@@ -95,7 +95,7 @@ def _cameras(run: MissileRun) -> list[Camera]:
 
 
 def _plans(run: MissileRun) -> list[Lines]:
-    """What is ahead of each plan."""
+    """The part of each plan that is ahead."""
     frames, times = [], []
     for begin, plan in zip(run.log.adopted.tolist(), run.log.plans, strict=True):
         t = np.linspace(begin, max(plan.t_end, begin + 1e-3), PLAN_POINTS)

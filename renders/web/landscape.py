@@ -1,4 +1,4 @@
-"""What flights over a terrain have in common: the ground, airframes, radars, plans and cameras."""
+"""Common part of flights over a terrain: the ground, airframes, radars, plans and cameras."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def flown(t: Array, places: Array, layer: Layer, width: float = 3.4) -> Lines:
 def plan_lines(
     plans: Sequence[Plan], adopted: Array, end: float, own: Mapping[SceneElement, Layer], colour: Colour | None = None
 ) -> list[Lines]:
-    """What is ahead of the plan of the moment: optimised part, safety manoeuvre, completion path."""
+    """The part of the present plan that is ahead: optimised part, safety manoeuvre, completion path."""
     parts: dict[SceneElement, list[list[tuple[Array, Array]]]] = {part: [[] for _ in plans] for part in own}
     for k, (plan, begin) in enumerate(zip(plans, adopted.tolist(), strict=True)):
         pieces = plan_pieces(plan, begin)
@@ -131,7 +131,7 @@ def plan_pieces(plan: Plan, begin: float) -> list[tuple[SceneElement, tuple[Arra
 def radar_domes(
     tracks: Sequence[RadarTrack], terrain: HeightField, duration: float
 ) -> tuple[dict[str, Motion], list[Surface]]:
-    """What each radar reaches, where it is while it is on."""
+    """Domes that the radars reach, where they are while they are on."""
     motions, surfaces = {}, []
     layer = Layer.for_element(SceneElement.RADAR)
     for number, track in enumerate(tracks):

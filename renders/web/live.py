@@ -41,7 +41,7 @@ Nowhere = np.zeros(0)
 
 
 class LiveScene:
-    """What a page shows of one loop."""
+    """Scene of one loop on a page."""
 
     def __init__(self, title: str, plant: Plant, config: Mapping[str, Any], duration: float) -> None:
         """``config`` as config.json will hold it; ``duration`` [s] of the run, at most."""
@@ -151,7 +151,7 @@ class LiveScene:
             self._recorded = loop.recording.events
 
     def news(self, since: int) -> dict[str, Any]:
-        """What is new after the first ``since`` samples."""
+        """News after the first ``since`` samples."""
         with self._lock:
             samples = self._samples[since:]
             plans = {name: lines for name, (version, lines) in self._plans.items() if version > since}

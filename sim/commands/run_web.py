@@ -78,7 +78,7 @@ class FollowedRun:
             return self._page
 
     def news(self, query: Mapping[str, str]) -> dict[str, Any]:
-        """What is new since the sample that the query names."""
+        """Samples since the one that the query names."""
         since = query.get("since", "0")
         with self._lock:
             live, generation = self._live, self._generation

@@ -235,6 +235,6 @@ def _counts(evaluations: Sequence[Evaluation], missions: int, stored: set[str]) 
 
 
 def _stored(evaluations: Sequence[Evaluation], options: SearchOptions, ended: int) -> str:
-    """What is kept of a search that ends too early; ``ended`` missions are stored and not yet evaluated."""
+    """Note on what is kept of a search that ends too early; ``ended`` missions are stored and not yet evaluated."""
     more = f", and {ended} more are stored" if ended else ""
     return f"{len(evaluations)} of {options.missions} missions are evaluated{more}"

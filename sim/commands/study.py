@@ -217,7 +217,7 @@ def _study(
 
 
 def _stored(path: Path) -> str:
-    """What is kept of a study that is interrupted."""
+    """Note on what is kept of a study that is interrupted."""
     number = stored_results(path)
     if number is None:
         return f"what had ended is stored in {path}; to go on"

@@ -188,7 +188,7 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 
 def _cells(function: Any) -> dict[str, Any]:
-    """What a function takes from the one around it."""
+    """Variables that a function takes from the one around it."""
     cells = function.__closure__ or ()
     return {name: cell.cell_contents for name, cell in zip(function.__code__.co_freevars, cells, strict=True)}
 

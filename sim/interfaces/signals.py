@@ -137,7 +137,7 @@ class Message:
 
 @dataclass(frozen=True)
 class Outbox:
-    """What a coordinator sends at one time: messages to others, messages to its own planner, and events."""
+    """Messages of a coordinator at one time: to others, to its own planner, and events."""
 
     messages: tuple[tuple[str, Message], ...] = ()  # (receiver, message), for the network
     planner_messages: tuple[Message, ...] = ()  # for the vehicle's own planner: an arrival time that was agreed on

@@ -1,4 +1,4 @@
-"""Which code a result comes from: the version of the package and a digest of the sources as they are installed."""
+"""Code that a result comes from: the version of the package and a digest of the sources as they are installed."""
 
 from __future__ import annotations
 

@@ -172,7 +172,7 @@ class Sweep:
 
 
 def planned_by_none(record: Record) -> bool:
-    """Whether the planner had no part in a trial, though the mission may have done what it should."""
+    """True if the planner had no part in a trial, though the mission may have done what it should."""
     return PLANNER_STATUS in record.summary
 
 

@@ -222,7 +222,7 @@ class Assembler:
         )
 
     def _record(self, mission: Any, resolved: Any, terrain: Mapping[str, Any] | None) -> dict[str, Any]:
-        """What config.json holds beside the versions."""
+        """Content of config.json beside the versions."""
         drawing = getattr(self.scenario, "drawing", None)
         place = f"{self.scenario.__module__}:{self.scenario.__qualname__}"
         configs = self.config, self.controller.config, self.estimator.config

@@ -1,4 +1,4 @@
-"""What a script asks for: a scenario, its plug-ins, and fields by mappings or by dotted names."""
+"""Requests of a script: a scenario, its plug-ins, and fields by mappings or by dotted names."""
 
 from __future__ import annotations
 

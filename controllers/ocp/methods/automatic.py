@@ -86,7 +86,7 @@ def _named(solution: Solution, message: str) -> Solution:
 
 
 def _reason(problem: ProblemFunctions) -> str:
-    """What hp refinement is good for in this problem."""
+    """Reason for hp refinement in this problem."""
     bounded = np.isfinite(problem.control_bounds.lower) | np.isfinite(problem.control_bounds.upper)
     linear = [name for name, is_linear in zip(problem.controls, linear_controls(problem), strict=True) if is_linear]
     if linear:

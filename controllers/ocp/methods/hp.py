@@ -54,7 +54,7 @@ _ROUNDING = 1e-9  # relative change of J that the solver's own tolerance leaves
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """What a round solves: a mesh, its structure and the smoothing of free controls."""
+    """Programme of a round: a mesh, its structure and the smoothing of free controls."""
 
     mesh: HpMesh
     structure: Structure
@@ -73,7 +73,7 @@ class _Plan:
         return unwound(made.solve(guess, self.mesh.grid, parameters, arcs))
 
     def added(self, solution: Solution) -> float:
-        """What the smoothing adds to J: J is at most as much above its least value."""
+        """Bound on what the smoothing adds to J: J is at most as much above its least value."""
         u = solution.u / solution.problem.control_scale
         return float(self.weights(solution.problem) @ control_variations(solution.scheme, u).sum(axis=0))
 

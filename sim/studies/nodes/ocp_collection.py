@@ -33,7 +33,7 @@ def solved_by_name(name: str) -> dict[str, Any]:
 
 
 def row(name: str, solution: Solution) -> dict[str, Any]:
-    """What a solution says of itself, beside the known optimum of its problem."""
+    """Figures of a solution beside the known optimum of its problem."""
     known, replay = PROBLEMS[name], solution.replay
     error = known.error(solution.cost)
     error_replayed = known.error(replay.cost) if replay is not None else math.nan
@@ -96,7 +96,7 @@ def table(rows: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def claims(rows: Sequence[Mapping[str, Any]]) -> tuple[Claim, Claim]:
-    """Whether every optimum is reached, and whether every status is true."""
+    """Claims that every optimum is reached, and that every status is true."""
     missed = [each["problem"] for each in rows if not each["reached"]]
     lies = [f"{each['problem']} ({each['lie']})" for each in rows if each["lie"]]
     whole = len(rows) >= max(FEWEST, len(PROBLEMS))

@@ -20,7 +20,7 @@ ROUGH = {
 
 
 def summary(**fields: Any) -> dict[str, Any]:
-    """Of a flight in CasADi's virtual machine, named with two underscores for a dot."""
+    """Summary of a flight in CasADi's virtual machine, named with two underscores for a dot."""
     named = {name.replace("__", "."): value for name, value in fields.items()}
     outcome = trial("missile-guidance", 0, fields={"case": "SM2", "planner.backend": "fatrop", **named}).build().run()
     return dict(outcome.summary)

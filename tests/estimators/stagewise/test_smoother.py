@@ -59,7 +59,7 @@ def test_of_a_linear_model_the_smoother_is_that_of_filterpy() -> None:
 
 
 def moved(stage: Stage, u: Array) -> Array:
-    """What the input alone does by the time of a stage: without it the model is x' = F x."""
+    """Effect of the input alone by the time of a stage: without it the model is x' = F x."""
     u = np.array([0.5, -0.3, 0.1])
     return np.concatenate([0.5 * u * stage.t**2, u * stage.t, np.zeros(3)])
 

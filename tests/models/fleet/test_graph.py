@@ -18,7 +18,7 @@ N = 8
 
 
 def weights(**entries: float) -> np.ndarray:
-    """Of a line a, b, c with some entries changed, ab=2.0 for one."""
+    """Weights of a line a, b, c with some entries changed, ab=2.0 for one."""
     a = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
     for at, value in entries.items():
         a["abc".index(at[0]), "abc".index(at[1])] = value

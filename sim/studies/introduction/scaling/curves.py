@@ -1,4 +1,4 @@
-"""What grows, in which sizes, and what each size costs: CPU time and memory of one process.
+"""Quantities that grow, their sizes, and the cost of each size: CPU time and memory of one process.
 
 Each measurement is a job of its own. It does its work once in the smallest size, so that kernels are loaded and
 caches are warm, and then in the size that is asked for.
@@ -44,7 +44,7 @@ UPDATES = 200  # of an estimator
 
 @dataclass(frozen=True)
 class Measured:
-    """What one size costs."""
+    """Cost of one size."""
 
     cost: MeasuredTime  # in the unit of the curve
     memory: MeasuredTime  # [MB] that the process grew by at most; NaN where the system does not say

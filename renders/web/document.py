@@ -99,7 +99,7 @@ def document(scene: WebScene, live: Mapping[str, Any] | None = None) -> Markup:
 
 
 def _policy(style: str, script: str, served: bool) -> str:
-    """Content security policy: the browser runs this script, applies this style, and asks nobody but its server, if any."""
+    """Content security policy: the browser runs this script, applies this style, and asks only its server, if any."""
     hashes = (base64.b64encode(hashlib.sha256(part.encode()).digest()).decode() for part in (style, script))
     own_style, own_script = (f"'sha256-{each}'" for each in hashes)
     connect = "; connect-src 'self'" if served else ""

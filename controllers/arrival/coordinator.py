@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from mathnavi.controllers.arrival.separation_rule import TOPIC, SeparationRule
 from mathnavi.controllers.flight.planner import ARRIVAL
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.protocols import Consensus
 from mathnavi.sim.interfaces.signals import OPTIMISED, Message, Outbox, Plan
 
@@ -62,10 +63,10 @@ class FleetCoordinator:
     ) -> None:
         """``neighbours`` send to ``consensus``; ``grid`` [s] is that of common arrival times; ``assured`` if there is.
 
-        The period is that of the consensus' rounds. ValueError for a grid that is not positive.
+        The period is that of the consensus' rounds. ArgumentError for a grid that is not positive.
         """
         if not (math.isfinite(grid) and grid > 0.0):
-            raise ValueError(f"grid = {grid!r}; allowed: a finite value > 0")
+            raise ArgumentError(f"grid = {grid!r}; allowed: a finite value > 0")
         self.period = consensus.period
         self._separation, self._consensus, self._neighbours = separation, consensus, tuple(neighbours)
         self._estimate, self._planning_period, self._grid = estimate, planning_period, grid

@@ -33,6 +33,7 @@ from mathnavi.controllers.arrival.zone import Zone
 from mathnavi.models.aerial.plan_distance import PlannedTrajectory
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.checks import check, check_names
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Event, Message, Plan
 
 
@@ -138,13 +139,13 @@ class DelayCheck:
     def adopt(self, t: float) -> None:
         """At the hand-over: the plan committed to is the one being flown from t [s] on.
 
-        ValueError if there is none, or before its start.
+        ArgumentError if there is none, or before its start.
         """
         candidate = self._candidate
         if candidate is None or not candidate.committed:
-            raise ValueError(f"pending = {self.pending!r} of {self.name}; allowed: a proposal that is committed to")
+            raise ArgumentError(f"pending = {self.pending!r} of {self.name}; allowed: a proposal that is committed to")
         if t < candidate.start - TIME_TOLERANCE:
-            raise ValueError(f"t = {t!r} of {self.name}; allowed: >= {candidate.start!r}, where the plan starts")
+            raise ArgumentError(f"t = {t!r} of {self.name}; allowed: >= {candidate.start!r}, where the plan starts")
         self._current, self._candidate, self.guaranteed = candidate.plan, None, True
 
     def rebase(self, plan: Plan | PlannedTrajectory) -> None:

@@ -52,6 +52,7 @@ from mathnavi.controllers.arrival.zone import Zone
 from mathnavi.models.aerial.plan_distance import PlannedTrajectory
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.checks import check_names
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Event, Message, Plan
 
 
@@ -135,15 +136,15 @@ class Separation:
     def adopt(self, t: float) -> None:
         """At the hand-over: the admitted plan is the one being flown from t [s] on.
 
-        ValueError if there is none, or before its start: until then the vehicle flies the plan that it would disown.
+        ArgumentError if there is none, or before its start: until then the vehicle flies the plan that it would disown.
         """
         if self._pending is None or not self.admitted(self._pending.id):
-            raise ValueError(
+            raise ArgumentError(
                 f"pending = {self.pending!r} of {self.name}; allowed: a proposal that all have acknowledged"
             )
         start = float(self._pending.trajectory.t[0])
         if t < start - TIME_TOLERANCE:
-            raise ValueError(f"t = {t!r} of {self.name}; allowed: >= {start!r}, where the plan starts")
+            raise ArgumentError(f"t = {t!r} of {self.name}; allowed: >= {start!r}, where the plan starts")
         self._current = self._pending.trajectory
         self.guaranteed = True
         self.withdraw()

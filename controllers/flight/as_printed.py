@@ -49,6 +49,7 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.bounds import Positive, Within, configuration
+from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest, Status
 
@@ -96,7 +97,7 @@ class AsPrintedFlight:
         """Return the planner of a mission, and the tracker of its plans."""
         bound = tracking_bound(config.bandwidth, mission)
         if bound.feedback >= mission.acceleration_max:
-            raise ValueError(
+            raise MissionError(
                 f"acceleration_max = {mission.acceleration_max:g} leaves nothing to plan with; allowed: > "
                 f"{bound.feedback:.3g}, which noise and gusts take"
             )

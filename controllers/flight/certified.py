@@ -38,7 +38,7 @@ from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.errors import PluginError
+from mathnavi.sim.interfaces.errors import ArgumentError, PluginError
 from mathnavi.sim.interfaces.protocols import Planner
 from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status
 
@@ -111,7 +111,7 @@ class Certified:
         the first plan begins there unless the estimate is outside the bound about it.
         """
         if not deadline_factor >= 1.0:
-            raise ValueError(f"deadline_factor = {deadline_factor!r}; allowed: >= 1")
+            raise ArgumentError(f"deadline_factor = {deadline_factor!r}; allowed: >= 1")
         self.period = planner.period
         self.deadline = np.inf  # [s] in force now
         self.promised = np.inf  # [s] likewise, but for what was lost: missed passes, and plans that had to be made anew

@@ -33,6 +33,7 @@ from mathnavi.models.nlp_solver import (
     fatrop_settings,
     ipopt_settings,
 )
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 _ITERATION_LIMIT = 200
@@ -295,9 +296,9 @@ class InteriorPoint:
 
     def __init__(self, backend: NlpPlugin = "ipopt", tolerance: float = 1e-6, *, compiled: bool = False) -> None:
         if backend not in ("ipopt", "fatrop"):
-            raise ValueError(f"backend = {backend!r}; allowed: ipopt, fatrop")
+            raise ArgumentError(f"backend = {backend!r}; allowed: ipopt, fatrop")
         if not tolerance > 0.0:
-            raise ValueError(f"tolerance = {tolerance!r}; allowed: > 0")
+            raise ArgumentError(f"tolerance = {tolerance!r}; allowed: > 0")
         self._backend, self._tolerance, self._compiled = backend, tolerance, compiled
         self._solvers: dict[_Shape, _Solver] = {}
 

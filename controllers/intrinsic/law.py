@@ -16,6 +16,7 @@ import numpy as np
 from mathnavi.models.manifold.manifold import CutLocusError, Manifold
 from mathnavi.models.manifold.system import ActuatedSystem, LagrangianSystem
 from mathnavi.sim.interfaces.bounds import Positive, configuration
+from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.signals import Array
 
 _SINGULAR = 1e-9  # of the largest singular value of the inputs' effect
@@ -46,7 +47,7 @@ class InverseForce:
         values = np.linalg.svd(effect, compute_uv=False)
         moved = int((values > _SINGULAR * values[0]).sum()) if inputs else 0
         if moved < n - coupled or (self._affine is None and len(inputs) != n):
-            raise ValueError(
+            raise PluginError(
                 f"{manifold.name}: {len(inputs)} inputs that move {moved} of its {n} dimensions; allowed for tracking: "
                 "one for each"
             )

@@ -21,6 +21,7 @@ from mathnavi.models.compilation import compiler
 from mathnavi.models.missile.coordinates import PLANAR
 from mathnavi.models.missile.mission import MissileMission
 from mathnavi.sim.interfaces.bounds import Positive, Within, configuration
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 
 AutopilotName = Literal["feedback-linearisation", "tvlqr", "open-loop"]
@@ -101,7 +102,7 @@ def _autopilot(config: MissileConfig, mission: MissileMission) -> Autopilot:
         return TimeVaryingLQR(mission)
     fastest = _FASTEST / mission.control_period
     if config.bandwidth > fastest:
-        raise ValueError(
+        raise FieldError(
             f"bandwidth = {config.bandwidth!r}; allowed: at most {fastest:g} rad/s at a control_rate of "
             f"{1.0 / mission.control_period:g} Hz"
         )

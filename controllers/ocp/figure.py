@@ -19,6 +19,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.figure_style import BOUND, GRID, INK, SERIES, STYLE
 from mathnavi.sim.interfaces.signals import Array
 
@@ -114,9 +115,9 @@ def solution_figure(solution: SolutionView, names: Sequence[str] = ()) -> Figure
 
 
 def written(figure: Figure, ending: str) -> bytes:
-    """A figure as the content of a file with an ending; ValueError for one that is no picture's."""
+    """A figure as the content of a file with an ending; FieldError for one that is no picture's."""
     if ending not in ENDINGS:
-        raise ValueError(f"file ending {ending!r}; allowed: {', '.join(ENDINGS)}")
+        raise FieldError(f"file ending {ending!r}; allowed: {', '.join(ENDINGS)}")
     content = io.BytesIO()
     figure.savefig(content, format=ending.removeprefix("."), dpi=150)
     return content.getvalue()

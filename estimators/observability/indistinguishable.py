@@ -25,6 +25,7 @@ from mathnavi.estimators.observability.range_outputs import (
     motion_under,
     pose_difference,
 )
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 _SAME = 1e-4  # clusters are farther apart
@@ -62,12 +63,12 @@ def indistinguishable_states(
     """States that read the same as x (3,) [m, m, rad] along every one of ``motions`` (K_j, 3) (Definition C.1).
 
     Where they are not isolated, in a circle or standing still, each of the starts may end at another one. Raises
-    ValueError where a motion from x leaves the field.
+    ArgumentError where a motion from x leaves the field.
     """
     motion = np.vstack(motions)
     y, _ = outputs.along(x, motion)
     if not np.isfinite(y).all():
-        raise ValueError(f"x = {np.asarray(x).tolist()}: a motion leaves the field; allowed: ones within it")
+        raise ArgumentError(f"x = {np.asarray(x).tolist()}: a motion leaves the field; allowed: ones within it")
     found = [pose for _ in range(starts) if (pose := outputs.fit(y, outputs.curve.draw(rng), motion)) is not None]
     states = different_poses(np.array([np.asarray(x, np.float64), *found]), _SAME)
     hits = np.zeros(len(states), dtype=np.int64)

@@ -26,6 +26,7 @@ from scipy.sparse.linalg import splu
 from scipy.special import chdtri
 
 from mathnavi.estimators.stagewise.model import Stage, StagewiseModel, advanced, residuals
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 _LASTING = 10  # readings in a row beyond the gate: then it is the filter that is off
@@ -121,7 +122,7 @@ def _filtered(model: StagewiseModel, stages: Sequence[Stage], gate: float) -> li
             raise np.linalg.LinAlgError(f"the filter's covariance is not finite at {stage.t:g} s")
         forward.append(_Forward(stage, before, (x, P), F, tuple(used)))
     if not forward:
-        raise ValueError("no reading was recorded that the smoother could start at; allowed: a run with readings")
+        raise ArgumentError("no reading was recorded that the smoother could start at; allowed: a run with readings")
     return forward
 
 

@@ -32,6 +32,7 @@ import numpy as np
 from mathnavi.models.aerial.kernels import arc_at
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array, Plan
 
 Vector = tuple[float, float, float]
@@ -53,20 +54,20 @@ class PlannedTrajectory:
 
     @staticmethod
     def from_plan(plan: Plan | PlannedTrajectory) -> PlannedTrajectory:
-        """ValueError for a plan that is a failure, or whose arrays do not fit together or are not finite."""
+        """ArgumentError for a plan that is a failure, or whose arrays do not fit together or are not finite."""
         if isinstance(plan, PlannedTrajectory):
             return plan
         if not plan.ok:
-            raise ValueError(f"status = {plan.status.name}; allowed: OK")
+            raise ArgumentError(f"status = {plan.status.name}; allowed: OK")
         t, x, u = (np.array(values, dtype=np.float64, order="C") for values in (plan.t, plan.x, plan.u))
         arcs = t.size - 1
         if arcs < 0 or t.shape != (arcs + 1,) or x.shape != (arcs + 1, 6) or u.shape != (arcs, 3):
             shapes = f"t {t.shape}, x {x.shape}, u {u.shape}"
-            raise ValueError(f"{shapes}; allowed: (K + 1,), (K + 1, 6), (K, 3) with K >= 0")
+            raise ArgumentError(f"{shapes}; allowed: (K + 1,), (K + 1, 6), (K, 3) with K >= 0")
         if not (np.isfinite(t).all() and np.isfinite(x).all() and np.isfinite(u).all()):
-            raise ValueError("t, x or u is not finite; allowed: finite values")
+            raise ArgumentError("t, x or u is not finite; allowed: finite values")
         if not (np.diff(t) > 0.0).all():
-            raise ValueError("t does not increase; allowed: increasing times")
+            raise ArgumentError("t does not increase; allowed: increasing times")
         p, v, h = x[:, :3], x[:, 3:], np.diff(t)[:, np.newaxis]
         middle = p[:-1] + 0.5 * h * v[:-1]  # with both ends, its hull holds the arc
         hull = np.vstack([p, middle, middle + 0.5 * h * (v[:-1] + h * u)])

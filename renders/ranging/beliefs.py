@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 FADED = 20.0  # log-likelihood below the best at which a hypothesis is as good as ruled out
@@ -60,9 +61,9 @@ def read_beliefs(arrays: Mapping[str, Array], sensors: int) -> Beliefs:
 
 
 def shaped(arrays: Mapping[str, Array], name: str, shape: tuple[int, ...]) -> Array | None:
-    """An array of the log, None if it is not there; ValueError for another shape."""
+    """An array of the log, None if it is not there; ArgumentError for another shape."""
     if name not in arrays:
         return None
     if arrays[name].shape != shape:
-        raise ValueError(f"{name} has shape {arrays[name].shape}; allowed: {shape}")
+        raise ArgumentError(f"{name} has shape {arrays[name].shape}; allowed: {shape}")
     return arrays[name]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import mujoco
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 _POSITION = int(mujoco.mjtStage.mjSTAGE_POS)
@@ -46,7 +47,7 @@ class OwnSensors:
         own = [name for name in known if name.startswith(f"{vehicle}/")]
         usable = [name for name in own if int(model.sensor_needstage[known[name]]) == _POSITION]
         if full not in usable:
-            raise ValueError(f"the model has no sensor {full!r} that follows from positions; allowed: {usable}")
+            raise ArgumentError(f"the model has no sensor {full!r} that follows from positions; allowed: {usable}")
         first = int(model.sensor_adr[known[full]])
         return slice(first, first + int(model.sensor_dim[known[full]]))
 

@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from mathnavi.sim.engine.sensing import mounted
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array, Event, Measurement
 
@@ -75,9 +76,9 @@ class OdeMotion:
         return self._law.rate(self.state, self.u)[len(self.state) // 2 :]
 
     def sensed(self, name: str) -> Array:
-        """ "output" is h(x, u) (ny,); ValueError for another name."""
+        """ "output" is h(x, u) (ny,); ArgumentError for another name."""
         if name != "output":
-            raise ValueError(f"an ODE has no sensor {name!r}; allowed: 'output'")
+            raise ArgumentError(f"an ODE has no sensor {name!r}; allowed: 'output'")
         return self._law.output(self.state, self.u)
 
 
@@ -95,14 +96,14 @@ class _Vehicle:
     def place(self, state: Array, what: str) -> None:
         x, n = np.array(state, dtype=np.float64), len(self.law.states)
         if x.shape != (n,) or not np.isfinite(x).all():
-            raise ValueError(f"vehicle {self.name!r}: {what} = {x.tolist()}; allowed: {n} finite numbers")
+            raise ArgumentError(f"vehicle {self.name!r}: {what} = {x.tolist()}; allowed: {n} finite numbers")
         self.motion.state, self.escaped = x, None
 
     def command(self, t: float, command: Array | None) -> None:
         u = np.zeros(len(self.law.inputs)) if command is None else np.array(command, dtype=np.float64)
         if u.shape != self.motion.u.shape or not np.isfinite(u).all():
             allowed = f"{len(self.law.inputs)} finite numbers"
-            raise ValueError(f"vehicle {self.name!r}: command = {u.tolist()} at {t:.3f} s; allowed: {allowed}")
+            raise ArgumentError(f"vehicle {self.name!r}: command = {u.tolist()} at {t:.3f} s; allowed: {allowed}")
         self.motion.u = u
 
     def advance(self, tick: int, ticks: int, dt: float) -> Event | None:
@@ -139,7 +140,7 @@ class OdePlant:
         of ticks.
         """
         if not vehicles:
-            raise ValueError("a plant needs at least one vehicle")
+            raise ArgumentError("a plant needs at least one vehicle")
         self.dt = dt
         self._tick = 0
         self._vehicles = {
@@ -178,12 +179,12 @@ class OdePlant:
         return readings
 
     def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
-        """ValueError: what has no body cannot be pushed."""
-        raise ValueError(f"vehicle {name!r} is an ODE without a body; allowed: no forces on it")
+        """ArgumentError: what has no body cannot be pushed."""
+        raise ArgumentError(f"vehicle {name!r} is an ODE without a body; allowed: no forces on it")
 
     def displace(self, name: str, offset: Array) -> None:
-        """ValueError: what has no body has no place; ``place`` sets its state."""
-        raise ValueError(f"vehicle {name!r} is an ODE without a body; allowed: no displacement of it")
+        """ArgumentError: what has no body has no place; ``place`` sets its state."""
+        raise ArgumentError(f"vehicle {name!r} is an ODE without a body; allowed: no displacement of it")
 
     def place(self, name: str, state: Array) -> None:
         self._vehicle(name).place(state, "state")
@@ -215,4 +216,4 @@ class OdePlant:
         try:
             return self._vehicles[name]
         except KeyError:
-            raise ValueError(f"the plant has no vehicle {name!r}; it has {list(self._vehicles)}") from None
+            raise ArgumentError(f"the plant has no vehicle {name!r}; it has {list(self._vehicles)}") from None

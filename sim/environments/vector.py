@@ -50,12 +50,16 @@ from mathnavi.sim.environments.vector_kernels import (
     LATE,
     NEAR,
     OFF_MAP,
+    Ground,
     Integers,
+    Rows,
+    Rules,
     fly,
     gusts_on,
     is_violated,
     state_after,
 )
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.scenarios.flight_learning import FlightTerms, cost_at_start, cost_to_go
 from mathnavi.sim.scenarios.flight_view import components, flight_views
@@ -139,15 +143,15 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
     ) -> None:
         """``num_envs`` rows; the missions are drawn from ``seed`` on. The rest is as of a ``LearningEnv``.
 
-        ValueError for what is unknown or wrong, and for fields that are not computed for many rows.
+        ArgumentError for what is unknown or wrong, and for fields that are not computed for many rows.
         """
         count = num_envs if missions is None else missions
         for what, number in (("num_envs", num_envs), ("missions", count)):
             if isinstance(number, bool) or not isinstance(number, int) or number < 1:
-                raise ValueError(f"{what} = {number!r}; allowed: a whole number >= 1")
+                raise ArgumentError(f"{what} = {number!r}; allowed: a whole number >= 1")
         self.num_envs, self.render_mode = num_envs, None
         if refused := sorted({"estimator", "covariance", "render_mode"} & set(fields)):
-            raise ValueError(_refusal(refused[0], fields[refused[0]]))
+            raise ArgumentError(_refusal(refused[0], fields[refused[0]]))
         first = LearningEnv(scenario, seed, hold=hold, discount=discount, **fields)
         runner = first.episode
         plant = _checked_plant(runner)
@@ -198,7 +202,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         else:
             given = [None] * self.num_envs if seed is None else list(seed)
         if len(given) != self.num_envs:
-            raise ValueError(f"seed holds {len(given)} seeds; allowed: {self.num_envs}")
+            raise ArgumentError(f"seed holds {len(given)} seeds; allowed: {self.num_envs}")
         for i, own in enumerate(given):
             if own is not None:
                 self._seeders[i] = seeding.np_random(own)[0]
@@ -213,7 +217,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         ``reset``.
         """
         if not self._begun:
-            raise ValueError("no episode has begun; allowed: after reset()")
+            raise ArgumentError("no episode has begun; allowed: after reset()")
         u, events = self._bounded(actions)
         begun = self._done.copy()
         states = self._fly(u)
@@ -237,10 +241,10 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         """Accelerations (n, 3) within their bounds, and events where they begin to be shortened."""
         u = np.array(actions, dtype=np.float64)
         if u.shape != (self.num_envs, 3):
-            raise ValueError(f"actions have shape {u.shape}; allowed: {(self.num_envs, 3)}")
+            raise ArgumentError(f"actions have shape {u.shape}; allowed: {(self.num_envs, 3)}")
         if not np.isfinite(u).all():
             where = int(np.argwhere(~np.isfinite(u))[0, 0])
-            raise ValueError(f"actions[{where}] = {u[where].tolist()}; allowed: finite numbers")
+            raise ArgumentError(f"actions[{where}] = {u[where].tolist()}; allowed: finite numbers")
         box = self.single_action_space
         assert isinstance(box, spaces.Box)
         u = np.clip(u, box.low, box.high)
@@ -258,11 +262,11 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         states = np.full(self.num_envs, FLYING, dtype=np.int64)
         gusts, ground = self._drawn_gusts(), self._ground
         radius = self._missions[0].flight.arrival_radius
+        below = Ground(ground.z, ground.spacing, HULL_RADIUS, self._steepest)
+        rules = Rules(self._h, radius, limits)
+        rows = Rows(self._x, self._targets, self._last, self._done, made, violated, states)
         while True:
-            fly(
-                ground.z, ground.spacing, HULL_RADIUS, self._steepest, self._h, self._x, u, gusts, self._targets,
-                radius, limits, self._last, self._done, made, violated, states,
-            )  # fmt: skip
+            fly(below, rules, rows, u, gusts)
             near = np.flatnonzero(states == NEAR)
             if not len(near):
                 return states
@@ -390,7 +394,7 @@ def _flight_terms(runner: EpisodeRunner) -> FlightTerms:
 
 
 def _checked_plant(runner: EpisodeRunner) -> MujocoPlant:
-    """The plant of a mission; ValueError for fields that are not computed for many rows at once."""
+    """The plant of a mission; ArgumentError for fields that are not computed for many rows at once."""
     config = runner.config
     for name, value in (
         ("target_path", config.target_path),
@@ -398,7 +402,7 @@ def _checked_plant(runner: EpisodeRunner) -> MujocoPlant:
         ("faults.position_jump", config.faults.position_jump),
     ):
         if value:
-            raise ValueError(_refusal(name, value))
+            raise ArgumentError(_refusal(name, value))
     plant = runner.plant.plant if isinstance(runner.plant, Disturbed) else runner.plant
     assert isinstance(plant, MujocoPlant)
     return plant

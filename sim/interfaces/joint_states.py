@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 SLIDE, HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
@@ -59,6 +60,6 @@ def with_unit_quaternions(q: Array, where: Sequence[slice], what: str) -> Array:
     for each in where:
         length = float(np.linalg.norm(q[each]))
         if not abs(length - 1.0) <= _ROUNDING:
-            raise ValueError(f"{what} = {q.tolist()} has a quaternion of length {length:.9g}; allowed: 1")
+            raise ArgumentError(f"{what} = {q.tolist()} has a quaternion of length {length:.9g}; allowed: 1")
         q[each] /= length
     return q

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 _REGULAR = 1e-12  # least eigenvalue of an information with a diagonal of ones that is inverted
@@ -37,7 +38,7 @@ class BoundRecursion:
 
     def __init__(self, *, information: Array | None = None, covariance: Array | None = None) -> None:
         if (information is None) == (covariance is None):
-            raise ValueError("information and covariance; allowed: exactly one of the two")
+            raise ArgumentError("information and covariance; allowed: exactly one of the two")
         self._J, self._P = information, covariance
 
     @property

@@ -77,7 +77,7 @@ class TextbookConfig:
     def _of_each_state(self, name: str) -> Array:
         states, given = self.observed.states, getattr(self, name)
         if given and (len(given) != len(states) or not all(map(math.isfinite, given))):
-            raise ValueError(f"{name} = {given!r}; allowed: {len(states)} finite numbers, of {', '.join(states)}")
+            raise FieldError(f"{name} = {given!r}; allowed: {len(states)} finite numbers, of {', '.join(states)}")
         return np.array(given or getattr(self.observed, name), dtype=np.float64)
 
     @property

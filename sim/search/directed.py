@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator
 from mathnavi.sim.search.space import Choice, Dimension, Range, Values
 
@@ -56,12 +57,12 @@ def directed(
 
 
 def check_space(space: Sequence[Dimension], sampler: Sampler) -> None:
-    """Raise ValueError for a space that a sampler cannot search."""
+    """Raise ArgumentError for a space that a sampler cannot search."""
     if not space:
-        raise ValueError("over = nothing; allowed: at least one field to search over")
+        raise ArgumentError("over = nothing; allowed: at least one field to search over")
     ranges = sum(isinstance(dimension, Range) for dimension in space)
     if sampler == "cmaes" and ranges < 2:
-        raise ValueError(f"sampler = 'cmaes' over {ranges} numeric fields; allowed: two or more, or tpe")
+        raise ArgumentError(f"sampler = 'cmaes' over {ranges} numeric fields; allowed: two or more, or tpe")
 
 
 class _Proposals:

@@ -30,6 +30,7 @@ from mathnavi.renders.figures import STYLE
 from mathnavi.renders.statistics_figures import SERIES
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.interfaces.bounds import Count, configuration
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.protocols import Planner
 from mathnavi.sim.interfaces.signals import Plan, PlanRequest
 from mathnavi.sim.metrics.flight import flown_clearance
@@ -232,7 +233,7 @@ class TimedPlanner:
 def planning_ms(mission: Trial, content: str) -> MeasuredTime:
     """A job: mean CPU time [ms] of a planner's calls at the beginning of a mission; ``content`` is its hash."""
     if mission.content != content:
-        raise ValueError(f"trial {content} is now {mission.content}; allowed: sources and files as they were")
+        raise ArgumentError(f"trial {content} is now {mission.content}; allowed: sources and files as they were")
     loop = mission.build()
     agent = loop.agents[VEHICLE]
     planner = TimedPlanner(agent.planner)

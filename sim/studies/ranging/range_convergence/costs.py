@@ -28,7 +28,12 @@ from mathnavi.estimators.ranging.unscented import RangeUkf
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.interfaces.signals import Array, Measurement
 from mathnavi.sim.studies.ranging.observability.maps import STANDARD
-from mathnavi.sim.studies.ranging.range_convergence.cost_kernels import bank_updates, particle_updates
+from mathnavi.sim.studies.ranging.range_convergence.cost_kernels import (
+    Quality,
+    RangeRun,
+    bank_updates,
+    particle_updates,
+)
 from mathnavi.sim.studies.ranging.range_convergence.runs import declared_mission, noisy_run
 
 START = (1.0, 0.2, 0.5 * math.pi)  # from where the figure of eight stays within the standard field
@@ -107,13 +112,12 @@ def _bank(readings: Readings, count: int, lowest: float, twin: float) -> Callabl
     poses = made.extra["hypotheses"][np.isfinite(made.extra["scores"])][:count]
     hypotheses = no_hypotheses(len(poses), mission.sensors, WINDOW)
     hypotheses.x[:, :3], hypotheses.P[:], hypotheses.score[:] = poses, model.covariance(config.deviation), 0.0
-    z, u, sensors = readings.ranges[n:], readings.inputs[n:], model.sensors(chi_square_gate(config.gate))
+    run = RangeRun(readings.ranges[n:], readings.inputs[n:], period)
     noise, innovations = declared_noise(mission.ranging.outliers), no_innovations(mission.sensors)
+    quality = Quality(model.W, model.sensors(chi_square_gate(config.gate)), noise, innovations)
     scoring = Scoring(config.forgetting, _MEMORY, lowest, twin)
     symmetry = (mission.curve.symmetry, *mission.curve.centre)
-    return lambda: int(
-        bank_updates(hypotheses, z, u, model.W, model.wall, sensors, noise, scoring, innovations, symmetry, period)
-    )
+    return lambda: int(bank_updates(hypotheses, run, model.wall, quality, scoring, symmetry))
 
 
 def _particles(readings: Readings) -> Callable[[], int]:

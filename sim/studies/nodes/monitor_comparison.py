@@ -248,7 +248,7 @@ def _figure(rows: Sequence[Mapping[str, Any]], names: Sequence[str], nodes: int)
             ]
             for row in np.stack([values, errors], axis=-1)
         ]
-        by = f"{scheme.name}, " if scheme is RADAU else ""
+        by = "Radau, " if scheme is RADAU else ""
         panels[f"({letter}) {by}{what}, {rounds} redistribution{'s' * (rounds > 1)}"] = values, texts
     with matplotlib.rc_context(STYLE):
         figure = canvas(10.2, 3.2 + 0.9 * len(names))
@@ -265,7 +265,8 @@ def _figure(rows: Sequence[Mapping[str, Any]], names: Sequence[str], nodes: int)
         bar.set_label(f"ratio to uniform nodes, N = {nodes}")
         bar.outline.set_visible(False)
         words = (
-            f"blue: better than uniform nodes, red: worse; {NO_MISS}: none to compare with, as the dynamics are linear"
+            f"(a) to (d): {HERMITE_SIMPSON.name}; (e), (f): {RADAU.name}. Blue: better than uniform nodes, red: worse\n"
+            f"{NO_MISS}: none to compare with, as the dynamics are linear"
         )
         figure.supxlabel(words, size=8.5)
     return figure

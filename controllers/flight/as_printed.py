@@ -137,7 +137,7 @@ class EulerNlp:
         return self.h * effort + self.psi_per_metre * float(self.cost(p[-1:])[0])
 
     def gradient(self, a: Array) -> Array:
-        """Gradient (3 (N - 1),) of the objective."""
+        """Gradient (3 (N - 1),) of the objective at the unknowns a (3 (N - 1),) [m/s^2]."""
         p, _ = self.states(a)
         slope = self.psi_per_metre * self.cost.gradient(p[-1:])[0]
         gradient: Array = 2.0 * self.h * a + position_weights(self.nodes, self.h)[-1][:, None] * slope
@@ -159,7 +159,7 @@ class EulerNlp:
         return depth
 
     def jacobian(self, a: Array) -> Array:
-        """dG/da, a row each constraint, (., 3 (N - 1))."""
+        """dG/da (m, 3 (N - 1)), a row for each of the m constraints, at the unknowns a (3 (N - 1),) [m/s^2]."""
         p, v = self.states(a)
         n = self.nodes
         position, velocity = position_weights(n, self.h), velocity_weights(n, self.h)

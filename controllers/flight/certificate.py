@@ -266,7 +266,7 @@ def _malformed(plan: Plan) -> Refusal | None:
 
 
 def pass_time(plan: Plan, target: Array, after: float) -> float:
-    """First breakpoint [s] later than ``after`` at which the plan is at the target; inf if none."""
+    """First breakpoint [s] later than ``after`` [s] at which the plan is at the target (3,) [m]; inf if none."""
     near = (np.linalg.norm(plan.x[:, :3] - target, axis=1) <= _PASS) & (plan.t > after + TIME_TOLERANCE)
     return float(plan.t[near][0]) if near.any() else np.inf
 

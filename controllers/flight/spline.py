@@ -15,7 +15,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 def coefficients(values: Array) -> Array:
-    """Coefficients of the interpolating spline of node values, each axis two longer than the values' own."""
+    """Coefficients (m + 2, n + 2) of the interpolating spline of node values (m, n), or of any other number of axes."""
     return np.ascontiguousarray(np.pad(spline_filter(values, order=3, mode="mirror"), 1, mode="reflect"))
 
 
@@ -71,7 +71,7 @@ def surface(c: Array, u: float, v: float) -> tuple[float, float, float]:
 
 @njit(cache=True, nogil=True)
 def surface_curvature(c: Array, u: float, v: float) -> tuple[float, float, float]:
-    """Second derivatives uu, uv, vv of ``surface``."""
+    """Second derivatives uu, uv, vv of ``surface`` with coefficients c (m + 2, n + 2) at u, v in nodes."""
     i, fu, hu = _cell(u, c.shape[0] - 2)
     j, fv, hv = _cell(v, c.shape[1] - 2)
     wu, du, su = _basis(fu)

@@ -124,7 +124,7 @@ def written(figure: Figure, ending: str) -> bytes:
 
 
 def dense_times(nodes: Array) -> Array:
-    """Times at which curves are drawn: from each node up to just before the next, and the last node."""
+    """Times (k,) of the points of curves: from each of the nodes (N,) up to just before the next, and the last node."""
     parts = max(2, -(-DENSE // (len(nodes) - 1)))
     inside = np.linspace(0.0, _BEFORE, parts)
     times = (nodes[:-1, None] + inside * np.diff(nodes)[:, None]).ravel()

@@ -69,7 +69,7 @@ def web_scene(run: FlightRun) -> WebScene:
 
 
 def height(run: FlightRun, place: Array) -> float:
-    """[m] of the ground below a place."""
+    """Height [m] of the ground below a place (x, y, ...) [m]."""
     return float(run.terrain.height(place[0], place[1]))
 
 

@@ -92,5 +92,5 @@ def load_run(directory: str | Path) -> GenericRun:
 
 
 def index(times: Array, t: float) -> int:
-    """Index of the last of the times at or before ``t``; 0 before the first."""
+    """Index of the last of the times (n,) [s] at or before ``t`` [s]; 0 before the first."""
     return max(last_at(times, t), 0)

@@ -53,7 +53,10 @@ def quaternions(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[slice, ..
 
 
 def with_unit_quaternions(q: Array, where: Sequence[slice], what: str) -> Array:
-    """q with its quaternions brought to length 1 from where rounding had put them; ValueError if they were not near."""
+    """q (nq,) with its quaternions at length 1, from where rounding had put them.
+
+    Raises ArgumentError if they were not near.
+    """
     if not where:
         return q
     q = q.copy()

@@ -136,7 +136,7 @@ class Estimator(Protocol):
     period: float  # [s]
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate at ``t``, given the readings since the last call and the input ``command`` held since then."""
+        """The estimate at ``t`` [s], by the readings since the last call and the input ``command`` (nu,) held since."""
         ...
 
 

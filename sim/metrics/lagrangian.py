@@ -108,7 +108,7 @@ def errors_of(manifold: Manifold, truth: Array, estimate: Array) -> tuple[float,
 
 
 def rms(values: Array) -> float:
-    """The root of the mean square; NaN of nothing, as of a run that ended before it was to be judged."""
+    """Root of the mean square of values (n,); NaN of nothing, as of a run that ended before it was to be judged."""
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else math.nan
 
 

@@ -81,7 +81,7 @@ class Errors:
 
 
 def rms(values: Array) -> float:
-    """The root of the mean square."""
+    """Root of the mean square of values (n,)."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 

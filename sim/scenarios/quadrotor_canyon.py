@@ -154,7 +154,7 @@ def finished(flight: TrueQuadrotorFlight, body: MujocoPlant, t: float, truths: M
 
 
 def arrived(flight: TrueQuadrotorFlight, t: float, truths: Mapping[str, Array]) -> bool:
-    """The vehicle is at the target."""
+    """The vehicle is at the target; ``t`` [s], ``truths`` (13,) by vehicle."""
     mission = flight.mission.flight
     return math.dist(truths[VEHICLE][POSITION].tolist(), mission.target) <= mission.arrival_radius
 

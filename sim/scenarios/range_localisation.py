@@ -97,7 +97,7 @@ class RangeLocalisation:
 
 
 def finished(body: MujocoPlant, t: float, truths: Mapping[str, Array]) -> bool:
-    """The robot has touched the wall."""
+    """The robot has touched the wall; ``t`` [s], ``truths`` by vehicle."""
     return body.contacts(VEHICLE) > 0
 
 

@@ -136,7 +136,7 @@ def finished(flight: FleetFlight, body: MujocoPlant, t: float, truths: Mapping[s
 
 
 def arrived(flight: FleetFlight, t: float, truths: Mapping[str, Array]) -> bool:
-    """All vehicles have been at their slots."""
+    """All vehicles have been at their slots; ``t`` [s], ``truths`` (6,) by vehicle."""
     flight.arrived.update(
         name
         for name, mission in flight.missions.items()

@@ -142,7 +142,7 @@ class TextbookObserver:
 
 
 def finished(plant: OdePlant, t: float, truths: Mapping[str, Array]) -> bool:
-    """The solution has escaped."""
+    """The solution has escaped; ``t`` [s], ``truths`` (n,) by vehicle."""
     return plant.escaped(VEHICLE) is not None
 
 

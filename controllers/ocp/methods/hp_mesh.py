@@ -69,7 +69,7 @@ class HpMesh:
         return VariableRadauIIA(tuple(self.counts.tolist()))
 
     def with_boundaries(self, boundaries: Array, most_nodes: int) -> HpMesh:
-        """The mesh with a node at each boundary, see the function of this name; points as there were in the middle."""
+        """The mesh with a node at each boundary (k,) of ]0, 1[, see the function; points as were in the middle."""
         grid = with_boundaries(self.grid, boundaries, most_nodes)
         middles = 0.5 * (grid.nodes[1:] + grid.nodes[:-1])
         return HpMesh(grid, self.counts[np.searchsorted(self.grid.nodes, middles, side="right") - 1])
@@ -191,7 +191,7 @@ def _without_idle(nodes: Array, own: Array, parts: Integers, counts: Integers, e
 
 
 def with_boundaries(grid: Grid, boundaries: Array, most_nodes: int) -> Grid:
-    """The grid with a node at each boundary, in the place of those that are too near or, in all, too many."""
+    """The grid with a node at each boundary (k,) in ]0, 1[, in place of those too near or, in all, too many."""
     if not len(boundaries):
         return grid
     nodes = grid.nodes[1:-1]

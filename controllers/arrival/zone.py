@@ -1,4 +1,4 @@
-"""How far apart plans must be so that vehicles are, and whether a fleet may start with the plans it has stored.
+"""Distance of plans that keeps vehicles apart, and whether a fleet may start with the plans it has stored.
 
 A vehicle flies within r of its plan, by a clock that is off by at most epsilon. Where one clock shows s and the other
 s', |s - s'| <= 2 epsilon: the plans, compared at the later of both, are moved against each other by 2 epsilon v_max at

@@ -125,7 +125,7 @@ class EulerNlp:
         return self.beta / REFERENCE_SPEED
 
     def states(self, a: Array) -> tuple[Array, Array]:
-        """Nodes p (N, 3), v (N, 3) by forward Euler under a (N - 1, 3)."""
+        """Nodes p (N, 3) [m], v (N, 3) [m/s] by forward Euler under a (N - 1, 3) [m/s^2]."""
         v = self.start[3:] + self.h * np.vstack([np.zeros(3), np.cumsum(a, axis=0)])
         p = self.start[:3] + self.h * np.vstack([np.zeros(3), np.cumsum(v[:-1], axis=0)])
         return p, v
@@ -191,7 +191,7 @@ def position_weights(nodes: int, h: float) -> Array:
 
 
 def solve(nlp: EulerNlp, guess: Array) -> tuple[Array, Status]:
-    """Sequential quadratic programming on (A.3) from ``guess`` (N - 1, 3), in a trust region.
+    """Sequential quadratic programming on (A.3) from ``guess`` (N - 1, 3) [m/s^2], in a trust region.
 
     The merit is the objective plus rho max(0, G), an exact penalty where rho exceeds the sum of the multipliers.
     Each step solves the convex programme min g'd + h |d|^2 + rho t, G + G'd <= t, t >= 0, within the box for a and

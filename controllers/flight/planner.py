@@ -47,7 +47,7 @@ class Solver(Protocol):
     """Solver of a ``Problem``."""
 
     def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
-        """A solution from a guess (3n + 1,) of the unknowns, or the reason why there is none."""
+        """A solution from a guess (3n + 1,) of the unknowns [m/s^2, m/s], or the reason why there is none."""
         ...
 
 

@@ -82,7 +82,7 @@ class Window:
 
     @staticmethod
     def around(coefficients: Array, row: float, column: float, distance: float) -> Window:
-        """The last two axes cut to ``distance`` cells around a point given in cells."""
+        """Cut the last two axes of ``coefficients`` (..., m, n) to ``distance`` cells around a point given in cells."""
         reach = 8 * math.ceil(distance / 8)  # few sizes, so that few solvers are built
         size = 2 * reach + 5
         rows, columns = coefficients.shape[-2:]
@@ -303,7 +303,7 @@ class InteriorPoint:
         self._solvers: dict[_Shape, _Solver] = {}
 
     def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
-        """A solution from ``guess`` (3n + 1,), or the solver's reason why there is none."""
+        """A solution from ``guess`` (3n + 1,) [m/s^2, m/s], or the solver's reason why there is none."""
         shape, values = _values(problem)
         if shape not in self._solvers:
             self._solvers[shape] = _Solver(shape, self._backend, self._tolerance, self._compiled)

@@ -51,7 +51,7 @@ class CondensedSqp:
         self._workspaces: dict[tuple[int, int, bool], _Workspace] = {}
 
     def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
-        """A solution from ``guess`` (3n + 1,), or the reason why there is none."""
+        """A solution from ``guess`` (3n + 1,) [m/s^2, m/s], or the reason why there is none."""
         data, s = tuple(problem.data), problem.matrices
         key = (*s.weights.shape, problem.terminal_position is not None)
         if key not in self._workspaces:

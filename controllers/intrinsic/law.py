@@ -74,9 +74,10 @@ class InverseForce:
 def wanted_force(
     system: LagrangianSystem, gains: TrackingGains, state: Array, reference: Array, feedforward: Array
 ) -> Array:
-    """D_t v at an estimate (x, v) after a reference (x_r, v_r) that the input ``feedforward`` (nu,) keeps on its way.
+    """Acceleration D_t v (n,) at an estimate (x, v) after a reference (x_r, v_r) that an input keeps on its way.
 
-    Half a turn away from the reference, where two ways back are equally short, one of them is taken.
+    ``feedforward`` (nu,) is that input. Half a turn away from the reference, where two ways back are equally short,
+    one of them is taken.
     """
     manifold = system.manifold
     n = manifold.size

@@ -316,7 +316,7 @@ class Solution:
         return CubicSpline(tau, rates * self.duration / self.problem.state_scale, axis=0)
 
     def with_replay(self, replay: ReplayResult, errors: Array | None, replay_ms: float) -> Solution:
-        """Return the solution with its replay and the ``interval_errors``, which took ``replay_ms`` [ms]."""
+        """Return the solution with its replay and the ``interval_errors`` (N - 1,), which took ``replay_ms`` [ms]."""
         timing = self.timing + Timing(replay_ms=replay_ms)
         return dataclasses.replace(self, replay=replay, interval_errors=errors, timing=timing)
 

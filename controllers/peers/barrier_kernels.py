@@ -17,7 +17,7 @@ _HALVINGS = 40  # of the multiplier of |u| <= a_max
 
 @njit(cache=True, nogil=True)
 def project(u: Array, g: Array, b: float, q: Array, c: float) -> Array:
-    """Nearest point (3,) to u (3,) with g'u >= b and q'u >= c, none of which is empty beside the other."""
+    """Nearest point (3,) [m/s^2] to u (3,) with g'u >= b and q'u >= c, none of which is empty beside the other."""
     over_g, over_q = b - float(g @ u), c - float(q @ u)
     if over_g <= 0.0 and over_q <= 0.0:
         return u.copy()

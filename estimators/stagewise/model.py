@@ -36,7 +36,7 @@ class StagewiseModel(Protocol):
         ...
 
     def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
-        """Inputs that act one after the other from ``begin`` to ``end`` [s]."""
+        """Inputs that act one after the other from ``begin`` to ``end`` [s]; ``command`` (nu,) was held."""
         ...
 
     def reading(self, measurement: Measurement) -> Array | None:
@@ -64,7 +64,7 @@ class StagewiseModel(Protocol):
         ...
 
     def extra(self, x: Array) -> Mapping[str, Array]:
-        """Further arrays of an ``Estimate``."""
+        """Further arrays of an ``Estimate`` at a state x (nx,)."""
         ...
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array | None]:

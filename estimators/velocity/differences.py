@@ -53,7 +53,7 @@ class Differences:
         self._gate, self._outlier_counter = SpeedGate(self._mission, y), OutlierCounter()
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
-        """Let h [s] pass."""
+        """Let h [s] pass under an input u (nu,)."""
         self._age += h
 
     def correct(self, y: Array, h: float) -> bool:

@@ -85,7 +85,7 @@ def flown(t: Array, places: Array, layer: Layer, width: float = 3.4) -> Lines:
 def plan_lines(
     plans: Sequence[Plan], adopted: Array, end: float, own: Mapping[SceneElement, Layer], colour: Colour | None = None
 ) -> list[Lines]:
-    """The part of the present plan that is ahead: optimised part, safety manoeuvre, completion path."""
+    """Part of the present plan, adopted at ``adopted`` (n,) [s], that is ahead: optimised, safety, completion."""
     parts: dict[SceneElement, list[list[tuple[Array, Array]]]] = {part: [[] for _ in plans] for part in own}
     for k, (plan, begin) in enumerate(zip(plans, adopted.tolist(), strict=True)):
         pieces = plan_pieces(plan, begin)
@@ -149,7 +149,7 @@ def radar_domes(
 
 
 def map_cameras(terrain: HeightField, course: Array) -> list[Camera]:
-    """The overview and the top view, with heights as in every picture of a whole map."""
+    """Overview and top view of a course (n, 3) [m], with heights as in every picture of a whole map."""
     land = Landscape(terrain)
     found = []
     for name in ("overview", "top"):

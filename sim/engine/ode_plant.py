@@ -179,18 +179,18 @@ class OdePlant:
         return readings
 
     def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
-        """ArgumentError: what has no body cannot be pushed."""
+        """Refuse a force (3,) [N] and torque (3,) [N m] by ArgumentError: what has no body cannot be pushed."""
         raise ArgumentError(f"vehicle {name!r} is an ODE without a body; allowed: no forces on it")
 
     def displace(self, name: str, offset: Array) -> None:
-        """ArgumentError: what has no body has no place; ``place`` sets its state."""
+        """Refuse an offset (3,) [m] by ArgumentError: what has no body has no place; ``place`` sets its state."""
         raise ArgumentError(f"vehicle {name!r} is an ODE without a body; allowed: no displacement of it")
 
     def place(self, name: str, state: Array) -> None:
         self._vehicle(name).place(state, "state")
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
-        """Advance by so many ticks with inputs held; a vehicle without a command gets nought. The event is "escaped".
+        """Advance by so many ticks with inputs (nu,) by name held, nought without one. The event is "escaped".
 
         ValueError for a command that does not fit or is not finite.
         """

@@ -228,7 +228,7 @@ class MujocoPlant:
         self._sensors.passed()
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
-        """Advance by so many ticks with inputs and forces held; a vehicle without a command gets none.
+        """Advance by so many ticks with inputs (nu,) by name and forces held; a vehicle without a command gets none.
 
         An input beyond its bound is brought back to it. That, and every contact, is an event when it begins:
         "input-clipped", "ground-contact", "vehicle-contact", "contact". Where actuators are late, an input acts from so

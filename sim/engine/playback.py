@@ -99,7 +99,7 @@ class RecordedPlant:
         raise ArgumentError("what is over cannot be moved; allowed: no other state")
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
-        """Advance to the next sample, which has to be so many ticks ahead."""
+        """Advance to the next sample, which has to be so many ticks ahead; ``commands`` (nu,) by name are not used."""
         ahead = int(self._ticks[self._row + 1] - self._ticks[self._row])
         if ticks != ahead:
             raise ArgumentError(f"the next sample is {ahead} ticks ahead; allowed: a step of so many, not of {ticks}")

@@ -125,7 +125,7 @@ class Plant(Protocol):
         ...
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
-        """Advance by so many ticks with inputs and forces held; returns what happened (a contact with the ground)."""
+        """Advance by so many ticks with inputs (nu,) by vehicle and forces held; returns events, contacts for one."""
         ...
 
 

@@ -47,7 +47,7 @@ class BoundRecursion:
         return None if self._P is None else self._P.copy()
 
     def predict(self, F: Array, Q: Array) -> None:
-        """Over a transition of the Jacobian F (d, d), regular, with noise of the covariance Q (d, d)."""
+        """Carry it over a transition of the Jacobian F (d, d), regular, with noise of the covariance Q (d, d)."""
         if self._P is not None:
             P = F @ self._P @ F.T + Q
             self._P = 0.5 * (P + P.T)

@@ -106,7 +106,7 @@ def median_band(
 
 
 def supported_band(values: Sequence[float] | Array, rng: np.random.Generator, confidence: float = 0.95) -> Band:
-    """``median_band``, but without limits where the sample is too small for any.
+    """``median_band`` of values (n,), but without limits where the sample is too small for any.
 
     All n values together span the median of what they are drawn from with probability 1 - 2^(1 - n) only; nothing
     within them can do so with a higher one. For 95 % it takes six.

@@ -51,7 +51,7 @@ class Solved:
         return self.nodes * self.duration
 
     def after(self, shift: float) -> Solved:
-        """The rest of it after ``shift`` [s], on as many nodes, distributed as they were."""
+        """The rest of the solution after ``shift`` [s], on as many nodes, distributed as they were."""
         index = np.arange(len(self.nodes), dtype=float)
         first = float(np.interp(shift, self.times, index))
         fractions = np.interp(np.linspace(first, index[-1], len(index)), index, self.nodes)

@@ -156,7 +156,7 @@ def _limits(axes: Axes, limits: Interval, k: int, values: Array) -> None:
 
 
 def _impulses(solution: SolutionView, multipliers: NamedValues, k: int, least: float) -> Array:
-    """Integral (N - 1,) of |μ| over every interval; nothing where the whole of it is not more than ``least``."""
+    """Integral (N - 1,) of |μ| over every interval; nothing where its total is not more than ``least``."""
     impulses: Array = (np.abs(multipliers.values[..., k]) * solution.point_shares).sum(axis=1)
     return impulses if impulses.sum() > least else 0.0 * impulses
 

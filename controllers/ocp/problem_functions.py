@@ -1,6 +1,6 @@
 """Compiled functions, bounds, scales and guess of an optimal control problem: the input of the transcriptions.
 
-``mathnavi.controllers.ocp.problem`` states a problem and makes these functions of it.
+``mathnavi.controllers.ocp.problem`` states a problem and makes these functions.
 """
 
 from __future__ import annotations

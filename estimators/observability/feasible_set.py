@@ -1,4 +1,4 @@
-"""The set of feasible states FS_y = {x : h(x) = y} of a reading, and a value function of it (Definitions C.9, C.10).
+"""The set of feasible states FS_y = {x : h(x) = y} of a reading, and its value function (Definitions C.9, C.10).
 
 Its dimension is 3 - l: with one sensor a surface, given here by its slices at constant headings; with two sensors
 curves, closed or from wall to wall; with three or more, in general, points. Each curve is followed by continuation.

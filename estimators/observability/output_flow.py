@@ -70,7 +70,7 @@ def intersection(outputs: RangeOutputs, x_0: Array, motion: Array, feasible: Fea
     """Intersection of FS_y and OF^u of a state x_0 (3,), under the input that makes ``motion`` (K, 3), looked for along
     FS_y.
 
-    ``feasible`` is the feasible set of h(x_0). States of it whose outputs follow nearly those of x_0 are moved to where
+    ``feasible`` is the feasible set of h(x_0). Its states whose outputs follow nearly those of x_0 are moved to where
     they do exactly; those that cannot be are none. Raises ArgumentError where the motion from x_0 leaves the field.
     """
     y, J = outputs.along(x_0, motion)

@@ -8,7 +8,7 @@ import numpy as np
 
 from mathnavi.sim.interfaces.signals import Array, Measurement
 
-TOO_LONG = 2.0  # times the longest distance within the wall: no ray of it reads that, whatever its noise
+TOO_LONG = 2.0  # times the longest distance within the wall: no ray reads that, whatever its noise
 TOO_FAST = 10.0  # times the robot's limits
 
 

@@ -2,7 +2,7 @@
 
     x_{k+1} = f(x_k, u_k) + w_k,   w_k ~ N(0, Q_k),        y_k = h(x_k) + v_k,   v_k ~ N(0, R_k).
 
-A state x is a flat array, and may be a point of a manifold; an error e (d,) of it is added by ``sum``. A reading is
+A state x is a flat array, and may be a point of a manifold; its error e (d,) is added by ``sum``. A reading is
 taken whitened, to first order in e:
 
     R^{-1/2} (y - h(x + e)) = r - W e.

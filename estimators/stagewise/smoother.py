@@ -127,7 +127,7 @@ def _filtered(model: StagewiseModel, stages: Sequence[Stage], gate: float) -> li
 
 
 def _admitted(model: StagewiseModel, x: Array, P: Array, y: Array, limit: float, beyond: Array) -> Array:
-    """The reading with NaN for numbers beyond the gate, all of it where it is not read number by number."""
+    """The reading with NaN for numbers beyond the gate, or all NaN where it is not read number by number."""
     r, W = model.residual(x, y)
     squares = np.square(r) / (1.0 + np.einsum("ij,jk,ik->i", W, P, W))
     beyond[:] = np.where(squares > limit, beyond + 1, np.where(np.isnan(squares), beyond, 0))

@@ -3,7 +3,7 @@
     w_k = (y_k - y_{k-1}) / h,        v = Butterworth's low-pass of second order of w,
 
 y_k - y_{k-1} being the coordinates of y_k about y_{k-1}. Where readings are missing h is the whole time between those
-that are there, and the filter is given w once for each period of it. It filters the components of the vector as it is
+that are there, and the filter is given w once for each of its periods. It filters the components of the vector as it is
 stored, ambient on a curved space, where those in a frame would jump with it, and what is tangent of them is v.
 Positions are the newest reading, moved on with v while it is old, but not beyond the time after which it is lost.
 """

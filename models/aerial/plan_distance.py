@@ -43,7 +43,7 @@ _RESOLUTION = 1e-15  # of s
 
 @dataclass(frozen=True, eq=False)
 class PlannedTrajectory:
-    """Trajectory of a plan, in read-only arrays of its own, with a box around all of it."""
+    """Trajectory of a plan, in read-only arrays of its own, with a box around the whole."""
 
     t: Array  # (K + 1,) [s] absolute, increasing
     x: Array  # (K + 1, 6) [m, m/s] map frame, states at t; K = 0 stands still

@@ -3,7 +3,7 @@
 A row is ``| [NAME](NAME) | what it shows | `command`, then `command` |``. The commands are run from the repository's
 root, and the last one makes the picture:
 
-- ``mathnavi render`` prints the path of it;
+- ``mathnavi render`` prints its path;
 - ``mathnavi study NAME`` leaves NAME.png in its folder;
 - ``python -m mathnavi.renders.optimum NAME FILE`` says it;
 - ``chromium --screenshot=PATH`` says it.

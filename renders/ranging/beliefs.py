@@ -25,7 +25,7 @@ class Beliefs:
     hypotheses: Array | None  # (k, m, 3) poses; NaN where dropped
     scores: Array | None  # (k, m) log-likelihoods less the best one; NaN where dropped
     z: Array | None  # (k, l + 1) s_1, ..., s_l, phi [rad] of the observer (C.5)
-    value: Array | None  # (k, 2) V_rho and |Q|^2 / 2 of it
+    value: Array | None  # (k, 2) V_rho and |Q|^2 / 2 of the estimate
 
     @cached_property
     def left(self) -> Integers | None:

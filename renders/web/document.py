@@ -48,7 +48,7 @@ class Block:
         return reference
 
     def packed(self) -> str:
-        """All of it, compressed (zlib), in base 64."""
+        """The whole document, compressed (zlib), in base 64."""
         return base64.b64encode(zlib.compress(b"".join(self._parts), 6)).decode("ascii")
 
 

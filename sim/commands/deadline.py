@@ -77,7 +77,7 @@ def watch(place: str, argv: Sequence[str], seconds: float) -> int:
             code = _awaited(child, seconds + _GRACE)
         finally:
             signal.signal(signal.SIGTERM, before)
-            _end(child, signal.SIGKILL)  # what it has started, and what is left of it
+            _end(child, signal.SIGKILL)  # what it has started, and what is left
         return _exit_code(code, report, shlex.join(["mathnavi", *argv]), seconds)
 
 

@@ -195,7 +195,7 @@ def _playback(request: RunRequest, run_config: RunConfig, log: RunLog) -> Closed
 def _smoothed(
     smoother: RecordedSmoother, plant: RecordedPlant, log: RunLog, request: RunRequest, run_config: RunConfig
 ) -> dict[str, Any]:
-    """Smooth the whole run; what config.json says of it, with the estimator as it was recorded."""
+    """Smooth the whole run; returns its config.json, with the estimator as it was recorded."""
 
     def samples() -> Iterator[Sample]:
         (name,) = plant.names

@@ -7,7 +7,7 @@ Row i is the environment ``gymnasium.make("mathnavi/SafeFlight-v1", seed=seed + 
 gusts, and, but for rounding, the same observations and rewards. Readings, gusts and rewards are computed for all rows
 at once; the vehicles are moved along exact arcs (``vector_kernels``), and by MuJoCo where one may touch the ground.
 
-An episode that ends is followed by the next in the same step: ``final_obs`` and ``final_info`` hold the last of it, as
+An episode that ends is followed by the next in the same step: ``final_obs`` and ``final_info`` hold its last, as
 Gymnasium has it of ``AutoresetMode.SAME_STEP``. ``missions`` is the number of different missions, which the rows share
 in turn: ``num_envs`` if not given. With a ``target`` they have one cost-to-go in common, and are made in a fraction of
 the time.

@@ -211,7 +211,7 @@ class Assembler:
         network: Network | None = None,
         task: Task | None = None,
     ) -> ClosedLoop:
-        """The closed loop, and what config.json holds of it.
+        """The closed loop, with its config.json.
 
         ``mission`` is the mission as it is recorded, a dataclass of ``mathnavi.sim.records.missions`` for one;
         ``resolved`` the configuration with all that was drawn, that given if nothing was; ``terrain`` its name, its

@@ -86,7 +86,7 @@ class LagrangianCase:
     requirements: tuple[Requirement, ...] = ()  # on them, beside that on the velocity error
     inputs: Inputs | None = None  # with their bounds, where there are any
     cost: StageCost | None = None  # for whoever commands the inputs; that of the velocity error if not given
-    cost_max: float | None = None  # of it, for a learner; speed_max^2, the error of no velocity, if not given
+    cost_max: float | None = None  # largest cost, for a learner; speed_max^2, the error of no velocity, if not given
     resolved: LagrangianFields | None = None  # fields as config.json holds them; those given if there are none
 
     @property

@@ -73,7 +73,7 @@ class QuadrotorCanyonConfig(ChanceFields):
     speed_max: PositiveMagnitude = 14.0
     """v_max [m/s]"""
     acceleration_max: PositiveMagnitude = 2.5
-    """a_max [m/s^2]; plans use no more of it than the rotors have the moments for"""
+    """a_max [m/s^2]; plans use no more than the rotors have the moments for"""
     deadline_factor: DeadlineFactor = 1.5
     """gamma: the deadline over the duration of the first plan, which rests on the way over the plateau"""
     arrival_radius: PositiveMagnitude = 2.5

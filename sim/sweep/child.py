@@ -231,7 +231,7 @@ class _Child:
             os.killpg(self._process.pid, signal.SIGKILL)
 
     def discard(self) -> None:
-        """Kill it and what it has started, and leave nothing of it."""
+        """Kill the process and all that it has started."""
         self.kill()
         self._process.wait()
         self._opened.close()

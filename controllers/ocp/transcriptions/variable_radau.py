@@ -133,7 +133,7 @@ def interval_integral_weights(scheme: Scheme, to: Array) -> Array:
 
 
 def located_weights(scheme: Scheme, interval: Integers, fraction: Array, *, integral: bool = False) -> Array:
-    """Weights (n, k) of an interval's values at its points in the value at a fraction (n,) of it, or the integral."""
+    """Weights (n, k) of an interval's values at its points in that at a fraction (n,) of it, or the integral."""
     own_weights = integral_weights if integral else weights
     if not isinstance(scheme, VariableRadauIIA):
         return own_weights(scheme.points, fraction)

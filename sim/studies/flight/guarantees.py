@@ -156,7 +156,7 @@ class Guarantees:
 
 
 def _flights(setup: Setup, seeds: Sequence[int]) -> Callable[[int, str, str, Mapping[str, Any]], Trial]:
-    """The trial of a seed, a condition, a planner and a setting of it, between the ends drawn for the seed."""
+    """The trial of a seed, a condition, a planner and one of its settings, between the ends drawn for the seed."""
     drawn = dict(
         zip(seeds, setup.compute(mission_ends, [MissionToDraw(setup.place, k, IN_GUSTS) for k in seeds]), strict=True)
     )

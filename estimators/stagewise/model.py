@@ -73,7 +73,7 @@ class StagewiseModel(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class SmootherStage:
     """A time with readings, and the inputs since the stage before."""
 
     t: float  # [s]
@@ -88,7 +88,7 @@ class StageBuilder:
         self._model = model
         self._t: float | None = None  # [s] of the last stage
 
-    def add(self, t: float, measurements: Sequence[Measurement], command: Array) -> list[Stage]:
+    def add(self, t: float, measurements: Sequence[Measurement], command: Array) -> list[SmootherStage]:
         """Stages of a call at t [s] with the readings since the last, ``command`` (nu,) held."""
         by_time: dict[float, list[Array]] = {}
         for measurement in measurements:
@@ -102,7 +102,7 @@ class StageBuilder:
             pieces: Sequence[Piece] = ()
             if self._t is not None and at > self._t + TIME_TOLERANCE:
                 pieces = self._model.inputs(self._t, at, measurements, command)
-            stages.append(Stage(at, tuple(pieces), tuple(by_time[at])))
+            stages.append(SmootherStage(at, tuple(pieces), tuple(by_time[at])))
             self._t = at
         return stages
 

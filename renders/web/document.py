@@ -28,7 +28,7 @@ SCRIPTS = ("geometry.js", "stage.js", "charts.js", "labels.js", "player.js", "li
 FOREVER = 1e30  # [s] stands for an infinite time
 
 
-class Block:
+class DataBlock:
     """Bytes of arrays, one after the other, each at a multiple of 4."""
 
     def __init__(self) -> None:
@@ -54,7 +54,7 @@ class Block:
 
 def packed(scene: WebScene) -> dict[str, Any]:
     """The scene as plain data; ``block`` holds its arrays."""
-    block = Block()
+    block = DataBlock()
     layers: list[Layer] = []
     described = {
         "title": scene.title,
@@ -126,7 +126,7 @@ def _layer(layer: Layer | None, layers: list[Layer]) -> int:
     return names.index(layer.name)
 
 
-def _motion(motion: Motion, block: Block) -> dict[str, Any]:
+def _motion(motion: Motion, block: DataBlock) -> dict[str, Any]:
     return {
         "t": block.add(motion.t),
         "pos": block.add(motion.pos),
@@ -136,7 +136,7 @@ def _motion(motion: Motion, block: Block) -> dict[str, Any]:
     }
 
 
-def _surface(surface: Surface, layers: list[Layer], block: Block) -> dict[str, Any]:
+def _surface(surface: Surface, layers: list[Layer], block: DataBlock) -> dict[str, Any]:
     found = {
         "vertices": block.add(surface.vertices),
         "faces": block.add(surface.faces, "u4"),
@@ -157,7 +157,7 @@ def _surface(surface: Surface, layers: list[Layer], block: Block) -> dict[str, A
     return found
 
 
-def _lines(lines: Lines, layers: list[Layer], block: Block) -> dict[str, Any]:
+def _lines(lines: Lines, layers: list[Layer], block: DataBlock) -> dict[str, Any]:
     several = lines.frames is not None
     return {
         "points": block.add(lines.points),
@@ -205,7 +205,7 @@ def _camera(camera: Camera) -> dict[str, Any]:
     }
 
 
-def _chart(chart: Chart, block: Block) -> dict[str, Any]:
+def _chart(chart: Chart, block: DataBlock) -> dict[str, Any]:
     return {
         "title": chart.title,
         "unit": chart.unit,

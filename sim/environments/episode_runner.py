@@ -36,7 +36,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Status
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.scenarios.assembler import Assembler, RandomStreams
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
-from mathnavi.sim.scenarios.task import Inputs, LearningTerms, Outcome, SafetyFilter, Sample, Task
+from mathnavi.sim.scenarios.task import Inputs, LearningTerms, Outcome, ProposalFilter, Sample, Task
 
 STATUSES = (Status.OK, Status.INITIALISING, Status.LOST)
 """of an estimate, by the number that is observed"""
@@ -143,7 +143,7 @@ class EpisodeRunner:
         """The newest estimate of each vehicle."""
         return self._sample.estimates
 
-    def filters(self) -> Mapping[str, SafetyFilter]:
+    def filters(self) -> Mapping[str, ProposalFilter]:
         """Fresh safety filters, one for each vehicle; ArgumentError for a scenario that states none."""
         if self._task.filters is None:
             raise ArgumentError(

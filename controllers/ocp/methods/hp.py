@@ -27,7 +27,7 @@ from mathnavi.controllers.ocp.methods.hp_mesh import TINY, VIOLATION, HpMesh, in
 from mathnavi.controllers.ocp.nlp import SHORTEST_ARC
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.replay import check_tolerance, replayed
-from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing
 from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
 from mathnavi.controllers.ocp.structure import Structure, linear_controls, structure, without_structure
 from mathnavi.controllers.ocp.suboptimality import suboptimality
@@ -173,10 +173,10 @@ def _explained(
     failed: Solution, problem: ProblemFunctions, guess: Solution | None, parameters: Array | None, options: Options
 ) -> Solution:
     """A failed solution; an infeasible one with the constraints that cannot hold together, found without arcs."""
-    if failed.status is not Outcome.INFEASIBLE:
+    if failed.status is not SolverOutcome.INFEASIBLE:
         return failed
     plain = solve(problem, failed.nodes, guess=guess, parameters=parameters, options=options)
-    return plain if plain.status is Outcome.INFEASIBLE else failed
+    return plain if plain.status is SolverOutcome.INFEASIBLE else failed
 
 
 def _first(

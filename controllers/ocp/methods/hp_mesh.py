@@ -32,7 +32,7 @@ _KEPT = 0.4  # of an interval's width that a node keeps from a boundary
 
 
 @dataclass(frozen=True, eq=False)
-class Errors:
+class IntervalErrors:
     """Errors (N - 1,) of each interval."""
 
     own: Array  # the larger of its scaled defect and its relative share in the error of J
@@ -79,18 +79,18 @@ class HpMesh:
         return np.array_equal(self.counts, other.counts)
 
 
-def interval_errors(solution: Solution, found: Defects) -> Errors:
+def interval_errors(solution: Solution, found: Defects) -> IntervalErrors:
     """Errors of the intervals of a solution, from its defects."""
     scale = max(abs(solution.cost), TINY)
     after = np.vstack([solution.costates[1:], solution.costates[-1:]]) * solution.problem.state_scale
     with np.errstate(invalid="ignore"):
         share = np.abs((found.states * after).sum(axis=1) + found.cost) / scale
     own = np.maximum(np.abs(found.states).max(axis=1), share)
-    return Errors(np.where(np.isnan(own), np.inf, own), found.path)
+    return IntervalErrors(np.where(np.isnan(own), np.inf, own), found.path)
 
 
 def meshed(
-    solution: Solution, structure: Structure, errors: Errors, allowed: float, most_nodes: int, *, hard: bool
+    solution: Solution, structure: Structure, errors: IntervalErrors, allowed: float, most_nodes: int, *, hard: bool
 ) -> HpMesh:
     """Mesh of the next round, with the boundaries of a structure among its nodes.
 
@@ -146,7 +146,7 @@ def meshed(
 
 
 def _degrees(
-    counts: Integers, decays: Array, errors: Errors, each: float, large: NDArray[np.bool_], *, both: bool
+    counts: Integers, decays: Array, errors: IntervalErrors, each: float, large: NDArray[np.bool_], *, both: bool
 ) -> tuple[Integers, NDArray[np.bool_]]:
     """Numbers of points (N - 1,) of the next round, and which intervals (N - 1,) these make accurate enough.
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
-from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
@@ -40,7 +40,7 @@ def row(name: str, solution: Solution) -> dict[str, Any]:
     figures = replay.figures if replay is not None else {}
     accurate = bool(figures) and all(value <= solution.tolerance for value in figures.values())
     reached = error <= known.precision and error_replayed <= known.precision
-    said = solution.status is Outcome.OPTIMAL
+    said = solution.status is SolverOutcome.OPTIMAL
     better = (known.optimum - known.value(solution.cost)) * known.sign / abs(known.optimum - known.origin)
     lie = ""
     if said and not accurate:

@@ -16,7 +16,7 @@ from mathnavi.models.field.curve import Curve
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.interfaces.signals import Array, Estimate, Status
-from mathnavi.sim.metrics.ranging import HEADING, POSITION, Errors
+from mathnavi.sim.metrics.ranging import HEADING, POSITION, RangingErrors
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.range_localisation import VEHICLE
 from mathnavi.sim.sweep.trial import Trial, trial
@@ -60,7 +60,7 @@ def honesty(outcome: RunResult) -> dict[str, Any]:
     """
     recording, record = outcome.recording, outcome.config["mission"]
     mission = RangingMission(Curve(tuple(map(tuple, record["coefficients"])), record["field"]), (0.0,))
-    errors = Errors.from_recording(recording, VEHICLE, mission)
+    errors = RangingErrors.from_recording(recording, VEHICLE, mission)
     last, (known, sure) = errors.last, _known(outcome, recording.t)
     beyond = (errors.position > POSITION) | (errors.heading > HEADING)
     nees = errors.nees[last][known[last]]

@@ -41,7 +41,7 @@ ESTIMATOR_COLOURS = {"observer": "#0d5fa8", "EKF": "#e07b00"}
 
 
 @dataclass(frozen=True)
-class Series:
+class MeasuredSeries:
     """A line of a family: shares, one for each of its walls."""
 
     label: str
@@ -56,7 +56,7 @@ class Family:
 
     title: str
     xlabel: str
-    series: Sequence[Series]
+    series: Sequence[MeasuredSeries]
     walls: Sequence[Curve]
     ticks: Sequence[str]  # what the walls are called
     rays: Sequence[Sequence[float]]  # [deg] drawn in each wall

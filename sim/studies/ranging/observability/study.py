@@ -18,7 +18,7 @@ from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.ranging.observability.claims import MapKey, ObservabilityResults, claims
-from mathnavi.sim.studies.ranging.observability.figure import ESTIMATOR_COLOURS, Family, Series, figure
+from mathnavi.sim.studies.ranging.observability.figure import ESTIMATOR_COLOURS, Family, MeasuredSeries, figure
 from mathnavi.sim.studies.ranging.observability.gramians import GRAMIANS, observability_gramian
 from mathnavi.sim.studies.ranging.observability.maps import (
     FAMILIES,
@@ -213,7 +213,7 @@ def _families(cases: Sequence[MapCase], maps: Mapping[MapKey, Proportion]) -> li
         own = [case for case in cases if case.family == name]
         sets: tuple[str | None, ...] = (None,) if name == "sensors" else tuple(dict.fromkeys(c.sensors for c in own))
         series = [
-            Series(
+            MeasuredSeries(
                 estimator if sensors is None or len(sets) == 1 else f"{estimator}, {sensors}",
                 ESTIMATOR_COLOURS[estimator],
                 sensors == "2t",

@@ -25,7 +25,7 @@ from mathnavi.sim.interfaces.signals import Array
 _KLD = (0.05, 2.33)  # epsilon and z, which decide nothing where the number of particles stays
 
 
-class RangeRun(NamedTuple):
+class RecordedReadings(NamedTuple):
     """Readings and inputs of a run."""
 
     z: Array  # (n, l) [m] ranges
@@ -44,7 +44,7 @@ class Quality(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def bank_updates(
-    bank: Hypotheses, run: RangeRun, wall: WallShape, quality: Quality, scoring: Scoring, symmetry: Symmetry
+    bank: Hypotheses, run: RecordedReadings, wall: WallShape, quality: Quality, scoring: Scoring, symmetry: Symmetry
 ) -> int:
     """Update hypotheses, in place, by all n readings of a run; returns n."""
     z, u, dt = run

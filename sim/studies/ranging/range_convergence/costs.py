@@ -30,7 +30,7 @@ from mathnavi.sim.interfaces.signals import Array, Measurement
 from mathnavi.sim.studies.ranging.observability.maps import STANDARD
 from mathnavi.sim.studies.ranging.range_convergence.cost_kernels import (
     Quality,
-    RangeRun,
+    RecordedReadings,
     bank_updates,
     particle_updates,
 )
@@ -112,7 +112,7 @@ def _bank(readings: Readings, count: int, lowest: float, twin: float) -> Callabl
     poses = made.extra["hypotheses"][np.isfinite(made.extra["scores"])][:count]
     hypotheses = no_hypotheses(len(poses), mission.sensors, WINDOW)
     hypotheses.x[:, :3], hypotheses.P[:], hypotheses.score[:] = poses, model.covariance(config.deviation), 0.0
-    run = RangeRun(readings.ranges[n:], readings.inputs[n:], period)
+    run = RecordedReadings(readings.ranges[n:], readings.inputs[n:], period)
     noise, innovations = declared_noise(mission.ranging.outliers), no_innovations(mission.sensors)
     quality = Quality(model.W, model.sensors(chi_square_gate(config.gate)), noise, innovations)
     scoring = Scoring(config.forgetting, _MEMORY, lowest, twin)

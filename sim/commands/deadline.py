@@ -27,6 +27,7 @@ from typing import IO
 
 from mathnavi.sim.commands.arguments import value_of, without
 from mathnavi.sim.commands.errors import OUT_OF_TIME
+from mathnavi.sim.interfaces.errors import FieldError
 
 FLAG = "--wall-deadline"
 PACKAGE = Path(__file__).parents[2]  # mathnavi
@@ -42,7 +43,7 @@ _FRAME = re.compile(r'^  File "(.*)", line (\d+) in (.*)$', re.MULTILINE)
 def check_deadline(seconds: float | None) -> None:
     """ValueError for a time that is none."""
     if seconds is not None and not (math.isfinite(seconds) and seconds > 0.0):
-        raise ValueError(f"wall_deadline = {seconds}; allowed: a finite number of seconds > 0")
+        raise FieldError(f"wall_deadline = {seconds}; allowed: a finite number of seconds > 0")
 
 
 def watched(command: str, argv: Sequence[str]) -> int | None:

@@ -201,6 +201,7 @@ def _most(count: int, fraction: float, probability: float) -> int:
 @lru_cache(maxsize=4)
 def _grid(curve: Curve) -> DistanceGrid:
     step = 2.0 * math.pi / (len(curve.polyline) - 1)
-    bend = np.linalg.norm(curve.second_derivative(np.linspace(0.0, 2.0 * math.pi, 4096)), axis=1).max() * step**2 / 8.0
-    grid: DistanceGrid = distance_grid(curve.wall, _NODES, float(bend))
+    second_derivative = curve.second_derivative(np.linspace(0.0, 2.0 * math.pi, 4096))
+    chord_error = np.linalg.norm(second_derivative, axis=1).max() * step**2 / 8.0
+    grid: DistanceGrid = distance_grid(curve.wall, _NODES, float(chord_error))
     return grid

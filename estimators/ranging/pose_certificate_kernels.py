@@ -42,8 +42,8 @@ _PAD = 2  # cells of the grid beyond the wall
 
 
 @njit(cache=True, nogil=True)
-def distance_grid(wall: WallShape, nodes: int, bend: float) -> DistanceGrid:
-    """Grid of signed distances, ``nodes`` along its longer side, of a wall whose chords are off by ``bend`` [m]."""
+def distance_grid(wall: WallShape, nodes: int, chord_error: float) -> DistanceGrid:
+    """Grid of signed distances, ``nodes`` along its longer side, of a wall whose chords err by ``chord_error`` [m]."""
     coefficients, polyline = wall
     low_x, low_y = polyline[:, 0].min(), polyline[:, 1].min()
     high_x, high_y = polyline[:, 0].max(), polyline[:, 1].max()
@@ -62,7 +62,7 @@ def distance_grid(wall: WallShape, nodes: int, bend: float) -> DistanceGrid:
                 ex, ey = ax + along * dx - x, ay + along * dy - y
                 least = min(least, ex * ex + ey * ey)
             values[i, j] = math.sqrt(least) if is_inside(coefficients, polyline, x, y) else -math.sqrt(least)
-    return values, low_x, low_y, cell, cell / math.sqrt(2.0) + 2.0 * bend
+    return values, low_x, low_y, cell, cell / math.sqrt(2.0) + 2.0 * chord_error
 
 
 @njit(cache=True, nogil=True)

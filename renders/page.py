@@ -99,6 +99,7 @@ def section(title: str, *blocks: Markup) -> Markup:
 
 
 def paragraph(content: str) -> Markup:
+    """A paragraph of text."""
     return Markup(f"<p>{text(content)}</p>\n")
 
 
@@ -163,6 +164,7 @@ def preformatted(content: str) -> Markup:
 
 
 def footer(content: str) -> Markup:
+    """The last lines of the page."""
     return Markup(f"<footer>{text(content)}</footer>\n")
 
 

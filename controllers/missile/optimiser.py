@@ -55,6 +55,7 @@ class MissileTrajectory:
 
     @property
     def duration(self) -> float:
+        """Length of the trajectory [s]."""
         return float(self.t[-1])
 
 

@@ -101,9 +101,11 @@ class KernelCache(_Cache):
             _forget_unused(file.parent)
 
     def enable(self) -> None:
+        """Use the cache."""
         self._enabled = True
 
     def disable(self) -> None:
+        """Compile anew, and leave the cache alone."""
         self._enabled = False
 
     def flush(self) -> None:

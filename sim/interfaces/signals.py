@@ -91,6 +91,7 @@ class Plan:
 
     @property
     def ok(self) -> bool:
+        """True for a plan, false for a failure."""
         return self.status is Status.OK
 
     @property
@@ -100,10 +101,12 @@ class Plan:
 
     @property
     def t_start(self) -> float:
+        """Time [s] of its first breakpoint."""
         return float(self.t[0])
 
     @property
     def t_end(self) -> float:
+        """Time [s] of its last breakpoint."""
         return float(self.t[-1])
 
     @staticmethod

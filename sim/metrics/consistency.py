@@ -42,6 +42,7 @@ class Consistency:
 
     @property
     def holds(self) -> bool:
+        """True if the average lies within the band."""
         return self.low <= self.average <= self.high
 
     def text(self) -> str:

@@ -72,6 +72,7 @@ class RangingErrors:
 
     @property
     def converged(self) -> bool:
+        """True if position and heading are within their limits over the last quarter."""
         return rms(self.position[self.last]) < POSITION and rms(self.heading[self.last]) < HEADING
 
     def last_above(self, position: float = POSITION, heading: float = HEADING) -> float:

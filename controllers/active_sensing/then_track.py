@@ -38,7 +38,7 @@ class ThenTrack:
     """An exploration planner, and a path for ``horizon`` [s] at a time while the estimate is certain.
 
     ``position`` [m] and ``heading`` [rad] are the limits of the standard deviations. Events: "tracking" when the path
-    is joined, "exciting" when the estimate is no longer certain, "no-way" when no straight way leads onto the path.
+    is joined, "exploring" when the estimate is no longer certain, "no-way" when no straight way leads onto the path.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class ThenTrack:
         belief = self._planner.beliefs.update(request)
         if not self._is_certain(belief):
             degraded = self._joined is not None
-            return self._explore(request, belief, "exciting" if degraded else "", "the estimate is not sure any more")
+            return self._explore(request, belief, "exploring" if degraded else "", "the estimate is not sure any more")
         if request.current is None:
             return self._explore(request, belief)
         if self._joined is None or _is_far(belief, request.current, request.t):

@@ -9,8 +9,7 @@ from annotated_types import Interval
 from mathnavi.controllers.missile.autopilot import Autopilot, OpenLoop
 from mathnavi.controllers.missile.delay import DelayCompensation
 from mathnavi.controllers.missile.feedback_linearisation import FeedbackLinearisation
-from mathnavi.controllers.missile.in_turn import InTurn
-from mathnavi.controllers.missile.optimiser import JointOptimiser, Optimiser
+from mathnavi.controllers.missile.optimiser import JointOptimiser, Optimiser, OptimiserWithFallback
 from mathnavi.controllers.missile.pitch_and_yaw import PitchAndYaw
 from mathnavi.controllers.missile.planes import Limits
 from mathnavi.controllers.missile.planner import MissilePlanner
@@ -132,7 +131,7 @@ def _optimiser(config: MissileConfig, mission: MissileMission, backend: Backend)
     if mission.coordinates is PLANAR or config.spatial == "joint":
         return joint()
     planned, most = _in_space(limits), _in_space(mission.input_max)
-    return InTurn(PitchAndYaw(mission.case, mission.body, planned, most, *common), joint)
+    return OptimiserWithFallback(PitchAndYaw(mission.case, mission.body, planned, most, *common), joint)
 
 
 def _in_space(limits: tuple[float, ...]) -> Limits:

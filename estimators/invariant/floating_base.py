@@ -16,7 +16,6 @@ The joints' velocities are those of another plug-in, to which the base's pose is
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Literal
 
@@ -105,7 +104,9 @@ class FloatingBaseIekf:
         x = mission.start_state
         nq, R = self._base.model.nq, rotation(x[ATTITUDE])
         v, omega = x[nq:][VELOCITY], x[nq:][RATE]
-        X = SE23.of(R @ self._base.mounting, v + R @ np.cross(omega, self._base.offset), x[PLACE] + R @ self._base.offset)
+        X = SE23.of(
+            R @ self._base.mounting, v + R @ np.cross(omega, self._base.offset), x[PLACE] + R @ self._base.offset
+        )
         starts = (config.start_attitude, config.start_velocity, config.start_position)
         P = np.diag(np.repeat(np.square(starts), 3))
         self._strapdown = Strapdown(X, P, self._base.mounting.T @ omega, self._base.gravity, noise)

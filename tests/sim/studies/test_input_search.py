@@ -65,7 +65,7 @@ def test_a_robot_at_the_margin_rests() -> None:
     problem = known_pose_problem(MISSION, 0.1, 1.0)._replace(margin=10.0)
     x, F, _, _ = advance(problem, POSE, np.eye(3), inverse(P), np.array([1.0, 0.1]))
     assert (x == POSE).all()
-    assert (F == np.eye(3)).all()
+    assert (np.eye(3) == F).all()
 
 
 def test_no_policy_is_sooner_than_the_best_inputs_and_a_lower_limit_takes_longer() -> None:

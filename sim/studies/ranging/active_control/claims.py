@@ -8,7 +8,15 @@ from typing import Any
 
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Band
-from mathnavi.sim.studies.ranging.active_control.flights import COMPARED, FAST, LIMIT, LIMITS, SENSES_FIRST, SLOW, TRACKS
+from mathnavi.sim.studies.ranging.active_control.flights import (
+    COMPARED,
+    FAST,
+    LIMIT,
+    LIMITS,
+    SENSES_FIRST,
+    SLOW,
+    TRACKS,
+)
 
 SOONER = {"circle": 2.0, "random": 4.0}  # times, that active inputs shall be
 _LEAST = 1e-9  # [s]

@@ -2,8 +2,8 @@
 
 The base is found by an invariant extended Kalman filter on SE_2(3), X = (R, v, p) of the IMU, see ``inertial``; nothing
 reads its pose. While a foot stands, in every reading of its switch from one to the next, its velocity is that of the
-ground, zero (M. Bloesch et al., State Estimation for Legged Robots, RSS 2012; R. Hartley et al., IJRR 39(4), 2020): with
-the foot's lowest point at p_f of the base, J its Jacobian there and q^ the joints,
+ground, zero (M. Bloesch et al., State Estimation for Legged Robots, RSS 2012; R. Hartley et al., IJRR 39(4), 2020):
+with the foot's lowest point at p_f of the base, J its Jacobian there and q^ the joints,
 
     0 = R_b' v_b + omega x p_f + J q^',    z = R' v = what that leaves,    z - R^' v^ = xi_v + (R^' v^) x xi_R + n.
 
@@ -145,7 +145,7 @@ class FloatingBaseIekf:
         """Table 2.1."""
         return ObserverProperties(
             Domain.LOCAL, Rate.NONE, InputDependence.NON_UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
-            note="the base's velocity and its attitude against gravity while a foot stands; its place and heading never",
+            note="the base's velocity and its attitude against gravity while a foot stands; its place and heading not",
         )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:

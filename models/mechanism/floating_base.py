@@ -58,10 +58,11 @@ class FloatingBase:
             )
         base = int(model.jnt_bodyid[0])
         gyro, accelerometer = (_at(model, base, kind) for kind in (_GYRO, _ACCELEROMETER))
+        name = model.body(base).name.rpartition("/")[2]
         if gyro is None or accelerometer is None or model.sensor_objid[gyro] != model.sensor_objid[accelerometer]:
             raise FieldError(
-                f"system = a mechanism without an IMU on its base {model.body(base).name.rpartition('/')[2]!r}; allowed "
-                "for floating_base_iekf: a <gyro> and an <accelerometer> at one site of it; riemannian_observer reads "
+                f"system = a mechanism without an IMU on its base {name!r}; allowed for "
+                "floating_base_iekf: a <gyro> and an <accelerometer> at one site of it; riemannian_observer reads "
                 "its pose instead"
             )
         site = int(model.sensor_objid[gyro])

@@ -307,7 +307,8 @@ def arm_bench(silent: bool = False) -> Bench:
 
 
 HULL = """<mujoco><option timestep=".005"/><worldbody><body name="hull"><freejoint/><geom type="box" size=".2 .1 .05"
-mass="2"/><site name="lift"/><site name="imu" pos=".1 0 .02"/><body pos="0 0 -.1"><joint name="boom" axis="0 1 0"/><geom type="capsule"
+mass="2"/><site name="lift"/><site name="imu" pos=".1 0 .02"/>
+<body pos="0 0 -.1"><joint name="boom" axis="0 1 0"/><geom type="capsule"
 size=".02" fromto="0 0 0 0 0 -.3" mass=".3"/></body></body></worldbody><actuator><motor site="lift" gear="0 0 1"/>
 <motor joint="boom"/></actuator>
 <sensor><gyro site="imu" noise="{gyro}"/><accelerometer site="imu" noise="{force}"/></sensor></mujoco>"""

@@ -22,8 +22,9 @@ from mathnavi.sim.sweep.trial import trial
 
 SERVOS = (0.25, -0.25, 0.25, -0.25, 0.1, -0.3, 0.2, -0.2)  # [rad]
 FLYING = """<mujoco><option timestep=".001" integrator="implicitfast"/><worldbody><body name="v/hull" pos="0 0 1">
-<freejoint name="v/base"/><geom type="box" size=".2 .1 .05" mass="2"/><site name="v/imu" pos=".1 0 .02"/><site name="v/thrust"/>
-<body pos="0 0 -.1"><joint name="v/boom" axis="0 1 0" damping=".1"/><geom type="capsule" fromto="0 0 0 0 0 -.3" size=".02" mass=".3"/>
+<freejoint name="v/base"/><geom type="box" size=".2 .1 .05" mass="2"/><site name="v/imu" pos=".1 0 .02"/>
+<site name="v/thrust"/><body pos="0 0 -.1"><joint name="v/boom" axis="0 1 0" damping=".1"/>
+<geom type="capsule" fromto="0 0 0 0 0 -.3" size=".02" mass=".3"/>
 </body></body></worldbody><actuator><motor name="v/lift" site="v/thrust" gear="0 0 1 0 0 0"/>
 <motor name="v/boom" joint="v/boom"/></actuator><sensor><gyro site="v/imu" noise=".002"/>
 <accelerometer site="v/imu" noise=".02"/></sensor></mujoco>"""

@@ -19,6 +19,7 @@ from functools import cache, partial
 from importlib.metadata import entry_points
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -305,6 +306,37 @@ def arm_bench(silent: bool = False) -> Bench:
     )
 
 
+HULL = """<mujoco><option timestep=".005"/><worldbody><body name="hull"><freejoint/><geom type="box" size=".2 .1 .05"
+mass="2"/><site name="lift"/><site name="imu" pos=".1 0 .02"/>
+<body pos="0 0 -.1"><joint name="boom" axis="0 1 0"/><geom type="capsule"
+size=".02" fromto="0 0 0 0 0 -.3" mass=".3"/></body></body></worldbody><actuator><motor site="lift" gear="0 0 1"/>
+<motor joint="boom"/></actuator>
+<sensor><gyro site="imu" noise="{gyro}"/><accelerometer site="imu" noise="{force}"/></sensor></mujoco>"""
+
+
+def hull_bench(silent: bool = False) -> Bench:
+    """A body with an IMU that is lifted, with a boom that is driven to and fro: its place is not read."""
+    gyro, force = (0.0, 0.0) if silent else (0.002, 0.02)
+    system = MechanismSystem(mujoco.MjModel.from_xml_string(HULL.format(gyro=gyro, force=force)))
+    n, dt = system.manifold.size, 0.005
+    rate = np.zeros(7) if silent else np.array([0.03, -0.02, 0.04, 0.01, -0.01, 0.01, 0.5])
+
+    def step(x: Array, u: Array) -> Array:
+        return system.flow(x, u, dt)
+
+    return Bench(
+        lagrangian_mission(system, silent),
+        dt,
+        np.concatenate([system.manifold.origin, rate]),
+        lambda t: np.array([2.3 * 9.81, 0.02 * math.sin(3.0 * t)]),
+        step,
+        lambda x, u: Truth(x, (step(x, u) - x)[n:] / dt),
+        np.array([0.5] * 3 + [0.05] * 4 + [0.05] + [0.4] * 3 + [0.05] * 3 + [1.5]),
+        np.array([0.05] * 3 + [1e-3] * 4 + [1e-3] + [0.05] * 3 + [0.05] * 3 + [0.3]),
+        2.0,
+    )
+
+
 def finely(system: LagrangianSystem, x: Array, u: Array) -> Array:
     """The state after a period, in ten steps."""
     for _ in range(10):
@@ -325,9 +357,15 @@ BENCHES: dict[str, Callable[[bool], Bench]] = {
 }
 
 
+ONLY: dict[str, Callable[[bool], Bench]] = {"hull": hull_bench}
+"""benches for plug-ins that none of the others fits"""
+EVERY = BENCHES | ONLY
+
+
 def benches_of(plugin: Any) -> list[str]:
     """The benches whose missions a plug-in is built for, but for systems that it refuses."""
-    return [name for name, build in BENCHES.items() if fits(plugin, build(False).mission)]
+    fitting = [name for name, build in BENCHES.items() if fits(plugin, build(False).mission)]
+    return fitting or [name for name, build in ONLY.items() if fits(plugin, build(False).mission)]
 
 
 def fits(plugin: Any, mission: Any) -> bool:
@@ -371,7 +409,7 @@ def plugin(flown: tuple[str, str]) -> type[EstimatorPlugin]:
 
 @pytest.fixture
 def bench(flown: tuple[str, str]) -> Bench:
-    return BENCHES[flown[1]](False)
+    return EVERY[flown[1]](False)
 
 
 @pytest.fixture
@@ -387,7 +425,7 @@ def flight(flown: tuple[str, str]) -> list[Step]:
 @cache
 def flight_of(name: str, bench: str) -> list[Step]:
     """The flight shared by all tests of a plug-in on a bench."""
-    plugin, built = PLUGINS[name].load(), BENCHES[bench](False)
+    plugin, built = PLUGINS[name].load(), EVERY[bench](False)
     return fly(plugin, built, plugin.build(plugin.Config(), built.mission))
 
 
@@ -401,7 +439,7 @@ def estimates(flown: tuple[str, str]) -> Sequence[Estimate]:
 def estimates_of(name: str, bench: str) -> Sequence[Estimate]:
     """Copies, each made as soon as it was handed out, so that whatever is done to other estimates they stay."""
     plugin = PLUGINS[name].load()
-    estimator: Estimator = plugin.build(plugin.Config(), BENCHES[bench](False).mission)
+    estimator: Estimator = plugin.build(plugin.Config(), EVERY[bench](False).mission)
     return tuple(copied(estimate) for _, estimate in replay(estimator, flight_of(name, bench)))
 
 
@@ -591,7 +629,7 @@ def test_an_observer_stays_on_the_truth_if_it_says_so_and_leaves_it_if_not(
     """Property 2.1: started on the truth, without noise, an observer stays there once it is initialised."""
     if not hasattr(plugin, "properties"):
         pytest.skip("it does not call itself an observer")
-    bench, config = BENCHES[flown[1]](True), plugin.Config()
+    bench, config = EVERY[flown[1]](True), plugin.Config()
     properties: ObserverProperties = plugin.properties(config)
     assert isinstance(properties, ObserverProperties)
     error = largest_error(plugin, config, bench)

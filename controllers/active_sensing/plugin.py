@@ -115,7 +115,7 @@ class ActiveSensing:
             raise FieldError(f"bandwidth = {config.bandwidth!r}; allowed: at most {fastest:g} rad/s")
         tracker = PathTracker(mission, config.bandwidth, config.speed)
         beliefs = BeliefFromEstimates(config.deviation, config.horizon)
-        planner = ExplorationPlanner(_policy(config, mission), _period(config, mission), beliefs)
+        planner = ExplorationPlanner(exploration_policy(config, mission), _period(config, mission), beliefs)
         if config.then == "none":
             return planner, tracker
         reference = ReferencePath(PATTERNS[config.then](config), mission)
@@ -139,7 +139,8 @@ def _period(config: ActiveSensingConfig, mission: RangingMission) -> float:
     return count * mission.period
 
 
-def _policy(config: ActiveSensingConfig, mission: RangingMission) -> ExplorationPolicy:
+def exploration_policy(config: ActiveSensingConfig, mission: RangingMission) -> ExplorationPolicy:
+    """The policy of a mode."""
     if config.mode in PATTERNS:
         return PatternPolicy(PATTERNS[config.mode](config), mission, config.horizon)
     containment = Containment(mission, config.horizon, config.nodes, config.deviations)

@@ -47,7 +47,10 @@ class JointTracking:
         """PluginError for a mission of another kind, with ball joints, or with fewer motors than joints."""
         manifold = mission.system.manifold
         if not isinstance(manifold, MechanismManifold) or manifold.size != manifold.dimension:
-            raise PluginError(f"controller = joint_tracking on {manifold.name}; allowed: on slides and hinges")
+            raise PluginError(
+                f"controller = joint_tracking on {manifold.name}; allowed: on slides and hinges; "
+                "input_signal drives any system"
+            )
         system = mission.system
         ranges = system.joint_ranges if isinstance(system, MechanismSystem) else None
         reference = JointReference(config, manifold, mission.period, ranges)

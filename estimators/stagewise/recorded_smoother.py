@@ -116,6 +116,6 @@ def model_of(plugin: Any) -> Any:
 
             return lambda config, mission: LagrangianModel(mission, config.acceleration, config.noise_floor)
     raise FieldError(
-        f"DIR was run with the estimator {name}; allowed: kalman, missile_kalman, range_ekf, range_ukf, "
+        f"the run was flown with the estimator {name}; allowed: kalman, missile_kalman, range_ekf, range_ukf, "
         "lagrangian_ekf, lagrangian_ukf, moving_horizon, or a plug-in with a stagewise_model"
     )

@@ -12,6 +12,7 @@ import numpy as np
 from mathnavi.models.manifold.system import AffineInputLaw, integrate
 from mathnavi.models.mechanism import forces
 from mathnavi.models.mechanism.actuation import Actuation
+from mathnavi.models.mechanism.floating_base import FloatingBase
 from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.models.mechanism.implicit_step import ImplicitStep, needs_implicit_step
 from mathnavi.sim.interfaces.checks import check
@@ -94,6 +95,11 @@ class MechanismSystem:
             if self._model.jnt_type[j] in (SLIDE, HINGE):
                 ranges[:, self._model.jnt_qposadr[j]] = self._model.jnt_range[j]
         return ranges
+
+    @property
+    def floating_base(self) -> FloatingBase:
+        """The base that nothing holds, with its IMU. Raises FieldError where there is none."""
+        return FloatingBase.from_model(self._model)
 
     def affine_inputs(self) -> AffineInputLaw | None:
         """Inputs by the actuators' transmission and bias; None where all are motors, whose controls are forces.

@@ -179,12 +179,15 @@ class _Reader:
 
     def __init__(self, arrays: Mapping[str, Array], timings: Mapping[str, float | None]) -> None:
         self._arrays, self._timings = arrays, timings
+        self._classes: dict[str, Any] = {}  # by place
 
     def value(self, tree: Any) -> Any:
         if isinstance(tree, list):
             return [self.value(item) for item in tree]
         if not isinstance(tree, dict):
             return tree
+        if not any(name.startswith("$") for name in tree):
+            return {name: self.value(item) for name, item in tree.items()}
         match tree:
             case {"$tuple": items}:
                 return tuple(self.value(items))
@@ -211,7 +214,9 @@ class _Reader:
             case {"$enum": [place, name]}:
                 return _class_at(place, Enum)[name]
             case {"$class": place, "$fields": fields}:
-                return _class_at(place, object)(**{name: self.value(item) for name, item in fields.items()})
+                if place not in self._classes:
+                    self._classes[place] = _class_at(place, object)
+                return self._classes[place](**{name: self.value(item) for name, item in fields.items()})
         return {name: self.value(item) for name, item in tree.items()}
 
 

@@ -51,7 +51,7 @@ class ArmVelocityConfig(LagrangianFields):
     """from when on errors count [s]"""
     mechanism: MechanismPlace = "two-link"
     """rigid-body, cart-pendulum, two-link, seven-joint, servo-six, servo-seven, servo-gripper, swimmer,
-    dm_control:NAME of its suite, menagerie:NAME of MuJoCo Menagerie, or the path of an MJCF file"""
+    quadruped, dm_control:NAME of its suite, menagerie:NAME of MuJoCo Menagerie, or the path of an MJCF file"""
     load: Annotated[float, Interval(ge=0.01, le=100.0), FINITE] = 1.0
     """mass of the last link, times what the observer believes"""
     start: Annotated[NumberList, FINITE_NUMBERS] = ()

@@ -14,7 +14,7 @@ import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from mathnavi.sim.interfaces.bounds import LARGEST_SEED
 from mathnavi.sim.interfaces.errors import ArgumentError
@@ -26,7 +26,9 @@ from mathnavi.sim.records.computing_environment import environment, in_environme
 from mathnavi.sim.records.figure_names import is_wall_clock
 from mathnavi.sim.records.origins import Origin
 from mathnavi.sim.records.store import Record, canonical_json
-from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
+
+if TYPE_CHECKING:  # the processes of a sweep import a scenario only where they fly it
+    from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 
 @dataclass(frozen=True)

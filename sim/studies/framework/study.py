@@ -246,8 +246,9 @@ def write_result(
     ground = None if setup.terrain is None else setup.ground
     folder.mkdir(parents=True, exist_ok=True)
     picture = io.BytesIO()
+    findings.figure.draw_without_rendering()
+    findings.figure.set_layout_engine(None)  # everything has its place now, in the picture and on the page
     findings.figure.savefig(picture, format="png", dpi=150, facecolor="white")
-    findings.figure.set_layout_engine("none")  # everything has its place now, and the page shows it there
     page = StudyPage(
         name=name,
         title=title if ground is None else f"{title}, {ground.name}",

@@ -109,7 +109,7 @@ def test_a_run_leaves_what_every_run_leaves_and_can_be_run_again(tmp_path: Path)
         (("--planner.constant", "1", "2"), "--planner.constant = (1.0, 2.0); allowed: one number for each of u [-]"),
         (("--estimator", "output_injection"), "--system = 'example-2-2'; allowed with this observer: krener-isidori"),
         (("--estimator", "kazantzis_kravaris"), "--system = 'example-2-2'; allowed: one without inputs"),
-        (("--estimator", "kalman"), "is for a FlightMission and this scenario has a TextbookMission"),
+        (("--estimator", "kalman"), "is for a FlightMission, and the mission is a TextbookMission"),
     ],
 )
 def test_bad_input_is_one_line_that_names_the_flag(

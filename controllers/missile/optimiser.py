@@ -1,7 +1,8 @@
 """Optimisers of a flight: inputs held between breaks, flown through the declared body.
 
 ``JointOptimiser`` solves the flight as one problem, in the pitch plane or in space with all states at once;
-``pitch_and_yaw`` has the one that alternates between the planes. ``OptimiserWithFallback`` asks another in turn.
+``pitch_and_yaw`` has the one that alternates between the planes. ``OptimiserWithFallback`` asks another where one
+fails.
 """
 
 from __future__ import annotations

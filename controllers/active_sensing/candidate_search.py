@@ -70,11 +70,11 @@ class Containment:
         self._speed, self._turn_rate = _SLOW * mission.speed_max, mission.turn_rate_max
 
     def is_inside(self, belief: Belief) -> bool:
-        """Whether the estimate keeps half of the margin from the wall."""
+        """True if the estimate keeps half of the margin from the wall."""
         return bool(clearance(self._wall, *belief.pose[:2]) >= _TOO_NEAR * self._margin)
 
     def is_certain(self, belief: Belief) -> bool:
-        """Whether the position's standard deviation is less than the margin: else there is no way back to plan."""
+        """True if the position's standard deviation is less than the margin: else there is no way back to plan."""
         return belief.position_deviation < self._margin
 
     def admissible_nodes(self, belief: Belief, inputs: Array) -> Integers:

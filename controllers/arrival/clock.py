@@ -94,7 +94,7 @@ class ClockPayload:
 
 @dataclass
 class _Link:
-    """What is known of one neighbour."""
+    """Knowledge of one neighbour."""
 
     taken: float  # [s] own clock
     theta: float  # [s] how far its clock is ahead

@@ -45,11 +45,11 @@ def length_to_go(
             for b in range(3):
                 for m in range(3):
                     tau_pp[a, b] += jacobian[k, a] * ddt[k, m] * jacobian[m, b]
-    bend = -dt[0] / (spacing * spacing * layer_spacing)
-    tau_pp[0, 0] += bend * floor_ww
-    tau_pp[0, 1] += bend * floor_vw
-    tau_pp[1, 0] += bend * floor_vw
-    tau_pp[1, 1] += bend * floor_vv
+    floor_factor = -dt[0] / (spacing * spacing * layer_spacing)
+    tau_pp[0, 0] += floor_factor * floor_ww
+    tau_pp[0, 1] += floor_factor * floor_vw
+    tau_pp[1, 0] += floor_factor * floor_vw
+    tau_pp[1, 1] += floor_factor * floor_vv
     d = np.empty(3)
     d[0], d[1], d[2] = x - scales[5], y - scales[6], z - scales[7]
     r = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2] + TARGET_LENGTH * TARGET_LENGTH)

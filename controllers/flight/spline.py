@@ -15,7 +15,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 def coefficients(values: Array) -> Array:
-    """Coefficients of the interpolating spline of node values, each axis two longer than the values' own."""
+    """Coefficients (m + 2, n + 2) of the interpolating spline of node values (m, n), or of any other number of axes."""
     return np.ascontiguousarray(np.pad(spline_filter(values, order=3, mode="mirror"), 1, mode="reflect"))
 
 
@@ -71,7 +71,7 @@ def surface(c: Array, u: float, v: float) -> tuple[float, float, float]:
 
 @njit(cache=True, nogil=True)
 def surface_curvature(c: Array, u: float, v: float) -> tuple[float, float, float]:
-    """Second derivatives uu, uv, vv of ``surface``."""
+    """Second derivatives uu, uv, vv of ``surface`` with coefficients c (m + 2, n + 2) at u, v in nodes."""
     i, fu, hu = _cell(u, c.shape[0] - 2)
     j, fv, hv = _cell(v, c.shape[1] - 2)
     wu, du, su = _basis(fu)
@@ -98,12 +98,12 @@ def volume(c: Array, u: float, v: float, w: float, gradient: Array, hessian: Arr
     value = gu = gv = gw = uu = uv = uw = vv = vw = ww_ = 0.0
     for a in range(4):
         for b in range(4):
-            line = slope = bend = 0.0
+            line = slope = second_derivative = 0.0
             for m in range(4):
                 coefficient = c[i + a, j + b, k + m]
                 line += coefficient * ww[m]
                 slope += coefficient * dw[m]
-                bend += coefficient * sw[m]
+                second_derivative += coefficient * sw[m]
             value += wu[a] * wv[b] * line
             gu += du[a] * wv[b] * line
             gv += wu[a] * dv[b] * line
@@ -113,7 +113,7 @@ def volume(c: Array, u: float, v: float, w: float, gradient: Array, hessian: Arr
             uw += du[a] * wv[b] * slope
             vv += wu[a] * sv[b] * line
             vw += wu[a] * dv[b] * slope
-            ww_ += wu[a] * wv[b] * bend
+            ww_ += wu[a] * wv[b] * second_derivative
     gradient[0], gradient[1], gradient[2] = hu * gu, hv * gv, hw * gw
     hessian[0, 0], hessian[1, 1], hessian[2, 2] = hu * uu, hv * vv, hw * ww_
     hessian[0, 1] = hessian[1, 0] = hu * hv * uv

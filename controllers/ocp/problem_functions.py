@@ -1,6 +1,6 @@
 """Compiled functions, bounds, scales and guess of an optimal control problem: the input of the transcriptions.
 
-``mathnavi.controllers.ocp.problem`` states a problem and makes these functions of it.
+``mathnavi.controllers.ocp.problem`` states a problem and makes these functions.
 """
 
 from __future__ import annotations
@@ -155,5 +155,5 @@ def check_problem(problem: object) -> None:
 
 
 def first_line(value: object) -> str:
-    """What a value is called in an error of one line: the first line of its representation."""
+    """Name of a value in an error of one line: the first line of its representation."""
     return f"{repr(value).partition(chr(10))[0]:.120}"

@@ -1,4 +1,4 @@
-"""A bank of extended Kalman filters, compiled: K hypotheses of where a robot is, scored by what the rays tell.
+"""A bank of extended Kalman filters, compiled: K hypotheses of where a robot is, scored by their ranges.
 
     L <- forgetting L + ln p(rho),   L <- L - max L
 

@@ -32,7 +32,7 @@ from mathnavi.sim.interfaces.signals import Array, Integers
 _SCALE_TIME = 3.0  # [s] correlation time of b: particles that all have the same one could find no other
 _LEAST_EFFECTIVE = 0.1  # n_eff over n after one update
 _HALVINGS = 20  # of beta
-_GROWTH = 1.25  # of the number of particles while the bound is looked for
+_GROWTH = 1.25  # of the number of particles while the bound is searched
 _FEW = 8  # particles of a cluster, whose covariance is not known
 _DIMENSION = 4
 _TRIALS = 1000  # of a point within the wall

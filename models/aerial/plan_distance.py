@@ -12,7 +12,7 @@ so |Delta|^2 is a quartic. It is least at an end of the interval or where the cu
 goes from negative to positive. As its leading coefficient is not negative, g rises up to the smaller root of g', a
 quadratic, and from the larger one on, and nowhere else has |Delta|^2 a minimum. On each of these two parts g has one
 root at most, which Newton's method finds in a bracket: no degree degenerates, and at a nearly double root of g, where
-|Delta|^2 hardly changes, the roots of g' are looked at too.
+|Delta|^2 hardly changes, the roots of g' are tried too.
 
 An interval is passed over where boxes suffice: Delta stays within the convex hull of C, C + B / 2 and C + B + A, so its
 distance from zero is at least that of their axis-aligned box. The whole plans have boxes as well.
@@ -32,6 +32,7 @@ import numpy as np
 from mathnavi.models.aerial.kernels import arc_at
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array, Plan
 
 Vector = tuple[float, float, float]
@@ -42,7 +43,7 @@ _RESOLUTION = 1e-15  # of s
 
 @dataclass(frozen=True, eq=False)
 class PlannedTrajectory:
-    """Trajectory of a plan, in read-only arrays of its own, with a box around all of it."""
+    """Trajectory of a plan, in read-only arrays of its own, with a box around the whole."""
 
     t: Array  # (K + 1,) [s] absolute, increasing
     x: Array  # (K + 1, 6) [m, m/s] map frame, states at t; K = 0 stands still
@@ -52,21 +53,21 @@ class PlannedTrajectory:
     speed: float  # [m/s] greatest
 
     @staticmethod
-    def of(plan: Plan | PlannedTrajectory) -> PlannedTrajectory:
-        """ValueError for a plan that is a failure, or whose arrays do not fit together or are not finite."""
+    def from_plan(plan: Plan | PlannedTrajectory) -> PlannedTrajectory:
+        """ArgumentError for a plan that is a failure, or whose arrays do not fit together or are not finite."""
         if isinstance(plan, PlannedTrajectory):
             return plan
         if not plan.ok:
-            raise ValueError(f"status = {plan.status.name}; allowed: OK")
+            raise ArgumentError(f"status = {plan.status.name}; allowed: OK")
         t, x, u = (np.array(values, dtype=np.float64, order="C") for values in (plan.t, plan.x, plan.u))
         arcs = t.size - 1
         if arcs < 0 or t.shape != (arcs + 1,) or x.shape != (arcs + 1, 6) or u.shape != (arcs, 3):
             shapes = f"t {t.shape}, x {x.shape}, u {u.shape}"
-            raise ValueError(f"{shapes}; allowed: (K + 1,), (K + 1, 6), (K, 3) with K >= 0")
+            raise ArgumentError(f"{shapes}; allowed: (K + 1,), (K + 1, 6), (K, 3) with K >= 0")
         if not (np.isfinite(t).all() and np.isfinite(x).all() and np.isfinite(u).all()):
-            raise ValueError("t, x or u is not finite; allowed: finite values")
+            raise ArgumentError("t, x or u is not finite; allowed: finite values")
         if not (np.diff(t) > 0.0).all():
-            raise ValueError("t does not increase; allowed: increasing times")
+            raise ArgumentError("t does not increase; allowed: increasing times")
         p, v, h = x[:, :3], x[:, 3:], np.diff(t)[:, np.newaxis]
         middle = p[:-1] + 0.5 * h * v[:-1]  # with both ends, its hull holds the arc
         hull = np.vstack([p, middle, middle + 0.5 * h * (v[:-1] + h * u)])
@@ -80,21 +81,21 @@ class PlannedTrajectory:
 def least_distance(plan_a: Plan | PlannedTrajectory, plan_b: Plan | PlannedTrajectory, t: float) -> float:
     """Least distance min |p_a(s) - p_b(s)| [m] over s in [t, infinity).
 
-    Raises ValueError for what ``PlannedTrajectory.of`` refuses.
+    Raises ValueError for what ``PlannedTrajectory.from_plan`` refuses.
     """
     check(t, "t", -math.inf)
-    a, b = PlannedTrajectory.of(plan_a), PlannedTrajectory.of(plan_b)
+    a, b = PlannedTrajectory.from_plan(plan_a), PlannedTrajectory.from_plan(plan_b)
     return math.sqrt(_least_squared(a.t, a.x, a.u, b.t, b.x, b.u, float(t), math.inf))
 
 
 def clear(plan_a: Plan | PlannedTrajectory, plan_b: Plan | PlannedTrajectory, distance: float, t: float) -> bool:
     """True if |p_a(s) - p_b(s)| >= distance [m] for all s in [t, infinity); no roots where boxes suffice.
 
-    ValueError for what ``PlannedTrajectory.of`` refuses and for a negative distance.
+    ValueError for what ``PlannedTrajectory.from_plan`` refuses and for a negative distance.
     """
     check(distance, "distance", 0.0)
     check(t, "t", -math.inf)
-    a, b = PlannedTrajectory.of(plan_a), PlannedTrajectory.of(plan_b)
+    a, b = PlannedTrajectory.from_plan(plan_a), PlannedTrajectory.from_plan(plan_b)
     squared = float(distance) * float(distance)
     gap = np.maximum(np.maximum(a.low - b.high, b.low - a.high), 0.0)
     if gap @ gap > squared * (1.0 + 1e-9):  # rounding of a box decides nothing

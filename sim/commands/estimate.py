@@ -117,7 +117,7 @@ def _estimator(name: str, run_config: RunConfig) -> PluginSpec:
         return restored_plugin("estimators", name, run_config)
     recorded = restored_plugin("estimators", run_config.estimator, run_config)
     with bad_input():
-        return PluginSpec.of(Smoothing(recorded.plugin, recorded.config))
+        return PluginSpec.with_fields(Smoothing(recorded.plugin, recorded.config))
 
 
 def _request(name: str, run_config: RunConfig, words: Sequence[str]) -> RunRequest:
@@ -195,7 +195,7 @@ def _playback(request: RunRequest, run_config: RunConfig, log: RunLog) -> Closed
 def _smoothed(
     smoother: RecordedSmoother, plant: RecordedPlant, log: RunLog, request: RunRequest, run_config: RunConfig
 ) -> dict[str, Any]:
-    """Smooth the whole run; what config.json says of it, with the estimator as it was recorded."""
+    """Smooth the whole run; returns its config.json, with the estimator as it was recorded."""
 
     def samples() -> Iterator[Sample]:
         (name,) = plant.names

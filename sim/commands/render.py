@@ -14,6 +14,7 @@ from mathnavi.sim.commands import opengl
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse, with_flag
 from mathnavi.sim.commands.deadline import check_deadline, watched
 from mathnavi.sim.commands.errors import BadInputError, bad_input
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.plugin.trust import trusting
 
 
@@ -46,16 +47,16 @@ class RenderOptions:
     def __post_init__(self) -> None:
         check_deadline(self.wall_deadline)
         if self.still and self.clip:
-            raise ValueError("--clip = True; allowed: not together with --still")
+            raise FieldError("--clip = True; allowed: not together with --still")
         if self.codec is not None and (self.still or self.clip):
-            raise ValueError(f"--codec = {self.codec}; allowed: only for a video, not with --still or --clip")
+            raise FieldError(f"--codec = {self.codec}; allowed: only for a video, not with --still or --clip")
         for name, value, needed in (
             ("time", self.time, "still"),
             ("begin", self.begin, "clip"),
             ("end", self.end, "clip"),
         ):
             if value is not None and not getattr(self, needed):
-                raise ValueError(f"--{name} = {value!r}; allowed: only together with --{needed}")
+                raise FieldError(f"--{name} = {value!r}; allowed: only together with --{needed}")
 
 
 def main(argv: Sequence[str]) -> int:

@@ -25,7 +25,7 @@ from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request,
 from mathnavi.sim.commands.served_address import address_of, check_address
 from mathnavi.sim.commands.summary import summary_table, verdict
 from mathnavi.sim.interfaces.checks import check_spares
-from mathnavi.sim.interfaces.errors import RunFolderError
+from mathnavi.sim.interfaces.errors import FieldError, RunFolderError
 from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.interfaces.input_files import run_inputs
 from mathnavi.sim.plugin.trust import trusting, within_record
@@ -68,7 +68,7 @@ class RunOptions:
     def __post_init__(self) -> None:
         check_deadline(self.wall_deadline)
         if self.codec is not None and not self.video:
-            raise ValueError(f"codec = {self.codec}; allowed: only together with --video")
+            raise FieldError(f"codec = {self.codec}; allowed: only together with --video")
         check_address(self.host, self.port, web=self.web)
 
 

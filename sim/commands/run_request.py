@@ -201,7 +201,7 @@ def restored_plugin(kind: str, name: str, run_config: RunConfig | None) -> Plugi
         recorded, fields = getattr(run_config, part), getattr(run_config, f"{part}_fields")
         if loaded(kind, recorded) is plugin:
             return PluginSpec(plugin, run_config.restored(plugin.Config, fields, f"$.{part}.fields"))
-    return PluginSpec.of(plugin)
+    return PluginSpec.with_fields(plugin)
 
 
 def _restored(config: type, run_config: RunConfig, words: Sequence[str]) -> Any:

@@ -24,6 +24,7 @@ from mathnavi.sim.commands.served_address import address_of, check_address
 from mathnavi.sim.commands.variations import listed_combinations, read_requests, read_variations, trials
 from mathnavi.sim.interfaces.bounds import LARGEST_SEED, MOST_TO_COMPUTE, Count, Positive, Processes, configuration
 from mathnavi.sim.interfaces.checks import check_spares
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.store import TRANSIENT, Record, Store, StoreWriteError
 from mathnavi.sim.sweep.child import RefusedError
@@ -68,9 +69,9 @@ class SweepOptions:
 
     def __post_init__(self) -> None:
         if self.workers is not None and self.cluster is not None:
-            raise ValueError(f"cluster = {self.cluster!r} beside --workers {self.workers}; allowed: one of both")
+            raise FieldError(f"cluster = {self.cluster!r} beside --workers {self.workers}; allowed: one of both")
         if self.store.suffix == REPORT:
-            raise ValueError(f"store = {self.store}; allowed: another ending than that of the report, {REPORT}")
+            raise FieldError(f"store = {self.store}; allowed: another ending than that of the report, {REPORT}")
         check_address(self.host, self.port, web=self.web)
 
 

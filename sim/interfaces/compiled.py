@@ -101,9 +101,11 @@ class KernelCache(_Cache):
             _forget_unused(file.parent)
 
     def enable(self) -> None:
+        """Use the cache."""
         self._enabled = True
 
     def disable(self) -> None:
+        """Compile anew, and leave the cache alone."""
         self._enabled = False
 
     def flush(self) -> None:
@@ -188,7 +190,7 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 
 def _cells(function: Any) -> dict[str, Any]:
-    """What a function takes from the one around it."""
+    """Variables that a function takes from the one around it."""
     cells = function.__closure__ or ()
     return {name: cell.cell_contents for name, cell in zip(function.__code__.co_freevars, cells, strict=True)}
 

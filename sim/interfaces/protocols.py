@@ -125,7 +125,7 @@ class Plant(Protocol):
         ...
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
-        """Advance by so many ticks with inputs and forces held; returns what happened (a contact with the ground)."""
+        """Advance by so many ticks with inputs (nu,) by vehicle and forces held; returns events, contacts for one."""
         ...
 
 
@@ -136,7 +136,7 @@ class Estimator(Protocol):
     period: float  # [s]
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate at ``t``, given the readings since the last call and the input ``command`` held since then."""
+        """The estimate at ``t`` [s], by the readings since the last call and the input ``command`` (nu,) held since."""
         ...
 
 

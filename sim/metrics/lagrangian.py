@@ -42,7 +42,7 @@ class VelocityErrors:
     found: Array  # (m,) 1 where the estimator had an estimate, else 0
 
     @staticmethod
-    def of(recording: Recording, name: str, manifold: Manifold) -> VelocityErrors:
+    def from_recording(recording: Recording, name: str, manifold: Manifold) -> VelocityErrors:
         """The errors of one vehicle's run, whose state is (x, v)."""
         estimates = recording.agents[name].estimates
         t = np.array([estimate.t for estimate in estimates])
@@ -108,7 +108,7 @@ def errors_of(manifold: Manifold, truth: Array, estimate: Array) -> tuple[float,
 
 
 def rms(values: Array) -> float:
-    """The root of the mean square; NaN of nothing, as of a run that ended before it was to be judged."""
+    """Root of the mean square of values (n,); NaN of nothing, as of a run that ended before it was to be judged."""
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else math.nan
 
 
@@ -116,7 +116,7 @@ def lagrangian_summary(
     recording: Recording, name: str, manifold: Manifold, settled: float, seed: int, wall_seconds: float
 ) -> dict[str, Any]:
     """The flat summary of a run; ``velocity_rms`` and ``position_rms`` are those from ``settled`` [s] on."""
-    errors, truth = VelocityErrors.of(recording, name, manifold), recording.truths[name]
+    errors, truth = VelocityErrors.from_recording(recording, name, manifold), recording.truths[name]
     late = errors.after(settled)
     speeds = np.array([manifold.norm(row[: manifold.size], row[manifold.size :]) for row in truth])
     statuses = [estimate.status for estimate in recording.agents[name].estimates]

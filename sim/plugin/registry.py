@@ -47,7 +47,7 @@ class PluginSpec:
     config: Any
 
     @staticmethod
-    def of(plugin: Any, **fields: Any) -> PluginSpec:
+    def with_fields(plugin: Any, **fields: Any) -> PluginSpec:
         """A plug-in class with some fields of its configuration set."""
         return PluginSpec(plugin, plugin.Config(**fields))
 
@@ -227,8 +227,8 @@ def _invoke(kind: str, spec: PluginSpec, method: str, mission: Any) -> Any:
     """
     if wanted := _unfit(spec.plugin, mission):
         raise PluginError(
-            f"{kind}: {called(kind, spec.name)!r} is for a {wanted} and this scenario has a {type(mission).__name__}; "
-            f"allowed: {', '.join(_fitting(kind, mission))}, or package.module:Class"
+            f"{kind}: {called(kind, spec.name)!r} is for a {wanted}, and the mission is a {type(mission).__name__}; "
+            f"allowed: {', '.join([*_fitting(kind, mission), f'or {_PLACE}' if _fitting(kind, mission) else _PLACE])}"
         )
     with failures_named(f"{kind}: {called(kind, spec.name)!r}: {method}() failed:", PluginError):
         return getattr(spec.plugin, method)(spec.config, mission)

@@ -185,6 +185,7 @@ class Store:
         return store
 
     def close(self) -> None:
+        """Close the connection to the file."""
         self._connection.close()
 
     def __enter__(self) -> Store:

@@ -206,7 +206,7 @@ def _seed(seed: int) -> int:
 
 
 def _place(base: ScriptRequest, name: str) -> tuple[str, Any, str]:
-    """Of a field: which configuration of the request it lies in, that configuration, and its name there."""
+    """Place of a field: which configuration of the request it lies in, that configuration, and its name there."""
     prefix, _, rest = name.partition(".")
     if rest and prefix == "planner":
         return "controller", base.controller.config, rest
@@ -262,7 +262,7 @@ class StudyRun:
 
     @property
     def claims(self) -> Sequence[Claim]:
-        """What the study says of each claim: expected, measured, holds."""
+        """Verdicts of the study on its claims: expected, measured, holds."""
         return self.result.claims
 
     @property

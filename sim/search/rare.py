@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mathnavi.sim.interfaces.bounds import LARGEST_SEED
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.scenarios.redraw import Redraw, generator
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator
 from mathnavi.sim.search.space import Dimension, Values, drawn
@@ -77,9 +78,9 @@ def rare_event(
     """
     most = missions // repetitions
     if repetitions < 2:
-        raise ValueError(f"repetitions = {repetitions}; allowed: two or more, for their spread gives the interval")
+        raise ArgumentError(f"repetitions = {repetitions}; allowed: two or more, for their spread gives the interval")
     if most < particles:
-        raise ValueError(
+        raise ArgumentError(
             f"missions = {missions}; allowed: >= {particles * repetitions}, the particles of all repetitions"
         )
     objective = evaluator.objective

@@ -17,6 +17,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from mathnavi.sim.interfaces.bounds import LARGEST_SEED
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.fields import leaf, plain, with_fields
 from mathnavi.sim.interfaces.input_files import Digests, declared_inputs, named_plugins, run_inputs
 from mathnavi.sim.plugin.code_version import code_version
@@ -47,7 +48,7 @@ class Trial:
 
     def __post_init__(self) -> None:
         if not (isinstance(self.seed, int) and 0 <= self.seed <= LARGEST_SEED):
-            raise ValueError(f"seed = {self.seed!r}; allowed: a whole number from 0 to {LARGEST_SEED}")
+            raise ArgumentError(f"seed = {self.seed!r}; allowed: a whole number from 0 to {LARGEST_SEED}")
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -233,7 +234,7 @@ def _plugin(kind: str, name: str) -> Any:
     """A plug-in that another process can find too."""
     plugin = load(kind, name)
     if plugin.__module__ == "__main__":
-        raise ValueError(f"{kind}: {name!r} lies in the script that runs; allowed: one in a module of its own")
+        raise ArgumentError(f"{kind}: {name!r} lies in the script that runs; allowed: one in a module of its own")
     return plugin
 
 
@@ -244,5 +245,5 @@ def _function(name: str) -> Callable[[Any], Mapping[str, Any]]:
     try:
         function: Callable[[Any], Mapping[str, Any]] = getattr(importlib.import_module(module), attribute)
     except (ImportError, AttributeError, ValueError) as error:
-        raise ValueError(f"measure = {name!r}: {error}; allowed: package.module:function") from error
+        raise ArgumentError(f"measure = {name!r}: {error}; allowed: package.module:function") from error
     return function

@@ -33,7 +33,7 @@ _SLOW = 1e-3  # below this length [m/s, m/s^2] a ball constraint is far from act
 
 @njit(cache=True, nogil=True)
 def clearance_rows(unknowns: Array, data: ProblemData, programme: QuadraticProgramme) -> None:
-    """Clearance, soft: z - H(x, y) >= floor at the clearance points, the first rows."""
+    """Clearance [m], soft: z - H(x, y) >= floor at the clearance points, the first rows."""
     start, _, base, weights, climbs, terrain, _, _, _, packed = data
     rows, upper, lower = programme.rows, programme.upper, programme.lower
     n, count = weights.shape[1], weights.shape[0] - 2

@@ -34,7 +34,7 @@ _CRUISE, _DESCENT = int(FlightPhase.CRUISE), int(FlightPhase.DESCENT)
 
 
 class Limits(NamedTuple):
-    """What a certificate asks of a path, over ground that is raised by the tracking bound."""
+    """Requirements of a certificate on a path, over ground that is raised by the tracking bound."""
 
     z: Array  # (rows, cols) [m]
     spacing: float  # [m]

@@ -12,7 +12,7 @@ from mathnavi.sim.engine import compilation
 
 
 class Process:
-    """What stands in for a process that was started."""
+    """Stand-in for a process that was started."""
 
     def __init__(self, started: list[Process], command: list[str], **options: Any) -> None:
         self.command, self.ended = command, list[str]()

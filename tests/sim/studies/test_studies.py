@@ -39,7 +39,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "missile-nodes": {"repeats": 1, "cases": 1, "grids": 5, "reference_nodes": 61, "indirect": 1},
     "missile-closed-loop": {"cases": 1, "seeds": 1, "replans": 1, "others": 1, "pairs": 1, "draws": 1},
     "monitors": {"problems": 1, "nodes": 8, "reference_nodes": 41},
-    "active-control": {"seeds": 1, "others": 1, "tracked": 1, "seconds": 1},
+    "active-control": {"seeds": 1, "others": 1, "tracked": 1, "seconds": 1, "searched": 1, "depth": 1},
     "mismatch": {"seeds": 1, "seconds": 1},
     "introduction-examples": {"grid": 2, "starts": 1, "pairs": 2},
     "observer-properties": {"starts": 1, "subjects": 1, "seconds": 1},
@@ -86,7 +86,7 @@ CLAIMS = {
         *("missile.replan", "missile.open-loop", "missile.feedback", "missile.moving-target", "missile.drawn"),
     },
     "monitors": {"B.arclength-best-problems", "ocp.monitors-radau"},
-    "active-control": {"range.active", "C.input-decides", "C.basis", "C.deliberate"},
+    "active-control": {"range.active", "range.active-limit", "C.input-decides", "C.basis", "C.deliberate"},
     "mismatch": {"mismatch.converged", "mismatch.sure-and-wrong", "mismatch.consistency"},
     "introduction-examples": {
         *("I.example-2-1-observable", "I.example-2-1-no-observer", "I.example-2-2-unobservable"),
@@ -204,7 +204,7 @@ def test_a_study_keeps_the_contract(name: str, hills: str, tmp_path: Path) -> No
 
 
 def assert_claims(name: str, result: StudyResult) -> None:
-    """They are those that the study is there for, and each tells all that a ledger needs."""
+    """They are those that the study is there for, and each has all that a ledger needs."""
     assert {claim.id for claim in result.claims} == CLAIMS[name]
     for claim in result.claims:
         assert claim.kind == ("printed" if claim.id.startswith(PRINTED) else "target")

@@ -27,7 +27,7 @@ from mathnavi.sim.studies.introduction.bounds.runs import (
 
 NEAR = 1.15  # times the bound, which counts as reached
 CHANCE = 3.0  # standard errors
-FEWEST = 5  # runs that tell a standard error
+FEWEST = 5  # runs that a standard error needs
 DISTURBED = ("ranges", "flight", "missile")  # scenarios with process noise
 
 
@@ -50,7 +50,7 @@ class Efficiency:
     scenario: str
     estimator: str
     value: float  # root of the sum of squared errors over that of their bounds
-    standard_error: float  # of it, by the jackknife over runs; infinite of too few
+    standard_error: float  # of the efficiency, by the jackknife over runs; infinite of too few
     ok: float  # share of the estimates with the status OK
     cost: float  # [us] an update
 

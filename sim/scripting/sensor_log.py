@@ -139,8 +139,8 @@ def estimate(method: str | PluginSpec | type[Any], mission: Any, log: SensorLog,
     its own. ``mission`` says what the estimator has to know of the vehicle and its sensors, as ``RangingMission(wall,
     angles, ...)`` does; its period has to be about that of the log.
 
-    Raises PluginError for a method that is not known, does not fit the mission or fails, FieldError for a field or a value
-    that is not allowed, and LogError for a log without readings that the method needs, or with malformed ones.
+    Raises PluginError for a method that is not known, does not fit the mission or fails, FieldError for a field or a
+    value that is not allowed, and LogError for a log without readings that the method needs, or with malformed ones.
     """
     found = load("estimators", method) if isinstance(method, str) else method
     spec = found if isinstance(found, PluginSpec) else PluginSpec.of(found)

@@ -211,3 +211,13 @@ def test_a_report_says_how_a_run_of_code_that_is_not_installed_is_repeated(folde
     write_run(tmp_path, CONFIG, {"arrived": True}, recording(moved()))
     write_report(tmp_path)
     assert "--trust" in checked_report(tmp_path)[0]
+
+
+def test_the_log_of_another_run_is_refused(folder: Path, tmp_path: Path) -> None:
+    write_run(tmp_path, CONFIG, {"arrived": True}, recording(moved()))
+    with np.load(tmp_path / "log.npz") as log:
+        arrays = dict(log)
+    arrays["truth.x"] = arrays["truth.x"][:, :2]
+    np.savez(tmp_path / "log.npz", **arrays)
+    with pytest.raises(RunFolderError, match=r"truth\.x has 2 states; allowed: 4, as log\.json beside it names"):
+        load_run(tmp_path)

@@ -1,4 +1,4 @@
-"""How near estimators come to the posterior Cramér-Rao bound, and the price of an update."""
+"""Distance of estimators to the posterior Cramér-Rao bound, and the price of an update."""
 
 from __future__ import annotations
 

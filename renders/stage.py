@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from types import TracebackType
 from typing import Any, Self
@@ -74,10 +75,15 @@ class Stage:
         self._glow = glow
         self._camera = mujoco.MjvCamera()
         self._options = mujoco.MjvOption()
-        self._renderer: Any = mujoco.Renderer(model, height, width, max_geom=MAX_GEOMS)
+
+    @cached_property
+    def _renderer(self) -> Any:
+        """MuJoCo's renderer, begun with the first picture: before it the process may fork."""
+        return mujoco.Renderer(self.model, self.height, self.width, max_geom=MAX_GEOMS)
 
     def close(self) -> None:
-        self._renderer.close()
+        if "_renderer" in self.__dict__:
+            self._renderer.close()
 
     @property
     def unit(self) -> float:

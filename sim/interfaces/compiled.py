@@ -43,8 +43,9 @@ _REMARKED = 86400.0  # [s] between two notes that an entry is in use
 
 
 if TYPE_CHECKING:
-    from numba import njit as inner_njit
     from numba import njit as njit
+
+    inner_njit = njit
 else:
 
     def njit(function=None, *, cache=False, inner=False, **options):

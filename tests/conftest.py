@@ -58,6 +58,15 @@ def drawing_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(video, "draw", draw_apart)
 
 
+@pytest.fixture
+def trials_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trials and jobs run in this process, for tests of what becomes of their records."""
+    from mathnavi.sim.sweep import execution
+    from tests.sim.here import Here
+
+    monkeypatch.setattr(execution, "Worker", lambda path: Here())
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The longest tests first, so that none of them is what one worker ends with while the others are idle."""
     items.sort(key=lambda item: item.path.name != "test_studies.py")

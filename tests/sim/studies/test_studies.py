@@ -62,7 +62,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "scaling": {"repetitions": 1, "sizes": 2, "trials": 10, "workers": 1, "cluster": False},
     "range-convergence": {"seeds": 1, "peers": 1, "drives": 1, "repetitions": 1, "seconds": 1},
     "range-observer": {"starts": 1, "drives": 1, "states": 2, "seconds": 1},
-    "hunt": {"missions": 1, "tries": 1, "draws": 1, "repeats": 1},
+    "hunt": {"missions": 2, "tries": 2, "draws": 2, "repeats": 1},
 }
 CLAIMS = {
     "horizon": {"A.path-falls", "A.effort-falls", "A.20-to-15"},

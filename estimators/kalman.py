@@ -188,7 +188,7 @@ class Kalman:
         self._timeout_monitor.note(fix.t)
 
     def _excess(self) -> float:
-        """How many times the covariance of the last innovations is that of the filter; 1 while that is likely."""
+        """Ratio of the covariance of the last innovations to that of the filter; 1 while that is likely."""
         total = sum(self._innovations)
         return max(1.0, total / (_AXES * _WINDOW)) if total > _UNLIKELY else 1.0
 

@@ -128,7 +128,7 @@ class MissileKalman:
         self._t = t
 
     def _advance(self, h: float, u: Array) -> None:
-        """By h [s] with the input held."""
+        """Advance by h [s] with the input held."""
         while h > TIME_TOLERANCE:
             step = min(h, STEP)
             after, F = self._step(self._filter.x, u, step)

@@ -25,7 +25,7 @@ NlpPlugin = Literal["ipopt", "fatrop"]
 
 
 class SolverOutcome(Enum):
-    """How a solve ended; the value is the message for the user.
+    """End of a solve; the value is the message for the user.
 
     A solver itself says no more than ``CONVERGED``: whether the solution of a transcribed programme solves the problem,
     its replay in the true dynamics has to show.
@@ -95,7 +95,7 @@ def fatrop_settings(
 
 @dataclass(frozen=True)
 class NlpReport:
-    """How a call of a solver ended."""
+    """Report on a call of a solver."""
 
     outcome: SolverOutcome
     message: str  # the solver's return status, or the last line of the exception that it raised

@@ -124,7 +124,7 @@ def solve_figure(summary: Mapping[str, Any]) -> Figure:
 
 
 def events_figure(events: Sequence[Event], duration: float) -> Figure:
-    """When each kind of event happened."""
+    """Times at which each kind of event happened."""
     with matplotlib.rc_context(STYLE):
         names = [described(event)[0] for event in events]
         kinds = list(dict.fromkeys(names))

@@ -1,4 +1,4 @@
-"""Where a camera has to be so that what matters fills the free part of a picture.
+"""Place of a camera from which what matters fills the free part of a picture.
 
 Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """

@@ -248,6 +248,7 @@ class Stage:
         geom = scene.geoms[scene.ngeom]
         rgba = np.array(colour, np.float32)
         mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
+        geom.category = mujoco.mjtCatBit.mjCAT_DECOR  # casts no shadow
         scene.ngeom += 1
         return geom
 

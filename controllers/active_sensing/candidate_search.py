@@ -61,7 +61,7 @@ class CandidateSearch:
 
 
 class Containment:
-    """How long inputs keep within the wall, in ``nodes`` of a horizon [s], k being ``deviations``; and the way back."""
+    """Time that inputs keep inside the wall, in ``nodes`` of a horizon [s], k being ``deviations``; the way back."""
 
     def __init__(self, mission: RangingMission, horizon: float, nodes: int, deviations: float) -> None:
         self._wall = WallTable(mission.curve.table, mission.curve.polyline)

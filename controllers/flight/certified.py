@@ -233,7 +233,7 @@ class Certified:
         return answer
 
     def _breach(self, request: PlanRequest) -> str | None:
-        """How far a vehicle outside its tracking bound is from the plan; None for one within."""
+        """Distance in words of a vehicle outside its tracking bound from the plan; None for one within."""
         assert request.current is not None
         error = request.estimate.x - state_at(request.current, request.t)
         if not self._bound.broken_by(error):

@@ -124,7 +124,7 @@ class TerrainGrid:
 
 
 def _nodes_along(side: float, spacing: float, at: float) -> tuple[float, Array, int]:
-    """Where nodes [m] begin, all of them, and which is that ``at`` the target [m], between 0 and ``side`` [m]."""
+    """Place of the first node [m], all nodes [m], and index of that ``at`` the target [m], in 0 to ``side`` [m]."""
     before = math.floor(at / spacing + _ROUNDING)
     begin = at - before * spacing
     count = before + math.floor((side - at) / spacing + _ROUNDING) + 1

@@ -187,7 +187,7 @@ class RecedingHorizon:
         return math.inf if arrival is None else arrival + braking_time(self._certificate) + TIME_TOLERANCE
 
     def _length_to_go(self, start: Array, t_start: float) -> LengthToGo | None:
-        """How far to go the plan should have at p_N; None where no arrival time is asked for."""
+        """Remaining length that the plan should have at p_N; None where no arrival time is asked for."""
         horizon, v_max = self._parameters.horizon, self._certificate.speed_max
         length = float(self._environment.cost(start[:3])[0])
         asked = self._arrival

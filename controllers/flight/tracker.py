@@ -158,7 +158,9 @@ def tracking_command(
         feedback[i] = -(bandwidth * bandwidth) * error - 2.0 * bandwidth * drift - gust[i]
         square += feedback[i] * feedback[i]
     if square > limit * limit:
-        feedback *= limit / np.sqrt(square)
+        shrunk = limit / np.sqrt(square)
+        for i in range(m):
+            feedback[i] *= shrunk
     for i in range(m):
         feedback[i] += (ahead[m + i] - reference[m + i]) / period
     return feedback

@@ -30,7 +30,7 @@ class MultiPhaseSolution:
 
     @property
     def status(self) -> SolverOutcome:
-        """How the solve ended."""
+        """End of the solve."""
         return self.stacked.status
 
     @property

@@ -138,7 +138,7 @@ class ProblemFunctions:
         return self.values(**{str(name): value for name, value in parameters.items()})
 
     def _places(self, name: str) -> list[int]:
-        """Where a parameter stands, or the components of a vector."""
+        """Place of a parameter, or those of the components of a vector."""
         places = [k for k, own in enumerate(self.parameters) if own == name or own.startswith(f"{name}[")]
         if not places:
             known = ", ".join(self.parameters) or "none"

@@ -185,7 +185,7 @@ def _path_violation(solution: Solution, states: Array, fractions: Array) -> floa
 
 
 def _control_violation(solution: Solution) -> float:
-    """How far the scheme's control leaves its bounds, over their range (one bound: over the scale)."""
+    """Largest violation of its bounds by the scheme's control, over their range (one bound: over the scale)."""
     problem = solution.problem
     extent = problem.control_bounds.upper - problem.control_bounds.lower
     scale = np.where(np.isfinite(extent) & (extent > 0.0), extent, problem.control_scale)

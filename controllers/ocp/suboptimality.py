@@ -1,4 +1,4 @@
-"""How far the cost of a smooth solution may lie above its least value: from the stationarity of its Hamiltonian.
+"""Bound on the cost of a smooth solution above its least value: from the stationarity of its Hamiltonian.
 
 Flown through its own dynamics, a control u that differs by δu from the best one costs, to second order,
 

@@ -63,7 +63,7 @@ class Hypotheses(NamedTuple):
 
 
 class Scoring(NamedTuple):
-    """How hypotheses are judged."""
+    """Parameters by which hypotheses are scored."""
 
     forgetting: float  # what is left of a score after an update
     memory: float  # what is left of a misfit after one

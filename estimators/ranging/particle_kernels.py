@@ -139,7 +139,7 @@ def resample(
     return after
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _regularise(
     after: Array,
     clusters: Clusters,
@@ -178,7 +178,7 @@ def _regularise(
         after[n, 3] += d[3]
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _cholesky(C: Array) -> Array:
     """Lower factor (4, 4) of a covariance that may be singular."""
     A = np.zeros((4, 4))
@@ -194,7 +194,7 @@ def _cholesky(C: Array) -> Array:
     return A
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _distinct(cell: Integers, chosen: Integers) -> int:
     """Number of different values of ``cell`` (n,) among those ``chosen`` (m,)."""
     seen = np.zeros(cell.max() + 1, np.bool_)

@@ -168,7 +168,7 @@ class PoseCertificate:
         return np.array(rays), np.array(ends + within), outliers, limit
 
     def _drift(self, sample: _Sample, kappa: float) -> tuple[float, float]:
-        """By how much [m, rad] the motion between a sample and the middle one may be off."""
+        """Error [m, rad] that the motion between a sample and the middle one may have."""
         driven, swept = np.abs(self._middle.path - sample.path)
         noise = kappa * np.sqrt(np.abs(self._middle.variance - sample.variance))
         drift_angle = float(noise[1] + 2.0 * self._bias * swept)

@@ -77,7 +77,7 @@ def _distance(grid: DistanceGrid, x: float, y: float) -> float:
     return float(values[int(u + 0.5), int(v + 0.5)])
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _refuting(grid: DistanceGrid, tests: Tests, ends: int, box: Array) -> int:
     """Index of the test that refutes the box, beginning with its own; -1 where none does."""
     rows, outliers, limit = tests
@@ -106,7 +106,7 @@ def _refuting(grid: DistanceGrid, tests: Tests, ends: int, box: Array) -> int:
     return -1
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _fitted(grid: DistanceGrid, rows: Array, start: Array) -> Array:
     """Pose (3,) near ``start`` from which the ends of the rays ``rows`` are nearest to the wall, by Gauss-Newton."""
     pose, cell = start[:3].copy(), grid[3]
@@ -159,7 +159,7 @@ def explains(wall: WallShape, rays: Array, outliers: int, limit: float, pose: Ar
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _is_near(poses: Array, count: int, x: Array, h: float, w: float, radius: float, angle: float) -> bool:
     """True if the box of half-widths h [m], w [rad] about x is within ``radius`` [m], ``angle`` [rad] of one pose."""
     for k in range(count):

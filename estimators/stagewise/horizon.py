@@ -229,7 +229,7 @@ class MovingHorizon:
             node.reached, node.F, node.Q = advanced(self._model, before.x, node.inputs)
 
     def _reached(self, node: _Node, before: _Node) -> Array:
-        """Where the state of the node before leads, to first order about that of the linearisation."""
+        """State to which that of the node before leads, to first order about that of the linearisation."""
         return self._model.sum(node.reached, node.F @ self._model.difference(before.x, node.at))
 
 

@@ -210,7 +210,7 @@ def _fixed(array: Array) -> Array:
 
 
 def _crossing(points: Array) -> str:
-    """Where a closed polygon crosses itself, or ""."""
+    """Place where a closed polygon crosses itself, or ""."""
     n = len(points)
     a, b = points, np.roll(points, -1, axis=0)
     d = b - a

@@ -33,6 +33,7 @@ LEAST_SHOWN = 0.1  # of that: a ghost that is nearer would only spot the vehicle
 GHOST_SIZE = 1.04
 SMALLEST = 0.05  # of the way's extent: a vehicle that is smaller is seen from as far as if it were so large
 GROUND_SIZE = 0.5  # of a plane that is endless: half its side, in extents
+SHADOWED = 3.0  # extents around the middle in which shadows fall; at its edge the ground would shade itself
 SUNLIGHT = np.array([-0.35, 0.45, -0.85])  # direction of the light; it comes from where it shines on the middle
 _KINDS = {int(kind): kind for kind in mujoco.mjtGeom.__members__.values()}
 _GROUP = 1
@@ -150,6 +151,7 @@ class GenericScene(Staged):
         spec.stat.extent, spec.stat.center = self._extent, middle
         spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
         spec.visual.quality.offsamples, spec.visual.quality.shadowsize = samples, 4096
+        spec.visual.map.shadowclip = SHADOWED
         spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.35] * 3, [0.25] * 3
         spec.visual.headlight.specular = [0.0] * 3
         spec.worldbody.add_light(

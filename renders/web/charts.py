@@ -101,7 +101,7 @@ def named(words: str) -> tuple[str, str]:
 
 
 def events_of(run: GenericRun) -> Sequence[tuple[float, str]]:
-    """When what happened, in words."""
+    """Times of events, in words."""
     several = len(run.vehicles) > 1
     found = []
     for event in run.events:

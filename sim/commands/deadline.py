@@ -23,11 +23,13 @@ import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Annotated
+
+from annotated_types import Gt
 
 from mathnavi.sim.commands.arguments import value_of, without
 from mathnavi.sim.commands.errors import OUT_OF_TIME
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.bounds import FINITE, Within
 
 FLAG = "--wall-deadline"
 PACKAGE = Path(__file__).parents[2]  # mathnavi
@@ -36,14 +38,9 @@ START = (
     "from mathnavi.sim.commands.deadline import run; run(**request)"
 )
 ENDED = "mathnavi: the command has ended\n"
+WallDeadline = Annotated[float, Within(Gt(0.0), FINITE, allowed="a finite number of seconds > 0")]
 _GRACE = 10.0  # [s] for the child to end itself when its time is up
 _FRAME = re.compile(r'^  File "(.*)", line (\d+) in (.*)$', re.MULTILINE)
-
-
-def check_deadline(seconds: float | None) -> None:
-    """ValueError for a time that is none."""
-    if seconds is not None and not (math.isfinite(seconds) and seconds > 0.0):
-        raise FieldError(f"wall_deadline = {seconds}; allowed: a finite number of seconds > 0")
 
 
 def watched(command: str, argv: Sequence[str]) -> int | None:

@@ -127,7 +127,7 @@ class FollowedSweep:
         return section("Worst runs", card(table(heads, rows, "A link flies the trial again and shows the run.")))
 
     def _link(self, content: str) -> str:
-        """Where a trial is shown, with the token of the server if it has one."""
+        """Address at which a trial is shown, with the token of the server if it has one."""
         token = urlsplit(self.url).query
         return html.escape(f"{VIEW.lstrip('/')}?{urlencode({'trial': content})}{f'&{token}' if token else ''}")
 

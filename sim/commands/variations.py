@@ -160,7 +160,7 @@ def trials(request: RunRequest, variations: Sequence[Variation], count: int) -> 
 
 
 def listed_combinations(request: RunRequest, variations: Sequence[Variation]) -> int:
-    """How many combinations the listed values of fields make."""
+    """Number of combinations that the listed values of fields make."""
     places = FieldPlaces(request)
     values = [places.values(variation) for variation in variations if variation.flag not in PLUGINS]
     return math.prod(len(listed) for listed in values if isinstance(listed, list))

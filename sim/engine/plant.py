@@ -45,7 +45,7 @@ class VehicleSetup:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where a vehicle is in MuJoCo's arrays, and how its input gets there: for whoever steps the model otherwise."""
+    """Places of a vehicle in MuJoCo's arrays, and the way of its input there: for whoever steps the model otherwise."""
 
     q: slice  # of qpos
     v: slice  # of qvel
@@ -185,11 +185,11 @@ class MujocoPlant:
         return tuple(each.sensor for each in self._vehicle(name).sensors)
 
     def layout(self, name: str) -> Layout:
-        """Where a vehicle is in the arrays of ``model`` and ``data``."""
+        """Places of a vehicle in the arrays of ``model`` and ``data``."""
         return self._vehicle(name).layout
 
     def contacts(self, name: str) -> int:
-        """How often the vehicle has begun to touch something."""
+        """Number of times that the vehicle has begun to touch something."""
         return self._vehicle(name).contacts
 
     def sense(self, name: str) -> Sequence[Measurement]:

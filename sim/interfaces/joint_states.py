@@ -44,7 +44,7 @@ def state_names(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[str, ...]
 
 
 def quaternions(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[slice, ...]:
-    """Where the balls and free joints among these, which lie together in the model, have their quaternions in q."""
+    """Places in q of the quaternions of the balls and free joints among these, which lie together in the model."""
     first = int(model.jnt_qposadr[joints[0]])
     before = {BALL: 0, FREE: 3}  # numbers of the joint that come before its quaternion
     kinds = [(j, int(model.jnt_type[j])) for j in joints]

@@ -196,7 +196,7 @@ class Coordinator(Protocol):
 
 @runtime_checkable
 class Consensus(Protocol):
-    """How a vehicle agrees with its neighbours on a number, faster than it plans (thesis, A.8.2).
+    """Agreement of a vehicle with its neighbours on a number, faster than it plans (thesis, A.8.2).
 
     The vehicles communicate in rounds: in each, every one takes in its messages and then sends to its neighbours.
     """
@@ -215,7 +215,7 @@ class Consensus(Protocol):
 
     @property
     def refused(self) -> Mapping[str, int]:
-        """How many messages were not used, by why: "garbage", "stranger", "repeated", "from the future", ..."""
+        """Number of messages that were not used, by why: "garbage", "stranger", "repeated", "from the future", ..."""
         ...
 
     def start(self, value: float, now: float = 0.0) -> None:
@@ -267,7 +267,7 @@ class EstimatorPlugin(Protocol):
 
     @staticmethod
     def quality(config: Any, mission: Any) -> Any:
-        """How good its estimates are, in the terms of the scenario (``EstimateQuality`` for an aerial mission)."""
+        """Quality of its estimates, in the terms of the scenario (``EstimateQuality`` for an aerial mission)."""
         ...
 
     @staticmethod

@@ -1,4 +1,4 @@
-"""How well the velocity of a Lagrangian system was found: errors, convergence, Lyapunov functions of a run (Paper D).
+"""Figures of the velocity estimate of a Lagrangian system: errors, convergence, Lyapunov functions of a run (Paper D).
 
 With the truth (x, v) and an estimate (xi, eta), v^ = PT_{xi -> x} eta and Delta v = v - v^. Errors of position and
 velocity are given in the components of the manifold at the truth: a joint's angle and rate, a body rate, and [1/s]
@@ -152,9 +152,10 @@ def angles_to_reference(recording: Recording, name: str, manifold: Manifold) -> 
 
 
 def tracking_figures(recording: Recording, name: str, manifold: Manifold, settled: float) -> dict[str, Any]:
-    """How well a reference attitude was kept: the root mean square of the angle to it from ``settled`` [s] on, and the
+    """Figures of a reference attitude that was tracked.
 
-    last time at which the angle was more than ``SETTLED``.
+    The root mean square of the angle to it from ``settled`` [s] on, and the last time at which the angle was more than
+    ``SETTLED``.
     """
     t, angle = recording.t, angles_to_reference(recording, name, manifold)
     above = np.flatnonzero(angle > SETTLED)

@@ -214,7 +214,7 @@ def _plan_from_start(mission: MissileMission, controller: PluginSpec) -> Plan:
 
 
 def _reach(mission: MissileMission, controller: PluginSpec) -> str:
-    """How far a target that moves like this one may be on the line to it, by first plans nearer and farther."""
+    """Range of a target that moves like this one, on the line to it, by first plans nearer and farther."""
     start = mission.coordinates.place(mission.start_state)
     line = np.array(mission.target.place) - start
     distance = float(np.linalg.norm(line))

@@ -63,7 +63,7 @@ class ProposalFilter(Protocol):
 
 
 class Outcome(StrEnum):
-    """How an episode ends."""
+    """End of an episode."""
 
     ARRIVED = "arrived"
     COMPLETED = "completed"  # of a mission without a target: the time is up
@@ -130,7 +130,7 @@ class Endurance:
     hold: float | None = None  # [s]
 
     def outcome(self, t: float, truths: Mapping[str, Array]) -> Outcome | None:
-        """How the mission has ended."""
+        """End of the mission."""
         return self.ends(t, truths)
 
     def potential(self, t: float, truths: Mapping[str, Array]) -> float:

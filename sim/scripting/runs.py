@@ -102,7 +102,7 @@ class SweepResult:
 
     @property
     def failures(self) -> Proportion:
-        """How often the mission did not do what it should, or did not run to its end, with its confidence interval."""
+        """Share of missions that did not do what they should, or did not run to their end, with its interval."""
         return rate(sum(not record.success for record in self.records), len(self.records))
 
     @property

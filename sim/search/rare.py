@@ -1,4 +1,4 @@
-"""How probable an event is that hardly any mission shows: multilevel splitting over the random streams of a scenario.
+"""Probability of an event that hardly any mission shows: multilevel splitting over the random streams of a scenario.
 
 A particle is a chain of redraws (``mathnavi.sim.scenarios.redraw``), the first of everything; the kernel appends one
 more, of a share drawn from ``SHARES``. The level is the figure of the mission. A mission that is refused is as far from

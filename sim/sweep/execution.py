@@ -103,7 +103,7 @@ def run_jobs(
 
 @dataclass(frozen=True)
 class _Run:
-    """How the tasks that a store lacks are run."""
+    """Execution of the tasks that a store lacks."""
 
     workers: int
     cluster: str | None

@@ -67,7 +67,7 @@ def objective(unknowns: Array, data: ProblemData) -> float:
     return float(cost)
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def end_violation(unknowns: Array, data: ProblemData, terminal_position: Array) -> float:
     """Largest violation [m] of the conditions at the ends.
 

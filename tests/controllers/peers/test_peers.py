@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.controllers.flight import spline
 from mathnavi.controllers.flight.certificate import Certificate
 from mathnavi.controllers.flight.plugin import planner
-from mathnavi.controllers.flight.spline import surface
 from mathnavi.controllers.flight.tracker import tracking_bound
 from mathnavi.controllers.peers.barrier import BarrierConfig, BarrierFlight, cover, funnel_slope
 from mathnavi.controllers.peers.barrier_kernels import BarrierShape, barrier, filtered
@@ -19,6 +19,7 @@ from mathnavi.controllers.peers.faster import Faster, FasterConfig
 from mathnavi.controllers.peers.gatekeeper import Gatekeeper, GatekeeperConfig
 from mathnavi.models.aerial.dynamics import flow, state_at
 from mathnavi.models.aerial.plan_status import FlightPhase
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.protocols import Planner
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from tests import flight
@@ -26,6 +27,11 @@ from tests import flight
 MISSION = flight.mission()
 BOUND = tracking_bound(0.8, MISSION)
 CERTIFICATE = Certificate.for_mission(MISSION, BOUND)
+
+
+@njit
+def surface(c: Array, u: float, v: float) -> tuple[float, float, float]:
+    return spline.surface(c, u, v)
 
 
 class Straight:

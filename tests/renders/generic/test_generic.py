@@ -177,6 +177,18 @@ def test_the_light_shines_on_the_middle_so_that_shadows_fall_there(folder: Path)
         assert np.linalg.norm(np.cross(towards, direction)) < 1e-6 * np.linalg.norm(towards)
 
 
+@needs_opengl
+def test_what_is_drawn_beside_the_scene_casts_no_shadow(folder: Path) -> None:
+    from mathnavi.renders.generic.scene import GenericScene
+
+    with GenericScene(load_run(folder), 320, 180) as scene:
+        scene.draw(1.5, "fixed")
+        drawn = scene.stage._renderer.scene
+        added = [g for g in drawn.geoms[: drawn.ngeom] if g.objtype != mujoco.mjtObj.mjOBJ_GEOM]
+        assert len(added) > 3  # path, plan and ghost
+        assert {g.category for g in added} == {int(mujoco.mjtCatBit.mjCAT_DECOR)}
+
+
 def test_figures_of_a_scenario_stand_in_its_summary(folder: Path, tmp_path: Path) -> None:
     write_run(tmp_path, CONFIG, {"arrived": True, "collisions": 3, "seed": 2}, recording(moved()))
     write_report(tmp_path)
@@ -199,3 +211,13 @@ def test_a_report_says_how_a_run_of_code_that_is_not_installed_is_repeated(folde
     write_run(tmp_path, CONFIG, {"arrived": True}, recording(moved()))
     write_report(tmp_path)
     assert "--trust" in checked_report(tmp_path)[0]
+
+
+def test_the_log_of_another_run_is_refused(folder: Path, tmp_path: Path) -> None:
+    write_run(tmp_path, CONFIG, {"arrived": True}, recording(moved()))
+    with np.load(tmp_path / "log.npz") as log:
+        arrays = dict(log)
+    arrays["truth.x"] = arrays["truth.x"][:, :2]
+    np.savez(tmp_path / "log.npz", **arrays)
+    with pytest.raises(RunFolderError, match=r"truth\.x has 2 states; allowed: 4, as log\.json beside it names"):
+        load_run(tmp_path)

@@ -61,7 +61,7 @@ class SizedCase:
 
 @dataclass(frozen=True)
 class ScalingCurve:
-    """How a cost grows with a size.
+    """Growth of a cost with a size.
 
     ``cost(made(size, seed))`` is the cost; what ``made`` takes does not count. Up to ``limit`` it serves; ``today`` is
     the size that is ordinary now.

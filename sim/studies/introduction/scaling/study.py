@@ -72,7 +72,7 @@ class Growth:
 
 
 class Scaling:
-    """How time and memory grow."""
+    """Growth of time and memory."""
 
     Config = ScalingConfig
     quick = ScalingConfig(repetitions=1, sizes=2, trials=10, workers=1, cluster=False)

@@ -38,6 +38,14 @@ def canvas(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
+def lay_out(figure: Figure) -> None:
+    """Give everything in a figure its place, once: whatever draws it afterwards does not lay it out again."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)
+
+
 def colour_of(part: SceneElement) -> str:
     """Colour of an element as matplotlib takes it."""
     return hexadecimal(COLOURS[part])

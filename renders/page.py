@@ -197,6 +197,7 @@ def picture_block(file: Path, alt: str, caption: str) -> Markup:
 def inline_svg(figure: Figure, name: str, alt: str) -> Markup:
     """A figure as an SVG element in the page's theme; ``name`` keeps its identifiers apart from the others'."""
     buffer = io.StringIO()
+    figures.lay_out(figure)
     with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     svg = buffer.getvalue()

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mathnavi.renders import page
-from mathnavi.renders.figures import BOUND, STYLE, canvas
+from mathnavi.renders.figures import BOUND, STYLE, canvas, lay_out
 from mathnavi.renders.page import Markup
 from mathnavi.renders.statistics_figures import SERIES, WIDTH
 from mathnavi.sim.interfaces.signals import Array
@@ -61,6 +61,7 @@ def write_search_report(store: Path, search: SearchPage) -> list[Path]:
     """Write the page and the picture beside a store, as .html and .png, both or none; return their paths."""
     figure = search_figure(search)
     picture = io.BytesIO()
+    lay_out(figure)
     figure.savefig(picture, format="png", dpi=150, facecolor="white")
     pages = {
         store.with_suffix(".html"): report(search, figure).encode(),

@@ -61,6 +61,15 @@ def drawing_apart(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
+def trials_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trials and jobs run in this process, for tests of what becomes of their records."""
+    from mathnavi.sim.sweep import execution
+    from tests.sim.here import Here
+
+    monkeypatch.setattr(execution, "Worker", lambda path: Here())
+
+
+@pytest.fixture
 def large_stills(monkeypatch: pytest.MonkeyPatch) -> None:
     """The stills of a report are as large as for a user."""
     from mathnavi.renders import report, video

@@ -89,7 +89,7 @@ def test_a_run_without_a_figure_of_its_own_shows_its_signals(flight: mn.RunResul
 
 @pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
 def test_a_video_and_a_report_are_written(flight: mn.RunResult, tmp_path: Path) -> None:
-    video = flight.video(tmp_path / "a.mp4", "overview", width=64, height=48, fps=2)
+    video = flight.video(tmp_path / "a.mp4", "overview", width=64, height=48, fps=1)
     assert video.read_bytes()[4:8] == b"ftyp"
     page = flight.report(tmp_path / "a.html").read_text(encoding="utf-8")
     assert "mathnavi run safe-flight --from" in page
@@ -135,6 +135,7 @@ def test_a_sweep_flies_what_the_command_line_flies(tmp_path: Path) -> None:
         assert len(opened.keys()) == 4  # found there
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_a_field_is_drawn_as_the_command_line_draws_it(tmp_path: Path) -> None:
     store = tmp_path / "trials.db"
     mn.sweep("textbook-observer", 2, vary={"noise": (0.0, 0.01)}, store=store, workers=1, duration=1.0)
@@ -144,6 +145,7 @@ def test_a_field_is_drawn_as_the_command_line_draws_it(tmp_path: Path) -> None:
         assert len(opened.keys()) == 2
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_a_study_is_done_again(tmp_path: Path) -> None:
     done = mn.study("contraction", quick=True, distances=6, directions=3, points=1, out=tmp_path, workers=1)
     assert done.claims

@@ -12,8 +12,6 @@ from mathnavi.models.terrain.dem import write_npz
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.plugin import code_version as code
 from mathnavi.sim.records import computing_environment
-from mathnavi.sim.sweep import execution
-from tests.sim.here import Here
 
 
 @pytest.fixture(scope="session")
@@ -30,12 +28,6 @@ def mission(hills: Path) -> tuple[str, ...]:
     """A mission of 4 km that is flown in about a second."""
     ends = ["--start", "3000", "3000", "800", "--target", "7000", "3000", "800"]
     return ("safe-flight", "--terrain", str(hills), *ends)
-
-
-@pytest.fixture
-def trials_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Trials and jobs run in this process, for tests of what becomes of their records."""
-    monkeypatch.setattr(execution, "Worker", lambda path: Here())
 
 
 @pytest.fixture(autouse=True)

@@ -23,6 +23,7 @@ from matplotlib.figure import Figure
 
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
+from mathnavi.renders.figures import lay_out
 from mathnavi.renders.page import number
 from mathnavi.renders.study_report import StudyPage, Table, report
 from mathnavi.renders.terrain_view import Track
@@ -246,8 +247,7 @@ def write_result(
     ground = None if setup.terrain is None else setup.ground
     folder.mkdir(parents=True, exist_ok=True)
     picture = io.BytesIO()
-    findings.figure.draw_without_rendering()
-    findings.figure.set_layout_engine(None)  # everything has its place now, in the picture and on the page
+    lay_out(findings.figure)
     findings.figure.savefig(picture, format="png", dpi=150, facecolor="white")
     page = StudyPage(
         name=name,

@@ -27,7 +27,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "run-time": {"seeds": 1, "nodes": 4, "horizons": 4},
     "threat": {"seeds": 1},
     "updates": {"seeds": 1, "notices": 1},
-    "noise": {"seeds": 1, "offsets": 3},
+    "noise": {"seeds": 1, "offsets": 2},
     "beta": {"seeds": 1},
     "cost-to-go": {"targets": 1, "starts": 40, "repetitions": 1},
     "as-printed-planner": {"seeds": 1},
@@ -57,12 +57,12 @@ SMALLEST: dict[str, dict[str, int]] = {
     "consensus": {"sizes": 1, "seeds": 1, "vehicles": 4},
     "attitude": {"seeds": 1, "others": 1, "seconds": 1},
     "mechanisms": {"own": 1, "suite": 1, "values": 1, "seconds": 1},
-    "real-arms": {"cases": 1, "values": 1, "seconds": 2},
+    "real-arms": {"cases": 1, "values": 1, "seconds": 1},
     "bounds": {"seeds": 1, "scenarios": 2, "shortened": 4},
     "scaling": {"repetitions": 1, "sizes": 2, "trials": 10, "workers": 1, "cluster": False},
     "range-convergence": {"seeds": 1, "peers": 1, "drives": 1, "repetitions": 1, "seconds": 1},
     "range-observer": {"starts": 1, "drives": 1, "states": 2, "seconds": 1},
-    "hunt": {"missions": 1, "tries": 1, "draws": 1, "repeats": 1},
+    "hunt": {"missions": 2, "tries": 2, "draws": 2, "repeats": 1},
 }
 CLAIMS = {
     "horizon": {"A.path-falls", "A.effort-falls", "A.20-to-15"},

@@ -165,7 +165,7 @@ def ranging_bench(silent: bool = False) -> Bench:
         lambda x, u: Imagined(mission, x[:3], wheels=x[3:]),
         np.array([0.3, 0.3, 0.2]),
         np.array([1e-4, 1e-4, 1e-4]),
-        10.0,
+        6.0,
         mission.difference,
     )
 

@@ -77,6 +77,7 @@ class Stage:
         self._renderer: Any = mujoco.Renderer(model, height, width, max_geom=MAX_GEOMS)
 
     def close(self) -> None:
+        """Free the renderer."""
         self._renderer.close()
 
     @property

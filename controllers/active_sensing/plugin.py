@@ -61,7 +61,7 @@ class ActiveSensingConfig:
     period: Positive = 0.2
     """from one decision to the next [s]"""
     horizon: Duration = 1.0
-    """how far ahead a decision looks [s]"""
+    """how far ahead a decision predicts [s]"""
     nodes: Annotated[int, Within(Interval(ge=1, le=_MOST_NODES), allowed=f"1 to {_MOST_NODES}")] = 10
     """of the horizon, at which ranges are expected and the wall is kept away from"""
     deviations: NonNegative = 3.0
@@ -82,7 +82,7 @@ class ActiveSensingConfig:
             raise FieldError(f"period = {self.period!r}; allowed: at most the horizon, {self.horizon:g} s")
         if self.then != "none" and self.mode not in CRITERIA:
             raise FieldError(
-                f"then = {self.then!r} with mode = {self.mode!r}, which looks at nothing; allowed with a mode that "
+                f"then = {self.then!r} with mode = {self.mode!r}, which predicts nothing; allowed with a mode that "
                 f"keeps inside: {', '.join(CRITERIA)}"
             )
 
@@ -115,7 +115,7 @@ class ActiveSensing:
             raise FieldError(f"bandwidth = {config.bandwidth!r}; allowed: at most {fastest:g} rad/s")
         tracker = PathTracker(mission, config.bandwidth, config.speed)
         beliefs = BeliefFromEstimates(config.deviation, config.horizon)
-        planner = ExplorationPlanner(_policy(config, mission), _period(config, mission), beliefs)
+        planner = ExplorationPlanner(exploration_policy(config, mission), _period(config, mission), beliefs)
         if config.then == "none":
             return planner, tracker
         reference = ReferencePath(PATTERNS[config.then](config), mission)
@@ -139,7 +139,8 @@ def _period(config: ActiveSensingConfig, mission: RangingMission) -> float:
     return count * mission.period
 
 
-def _policy(config: ActiveSensingConfig, mission: RangingMission) -> ExplorationPolicy:
+def exploration_policy(config: ActiveSensingConfig, mission: RangingMission) -> ExplorationPolicy:
+    """The policy of a mode."""
     if config.mode in PATTERNS:
         return PatternPolicy(PATTERNS[config.mode](config), mission, config.horizon)
     containment = Containment(mission, config.horizon, config.nodes, config.deviations)

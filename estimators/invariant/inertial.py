@@ -27,6 +27,7 @@ from scipy.special import chdtri
 
 from mathnavi.estimators.invariant.conditioning import condition
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
+from mathnavi.estimators.invariant.strapdown import PLACE, SPEED, TURN, Strapdown, propagation, trusted
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.estimators.velocity.readings import OutlierCounter
 from mathnavi.models.aerial.dynamics import TICK
@@ -42,9 +43,7 @@ from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence,
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
-_TURN, _VELOCITY, _POSITION = slice(0, 3), slice(3, 6), slice(6, 9)  # of xi
 _H = np.eye(3, 9, 6)  # a fix reads the position
-_LEAST_GYRO, _LEAST_FORCE = 1e-4, 1e-3  # [rad/s, m/s^2] that an IMU is trusted with, however good it is said to be
 _UNMODELLED = 0.05  # [m/s^1.5] square root of the density of the acceleration that the declared motion lacks
 
 
@@ -75,12 +74,11 @@ class InertialIekf:
         self._imu, self._outlier_counter = TimeoutMonitor(config.timeout), OutlierCounter()
         self._limit = float(chdtri(3, config.gate))
         self._R = _fix_deviation(config, mission) ** 2 * np.eye(3)
-        self._noise = _deviations(mission)
-        x = mission.start_state
-        self._X = SE23.of(rotation(x[ATTITUDE]), x[VELOCITY], x[POSITION])
-        self._rate = x[RATE].copy()
-        self._P = _first(config, mission)
-        self._t: float | None = None  # [s] of the filter's state; None before the first call
+        x, imu = mission.start_state, mission.inertial
+        X = SE23.from_parts(rotation(x[ATTITUDE]), x[VELOCITY], x[POSITION])
+        self._gravity = np.array([0.0, 0.0, -mission.vehicle.gravity])
+        noise = (imu.gyro, imu.accelerometer)
+        self._strapdown = Strapdown(X, _first(config, mission), x[RATE], self._gravity, noise)
 
     @staticmethod
     def build(config: InertialIekfConfig, mission: QuadrotorMission) -> InertialIekf:
@@ -121,99 +119,68 @@ class InertialIekf:
         none was used.
         """
         nis = np.full(2, np.nan)
-        if self._t is None:
-            self._t = min([t, *(reading.t for reading in measurements)])
+        strapdown = self._strapdown
+        if strapdown.t is None:
+            strapdown.t = min([t, *(reading.t for reading in measurements)])
         for reading in sorted(measurements, key=lambda each: (each.t, each.name != "imu")):
-            if reading.t < self._t - TIME_TOLERANCE or not np.isfinite(reading.value).all():
+            if reading.t < strapdown.t - TIME_TOLERANCE or not np.isfinite(reading.value).all():
                 continue
             if reading.name == "imu":
-                self._propagate(reading.t, reading.value)
+                self._strapdown.propagate(reading.t, reading.value)
                 self._imu.note(reading.t)
             elif reading.name == "position":
                 self._coast(reading.t, command)
                 nis = self._fix(reading)
         self._coast(t, command)
-        R = self._X[:3, :3]
+        R = strapdown.X[:3, :3]
         axes = np.zeros((6, 9))
-        axes[:3, _POSITION], axes[3:, _VELOCITY] = R, R
-        P = axes @ self._P @ axes.T
+        axes[:3, PLACE], axes[3:, SPEED] = R, R
+        P = axes @ strapdown.P @ axes.T
         extra = {
             "attitude": quaternion(R),
-            "rate": self._rate.copy(),
-            "attitude_deviation": np.sqrt(np.diag(self._P)[_TURN]),
+            "rate": strapdown.rate.copy(),
+            "attitude_deviation": np.sqrt(np.diag(strapdown.P)[TURN]),
             "nis": nis,
         }
-        x = np.concatenate([self._X[:3, 4], self._X[:3, 3]])
+        x = np.concatenate([strapdown.X[:3, 4], strapdown.X[:3, 3]])
         return Estimate(t, x, 0.5 * (P + P.T), self._status(t), extra)
-
-    def _propagate(self, t: float, reading: Array) -> None:
-        """To t [s], by a reading (6,) of the IMU there."""
-        assert self._t is not None
-        gyro, force = reading[:3], reading[3:]
-        dt, rate = t - self._t, 0.5 * (self._rate + gyro)
-        self._t, self._rate = t, gyro.copy()
-        if dt <= TIME_TOLERANCE:
-            return
-        moved, A = propagation(self._X, rate, force, self._mission.vehicle.gravity, dt)
-        G = np.zeros((9, 6))
-        G[_TURN, :3] = dt * SO3.right_jacobian(dt * rate)
-        G[_VELOCITY, 3:], G[_POSITION, 3:] = dt * np.eye(3), 0.5 * dt * dt * np.eye(3)
-        variances = np.repeat(np.square(self._noise), 3)
-        self._X, self._P = moved, A @ self._P @ A.T + G * variances @ G.T
 
     def _coast(self, t: float, command: Array) -> None:
         """To t [s], where no reading of the IMU is, by the declared motion under the command (4,) [N]."""
-        assert self._t is not None
-        dt = t - self._t
+        strapdown = self._strapdown
+        assert strapdown.t is not None
+        dt = t - strapdown.t
         if dt <= TIME_TOLERANCE:
             return
-        X, vehicle = self._X, self._mission.vehicle
-        x = np.concatenate([X[:3, 4], quaternion(X[:3, :3]), X[:3, 3], self._rate])
+        X = strapdown.X
+        x = np.concatenate([X[:3, 4], quaternion(X[:3, :3]), X[:3, 3], strapdown.rate])
         after = self._mission.flow(x, command, dt)
-        moved = SE23.of(rotation(after[ATTITUDE]), after[VELOCITY], after[POSITION])
+        moved = SE23.from_parts(rotation(after[ATTITUDE]), after[VELOCITY], after[POSITION])
         turned = SO3.log(X[:3, :3].T @ moved[:3, :3])
-        force = moved[:3, :3].T @ ((moved[:3, 3] - X[:3, 3]) / dt + np.array([0.0, 0.0, vehicle.gravity]))
-        _, A = propagation(X, turned / dt, force, vehicle.gravity, dt)
+        force = moved[:3, :3].T @ ((moved[:3, 3] - X[:3, 3]) / dt - self._gravity)
+        _, A = propagation(X, turned / dt, force, self._gravity, dt)
         effect = np.zeros((9, 3))  # of an acceleration that the declared motion lacks, held for so long
-        effect[_VELOCITY], effect[_POSITION] = dt * np.eye(3), 0.5 * dt * dt * np.eye(3)
+        effect[SPEED], effect[PLACE] = dt * np.eye(3), 0.5 * dt * dt * np.eye(3)
         gust = self._mission.flight.gust
         variance = (2.0 * gust.time_constant * gust.rms**2 + _UNMODELLED**2) / dt
-        self._X, self._P = moved, A @ self._P @ A.T + variance * effect @ effect.T
-        self._rate, self._t = after[RATE].copy(), t
+        strapdown.X, strapdown.P = moved, A @ strapdown.P @ A.T + variance * effect @ effect.T
+        strapdown.rate, strapdown.t = after[RATE].copy(), t
 
     def _fix(self, reading: Measurement) -> Array:
         """Condition on a fix; NIS and its size, NaN where it was refused."""
-        nu = self._X[:3, :3].T @ (reading.value - self._X[:3, 4])
-        d, P, nis = condition(self._P, _H, nu, self._R)
+        X = self._strapdown.X
+        nu = X[:3, :3].T @ (reading.value - X[:3, 4])
+        d, P, nis = condition(self._strapdown.P, _H, nu, self._R)
         if not self._outlier_counter.admits(nis <= self._limit):
             return np.full(2, np.nan)
         self._fixes.note(reading.t)
-        self._X, self._P = self._X @ SE23.exp(d), P
+        self._strapdown.correct(d, P)
         return np.array([nis, 3.0])
 
     def _status(self, t: float) -> Status:
         """The worse of the two sensors'."""
         both = (self._fixes.status(t), self._imu.status(t))
         return next((status for status in (Status.INITIALISING, Status.LOST) if status in both), Status.OK)
-
-
-def propagation(X: Array, rate: Array, force: Array, gravity: float, dt: float) -> tuple[Array, Array]:
-    """Element (5, 5) after dt [s] from X (5, 5), and the matrix A (9, 9) with xi <- A xi of X = X^ Exp(xi), exactly.
-
-    ``rate`` (3,) [rad/s] is the mean body rate over dt, ``force`` (3,) [m/s^2] the specific force in the axes of the
-    body at its end.
-    """
-    turn = SO3.exp(dt * rate)
-    read = SE23.of(turn, dt * turn @ force, 0.5 * dt * dt * turn @ force)  # Upsilon
-    fall = np.array([0.0, 0.0, -gravity])
-    carried = X.copy()
-    carried[:3, 4] += dt * X[:3, 3]
-    after = carried @ read
-    after[:3, 3] += dt * fall
-    after[:3, 4] += 0.5 * dt * dt * fall
-    F = np.eye(9)
-    F[_POSITION, _VELOCITY] = dt * np.eye(3)
-    return after, SE23.adjoint(SE23.inverse(read)) @ F
 
 
 def _stationary(config: InertialIekfConfig, mission: QuadrotorMission) -> tuple[float, Array, float]:
@@ -244,7 +211,7 @@ def _first(config: InertialIekfConfig, mission: QuadrotorMission) -> Array:
         P[k, k] = axis[2, 2]
     for k, tilt, sign in ((0, 1, 1.0), (1, 0, -1.0)):  # xi_v' = xi_turn x f
         P[[6 + k, 3 + k], tilt] = P[tilt, [6 + k, 3 + k]] = sign * axis[2, :2]
-    for part, stated in ((_TURN, config.start_attitude), (_VELOCITY, config.start_velocity)):
+    for part, stated in ((TURN, config.start_attitude), (SPEED, config.start_velocity)):
         if stated is not None:
             P[part], P[:, part] = 0.0, 0.0
             P[part, part] = stated**2 * np.eye(3)
@@ -253,7 +220,7 @@ def _first(config: InertialIekfConfig, mission: QuadrotorMission) -> Array:
 
 def _deviations(mission: QuadrotorMission) -> tuple[float, float]:
     """Standard deviations [rad/s, m/s^2] of a reading of the IMU."""
-    return max(mission.inertial.gyro, _LEAST_GYRO), max(mission.inertial.accelerometer, _LEAST_FORCE)
+    return trusted((mission.inertial.gyro, mission.inertial.accelerometer))
 
 
 def _fix_deviation(config: InertialIekfConfig, mission: QuadrotorMission) -> float:

@@ -12,9 +12,10 @@ servos, limits, damping, armature and friction:
     servo-seven      seven hinges, with links of little inertia
     servo-gripper    seven hinges and two fingers, coupled, which one servo drives by a tendon
 
-and one that nothing holds:
+and two that nothing holds:
 
     swimmer          six links in a plane, in a viscous fluid, with a torque motor on each of five hinges
+    quadruped        four legs of two hinges each, with position servos, an IMU on the trunk and switches in the feet
 """
 
 from __future__ import annotations

@@ -27,8 +27,8 @@ SIGHTS = {"fixed": (50.0, -24.0), "top": (90.0, -89.0)}  # azimuth and elevation
 TRACK_ELEVATION, TRACK_AZIMUTH = -20.0, 40.0
 TRACK_DISTANCE = 7.0  # of the tracking camera, in sizes of the vehicle
 PATH_WIDTH, PLAN_WIDTH = 3.2, 2.6  # [pixels] at a picture 720 pixels high
-CLEAR = 0.42  # opacity of a ghost that is off
-OFF = 0.25  # sizes of the vehicle by which it is then off
+CLEAR = 0.42  # opacity of a ghost that is apart
+SEPARATE = 0.25  # sizes of the vehicle by which it is then apart
 LEAST_SHOWN = 0.1  # of that: a ghost that is nearer would only spot the vehicle
 GHOST_SIZE = 1.04
 SMALLEST = 0.05  # of the way's extent: a vehicle that is smaller is seen from as far as if it were so large
@@ -123,7 +123,7 @@ class GenericScene(Staged):
             shift = pos[b] - rotation @ self.stage.data.xpos[b]
             apart = float(np.linalg.norm(pos[b] - self.stage.data.xpos[b]))
             turned = math.acos(np.clip(0.5 * (np.trace(rotation) - 1.0), -1.0, 1.0))
-            share = min((apart / max(float(self._reach[b]), 1e-9) + turned) / OFF, 1.0)
+            share = min((apart / max(float(self._reach[b]), 1e-9) + turned) / SEPARATE, 1.0)
             colour = (*COLOURS[SceneElement.ESTIMATE], CLEAR * share)
             if share > LEAST_SHOWN:
                 self.stage.copy(geoms, rotation, shift, colour, GHOST_SIZE)

@@ -88,7 +88,7 @@ def _print_help(prog: str, description: str, groups: Sequence[FlagGroup]) -> Non
 
 
 class _CapturedHelp(io.StringIO):
-    """What tyro prints, in colours where the output has them."""
+    """Output of tyro, in colours where the terminal has them."""
 
     def __init__(self, output: TextIO) -> None:
         super().__init__()

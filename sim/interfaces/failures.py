@@ -1,4 +1,4 @@
-"""What a plug-in's code raises, as one error that names the plug-in."""
+"""Exceptions of a plug-in's code, as one error that names the plug-in."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class PluginSpec:
     config: Any
 
     @staticmethod
-    def of(plugin: Any, **fields: Any) -> PluginSpec:
+    def with_fields(plugin: Any, **fields: Any) -> PluginSpec:
         """A plug-in class with some fields of its configuration set."""
         return PluginSpec(plugin, plugin.Config(**fields))
 

@@ -51,7 +51,7 @@ class ArmVelocityConfig(LagrangianFields):
     """from when on errors count [s]"""
     mechanism: MechanismPlace = "two-link"
     """rigid-body, cart-pendulum, two-link, seven-joint, servo-six, servo-seven, servo-gripper, swimmer,
-    dm_control:NAME of its suite, menagerie:NAME of MuJoCo Menagerie, or the path of an MJCF file"""
+    quadruped, dm_control:NAME of its suite, menagerie:NAME of MuJoCo Menagerie, or the path of an MJCF file"""
     load: Annotated[float, Interval(ge=0.01, le=100.0), FINITE] = 1.0
     """mass of the last link, times what the observer believes"""
     start: Annotated[NumberList, FINITE_NUMBERS] = ()
@@ -72,7 +72,7 @@ class ArmVelocity:
         config: ArmVelocityConfig, seed: int, controller: PluginSpec | None = None, estimator: PluginSpec | None = None
     ) -> ClosedLoop:
         """The closed loop of one seed. Raises ValueError for a model that is no mechanism of slides, hinges, balls."""
-        parts = Assembler.of(ArmVelocity, config, seed, controller, estimator)
+        parts = Assembler.for_scenario(ArmVelocity, config, seed, controller, estimator)
         model, real = _models(config)
         mission, truth = (
             LagrangianMission(MechanismSystem(each), config.reading, config.period, config.speed_max)

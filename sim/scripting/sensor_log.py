@@ -143,7 +143,7 @@ def estimate(method: str | PluginSpec | type[Any], mission: Any, log: SensorLog,
     value that is not allowed, and LogError for a log without readings that the method needs, or with malformed ones.
     """
     found = load("estimators", method) if isinstance(method, str) else method
-    spec = found if isinstance(found, PluginSpec) else PluginSpec.of(found)
+    spec = found if isinstance(found, PluginSpec) else PluginSpec.with_fields(found)
     spec = PluginSpec(spec.plugin, configured(spec.config, fields))
     with raising(FieldError):
         estimator = checked_estimator(spec, mission)

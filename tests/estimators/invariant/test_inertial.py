@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mathnavi.estimators.invariant.inertial import InertialIekf, InertialIekfConfig, propagation
+from mathnavi.estimators.invariant.inertial import InertialIekf, InertialIekfConfig
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3
+from mathnavi.estimators.invariant.strapdown import propagation
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.quadrotor.dynamics import NOMINAL, STATE_SIZE, VELOCITY
 from mathnavi.models.quadrotor.mission import InertialQuality, InertialSensor, QuadrotorMission
@@ -21,6 +22,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 from tests.quadrotor import HIGH, built, flight_mission, plain
 
 G = NOMINAL.gravity
+FALL = np.array([0.0, 0.0, -G])
 MISSION = QuadrotorMission(flight_mission(plain(), (50.0, 50.0), (350.0, 350.0), position_noise=0.1))
 CONFIG, ROUGH = InertialIekfConfig(), InertialIekfConfig(start_attitude=0.2, start_velocity=0.3)
 
@@ -30,7 +32,7 @@ def test_an_error_of_any_size_propagates_linearly(size: float, seed: int) -> Non
     rng = np.random.default_rng(seed)
     estimate, xi = SE23.exp(rng.standard_normal(9)), rng.standard_normal(9)
     xi[:3] *= size / np.linalg.norm(xi[:3])
-    readings = (rng.standard_normal(3), 10.0 * rng.standard_normal(3), G, 0.05)
+    readings = (rng.standard_normal(3), 10.0 * rng.standard_normal(3), FALL, 0.05)
     after, A = propagation(estimate, *readings)
     truth, other = propagation(estimate @ SE23.exp(xi), *readings)
     np.testing.assert_array_equal(A, other)
@@ -38,10 +40,10 @@ def test_an_error_of_any_size_propagates_linearly(size: float, seed: int) -> Non
 
 
 def test_a_body_that_falls_and_one_that_rests_move_as_they_do() -> None:
-    X, still = SE23.of(np.eye(3), np.array([1.0, 0.0, 0.0]), np.zeros(3)), np.zeros(3)
-    falls, _ = propagation(X, still, still, G, 0.5)
+    X, still = SE23.from_parts(np.eye(3), np.array([1.0, 0.0, 0.0]), np.zeros(3)), np.zeros(3)
+    falls, _ = propagation(X, still, still, FALL, 0.5)
     np.testing.assert_allclose(falls[:3, 3:].T, [[1.0, 0.0, -0.5 * G], [0.5, 0.0, -0.125 * G]])
-    rests, _ = propagation(X, still, np.array([0.0, 0.0, G]), G, 0.5)
+    rests, _ = propagation(X, still, np.array([0.0, 0.0, G]), FALL, 0.5)
     np.testing.assert_allclose(rests[:3, 3:].T, [[1.0, 0.0, 0.0], [0.5, 0.0, 0.0]], atol=1e-15)
 
 
@@ -51,14 +53,14 @@ def flown(
     """Estimates at each fix with the true element (5, 5) there, which begins off the stated start by Exp(start)."""
     rng, quality, period = np.random.default_rng(seed), MISSION.inertial, round(0.1 / dt)
     estimator, x = InertialIekf.build(config, MISSION), MISSION.start_state
-    X = SE23.of(rotation(x[3:7]), x[VELOCITY], x[:3]) @ SE23.exp(start)
+    X = SE23.from_parts(rotation(x[3:7]), x[VELOCITY], x[:3]) @ SE23.exp(start)
     rate, estimates = np.zeros(3), []
     for k in range(round(seconds / dt) + 1):
         t, noise = k * dt, rng.standard_normal(9)
         force = np.array([2.0 * math.sin(2.0 * t), 2.0 * math.cos(1.5 * t), 0.0]) + G * X[2, :3]
         if k:
             after = 0.4 * np.array([math.sin(3.0 * t), math.cos(2.0 * t), math.sin(t)])
-            X, _ = propagation(X, 0.5 * (rate + after), force, G, dt)
+            X, _ = propagation(X, 0.5 * (rate + after), force, FALL, dt)
             rate = after
         imu = np.concatenate([rate + quality.gyro * noise[:3], force + quality.accelerometer * noise[3:6]])
         readings = [Measurement("imu", t, imu)]

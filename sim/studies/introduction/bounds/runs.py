@@ -39,6 +39,8 @@ from mathnavi.sim.metrics.tuning import RecordedCall
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.encoding import MeasuredTime
 
+PIECES = 50
+"""of a run, over each of which errors are averaged for the figure"""
 _NAME = "it"
 Difference = Callable[[Array, Array], Array]
 
@@ -54,7 +56,7 @@ class BoundRun:
 
 @dataclass(frozen=True)
 class BoundErrors:
-    """An estimator over the second half of a run, in the components that are judged."""
+    """An estimator over the second half of a run and, piece by piece, all of it, in the components that are judged."""
 
     scenario: str
     estimator: str
@@ -62,6 +64,9 @@ class BoundErrors:
     bounds: float  # sum of the bounds on them
     ok: float  # share of the estimates with the status OK
     cost: MeasuredTime  # [us] CPU time of an update, the median
+    t: tuple[float, ...]  # [s] middles of the pieces
+    course: tuple[float, ...]  # mean of the squared error over each
+    least: tuple[float, ...]  # and of the bound on it, NaN where there is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +83,11 @@ def compared(run: BoundRun) -> list[BoundErrors]:
     rng = np.random.default_rng(run.seed)
     recorded = record(rng, run.seconds)
     late = slice(len(recorded.calls) // 2, None)
-    bounds = float(np.square(recorded.bound.deviation[late][:, list(recorded.bound.judged)]).sum())
+    squared_bounds = np.square(recorded.bound.deviation[:, list(recorded.bound.judged)]).sum(axis=1)
+    bounds = float(squared_bounds[late].sum())
+    pieces = np.array_split(np.arange(len(recorded.calls)), min(PIECES, len(recorded.calls)))
+    t = tuple(float(np.mean([recorded.calls[k].t for k in piece])) for piece in pieces)
+    least = tuple(float(squared_bounds[piece].mean()) for piece in pieces)
     found = []
     for name in estimators:
         called, fields = TUNED.get(name, (name, {}))
@@ -91,9 +100,11 @@ def compared(run: BoundRun) -> list[BoundErrors]:
             costs.append(1e6 * (time.process_time() - began))
             errors.append(recorded.difference(estimate.x, call.truth))
             statuses.append(estimate.status is Status.OK)
-        squares = float(np.square(errors[late]).sum())
+        each = np.square(errors).sum(axis=1)
+        squares, course = float(each[late].sum()), tuple(float(each[piece].mean()) for piece in pieces)
         ok = float(np.mean(statuses[late]))
-        found.append(BoundErrors(run.scenario, name, squares, bounds, ok, MeasuredTime(np.median(costs))))
+        cost = MeasuredTime(np.median(costs))
+        found.append(BoundErrors(run.scenario, name, squares, bounds, ok, cost, t, course, least))
     return found
 
 

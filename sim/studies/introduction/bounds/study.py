@@ -1,4 +1,4 @@
-"""How near estimators come to the posterior Cramér-Rao bound, and the price of an update."""
+"""Distance of estimators to the posterior Cramér-Rao bound, and the price of an update."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from dataclasses import dataclass
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mathnavi.renders.figures import BOUND, STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.interfaces.bounds import Count, configuration
+from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
@@ -27,7 +29,9 @@ from mathnavi.sim.studies.introduction.bounds.runs import (
 
 NEAR = 1.15  # times the bound, which counts as reached
 CHANCE = 3.0  # standard errors
-FEWEST = 5  # runs that tell a standard error
+FEWEST = 5  # runs that a standard error needs
+COLOURS = ("#0d5fa8", "#e07b00", "#0f9472", "#7a4fb5", "#8a6d1f", "#6b7a8c")
+UNITS = {"mechanism": "rad/s"}  # of the errors; else m
 DISTURBED = ("ranges", "flight", "missile")  # scenarios with process noise
 
 
@@ -50,9 +54,12 @@ class Efficiency:
     scenario: str
     estimator: str
     value: float  # root of the sum of squared errors over that of their bounds
-    standard_error: float  # of it, by the jackknife over runs; infinite of too few
+    standard_error: float  # of the efficiency, by the jackknife over runs; infinite of too few
     ok: float  # share of the estimates with the status OK
     cost: float  # [us] an update
+    t: Array  # (m,) [s] middles of the pieces of a run
+    course: Array  # (m,) root mean square error over each, of all runs
+    least: Array  # (m,) and the bound on it
 
 
 class Bounds:
@@ -87,7 +94,9 @@ class Bounds:
             ],
             tables=(_table(found),),
             figure=_figure(found),
-            caption="Root mean square error over its posterior Cramér-Rao bound, against the CPU time of an update.",
+            caption="Left: root mean square error over its posterior Cramér-Rao bound, against the CPU time of an "
+            "update. Right: root mean square errors of all runs over time; in the mean of very many runs none is in "
+            "what is shaded, below the bound.",
             claims=claims(found),
         )  # fmt: skip
 
@@ -104,7 +113,11 @@ def efficiencies(found: Mapping[str, Sequence[Sequence[BoundErrors]]]) -> list[E
                 without = np.sqrt((squares.sum() - squares) / (bounds.sum() - bounds))
                 spread = float(np.sqrt((n - 1) * np.mean(np.square(without - without.mean()))))
             ok, cost = float(np.mean([e.ok for e in errors])), float(np.median([e.cost for e in errors]))
-            made.append(Efficiency(scenario, errors[0].estimator, value, spread, ok, cost))
+            course, least = (
+                np.sqrt(np.mean(part, axis=0)) for part in zip(*((e.course, e.least) for e in errors), strict=True)
+            )
+            name, t = errors[0].estimator, np.array(errors[0].t)
+            made.append(Efficiency(scenario, name, value, spread, ok, cost, t, course, least))
     return made
 
 
@@ -144,18 +157,38 @@ def _table(found: Sequence[Efficiency]) -> Table:
 def _figure(found: Sequence[Efficiency]) -> Figure:
     names = list(dict.fromkeys(e.scenario for e in found))
     with matplotlib.rc_context(STYLE):
-        page = Figure(figsize=(11.0, 2.9 * math.ceil(len(names) / 2)), layout="constrained")
-        drawn = page.subplots(math.ceil(len(names) / 2), 2, squeeze=False).ravel()
-        for axes, name in zip(drawn, names, strict=False):
+        page = Figure(figsize=(12.0, 3.1 * len(names)), layout="constrained")
+        drawn = page.subplots(len(names), 2, squeeze=False, width_ratios=(1.0, 1.5))
+        for (against_cost, over_time), name in zip(drawn, names, strict=True):
             of_scenario = [e for e in found if e.scenario == name]
-            axes.axhline(1.0, color=BOUND, ls=":", lw=1.2)
-            for e in of_scenario:
-                spread = e.standard_error if math.isfinite(e.standard_error) else 0.0
-                axes.errorbar(e.cost, e.value, min(spread, 0.9 * e.value), fmt="o", ms=6, capsize=3, label=e.estimator)
-            axes.set(xscale="log", yscale="log", title=name, ylabel="error / bound")
-            axes.set_xlabel("CPU time of an update [µs]")
-            axes.margins(x=0.2, y=0.2)
-            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-        for axes in drawn[len(names) :]:
-            axes.set_axis_off()
+            _draw_efficiency(against_cost, of_scenario)
+            _draw_course(over_time, of_scenario)
+            against_cost.set_title(name)
+        drawn[-1, 0].set_xlabel("CPU time of an update [µs]")
+        drawn[-1, 1].set_xlabel("time [s]")
     return page
+
+
+def _draw_efficiency(axes: Axes, found: Sequence[Efficiency]) -> None:
+    axes.axhline(1.0, color=BOUND, ls=":", lw=1.2)
+    for k, e in enumerate(found):
+        spread = e.standard_error if math.isfinite(e.standard_error) else 0.0
+        axes.errorbar(
+            e.cost, e.value, min(spread, 0.9 * e.value), fmt="o", ms=6, capsize=3, color=COLOURS[k % len(COLOURS)]
+        )
+    axes.set(xscale="log", yscale="log", ylabel="error / bound")
+    axes.margins(x=0.2, y=0.2)
+
+
+def _draw_course(axes: Axes, found: Sequence[Efficiency]) -> None:
+    bound = found[0]
+    axes.fill_between(bound.t, bound.least, 1e-12, color=BOUND, alpha=0.12, lw=0.0)
+    axes.plot(bound.t, bound.least, color=BOUND, lw=2.4, label="Cramér-Rao bound")
+    for k, e in enumerate(found):
+        axes.plot(e.t, e.course, color=COLOURS[k % len(COLOURS)], lw=1.4, label=e.estimator)
+    finite = bound.least[np.isfinite(bound.least) & (bound.least > 0.0)]
+    if len(finite):
+        axes.set_ylim(bottom=0.3 * float(finite.min()))
+    unit = UNITS.get(bound.scenario, "m")
+    axes.set(yscale="log", xlim=(bound.t[0], bound.t[-1]), ylabel=f"RMS error [{unit}]")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))

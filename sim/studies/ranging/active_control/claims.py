@@ -8,7 +8,15 @@ from typing import Any
 
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Band
-from mathnavi.sim.studies.ranging.active_control.flights import COMPARED, FAST, LIMIT, SENSES_FIRST, SLOW, TRACKS
+from mathnavi.sim.studies.ranging.active_control.flights import (
+    COMPARED,
+    FAST,
+    LIMIT,
+    LIMITS,
+    SENSES_FIRST,
+    SLOW,
+    TRACKS,
+)
 
 SOONER = {"circle": 2.0, "random": 4.0}  # times, that active inputs shall be
 _LEAST = 1e-9  # [s]
@@ -25,16 +33,21 @@ class ActiveControlResults:
     found: Mapping[Key, tuple[int, int]]  # runs in which it is so before the end, of so many
     touched: Mapping[Key, int]  # runs in which the robot touched the wall
     tracks: Mapping[str, Sequence[Mapping[str, Any]]]  # summaries of runs that keep a path
+    searched: Mapping[tuple[str, float], Band]  # [s] with the pose known, by mode or "best" and limit [m]
     seconds: float  # of a run
 
     def factor(self, mode: str, turn_rate: float) -> float:
         """Ratio of the times until a robot finds itself: another mode's over that of active inputs."""
         return self.medians[mode, turn_rate].median / max(_LEAST, self.medians["active", turn_rate].median)
 
+    def sooner(self, mode: str, limit: float) -> float:
+        """Ratio of the times until a known pose is found to a limit [m]: with random inputs over another mode's."""
+        return self.searched["random", limit].median / self.searched[mode, limit].median
+
 
 def claims(e: ActiveControlResults) -> list[Claim]:
     """Evaluate every claim of the study."""
-    return [_active(e), _decides(e), _basis(e), _deliberate(e)]
+    return [_active(e), _limit(e), _decides(e), _basis(e), _deliberate(e)]
 
 
 def _active(e: ActiveControlResults) -> Claim:
@@ -50,6 +63,23 @@ def _active(e: ActiveControlResults) -> Claim:
         f"{factors}; medians in s: {bands}; touched the wall: "
         f"{', '.join(f'{mode} {e.touched[mode, SLOW]}' for mode in COMPARED)}; at {FAST:g} rad/s {fast}",
         all(slow[mode] >= least for mode, least in SOONER.items()),
+    )  # fmt: skip
+
+
+def _limit(e: ActiveControlResults) -> Claim:
+    found = (
+        f"{limit} m: best {e.searched['best', limit].text()} s, {e.sooner('best', limit):.2f} times sooner than "
+        f"random, active {e.sooner('active', limit):.2f} times"
+        for limit in LIMITS
+    )
+    return Claim(
+        "range.active-limit", "target",
+        f"No inputs find the pose {SOONER['random']:g} times sooner than random ones.",
+        "C.6",
+        "with the pose known, the best of every sequence of inputs brings the posterior Cramer-Rao bound below "
+        f"{LIMIT} m, and below {LIMITS[-1]} m, less than {SOONER['random']:g} times sooner than random inputs, in the "
+        "median",
+        "; ".join(found), all(e.sooner("best", limit) < SOONER["random"] for limit in LIMITS),
     )  # fmt: skip
 
 

@@ -21,7 +21,7 @@ from mathnavi.controllers.active_sensing.policies import path
 from mathnavi.controllers.active_sensing.then_track import ReferencePath
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.metrics.ranging import Errors, rms
+from mathnavi.sim.metrics.ranging import RangingErrors, rms
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.range_localisation import VEHICLE
 from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig, WallFields
@@ -29,7 +29,9 @@ from mathnavi.sim.sweep.trial import Trial, trial
 
 WALL = WallFields().curve()
 LIMIT = 0.15  # [m] of the position error
+LIMITS = (LIMIT, 0.1)  # [m] of the root mean square position error, with the pose known
 SLOW, FAST = 0.15, 1.0  # [rad/s] bounds of the turn rate
+START_ERROR = (0.3, 0.3, math.degrees(0.3))  # [m, m, deg] of what is known of the start
 OFTEN = 0.2  # [s] between what is kept of a run
 MODES = ("active", "singular-value", "circle", "figure-eight", "straight", "random", "still")
 COMPARED = ("active", "circle", "random")  # that the target speaks of
@@ -38,7 +40,6 @@ TRACKS = (AT_ONCE, SENSES_FIRST)
 
 PATH: dict[str, Any] = {"then": "figure-eight", "speed": 0.3, "cycle": 16.0}  # [m/s], [s]: what is kept
 
-_START_ERROR = (0.3, 0.3, math.degrees(0.3))  # [m, m, deg]
 _DRIVEN: Mapping[str, Mapping[str, float]] = {"figure-eight": {"speed": 0.08}, "straight": {"speed": 0.5, "cycle": 4.0}}
 _CIRCLES = {SLOW: 0.1, FAST: 0.5}  # [m/s]: of radii .67 m and .5 m, the field being 2.83 m wide
 _EIGHT_SPAN = 15.111  # [rad] cycle times turn rate of a figure of eight, a little more than 2 pi times J_0's first zero
@@ -75,7 +76,7 @@ class LocalisationRun:
             "duration": self.seconds,
             "start": start(self.turn_rate, self.seconds, self.seed),
             "start_known": True,
-            "start_error": _START_ERROR,
+            "start_error": START_ERROR,
             **{f"planner.{name}": value for name, value in planner.items()},
         }
         return trial(
@@ -146,9 +147,9 @@ def tracked(outcome: RunResult) -> dict[str, Any]:
     }
 
 
-def _errors(outcome: RunResult) -> Errors:
+def _errors(outcome: RunResult) -> RangingErrors:
     """Modulo the wall's symmetry, which is all that a mission says of them."""
-    return Errors.of(outcome.recording, VEHICLE, RangingMission(WALL, (0.0,)))
+    return RangingErrors.from_recording(outcome.recording, VEHICLE, RangingMission(WALL, (0.0,)))
 
 
 def _kept(outcome: RunResult) -> slice:

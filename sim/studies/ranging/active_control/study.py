@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import chain
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Interval
 
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.interfaces.bounds import Count, configuration
@@ -24,12 +26,14 @@ from mathnavi.sim.studies.ranging.active_control.flights import (
     COMPARED,
     FAST,
     LIMIT,
+    LIMITS,
     MODES,
     SLOW,
     TRACKS,
     LocalisationRun,
     tracking,
 )
+from mathnavi.sim.studies.ranging.active_control.input_search import InputSearch, soonest
 
 
 @configuration
@@ -42,6 +46,10 @@ class ActiveControlConfig:
     """runs of each other mode, and of each at the higher turn rate"""
     tracked: Count = 6
     """runs that keep a path, of each kind"""
+    searched: Count = 100
+    """starts from which every sequence of inputs is gone through, the pose being known"""
+    depth: Annotated[int, Interval(ge=1, le=4)] = 3
+    """inputs of such a sequence"""
     seconds: Count = 20
     """of a run; a run that is not within the limit for good by then counts as that long"""
 
@@ -50,7 +58,7 @@ class ActiveControl:
     """Active sensing: how much sooner a robot localises itself that chooses the most informative input (Paper C)."""
 
     Config = ActiveControlConfig
-    quick = ActiveControlConfig(seeds=6, others=2, tracked=1)
+    quick = ActiveControlConfig(seeds=6, others=2, tracked=1, searched=10, depth=2)
     title = "Active control: inputs that teach a robot where it is"
     on_terrain = False
 
@@ -72,7 +80,16 @@ class ActiveControl:
         tracks: dict[str, list[Record]] = {}
         for (kind, _), record in zip(paths, records[len(flights) :], strict=True):
             tracks.setdefault(kind, []).append(record)
-        evidence = _evidence(flown, tracks, float(config.seconds))
+        searches = [
+            InputSearch(seed, limit, float(config.seconds), config.depth)
+            for limit in LIMITS
+            for seed in range(config.searched)
+        ]
+        searched: dict[tuple[str, float], list[float]] = {}
+        for search, times_s in zip(searches, setup.compute(soonest, searches), strict=True):
+            for mode, time in times_s.items():
+                searched.setdefault((mode, search.limit), []).append(time)
+        evidence = _evidence(flown, tracks, searched, float(config.seconds))
         return StudyResult(
             summary=(
                 f"Two sensors at ±60° in the standard ellipse, 5 % range noise, an EKF that is given the start to .3 m "
@@ -81,7 +98,7 @@ class ActiveControl:
                 "95 % bootstrap bands. Start, what is known of the start, and noise are the same for every mode.",
             ),
             rows=list(chain(_rows(flown, config.seconds), _track_rows(tracks))),
-            tables=(_mode_table(evidence), _track_table(tracks)),
+            tables=(_mode_table(evidence), _search_table(evidence, config.depth), _track_table(tracks)),
             figure=figure(flown, evidence, tracks, float(config.seconds)),
             caption="(a) Position errors: medians, and between the quartiles. (b) When they are below "
             f"{LIMIT} m for good: medians with 95 % bands. (c) One run of each mode, from the same start, "
@@ -98,7 +115,10 @@ def times(records: Sequence[Record], seconds: float) -> Array:
 
 
 def _evidence(
-    flown: Mapping[tuple[str, float], Sequence[Record]], tracks: Mapping[str, Sequence[Record]], seconds: float
+    flown: Mapping[tuple[str, float], Sequence[Record]],
+    tracks: Mapping[str, Sequence[Record]],
+    searched: Mapping[tuple[str, float], Sequence[float]],
+    seconds: float,
 ) -> ActiveControlResults:
     samples = {key: times(records, seconds) for key, records in flown.items()}
     return ActiveControlResults(
@@ -106,6 +126,7 @@ def _evidence(
         found={key: (int((sample < seconds).sum()), len(sample)) for key, sample in samples.items()},
         touched={key: sum(r.summary["touched_wall"] for r in records) for key, records in flown.items()},
         tracks={kind: [r.summary for r in records] for kind, records in tracks.items()},
+        searched={key: median(np.array(sample)) for key, sample in searched.items()},
         seconds=seconds,
     )
 
@@ -147,6 +168,16 @@ def _mode_table(evidence: ActiveControlResults) -> Table:
         )
     columns = ("mode", "turn rate ≤ [rad/s]", "time [s]", "times that of active", "found", "touched the wall")
     return Table("How soon the robot knows where it is", columns, rows)
+
+
+def _search_table(evidence: ActiveControlResults, depth: int) -> Table:
+    rows = [
+        (mode, limit, band.text(), f"{evidence.sooner(mode, limit):.2f}")
+        for (mode, limit), band in evidence.searched.items()
+    ]
+    columns = ("inputs", "limit [m]", "time [s]", "times sooner than random")
+    title = f"With the pose known: the Cramér-Rao bound, best of every sequence of {depth} inputs"
+    return Table(title, columns, rows)
 
 
 def _least(band: Band) -> float:

@@ -1,0 +1,246 @@
+"""The plug-in ``floating_base_iekf``: a mechanism whose base carries an IMU and whose joints carry encoders.
+
+The base is found by an invariant extended Kalman filter on SE_2(3), X = (R, v, p) of the IMU, see ``inertial``; nothing
+reads its pose. While a foot stands, in every reading of its switch from one to the next, its velocity is that of the
+ground, zero (M. Bloesch et al., State Estimation for Legged Robots, RSS 2012; R. Hartley et al., IJRR 39(4), 2020):
+with the foot's lowest point at p_f of the base, J its Jacobian there and q^ the joints,
+
+    0 = R_b' v_b + omega x p_f + J q^',    z = R' v = what that leaves,    z - R^' v^ = xi_v + (R^' v^) x xi_R + n.
+
+So the velocity of the base is observed while a foot stands, and its attitude against gravity with it; the place and the
+heading never are: they drift. In the air all but the rate is integrated and drifts, and the estimate says by how much;
+once the velocity's standard deviation is beyond a limit it is lost.
+
+The joints' velocities are those of another plug-in, to which the base's pose is shown as if it had been read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import mujoco
+import numpy as np
+from scipy.special import chdtri
+
+from mathnavi.estimators.invariant.conditioning import condition
+from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
+from mathnavi.estimators.invariant.strapdown import PLACE as SITE
+from mathnavi.estimators.invariant.strapdown import SPEED, TURN, Strapdown
+from mathnavi.estimators.riemannian.plugin import RiemannianObserver
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.estimators.velocity.filtered_differences import FilteredDifferences
+from mathnavi.estimators.velocity.momentum import MomentumObserver
+from mathnavi.estimators.velocity.position_observer import PositionObserver
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.sensors import POSITION
+from mathnavi.models.mechanism.floating_base import (
+    ATTITUDE,
+    FEET,
+    IMU,
+    JOINT_POSITIONS,
+    JOINT_RATES,
+    JOINTS,
+    PLACE,
+    RATE,
+    VELOCITY,
+    BaseImu,
+    FloatingBase,
+    FootSwitches,
+    JointEncoders,
+)
+from mathnavi.models.mechanism.system import MechanismSystem
+from mathnavi.models.quaternion import rotation
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.bounds import Positive, Probability, configuration
+from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
+
+JointObserverName = Literal["riemannian_observer", "momentum_observer", "filtered_differences"]
+
+_SLIPS_FOR = 0.05  # [s] over which a foot's slip stays the same
+_OBSERVERS = {
+    "riemannian_observer": RiemannianObserver,
+    "momentum_observer": MomentumObserver,
+    "filtered_differences": FilteredDifferences,
+}
+
+
+@configuration
+class FloatingBaseIekfConfig:
+    """Fields of ``--estimator``."""
+
+    joints: JointObserverName = "riemannian_observer"
+    """the plug-in that finds the velocities of the joints"""
+    start_attitude: Positive = 0.02
+    """standard deviation of the base's attitude at the start, about each axis [rad]"""
+    start_velocity: Positive = 0.05
+    """likewise of its velocity, along each axis [m/s]"""
+    start_position: Positive = 0.01
+    """likewise of its place [m]"""
+    slip: Positive = 0.05
+    """standard deviation of the velocity of a foot that stands, along each axis [m/s]"""
+    gate: Probability = 1e-4
+    """probability with which a foot that stands is taken for one that slides"""
+    deviation_max: Positive = 0.5
+    """standard deviation of the base's velocity, in its worst direction, beyond which the estimate is lost [m/s]"""
+    timeout: Positive = 0.5
+    """without the IMU, or without the encoders, after which the estimate is lost [s]"""
+
+
+class FloatingBaseIekf:
+    """Estimator of all of a mechanism's state from an IMU on its base, foot switches and encoders."""
+
+    Config = FloatingBaseIekfConfig
+
+    def __init__(self, config: FloatingBaseIekfConfig, mission: LagrangianMission) -> None:
+        self.period = mission.period
+        self._config, self._mission, self._base = config, mission, _base_of(mission)
+        self._data = mujoco.MjData(self._base.model)
+        self._imu, self._limit = TimeoutMonitor(config.timeout), float(chdtri(3, config.gate))
+        noise = (self._base.gyro, self._base.accelerometer)
+        x = mission.start_state
+        nq, R = self._base.model.nq, rotation(x[ATTITUDE])
+        v, omega = x[nq:][VELOCITY], x[nq:][RATE]
+        X = SE23.from_parts(
+            R @ self._base.mounting, v + R @ np.cross(omega, self._base.offset), x[PLACE] + R @ self._base.offset
+        )
+        starts = (config.start_attitude, config.start_velocity, config.start_position)
+        P = np.diag(np.repeat(np.square(starts), 3))
+        self._strapdown = Strapdown(X, P, self._base.mounting.T @ omega, self._base.gravity, noise)
+        self._joints = x[JOINT_POSITIONS.start : nq].copy()
+        self._observer: PositionObserver | None = None
+        if self._base.has_joints:
+            plugin = _OBSERVERS[config.joints]
+            self._observer = plugin.build(plugin.Config(timeout=config.timeout), mission)
+        self._joint_rates = np.zeros(self._base.model.nv - JOINT_RATES.start)
+        self._stood = np.zeros(len(self._base.feet), dtype=bool)
+        self._contact_t = 0.0  # [s] of the last reading of the switches
+        self._standing = np.zeros(len(self._base.feet))
+
+    @staticmethod
+    def build(config: FloatingBaseIekfConfig, mission: LagrangianMission) -> FloatingBaseIekf:
+        """Build the estimator of one run. Raises FieldError for a system without a floating base, or without an IMU."""
+        return FloatingBaseIekf(config, mission)
+
+    @staticmethod
+    def sensors(config: FloatingBaseIekfConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
+        """Sensors that the mechanism has to carry for this estimator."""
+        base = _base_of(mission)
+        sensors: list[Sensor] = [BaseImu(base, 1.0 / float(base.model.opt.timestep))]
+        if base.has_joints:
+            sensors.append(JointEncoders(mission.sensor))
+        if base.feet:
+            sensors.append(FootSwitches(base, 1.0 / mission.period))
+        return tuple(sensors)
+
+    @staticmethod
+    def quality(config: FloatingBaseIekfConfig, mission: LagrangianMission) -> None:
+        """Nothing is certified from it."""
+
+    @staticmethod
+    def properties(config: FloatingBaseIekfConfig) -> ObserverProperties:
+        """Table 2.1."""
+        return ObserverProperties(
+            Domain.LOCAL, Rate.NONE, InputDependence.NON_UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
+            note="the base's velocity and its attitude against gravity while a foot stands; its place and heading not",
+        )  # fmt: skip
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """Estimate (nq + nv,) at t [s]; ``command`` (nu,) was held since the last call.
+
+        ``extra`` has ``base_deviation`` (9,), standard deviations of the attitude about the IMU's axes [rad], of its
+        velocity [m/s] and of its place [m] along those of the world, ``standing`` (k,), 1 for each foot whose velocity
+        was used, and what the joints' observer says.
+        """
+        self._standing[:] = 0.0
+        order = {IMU: 0, JOINTS: 1, FEET: 2}
+        known = [reading for reading in measurements if reading.name in order and np.isfinite(reading.value).all()]
+        joints: list[Measurement] = []
+        for reading in sorted(known, key=lambda each: (each.t, order[each.name])):
+            if reading.name == IMU:
+                self._strapdown.propagate(reading.t, reading.value)
+                self._imu.note(reading.t)
+            elif reading.name == JOINTS:
+                self._joints = reading.value
+                joints.append(Measurement(POSITION, reading.t, self._position()))
+            else:
+                self._stand(reading)
+        status, extra = self._imu.status(t), {}
+        if self._observer is not None:
+            within = self._observer.update(t, joints, command)
+            nq = self._base.model.nq
+            self._joints, self._joint_rates = within.x[:nq][JOINT_POSITIONS], within.x[nq:][JOINT_RATES]
+            status = _worse(status, within.status)
+            extra = dict(within.extra)
+        deviation = self._deviation()
+        if not deviation[SPEED].max() <= self._config.deviation_max:
+            status = _worse(status, Status.LOST)
+        extra |= {"base_deviation": deviation, "standing": self._standing.copy()}
+        return Estimate(t, self._state(), None, status, extra)
+
+    def events(self) -> list[tuple[str, str]]:
+        """Return the kinds and messages of what has happened since the last call."""
+        return [] if self._observer is None else self._observer.events()
+
+    def _stand(self, reading: Measurement) -> None:
+        """Condition on the feet that stand, of a reading of their switches."""
+        standing = reading.value > 0.5
+        still, self._stood = standing & self._stood, standing
+        h, self._contact_t = reading.t - self._contact_t, reading.t
+        if not still.any() or h <= TIME_TOLERANCE:
+            return
+        base, data, model = self._base, self._data, self._base.model
+        data.qpos[:] = 0.0
+        data.qpos[3] = 1.0
+        data.qpos[JOINT_POSITIONS] = self._joints
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        omega = base.mounting @ self._strapdown.rate
+        fall = base.mounting @ self._strapdown.X[:3, :3].T @ base.gravity
+        down, J = fall / max(float(np.linalg.norm(fall)), 1e-9), np.empty((3, model.nv))
+        variance = self._config.slip**2 * max(1.0, _SLIPS_FOR / h)
+        for k in np.flatnonzero(still):
+            site = base.feet[k]
+            place = data.site_xpos[site] + base.radii[k] * down
+            mujoco.mj_jac(model, data, J, None, place, int(model.site_bodyid[site]))
+            z = base.mounting.T @ (np.cross(omega, base.offset - place) - J[:, JOINT_RATES] @ self._joint_rates)
+            body_velocity = self._strapdown.X[:3, :3].T @ self._strapdown.X[:3, 3]
+            H = np.hstack([SO3.bracket(body_velocity), np.eye(3), np.zeros((3, 3))])
+            d, P, nis = condition(self._strapdown.P, H, z - body_velocity, variance * np.eye(3))
+            if nis <= self._limit:
+                self._strapdown.correct(d, P)
+                self._standing[k] = 1.0
+
+    def _position(self) -> Array:
+        """All of q (nq,), the base by the filter and the joints as they were read."""
+        R = self._strapdown.X[:3, :3] @ self._base.mounting.T
+        return np.concatenate([self._strapdown.X[:3, 4] - R @ self._base.offset, quaternion(R), self._joints])
+
+    def _state(self) -> Array:
+        """State (nq + nv,)."""
+        omega = self._base.mounting @ self._strapdown.rate
+        R = self._strapdown.X[:3, :3] @ self._base.mounting.T
+        v = self._strapdown.X[:3, 3] - R @ np.cross(omega, self._base.offset)
+        return np.concatenate([self._position(), v, omega, self._joint_rates])
+
+    def _deviation(self) -> Array:
+        """Standard deviations (9,); those of velocity and place along the axes of the world."""
+        P, R = self._strapdown.P, self._strapdown.X[:3, :3]
+        turned = [P[TURN, TURN], R @ P[SPEED, SPEED] @ R.T, R @ P[SITE, SITE] @ R.T]
+        deviation: Array = np.sqrt(np.concatenate([np.diag(part) for part in turned]))
+        return deviation
+
+
+def _base_of(mission: LagrangianMission) -> FloatingBase:
+    """The floating base of a mission's system. Raises FieldError where there is none, or no IMU on it."""
+    if not isinstance(mission.system, MechanismSystem):
+        raise FieldError(f"system = one on {mission.system.manifold.name}; allowed: a mechanism with a floating base")
+    return mission.system.floating_base
+
+
+def _worse(one: Status, other: Status) -> Status:
+    """The worse of two."""
+    return next((status for status in (Status.INITIALISING, Status.LOST) if status in (one, other)), Status.OK)

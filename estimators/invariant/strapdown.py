@@ -1,0 +1,65 @@
+"""Strapdown navigation by an IMU with the covariance of the left-invariant error on SE_2(3), see ``inertial``."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mathnavi.estimators.invariant.lie_groups import SE23, SO3
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.signals import Array
+
+TURN, SPEED, PLACE = slice(0, 3), slice(3, 6), slice(6, 9)
+"""of xi: attitude [rad], velocity [m/s] and position [m]"""
+
+_LEAST_GYRO, _LEAST_FORCE = 1e-4, 1e-3  # [rad/s, m/s^2] that an IMU is trusted with, however good it is said to be
+
+
+class Strapdown:
+    """The element X = (R, v, p) (5, 5) of an IMU, its rate (3,) [rad/s], and P (9, 9) of xi, X = X^ Exp(xi)."""
+
+    def __init__(self, X: Array, P: Array, rate: Array, gravity: Array, deviations: tuple[float, float]) -> None:
+        """``gravity`` (3,) [m/s^2] is the acceleration of free fall, ``deviations`` [rad/s, m/s^2] are the IMU's."""
+        self.X, self.P, self.rate = X, P, rate.copy()
+        self.t: float | None = None  # [s] of X; None before the first call
+        self._gravity = gravity
+        self._variances = np.repeat(np.square(trusted(deviations)), 3)
+
+    def propagate(self, t: float, reading: Array) -> None:
+        """To t [s], by a reading (6,) of the IMU there; the first one only notes the time and the rate."""
+        gyro, force = reading[:3], reading[3:]
+        dt, rate = 0.0 if self.t is None else t - self.t, 0.5 * (self.rate + gyro)
+        self.t, self.rate = t, gyro.copy()
+        if dt <= TIME_TOLERANCE:
+            return
+        moved, A = propagation(self.X, rate, force, self._gravity, dt)
+        G = np.zeros((9, 6))
+        G[TURN, :3] = dt * SO3.right_jacobian(dt * rate)
+        G[SPEED, 3:], G[PLACE, 3:] = dt * np.eye(3), 0.5 * dt * dt * np.eye(3)
+        self.X, self.P = moved, A @ self.P @ A.T + G * self._variances @ G.T
+
+    def correct(self, d: Array, P: Array) -> None:
+        """Put an error d (9,) into X, which leaves the covariance P (9, 9)."""
+        self.X, self.P = self.X @ SE23.exp(d), P
+
+
+def trusted(deviations: tuple[float, float]) -> tuple[float, float]:
+    """Standard deviations [rad/s, m/s^2] that readings of an IMU are trusted with, of those that it is said to have."""
+    return max(deviations[0], _LEAST_GYRO), max(deviations[1], _LEAST_FORCE)
+
+
+def propagation(X: Array, rate: Array, force: Array, gravity: Array, dt: float) -> tuple[Array, Array]:
+    """Element (5, 5) after dt [s] from X (5, 5), and the matrix A (9, 9) with xi <- A xi of X = X^ Exp(xi), exactly.
+
+    ``rate`` (3,) [rad/s] is the mean body rate over dt, ``force`` (3,) [m/s^2] the specific force in the axes of the
+    body at its end, ``gravity`` (3,) [m/s^2] the acceleration of free fall.
+    """
+    turn = SO3.exp(dt * rate)
+    read = SE23.from_parts(turn, dt * turn @ force, 0.5 * dt * dt * turn @ force)  # Upsilon
+    carried = X.copy()
+    carried[:3, 4] += dt * X[:3, 3]
+    after = carried @ read
+    after[:3, 3] += dt * gravity
+    after[:3, 4] += 0.5 * dt * dt * gravity
+    F = np.eye(9)
+    F[PLACE, SPEED] = dt * np.eye(3)
+    return after, SE23.adjoint(SE23.inverse(read)) @ F

@@ -40,7 +40,7 @@ def bank_updates(
     """Hypotheses, in place, over ranges z (n, l) and inputs u (n, 2); returns n."""
     best = 0
     for k in range(len(z)):
-        predict_each(bank, u[k], W, wall, dt)
+        predict_each(bank, u[k], W, wall, dt, np.ones(2))
         best, _, _ = condition_each(bank, best, z[k], wall, sensors, noise, scoring, innovations)
         drop(bank, best, scoring, symmetry)
     return len(z)

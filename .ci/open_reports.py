@@ -131,19 +131,19 @@ class Browser:
 
 
 def complaints(events: list[dict[str, Any]], url: str) -> list[str]:
-    """What a page did that it must not."""
+    """Actions of a page that it must not take."""
     found = []
     for event in events:
-        method, told = event.get("method"), event.get("params", {})
+        method, parameters = event.get("method"), event.get("params", {})
         if method == "Runtime.exceptionThrown":
-            details = told["exceptionDetails"]
+            details = parameters["exceptionDetails"]
             found.append(f"exception: {details.get('exception', {}).get('description', details['text'])}")
-        elif method == "Runtime.consoleAPICalled" and told["type"] in ("error", "assert"):
-            found.append(f"console: {' '.join(str(part.get('value', part)) for part in told['args'])}")
-        elif method == "Log.entryAdded" and told["entry"]["level"] == "error":
-            found.append(f"console: {told['entry']['text']}")
+        elif method == "Runtime.consoleAPICalled" and parameters["type"] in ("error", "assert"):
+            found.append(f"console: {' '.join(str(part.get('value', part)) for part in parameters['args'])}")
+        elif method == "Log.entryAdded" and parameters["entry"]["level"] == "error":
+            found.append(f"console: {parameters['entry']['text']}")
         elif method == "Network.requestWillBeSent":
-            asked = told["request"]["url"]
+            asked = parameters["request"]["url"]
             if asked != url and not asked.startswith(("data:", "blob:")):
                 found.append(f"request: {asked}")
     return found

@@ -111,7 +111,7 @@ def steps(own: Any, x: Any, u: Any, count: int) -> tuple[list[float], int]:
 
 
 def main(folder: Path, intervals: int, repetitions: int) -> dict[str, Any]:
-    """What one line of JSON holds."""
+    """Content of one line of JSON."""
     with tempfile.TemporaryDirectory() as name:
         scratch = Path(name)
         acados = load(folder, scratch)

@@ -192,7 +192,7 @@ def run(acados: Any, known: dict[str, Any], scratch: Path, kind: str, repetition
 
 
 def main(folder: Path, problems: Path, repetitions: int) -> dict[str, Any]:
-    """What the line of JSON holds, by kind."""
+    """Content of the line of JSON, by kind."""
     with np.load(problems) as file:
         known = {name: file[name] if file[name].ndim else float(file[name]) for name in file.files}
     with tempfile.TemporaryDirectory() as name:

@@ -103,7 +103,7 @@ class Findings(Protocol):
         ...
 
     def plain(self) -> dict[str, Any]:
-        """All of it as plain data."""
+        """Everything as plain data."""
         ...
 
 

@@ -49,7 +49,7 @@ from benchmarks import acados_replan
 from benchmarks.acados_wheel import FOLDER, missing
 from benchmarks.comparison import Comparison, alone
 from benchmarks.do_mpc_solver import DoMpc
-from benchmarks.progress import Tell, progress
+from benchmarks.progress import Report, progress
 from mathnavi.controllers.flight import plugin
 from mathnavi.controllers.flight.kernels.objective import objective
 from mathnavi.controllers.flight.planner import Solver
@@ -98,7 +98,7 @@ class Recorder:
         return self._solver.solve(problem, guess)
 
 
-def record(terrain: str, count: int, tell: Tell) -> Recorded:
+def record(terrain: str, count: int, report: Report) -> Recorded:
     """At least ``count`` problems, whole missions at a time."""
     recorded: Recorded = []
     build = plugin.solver
@@ -109,7 +109,7 @@ def record(terrain: str, count: int, tell: Tell) -> Recorded:
         with mock.patch.object(plugin, "solver", lambda config, into=mission: Recorder(build(config), into)):
             SafeFlight.build(SafeFlightConfig(terrain=terrain), seed).run()
         recorded += mission
-        tell(len(recorded))
+        report(len(recorded))
     return recorded
 
 
@@ -149,11 +149,11 @@ def measure(contestants: Contestants, problems: Recorded, repetitions: int, cons
     costs = {name: np.empty(n) for name in contestants}
     iterations: dict[str, list[int]] = {name: [] for name in contestants}
     done = 0
-    with progress(console, "solving", repetitions * len(contestants) * n) as tell:
+    with progress(console, "solving", repetitions * len(contestants) * n) as report:
         for repetition in range(repetitions):
             for name, build in contestants.items():
                 doing = f"{name}, {repetition + 1} of {repetitions}"
-                tell(done, doing)
+                report(done, doing)
                 solver = build()
                 prepare = getattr(solver, "prepare", lambda problem, guess: None)
                 prepare(*problems[0])
@@ -167,7 +167,7 @@ def measure(contestants: Contestants, problems: Recorded, repetitions: int, cons
                     costs[name][i] = cost_of(problem, outcome) if solved else np.nan
                     iterations[name] += [outcome.iterations] if solved else []
                     done += 1
-                    tell(done, doing)
+                    report(done, doing)
     return {
         name: Result(ms[name], costs[name], float(np.mean(iterations[name])) if iterations[name] else math.nan)
         for name in contestants
@@ -316,8 +316,8 @@ def run(arguments: Arguments, console: Console) -> SolverFindings:
     warnings.simplefilter("ignore", FutureWarning)  # CasADi's, of how do-mpc calls it
     if not find_spec("do_mpc"):
         console.print(f"{DO_MPC} is left out: it is not installed (pip install -e '.[bench]')", markup=False)
-    with progress(console, f"recording problems over {arguments.terrain}", arguments.problems) as tell:
-        problems = record(arguments.terrain, arguments.problems, tell)
+    with progress(console, f"recording problems over {arguments.terrain}", arguments.problems) as report:
+        problems = record(arguments.terrain, arguments.problems, report)
     results = measure(solvers(), problems, arguments.repetitions, console)
     if reason := missing(arguments.acados):
         console.print(f"acados is left out: {reason}", markup=False)

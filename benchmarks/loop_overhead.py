@@ -198,17 +198,17 @@ class LoopFindings:
         return f"{self.seconds:.0f} s of flight"
 
     def comparisons(self) -> list[Comparison]:
-        looks = self.seconds / (CONTROL_TICKS * TICK)
+        control_steps = self.seconds / (CONTROL_TICKS * TICK)
         ratio_of: Ratio = "ours / other"
-        loop, bare, peer = (1e6 / looks * cpu for cpu in (self.loop, self.bare, self.dm_control))
+        loop, bare, peer = (1e6 / control_steps * cpu for cpu in (self.loop, self.bare, self.dm_control))
         return [
             Comparison("a command, 5 steps", "us", loop, bare, BARE, ratio_of, at_most=AT_MOST),
             Comparison("a command, 5 steps", "us", loop, peer, DM_CONTROL, ratio_of),
         ]
 
     def show(self, console: Console) -> None:
-        looks = self.seconds / (CONTROL_TICKS * TICK)
-        added = 1e6 / looks * float(np.median(self.loop - self.bare))
+        control_steps = self.seconds / (CONTROL_TICKS * TICK)
+        added = 1e6 / control_steps * float(np.median(self.loop - self.bare))
         console.print(f"The loop adds {added:.1f} us to the five steps of a command.", highlight=False)
 
     def plain(self) -> dict[str, Any]:
@@ -225,13 +225,13 @@ class LoopFindings:
 def run(arguments: Arguments, console: Console) -> LoopFindings:
     """Fly and replay in turns."""
     rows: list[tuple[float, float, float]] = []
-    with progress(console, "the loop beside its physics", arguments.repetitions) as tell:
+    with progress(console, "the loop beside its physics", arguments.repetitions) as report:
         warm = fly(arguments.terrain, arguments.seconds)
         bare_steps(warm), dm_control_steps(warm)
         for repetition in range(arguments.repetitions):
             flight = fly(arguments.terrain, arguments.seconds)
             rows.append((flight.cpu, bare_steps(flight), dm_control_steps(flight)))
-            tell(repetition + 1)
+            report(repetition + 1)
     loop, bare, peer = np.array(rows).T
     return LoopFindings(warm.seconds, loop, bare, peer)
 

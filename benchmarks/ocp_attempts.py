@@ -30,7 +30,7 @@ Solve = Callable[[ProblemFunctions, float], Trajectory | None]
 
 MODULES = {"ours": "benchmarks.ocp_ours", "maptor": "benchmarks.ocp_maptor", "dymos": "benchmarks.ocp_dymos"}
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)  # that a software is given, in this order
-LEVELS = (1e-3, 1e-4, 1e-5, 1e-6)  # of accuracy that are told apart
+LEVELS = (1e-3, 1e-4, 1e-5, 1e-6)  # of accuracy that are distinguished
 
 
 @dataclass(frozen=True)

@@ -164,7 +164,7 @@ def _guess(problem: ProblemFunctions, phase: Any) -> None:
 
 
 def _trajectory(problem: ProblemFunctions, model: Any, phase: Any) -> Trajectory:
-    """What it found: controls at all nodes of each segment, states at the segments' ends."""
+    """Trajectory that it found: controls at all nodes of each segment, states at the segments' ends."""
     grid = phase.options["transcription"].grid_data
 
     def series(name: str) -> Any:

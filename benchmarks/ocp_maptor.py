@@ -112,7 +112,7 @@ def _constraints(expression: ca.MX, bounds: Interval, rows: tuple[int, ...]) -> 
 
 
 def _trajectory(problem: ProblemFunctions, found: Any) -> Trajectory:
-    """What it found: controls at the Radau points of each interval, states there and at the ends."""
+    """Trajectory that it found: controls at the Radau points of each interval, states there and at the ends."""
     phase = found.phases[1]
     degrees = [int(degree) for degree in phase["mesh"]["polynomial_degrees"]]
     duration = float(phase["times"]["duration"])

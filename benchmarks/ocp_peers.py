@@ -208,9 +208,9 @@ def run(arguments: Arguments, console: Console) -> PeerFindings:
         if not find_spec(module):
             console.print(f"{SHOWN[module]} is left out: it is not installed (pip install -e '.[bench]')", markup=False)
     entries: list[Entry] = []
-    with progress(console, "problems of optimal control", len(arguments.problems)) as tell:
+    with progress(console, "problems of optimal control", len(arguments.problems)) as report:
         for done, name in enumerate(arguments.problems):
-            tell(done, name)
+            report(done, name)
             for software in contenders(name):
                 entries.append(measured(name, software, arguments.repetitions, arguments.limit_of(software)))
     return PeerFindings(entries)

@@ -13,21 +13,21 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 LINE_EVERY = 10.0  # [s]
 
 
-class Tell(Protocol):
+class Report(Protocol):
     """Says how much is done, and what is being done now."""
 
     def __call__(self, done: int, doing: str = "") -> None: ...
 
 
 @contextmanager
-def progress(console: Console, what: str, total: int) -> Iterator[Tell]:
+def progress(console: Console, what: str, total: int) -> Iterator[Report]:
     """Show how much of ``total`` is done, as it is reported."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     began = reported = time.monotonic()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(what, total=total)
 
-        def tell(done: int, doing: str = "") -> None:
+        def report(done: int, doing: str = "") -> None:
             nonlocal reported
             description = f"{what}: {doing}" if doing else what
             bar.update(task, completed=done, total=max(total, done), description=description)
@@ -37,5 +37,5 @@ def progress(console: Console, what: str, total: int) -> Iterator[Tell]:
 
         if not console.is_terminal:
             console.print(f"{what}: {total}", highlight=False)
-        yield tell
+        yield report
     console.print(f"{what}: done in {time.monotonic() - began:.0f} s", highlight=False)

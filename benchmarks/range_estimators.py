@@ -95,11 +95,11 @@ class RangeFindings:
 def run(arguments: Arguments, console: Console) -> RangeFindings:
     """Each in turns."""
     taken = {}
-    with progress(console, "range estimators", len(SENSORS)) as tell:
+    with progress(console, "range estimators", len(SENSORS)) as report:
         for k, (name, sensors) in enumerate(SENSORS.items()):
             readings = read(sensors, arguments.seconds, np.random.default_rng(0))
             taken[name] = costs(readings, arguments.repetitions)
-            tell(k + 1)
+            report(k + 1)
     return RangeFindings(arguments.seconds, taken)
 
 

@@ -131,13 +131,13 @@ def run(arguments: Arguments, console: Console) -> StartUp:
             for name in commands:
                 start(tree, COMMANDS[name], Path(folder))
         total = arguments.repetitions * len(commands) * 2 * len(trees)
-        with progress(console, "starting", total) as tell:
+        with progress(console, "starting", total) as report:
             done = 0
             for _ in range(arguments.repetitions):
                 for name in commands:
                     for state in ("cold", "warm"):
                         for kind, tree in trees.items():
-                            tell(done, f"{name}, {state}")
+                            report(done, f"{name}, {state}")
                             wall, cpu = start(tree, COMMANDS[name], Path(folder), state == "cold", arguments.drop)
                             case = Case(kind, name, state)
                             found.wall.setdefault(case, []).append(wall)

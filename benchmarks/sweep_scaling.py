@@ -77,7 +77,7 @@ class Course:
     whole: float  # [s] from the call to its return
 
     @staticmethod
-    def of(ends: Sequence[float], workers: int, whole: float) -> Course:
+    def from_ends(ends: Sequence[float], workers: int, whole: float) -> Course:
         """``ends`` [s] since the call, one of each trial, in order."""
         start = ends[workers - 1]
         return Course(start, (ends[-1] - start) / (len(ends) - workers), whole)
@@ -97,7 +97,7 @@ def swept(trials: Sequence[Trial], workers: int) -> Course:
     for record in records:
         if record.status != "ok":
             raise RuntimeError(f"trial of seed {record.seed}: {record.status}: {record.error}")
-    return Course.of(ends, workers, whole)
+    return Course.from_ends(ends, workers, whole)
 
 
 def fly(trial: Trial) -> dict[str, Any]:
@@ -115,7 +115,7 @@ def pooled(trials: Sequence[Trial], workers: int) -> Course:
                 future.result()
                 ends.append(time.perf_counter() - began)
         whole = time.perf_counter() - began
-    return Course.of(ends, workers, whole)
+    return Course.from_ends(ends, workers, whole)
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ class SweepFindings:
         return f"sweep of {self.trials} flights"
 
     def comparisons(self) -> list[Comparison]:
-        flights, wholes = self._of(lambda course: course.interval), self._of(lambda course: course.whole)
+        flights, wholes = self._seconds(lambda course: course.interval), self._seconds(lambda course: course.whole)
         one, many, itself = 1, self.workers, "the same, 1 worker"
 
         def row(
@@ -160,9 +160,9 @@ class SweepFindings:
 
     def plain(self) -> dict[str, Any]:
         columns = {
-            "start_s": self._of(lambda course: course.start),
-            "flight_s": (flights := self._of(lambda course: course.interval)),
-            "whole_s": self._of(lambda course: course.whole),
+            "start_s": self._seconds(lambda course: course.start),
+            "flight_s": (flights := self._seconds(lambda course: course.interval)),
+            "whole_s": self._seconds(lambda course: course.whole),
             "speed_up": {(by, workers): flights[by, 1] / flights[by, workers] for by, workers in flights},
         }
         sweeps = [
@@ -172,7 +172,7 @@ class SweepFindings:
         ]
         return {"trials": self.trials, "sweeps": sweeps}
 
-    def _of(self, figure: Callable[[Course], float]) -> Seconds:
+    def _seconds(self, figure: Callable[[Course], float]) -> Seconds:
         return {kind: np.array([figure(course) for course in courses]) for kind, courses in self.courses.items()}
 
 
@@ -185,10 +185,10 @@ def run(arguments: Arguments, console: Console) -> SweepFindings:
     fly(trials[0])  # numba compiles here what its cache may lack
     kinds = [(OURS, 1), (OURS, workers), (POOL, workers), (POOL, 1)]  # what is compared stands side by side
     courses: dict[Kind, list[Course]] = {kind: [] for kind in kinds}
-    with progress(console, "sweeping", arguments.repetitions * len(kinds)) as tell:
+    with progress(console, "sweeping", arguments.repetitions * len(kinds)) as report:
         for repetition in range(arguments.repetitions):
             for i, (by, count) in enumerate(kinds):
-                tell(repetition * len(kinds) + i, f"{by}, {count} of {workers} workers")
+                report(repetition * len(kinds) + i, f"{by}, {count} of {workers} workers")
                 courses[by, count].append((swept if by == OURS else pooled)(trials, count))
     return SweepFindings(arguments.trials, workers, courses)
 

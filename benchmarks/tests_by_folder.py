@@ -110,7 +110,8 @@ def run(arguments: Arguments, console: Console) -> TestTimes:
     console.print(f"running {' '.join(arguments.paths)}")
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "tests.json"
-        done = subprocess.run(command, cwd=ROOT, env=os.environ | {FILE: str(file)}, capture_output=True, text=True)
+        environment = os.environ | {FILE: str(file), "PYTHONDONTWRITEBYTECODE": ""}  # as of ``make test``
+        done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
         if done.returncode:
             raise RuntimeError(f"{' '.join(command)} failed ({done.returncode}):\n{done.stdout[-4000:]}{done.stderr}")
         figures = json.loads(file.read_text(encoding="utf-8"))

@@ -112,9 +112,9 @@ def stepped(envs: Any, steps: int, rng: np.random.Generator) -> float:
 def run(arguments: Arguments, console: Console) -> VectorFindings:
     """Step the same missions in turns."""
     seconds = {}
-    with progress(console, "stepping", len(HOLDS) * arguments.repetitions) as tell:
+    with progress(console, "stepping", len(HOLDS) * arguments.repetitions) as report:
         for k, (name, hold) in enumerate(HOLDS.items()):
-            tell(k * arguments.repetitions, f"making {arguments.missions} missions")
+            report(k * arguments.repetitions, f"making {arguments.missions} missions")
             ours = made(arguments, "vector_entry_point", hold)  # first, so that the processes find all built
             other = made(arguments, "async", hold)
             for envs in (ours, other):
@@ -122,7 +122,7 @@ def run(arguments: Arguments, console: Console) -> VectorFindings:
                 stepped(envs, 2, np.random.default_rng(0))
             times = []
             for repetition in range(arguments.repetitions):
-                tell(k * arguments.repetitions + repetition, f"held {name}")
+                report(k * arguments.repetitions + repetition, f"held {name}")
                 rng, same = (np.random.default_rng(repetition) for _ in range(2))
                 times.append((stepped(ours, 10 * arguments.steps, rng), stepped(other, arguments.steps, same)))
             other.close()

@@ -39,7 +39,7 @@ class Page(HTMLParser):
 
 
 def check(site: Path) -> tuple[list[str], int, int]:
-    """What is wrong, the number of pages, and that of links."""
+    """Faults, the number of pages, and that of links."""
     pages = {path: Page(path.read_text(encoding="utf-8")) for path in sorted(site.rglob("*.html"))}
     wrong = [
         f"{path.relative_to(site)}:{line}: {target}: {error}"

@@ -67,7 +67,7 @@ class AxisModel:
     fix_std: float  # [m]
 
     @staticmethod
-    def of(config: KalmanConfig, mission: FlightMission) -> AxisModel:
+    def from_config(config: KalmanConfig, mission: FlightMission) -> AxisModel:
         """Model for a configuration and a mission, with the floors of noise and gusts applied."""
         return AxisModel(
             max(clipped_rms(mission.gust), config.gust_floor),
@@ -93,7 +93,7 @@ class Kalman:
 
         self.period = mission.control_period
         self._timeout_monitor = TimeoutMonitor(config.timeout)  # of the fixes
-        self._model = AxisModel.of(config, mission)
+        self._model = AxisModel.from_config(config, mission)
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}
         self._filter = KalmanFilter(dim_x=3, dim_z=1, dim_u=1)
         self._filter.x = np.vstack([mission.start, np.zeros((2, 3))])  # (3, 3) one column an axis
@@ -121,7 +121,7 @@ class Kalman:
         P is the covariance just before a fix, when each variance is largest; a fix feeds K S K' into the estimate, with
         S = H P H' + R. The time between fixes is the longest that there can be while the estimate is not lost.
         """
-        model = AxisModel.of(config, mission)
+        model = AxisModel.from_config(config, mission)
         interval = longest_gap(1.0 / mission.position_rate, mission.dropout_rate, config.timeout)
         F, _, Q = model.discretised(interval)
         R = np.array([[model.fix_std**2]])
@@ -188,7 +188,7 @@ class Kalman:
         self._timeout_monitor.note(fix.t)
 
     def _excess(self) -> float:
-        """How many times the covariance of the last innovations is that of the filter; 1 while that is likely."""
+        """Ratio of the covariance of the last innovations to that of the filter; 1 while that is likely."""
         total = sum(self._innovations)
         return max(1.0, total / (_AXES * _WINDOW)) if total > _UNLIKELY else 1.0
 

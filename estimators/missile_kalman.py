@@ -31,6 +31,7 @@ from mathnavi.models.runge_kutta import classical_step
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.angles import Radians
 from mathnavi.sim.interfaces.bounds import Positive, configuration
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
@@ -127,7 +128,7 @@ class MissileKalman:
         self._t = t
 
     def _advance(self, h: float, u: Array) -> None:
-        """By h [s] with the input held."""
+        """Advance by h [s] with the input held."""
         while h > TIME_TOLERANCE:
             step = min(h, STEP)
             after, F = self._step(self._filter.x, u, step)
@@ -141,7 +142,7 @@ class MissileKalman:
     def _condition(self, reading: Measurement) -> None:
         # Both the state and the reading are flat: filterpy makes a square of a flat one and a column.
         if reading.value.shape != (self._size,):
-            raise ValueError(f"a reading of the state has shape {reading.value.shape}; allowed: ({self._size},)")
+            raise ArgumentError(f"a reading of the state has shape {reading.value.shape}; allowed: ({self._size},)")
         self._filter.update(reading.value, lambda _: self._H, lambda x: x[: self._size], residual=self._difference)
         self._timeout_monitor.note(reading.t)
 

@@ -86,10 +86,10 @@ class MovingHorizonEstimator:
             from mathnavi.estimators.missile_kalman import MissileKalmanConfig
             from mathnavi.estimators.stagewise.missile import MissileModel
 
-            return MissileModel.of(MissileKalmanConfig(), mission)
+            return MissileModel.from_config(MissileKalmanConfig(), mission)
         from mathnavi.estimators.stagewise.flight import FlightModel
 
-        return FlightModel.of(KalmanConfig(), mission)
+        return FlightModel.from_config(KalmanConfig(), mission)
 
     @staticmethod
     def sensors(config: MovingHorizonConfig, mission: HorizonMission) -> tuple[Sensor, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Status
 
 
@@ -31,9 +32,9 @@ class TimeoutMonitor:
 def time_ahead(t: float, now: float, what: str) -> float:
     """Time [s] from ``now`` [s], that of a filter's state, to t [s], at which ``what`` comes.
 
-    Raises ValueError if t is past.
+    Raises ArgumentError if t is past.
     """
     h = t - now
     if h < -TIME_TOLERANCE:
-        raise ValueError(f"{what} at {t:.6f} s reached a Kalman filter that is at {now:.6f} s already")
+        raise ArgumentError(f"{what} at {t:.6f} s reached a Kalman filter that is at {now:.6f} s already")
     return h

@@ -24,8 +24,8 @@ from mathnavi.sim.interfaces.signals import Array
 NlpPlugin = Literal["ipopt", "fatrop"]
 
 
-class Outcome(Enum):
-    """How a solve ended; the value is the message for the user.
+class SolverOutcome(Enum):
+    """End of a solve; the value is the message for the user.
 
     A solver itself says no more than ``CONVERGED``: whether the solution of a transcribed programme solves the problem,
     its replay in the true dynamics has to show.
@@ -43,13 +43,13 @@ class Outcome(Enum):
 
 
 _REASONS = {  # return_status of IPOPT
-    "Infeasible_Problem_Detected": Outcome.INFEASIBLE,
-    "Maximum_Iterations_Exceeded": Outcome.LIMIT,
-    "Maximum_CpuTime_Exceeded": Outcome.LIMIT,
-    "Invalid_Number_Detected": Outcome.NOT_FINITE,
-    "Restoration_Failed": Outcome.INFEASIBLE,
-    "Diverging_Iterates": Outcome.UNBOUNDED,
-    "Not_Enough_Degrees_Of_Freedom": Outcome.OVERDETERMINED,
+    "Infeasible_Problem_Detected": SolverOutcome.INFEASIBLE,
+    "Maximum_Iterations_Exceeded": SolverOutcome.LIMIT,
+    "Maximum_CpuTime_Exceeded": SolverOutcome.LIMIT,
+    "Invalid_Number_Detected": SolverOutcome.NOT_FINITE,
+    "Restoration_Failed": SolverOutcome.INFEASIBLE,
+    "Diverging_Iterates": SolverOutcome.UNBOUNDED,
+    "Not_Enough_Degrees_Of_Freedom": SolverOutcome.OVERDETERMINED,
 }
 IPOPT_WARM_START: Mapping[str, Any] = {
     "warm_start_init_point": "yes",
@@ -95,9 +95,9 @@ def fatrop_settings(
 
 @dataclass(frozen=True)
 class NlpReport:
-    """How a call of a solver ended."""
+    """Report on a call of a solver."""
 
-    outcome: Outcome
+    outcome: SolverOutcome
     message: str  # the solver's return status, or the last line of the exception that it raised
     iterations: int | None  # None if it raised an exception or did not return
 
@@ -148,8 +148,8 @@ class NlpSolver:
         """Solve with what stands in ``inputs``; the solution, or the last iterate, stands in ``outputs``."""
         report = self._solver.solve(self._seconds)
         if report.timed_out:
-            return NlpReport(Outcome.LIMIT, report.message, report.iterations)
-        outcome = Outcome.CONVERGED if report.success else _REASONS.get(report.message, Outcome.FAILED)
+            return NlpReport(SolverOutcome.LIMIT, report.message, report.iterations)
+        outcome = SolverOutcome.CONVERGED if report.success else _REASONS.get(report.message, SolverOutcome.FAILED)
         return NlpReport(outcome, report.message, report.iterations)
 
 

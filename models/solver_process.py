@@ -38,7 +38,7 @@ _START = "import sys; sys.path[:] = sys.argv[2:]; from mathnavi.models.solver_pr
 
 @dataclass(frozen=True)
 class ProcessReport:
-    """How a solve in the child process ended."""
+    """Report on a solve in the child process."""
 
     success: bool
     message: str

@@ -17,6 +17,7 @@ from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import Shot, checked_camera, frames_of
 from mathnavi.renders.video import STILL_SAMPLES, check_rate, check_size, draw, frame_progress
 from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.writing import write_bytes
 
 WIDTH, HEIGHT, FPS = 640, 360, 12
@@ -53,9 +54,9 @@ def write_clip(
     shown = drawing.still_camera if camera is None else checked_camera(camera, drawing.cameras)
     first, last = _stretch(drawing.highlight(run), run.duration, begin, end)
     if not 0.0 <= first < run.duration:
-        raise ValueError(f"begin = {first:g} s; allowed: 0 to less than {run.duration:g} s, the length of the run")
+        raise ArgumentError(f"begin = {first:g} s; allowed: 0 to less than {run.duration:g} s, the length of the run")
     if not first < last <= run.duration:
-        raise ValueError(f"end = {last:g} s; allowed: more than {first:g}, where it begins, to {run.duration:g} s")
+        raise ArgumentError(f"end = {last:g} s; allowed: more than {first:g}, where it begins, to {run.duration:g} s")
     seen = [annotation for annotation in drawing.annotations(run) if first <= annotation[0] <= last]
     shots = (Shot(shown, first, last, length), Shot(shown, last, last, 1.0 / fps))
     frames = [replace(frame, brief=True) for frame in frames_of(shots, seen, fps, 0.0)]

@@ -1,4 +1,4 @@
-"""How the runs of a scenario are drawn: a module that config.json names, with a ``Drawing`` called ``drawing``.
+"""Drawing of the runs of a scenario: a module that config.json names, with a ``Drawing`` called ``drawing``.
 
 A run that names none is a flight if it has a terrain; any other is drawn by its scene and its log alone
 (``mathnavi.renders.generic``). A scenario names an entry point of the group ``mathnavi.drawings``, by its name or

@@ -86,7 +86,7 @@ def log_lengths(axes: Axes, least: float) -> None:
 
 
 def cost_figure(plans: Sequence[Plan], adopted: Array, duration: float) -> Figure:
-    """The composite cost of each adopted plan, from its adoption on."""
+    """Composite cost of each adopted plan, from its adoption ``adopted`` (n,) [s] on."""
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 2.6)
         axes = figure.add_subplot()
@@ -116,7 +116,7 @@ def solve_figure(summary: Mapping[str, Any]) -> Figure:
 
 
 def events_figure(events: Sequence[Event], duration: float) -> Figure:
-    """When each kind of event happened."""
+    """Times at which each kind of event happened."""
     with matplotlib.rc_context(STYLE):
         names = [described(event)[0] for event in events]
         kinds = list(dict.fromkeys(names))

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+from mathnavi.sim.interfaces.errors import ArgumentError
+
 TOUR = "tour"  # the direction that cuts between the cameras
 ANNOTATION_LENGTH = 1.8  # [s] of video for which an event stays in sight, unless a cut comes first
 
@@ -55,9 +57,9 @@ def consecutive(cuts: Sequence[float], shots: Sequence[tuple[str, float]]) -> li
 
 
 def checked_camera(camera: str, cameras: Sequence[str]) -> str:
-    """Return ``camera`` if it is one of ``cameras``; ValueError names them if it is not."""
+    """Return ``camera`` if it is one of ``cameras``; ArgumentError names them if it is not."""
     if camera not in cameras:
-        raise ValueError(f"camera = {camera!r}; allowed: {', '.join(cameras)}")
+        raise ArgumentError(f"camera = {camera!r}; allowed: {', '.join(cameras)}")
     return camera
 
 
@@ -67,11 +69,11 @@ def frames_of(shots: Sequence[Shot], annotations: Sequence[Annotation], fps: int
     Args:
         shots: the shot list, in order.
         annotations: in order of time.
-        fps: frames a second; ValueError for less than one.
+        fps: frames a second; ArgumentError for less than one.
         turn: [degrees/s of video] at which the cameras that turn do.
     """
     if fps < 1:
-        raise ValueError(f"fps = {fps}; allowed: a whole number of at least 1")
+        raise ArgumentError(f"fps = {fps}; allowed: a whole number of at least 1")
     frames: list[Frame] = []
     total = sum(shot.length for shot in shots)
     coming = list(annotations)

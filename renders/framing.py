@@ -1,4 +1,4 @@
-"""Where a camera has to be so that what matters fills the free part of a picture.
+"""Place of a camera from which what matters fills the free part of a picture.
 
 Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
@@ -30,7 +30,7 @@ class Box:
 def framing(
     points: Array, box: Box, optics: Optics, aspect: float, sight: tuple[float, float], *, low: bool = False
 ) -> View:
-    """Of points (m, 3), along a line of sight (azimuth, elevation) [degrees], in a picture of that width over height.
+    """View of points (m, 3) along a line of sight (azimuth, elevation) [degrees]; ``aspect`` is width over height.
 
     They lie in the middle of the box, or with ``low`` on its lower edge, if they are wider than tall.
     """

@@ -40,7 +40,7 @@ ELEVATION, SIDEWAYS = -36.0, 24.0  # [degrees] of the overview, and off north-up
 
 @dataclass(frozen=True, eq=False)
 class Landscape:
-    """Places in the tall world, and the views that show the whole of it."""
+    """Places in the tall world, and the views that show all of the map."""
 
     terrain: HeightField
 

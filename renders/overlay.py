@@ -161,7 +161,9 @@ class OverlayWriter:
             draw.text((left + pad, y), name, SOFT, self._plain[13], "lm")
             draw.text((left + pad, y + self._px(23)), value, WHITE, self._bold[26], "lm")
             draw.text((right - pad, y + self._px(26)), note, SOFT, self._plain[13], "rm")
-        draw.text((left + pad, self.height - self._px(48)), overlay.state, WHITE, self._plain[15], "lm")
+        font = self._plain[15]
+        state = _cut(overlay.state, font, right - left - 2 * pad)
+        draw.text((left + pad, self.height - self._px(48)), state, WHITE, font, "lm")
 
     def _two_numbers(self, draw: ImageDraw.ImageDraw, numbers: Sequence[tuple[str, str, str]]) -> None:
         """Write the first two numbers in the corner of the title."""
@@ -262,3 +264,13 @@ def _overlap(a: tuple[float, float, float, float], b: tuple[float, float, float,
 
 def _name(part: SceneElement | Key) -> str:
     return part.text if isinstance(part, Key) else part.value
+
+
+def _cut(text: str, font: ImageFont.FreeTypeFont, width: float) -> str:
+    """The text, cut where it is longer than ``width`` [pixels]."""
+    if font.getlength(text) <= width:
+        return text
+    kept = text
+    while kept and font.getlength(f"{kept}…") > width:
+        kept = kept[:-1].rstrip()
+    return f"{kept}…"

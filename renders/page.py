@@ -19,6 +19,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from mathnavi.renders import figures
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.reading.files import read_text
 from mathnavi.sim.interfaces.reading.pictures import read_picture
 from mathnavi.sim.records.figure_names import label
@@ -98,6 +99,7 @@ def section(title: str, *blocks: Markup) -> Markup:
 
 
 def paragraph(content: str) -> Markup:
+    """A paragraph of text."""
     return Markup(f"<p>{text(content)}</p>\n")
 
 
@@ -112,11 +114,11 @@ def tiles(values: Mapping[str, object]) -> Markup:
 def table(columns: Sequence[str], rows: Sequence[Sequence[object]], caption: str = "") -> Markup:
     """Rows under their columns' names (none: no head); the first cell names its row, numbers stand to the right.
 
-    Raises ValueError for rows of unequal length.
+    Raises ArgumentError for rows of unequal length.
     """
     widths = {len(row) for row in rows} | ({len(columns)} if columns else set())
     if len(widths) > 1:
-        raise ValueError(f"rows and columns have {', '.join(map(str, sorted(widths)))} cells; allowed: equally many")
+        raise ArgumentError(f"rows and columns have {', '.join(map(str, sorted(widths)))} cells; allowed: equally many")
     right = [False, *(_are_numbers(column) for column in list(zip(*rows, strict=True))[1:])]
     right += [False] * (max(widths, default=0) - len(right))  # without rows
     heads = "".join(_cell(COLUMN, *pair) for pair in zip(columns, right, strict=False))
@@ -162,6 +164,7 @@ def preformatted(content: str) -> Markup:
 
 
 def footer(content: str) -> Markup:
+    """The last lines of the page."""
     return Markup(f"<footer>{text(content)}</footer>\n")
 
 

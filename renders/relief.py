@@ -145,9 +145,11 @@ def roughened(picture: Picture, detail: int, contrast: float) -> Picture:
         grid = random.standard_normal([n // octave + 2 for n in fine.shape[:2]], dtype=np.float32)
         enlarged = Image.fromarray(grid).resize(shape, Image.Resampling.BICUBIC)
         noise += np.asarray(enlarged) / 2.0
+    brightness = 1.0 + contrast * noise
     rough = np.empty(fine.shape, np.uint8)
     for channel in range(3):  # one at a time: a picture of 4100 x 4100 in floating point is large
-        rough[..., channel] = np.clip(fine[..., channel] * (1.0 + contrast * noise), 0.0, 255.0)
+        changed = fine[..., channel] * brightness
+        rough[..., channel] = np.clip(changed, 0.0, 255.0, out=changed)
     return rough
 
 

@@ -21,7 +21,7 @@ from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.video import write_still
 from mathnavi.sim.interfaces.signals import Event
 from mathnavi.sim.interfaces.writing import write_text
-from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
+from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
 from mathnavi.sim.records.run_folder import described
 
 MOST_EVENTS = 200  # rows of the table; the rest is counted
@@ -121,6 +121,7 @@ def still_block(directory: Path, camera: str, t: float, alt: str, caption: str) 
 def summary_cards(summary: Mapping[str, Any]) -> Markup:
     """The figures of the summary in their groups."""
     shown = {name: [key for key in group if key in summary] for name, group in SUMMARY_GROUPS.items()}
+    shown["other"] = _own_figures(summary)
     return page.columns(
         {
             name.capitalize(): page.table((), [(label(key)[0], quantity(key, summary[key])) for key in keys])
@@ -147,14 +148,22 @@ def again(directory: Path, config: Mapping[str, Any]) -> tuple[Markup, ...]:
     text = json.dumps(config, indent=2, ensure_ascii=False, default=str)
     folder = f"./{directory}" if str(directory).startswith("-") else str(directory)
     command = shlex.join(["mathnavi", "run", str(config["scenario"]), "--from", folder])
+    caution = "Its code is not installed: add --trust, and type the command in the folder that has the code."
     return (
         page.paragraph(
             "The same seed gives the same log: bit for bit on the same kind of processor with the same versions, to "
             "rounding elsewhere."
         ),
         page.card(page.preformatted(command)),
+        *([page.paragraph(caution)] if _names_code(config) else []),
         page.card(page.details("config.json", page.preformatted(text))),
     )
+
+
+def _names_code(config: Mapping[str, Any]) -> bool:
+    """True if the scenario or a plug-in was given as "package.module:Class", not by an installed name."""
+    parts = [config["scenario"], *(config.get(part) for part in ("controller", "estimator", "consensus"))]
+    return any(":" in str(part.get("name", "") if isinstance(part, Mapping) else part) for part in parts)
 
 
 def why(summary: Mapping[str, Any]) -> str:
@@ -162,8 +171,19 @@ def why(summary: Mapping[str, Any]) -> str:
     return f" ({summary[SHORTFALL]})" if SHORTFALL in summary else ""
 
 
+def _own_figures(summary: Mapping[str, Any]) -> list[str]:
+    """Figures of no group: those that a scenario has made itself."""
+    grouped = {key for keys in SUMMARY_GROUPS.values() for key in keys}
+    return [key for key in summary if not (key in grouped or _is_provenance(key) or key in (SHORTFALL, PLANNER_STATUS))]
+
+
+def _is_provenance(key: str) -> bool:
+    return key in ("seed", "version") or is_wall_clock(key)
+
+
 def rest(summary: Mapping[str, Any]) -> str:
     """Figures of the summary that its cards leave out: seed, version, how fast it ran."""
-    named = {key for keys in SUMMARY_GROUPS.values() for key in keys} | {SHORTFALL}
-    others = (f" · {label(key)[0]} {quantity(key, summary[key])}" for key in summary if key not in named)
+    grouped = {key for keys in SUMMARY_GROUPS.values() for key in keys}
+    shown = [key for key in summary if _is_provenance(key) and key not in grouped]
+    others = (f" · {label(key)[0]} {quantity(key, summary[key])}" for key in shown)
     return f"mathnavi{''.join(others)}"

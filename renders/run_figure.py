@@ -40,7 +40,7 @@ def run_figure(directory: str | Path) -> Figure:
 
 
 def signals_figure(arrays: dict[str, Array]) -> Figure:
-    """The first arrays of a log that have a row for each control step, over time [s]."""
+    """Figure of the first arrays (n, ...) of a log that have a row for each control step, over time [s]."""
     t = arrays["t"]
     names = [name for name, rows in arrays.items() if name != "t" and rows.ndim == 2 and len(rows) == len(t)]
     names = names[:MOST_PANELS]

@@ -77,6 +77,7 @@ class Stage:
         self._renderer: Any = mujoco.Renderer(model, height, width, max_geom=MAX_GEOMS)
 
     def close(self) -> None:
+        """Free the renderer."""
         self._renderer.close()
 
     @property
@@ -247,6 +248,7 @@ class Stage:
         geom = scene.geoms[scene.ngeom]
         rgba = np.array(colour, np.float32)
         mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
+        geom.category = mujoco.mjtCatBit.mjCAT_DECOR  # casts no shadow
         scene.ngeom += 1
         return geom
 

@@ -22,6 +22,7 @@ from mathnavi.renders.figures import thinned
 from mathnavi.renders.page import Markup, text
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.relief import EXAGGERATION, relief, resampled
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.reading.files import read_text
 from mathnavi.sim.interfaces.signals import Array
 
@@ -69,16 +70,16 @@ def terrain_view(
 ) -> Markup:
     """The view: ``places`` are (3,) [m] by name; ``radars`` antennas (x, y, z) and radius [m], all in the map frame.
 
-    ``note`` ends the caption. Tracks of one name share an entry of the legend. Raises ValueError for a track that is
+    ``note`` ends the caption. Tracks of one name share an entry of the legend. Raises ArgumentError for a track that is
     not (n, 3) or not finite.
     """
     places = places or {}
     names = [track.name for track in tracks]
     for track in tracks:
         if track.points.ndim != 2 or track.points.shape[1] != 3 or not track.points.size:
-            raise ValueError(f"track {track.name!r} has points {track.points.shape}; allowed: (n, 3), n >= 1")
+            raise ArgumentError(f"track {track.name!r} has points {track.points.shape}; allowed: (n, 3), n >= 1")
         if not np.isfinite(track.points).all():
-            raise ValueError(f"track {track.name!r} has points that are not finite; allowed: finite numbers [m]")
+            raise ArgumentError(f"track {track.name!r} has points that are not finite; allowed: finite numbers [m]")
     extent = _Extent.around(terrain, [track.points for track in tracks], radars)
     view = {
         "ground": _ground(terrain),

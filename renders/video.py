@@ -27,6 +27,7 @@ from mathnavi.renders import opengl
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import TOUR, Frame, checked_camera
 from mathnavi.renders.palette import Picture
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.writing import naming, whole_files, write_bytes
 from mathnavi.sim.plugin.trust import is_trusted
 
@@ -60,14 +61,14 @@ def write_video(
     """Write the video of a run, ``video.mp4`` in its folder unless ``path`` says else, whole or not at all.
 
     MP4, 12 to 25 s for a whole run; "tour" cuts between the cameras, the others stay. ``codec``: H.264 plays
-    everywhere, AV1 and VP9 are encoded without a library under the GPL. Raises FileNotFoundError or ValueError for a
+    everywhere, AV1 and VP9 are encoded without a library under the GPL. Raises FileNotFoundError or ArgumentError for a
     run that is not there or broken, for a camera that it is not drawn by and for a codec that FFmpeg here does not
     encode, ``opengl.NoOpenGLError`` where there is nothing to draw with.
     """
     _check_codec(codec)
     check_size(width, height)
     if width % 2 or height % 2:
-        raise ValueError(f"size = {width} x {height}; allowed: even numbers")
+        raise ArgumentError(f"size = {width} x {height}; allowed: even numbers")
     check_rate(fps)
     directory, drawing = Path(run_dir), drawing_of(run_dir)
     frames = drawing.frames(drawing.load_run(directory), camera, fps)
@@ -92,15 +93,15 @@ def frame_progress(name: str, shown: bool) -> Progress:
 
 
 def check_size(width: int, height: int) -> None:
-    """Raise ValueError for a size [pixels] that no picture is drawn in."""
+    """Raise ArgumentError for a size [pixels] that no picture is drawn in."""
     if width % 2 or height % 2 or not (min(width, height) >= LEAST_SIZE and max(width, height) <= LARGEST_SIZE):
-        raise ValueError(f"size = {width} x {height}; allowed: even numbers from {LEAST_SIZE} to {LARGEST_SIZE}")
+        raise ArgumentError(f"size = {width} x {height}; allowed: even numbers from {LEAST_SIZE} to {LARGEST_SIZE}")
 
 
 def check_rate(fps: int) -> None:
-    """Raise ValueError for a rate [1/s] at which no pictures are shown."""
+    """Raise ArgumentError for a rate [1/s] at which no pictures are shown."""
     if not 1 <= fps <= FASTEST:
-        raise ValueError(f"fps = {fps}; allowed: a whole number from 1 to {FASTEST}")
+        raise ArgumentError(f"fps = {fps}; allowed: a whole number from 1 to {FASTEST}")
 
 
 def write_still(
@@ -120,7 +121,7 @@ def write_still(
     directory, drawing = Path(run_dir), drawing_of(run_dir)
     run = drawing.load_run(directory)
     if t is not None and not 0.0 <= t <= run.duration:
-        raise ValueError(f"time = {t:g} s; allowed: 0 to {run.duration:g} s, the length of the run")
+        raise ArgumentError(f"time = {t:g} s; allowed: 0 to {run.duration:g} s, the length of the run")
     moment = sum(drawing.highlight(run)) / 2.0 if t is None else t
     shown = drawing.still_camera if camera is None else checked_camera(camera, drawing.cameras)
     target = Path(path) if path is not None else directory / f"{shown}.png"
@@ -189,10 +190,12 @@ class _Artist:
 
 
 def _check_codec(codec: str) -> None:
-    """ValueError for a codec that is not known, or whose encoder this FFmpeg is built without."""
+    """ArgumentError for a codec that is not known, or whose encoder this FFmpeg is built without."""
     known = [name for name, (encoder, _) in ENCODERS.items() if _encodes(encoder)]
     if codec not in known:
-        raise ValueError(f"codec = {codec!r}; allowed with the FFmpeg that PyAV has here: {', '.join(known) or 'none'}")
+        raise ArgumentError(
+            f"codec = {codec!r}; allowed with the FFmpeg that PyAV has here: {', '.join(known) or 'none'}"
+        )
 
 
 def _encodes(encoder: str) -> bool:

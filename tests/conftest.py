@@ -7,6 +7,7 @@ import importlib
 import os
 import sys
 from collections.abc import Iterator
+from functools import partial
 
 import pytest
 from hypothesis import settings
@@ -37,15 +38,16 @@ def every_module_has_one_name() -> Iterator[None]:
 @pytest.fixture(scope="session", autouse=True)
 def drawing_here() -> Iterator[None]:
     """Stills, videos and clips are drawn in this process, which spares the start of others, except where a test uses
-    ``drawing_apart``.
+    ``drawing_apart``; those of a report are small, except where it uses ``large_stills``.
     """
 
-    from mathnavi.renders import clip, video
+    from mathnavi.renders import clip, report, video
     from tests.renders.drawn import draw_here
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(video, "draw", draw_here)
         patch.setattr(clip, "draw", draw_here)
+        patch.setattr(report, "write_still", partial(video.write_still, width=320, height=180))
         yield
 
 
@@ -58,9 +60,21 @@ def drawing_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(video, "draw", draw_apart)
 
 
+@pytest.fixture
+def large_stills(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The stills of a report are as large as for a user."""
+    from mathnavi.renders import report, video
+
+    monkeypatch.setattr(report, "write_still", video.write_still)
+
+
+# Where a test or what its module shares takes seconds.
+LONG = ("test_studies.py", "test_wheel.py", "test_examples.py", "test_gallery_scripts.py", "test_readme.py")
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The longest tests first, so that none of them is what one worker ends with while the others are idle."""
-    items.sort(key=lambda item: item.path.name != "test_studies.py")
+    items.sort(key=lambda item: item.path.name not in LONG)
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

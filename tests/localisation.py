@@ -105,5 +105,5 @@ def run(
     """A run of ``Pattern`` and ``DeadReckoner`` unless others are given."""
     config = RangeLocalisationConfig(**fields)
     return RangeLocalisation.build(
-        config, seed, controller or PluginSpec.of(Pattern), estimator or PluginSpec.of(DeadReckoner)
+        config, seed, controller or PluginSpec.with_fields(Pattern), estimator or PluginSpec.with_fields(DeadReckoner)
     ).run()

@@ -114,7 +114,7 @@ class GlideTracker:
 
 def glide(**fields: Any) -> PluginSpec:
     """The controller as a part of a scenario."""
-    return PluginSpec.of(Glide, **fields)
+    return PluginSpec.with_fields(Glide, **fields)
 
 
 def fly(

@@ -77,7 +77,7 @@ def turning(rng: np.random.Generator, a: float, speed: float, arcs: int = 12, h:
 
 
 def estimate_of(x: Array, t: float = 0.0) -> Estimate:
-    """Of a state (13,), exact."""
+    """Estimate of a state (13,), exact."""
     extra = {"attitude": x[ATTITUDE], "rate": x[RATE]}
     return Estimate(t, np.concatenate([x[POSITION], x[VELOCITY]]), extra=extra)
 

@@ -58,7 +58,7 @@ def test_it_has_one_version_for_every_python() -> None:
 
 
 def commands(*words: str) -> str:
-    """What make would do to install for the tests."""
+    """Commands by which make would install for the tests."""
     command = ["make", "--dry-run", "--always-make", ".venv/.developed", *words]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60).stdout
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from mathnavi.controllers.active_sensing.motion import integrate_plan, pieces
 from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, wrapped
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 
 _DEVIATIONS = 3.0  # standard deviations by which an estimate may err
@@ -122,7 +123,7 @@ class _Earlier:
 def checked_pose(estimate: Estimate) -> Array:
     """The estimate's pose (3,); ValueError for any other shape, which compiled code would read beyond."""
     if estimate.x.shape != (3,):
-        raise ValueError(f"the estimate's state has shape {estimate.x.shape}; allowed: (3,)")
+        raise ArgumentError(f"the estimate's state has shape {estimate.x.shape}; allowed: (3,)")
     return np.asarray(estimate.x, np.float64)
 
 

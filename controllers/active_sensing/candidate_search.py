@@ -61,7 +61,7 @@ class CandidateSearch:
 
 
 class Containment:
-    """How long inputs keep within the wall, in ``nodes`` of a horizon [s], k being ``deviations``; and the way back."""
+    """Time that inputs keep inside the wall, in ``nodes`` of a horizon [s], k being ``deviations``; the way back."""
 
     def __init__(self, mission: RangingMission, horizon: float, nodes: int, deviations: float) -> None:
         self._wall = WallTable(mission.curve.table, mission.curve.polyline)
@@ -70,11 +70,11 @@ class Containment:
         self._speed, self._turn_rate = _SLOW * mission.speed_max, mission.turn_rate_max
 
     def is_inside(self, belief: Belief) -> bool:
-        """Whether the estimate keeps half of the margin from the wall."""
+        """True if the estimate keeps half of the margin from the wall."""
         return bool(clearance(self._wall, *belief.pose[:2]) >= _TOO_NEAR * self._margin)
 
     def is_certain(self, belief: Belief) -> bool:
-        """Whether the position's standard deviation is less than the margin: else there is no way back to plan."""
+        """True if the position's standard deviation is less than the margin: else there is no way back to plan."""
         return belief.position_deviation < self._margin
 
     def admissible_nodes(self, belief: Belief, inputs: Array) -> Integers:

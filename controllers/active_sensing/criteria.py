@@ -37,7 +37,7 @@ class InputCriterion(Protocol):
     """Ranks candidate inputs."""
 
     def best(self, belief: Belief, inputs: Array, held: Integers) -> tuple[int, float]:
-        """The index of the preferred one of ``inputs`` (m, 2), held for so many nodes (m,), m >= 1, and its score."""
+        """Index of the preferred of ``inputs`` (m, 2) [m/s, rad/s] for ``held`` (m,) nodes, m >= 1, and its score."""
         ...
 
 

@@ -83,7 +83,7 @@ def expected_traces(
     inputs: Array,
     held: Integers,
 ) -> Array:
-    """Traces (m,) of the expected covariance after each of ``inputs`` (m, 2), held for ``held`` (m,) nodes."""
+    """Traces (m,) of the expected covariance after each of ``inputs`` (m, 2) [m/s, rad/s] for ``held`` (m,) nodes."""
     traces = np.empty(len(inputs))
     for m in range(len(inputs)):
         _, covariance = expected_covariance(wall, sensors, horizon, pose, P, inputs[m], held[m])

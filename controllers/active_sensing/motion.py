@@ -1,4 +1,4 @@
-"""How a unicycle moves along a plan: arcs of constant input, and rest before and after them."""
+"""Motion of a unicycle along a plan: arcs of constant input, and rest before and after them."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ class ActiveSensingConfig:
     period: Positive = 0.2
     """from one decision to the next [s]"""
     horizon: Duration = 1.0
-    """how far ahead a decision looks [s]"""
+    """how far ahead a decision predicts [s]"""
     nodes: Annotated[int, Within(Interval(ge=1, le=_MOST_NODES), allowed=f"1 to {_MOST_NODES}")] = 10
     """of the horizon, at which ranges are expected and the wall is kept away from"""
     deviations: NonNegative = 3.0
@@ -82,7 +82,7 @@ class ActiveSensingConfig:
             raise FieldError(f"period = {self.period!r}; allowed: at most the horizon, {self.horizon:g} s")
         if self.then != "none" and self.mode not in CRITERIA:
             raise FieldError(
-                f"then = {self.then!r} with mode = {self.mode!r}, which looks at nothing; allowed with a mode that "
+                f"then = {self.then!r} with mode = {self.mode!r}, which predicts nothing; allowed with a mode that "
                 f"keeps inside: {', '.join(CRITERIA)}"
             )
 

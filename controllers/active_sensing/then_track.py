@@ -38,7 +38,7 @@ class ThenTrack:
     """An exploration planner, and a path for ``horizon`` [s] at a time while the estimate is certain.
 
     ``position`` [m] and ``heading`` [rad] are the limits of the standard deviations. Events: "tracking" when the path
-    is joined, "exciting" when the estimate is no longer certain, "no-way" when no straight way leads onto the path.
+    is joined, "exploring" when the estimate is no longer certain, "no-way" when no straight way leads onto the path.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class ThenTrack:
         belief = self._planner.beliefs.update(request)
         if not self._is_certain(belief):
             degraded = self._joined is not None
-            return self._explore(request, belief, "exciting" if degraded else "", "the estimate is not sure any more")
+            return self._explore(request, belief, "exploring" if degraded else "", "the estimate is not sure any more")
         if request.current is None:
             return self._explore(request, belief)
         if self._joined is None or _is_far(belief, request.current, request.t):
@@ -155,7 +155,7 @@ class ReferencePath:
         return np.array([abs(first) / turn_rate, math.hypot(dx, dy) / speed, abs(last) / turn_rate]), u
 
     def _is_clear(self, begin: Array, end: Array) -> bool:
-        """Whether a line keeps the margin, or its begin's distance where that is less."""
+        """True if a line keeps the margin, or its begin's distance where that is less."""
         curve = self._mission.curve
         margin = min(self._mission.margin, curve.distance(begin) - _STEP)
         points = np.linspace(begin, end, 2 + int(np.linalg.norm(end - begin) / _STEP))
@@ -172,7 +172,7 @@ class _Joined:
 
 
 def _is_far(belief: Belief, plan: Plan, t: float) -> bool:
-    """Whether the estimate is far from the pose of a plan at t [s]."""
+    """True if the estimate is far from the pose of a plan at t [s]."""
     x, y, _ = belief.pose - pose_on(plan, t)
     return math.hypot(x, y) > _FAR
 

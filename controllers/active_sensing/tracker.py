@@ -57,6 +57,6 @@ class PathTracker:
 
 
 def _is_path(plan: Plan, t: float) -> bool:
-    """Whether the plan's arc at t [s], after its end the last one, is of a path to follow."""
+    """True if the plan's arc at t [s], after its end the last one, belongs to a path to follow."""
     k = int(np.clip(np.searchsorted(plan.t, t, side="right") - 1, 0, len(plan.phase) - 1))
     return int(plan.phase[k]) == DrivePhase.CRUISE

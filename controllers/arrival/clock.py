@@ -94,7 +94,7 @@ class ClockPayload:
 
 @dataclass
 class _Link:
-    """What is known of one neighbour."""
+    """Knowledge of one neighbour."""
 
     taken: float  # [s] own clock
     theta: float  # [s] how far its clock is ahead
@@ -159,7 +159,7 @@ class ClockConsensus:
         return ClockPayload(self._correction, self._rate, self._node.valency, dict(self._stamps))
 
     def _compare(self, t: float, message: Message) -> None:
-        """How far a neighbour's clock is ahead, if it has answered a message of ours."""
+        """Lead of a neighbour's clock [s], if it has answered a message of ours."""
         payload: ClockPayload = message.payload
         name = message.sender
         if message.t < t - self._config.apart - self._config.memory:

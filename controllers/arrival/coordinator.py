@@ -1,4 +1,4 @@
-"""What a vehicle of a fleet says to the others: its plans, for their room, and when it can arrive, for a common time.
+"""Messages of a vehicle of a fleet: its plans, for their room, and when it can arrive, for a common time.
 
     plan proposed -> SeparationRule, over the network, with every other vehicle -> admitted, or the stored plan stays
     ``ArrivalEstimate`` of the plan being flown -> Consensus, with the neighbours in the graph -> t_a for the planner
@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from mathnavi.controllers.arrival.separation_rule import TOPIC, SeparationRule
 from mathnavi.controllers.flight.planner import ARRIVAL
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.protocols import Consensus
 from mathnavi.sim.interfaces.signals import OPTIMISED, Message, Outbox, Plan
 
@@ -62,10 +63,10 @@ class FleetCoordinator:
     ) -> None:
         """``neighbours`` send to ``consensus``; ``grid`` [s] is that of common arrival times; ``assured`` if there is.
 
-        The period is that of the consensus' rounds. ValueError for a grid that is not positive.
+        The period is that of the consensus' rounds. ArgumentError for a grid that is not positive.
         """
         if not (math.isfinite(grid) and grid > 0.0):
-            raise ValueError(f"grid = {grid!r}; allowed: a finite value > 0")
+            raise ArgumentError(f"grid = {grid!r}; allowed: a finite value > 0")
         self.period = consensus.period
         self._separation, self._consensus, self._neighbours = separation, consensus, tuple(neighbours)
         self._estimate, self._planning_period, self._grid = estimate, planning_period, grid
@@ -183,7 +184,7 @@ class FleetCoordinator:
         return ""
 
     def _keeping(self, t: float, flown: Plan) -> tuple[tuple[str, str], ...]:
-        """What to record where the plan being flown begins to miss the agreed time for good, or keeps it again."""
+        """Events to record where the plan being flown begins to miss the agreed time for good, or keeps it again."""
         agreed, assured, period = self._announced, self._assured, self._planning_period
         if assured is None or agreed is None or t < self._changed + 2.0 * period:
             return ()
@@ -197,7 +198,7 @@ class FleetCoordinator:
         return (("arrival-kept" if kept else "arrival-unkept", text),)
 
     def _silence(self) -> tuple[tuple[str, str], ...]:
-        """What to record where others begin to leave a proposal unanswered to its start, or all answer again."""
+        """Events to record where others begin to leave a proposal unanswered to its start, or all answer again."""
         silent = self._separation.unheard
         if bool(silent) == self._silent or not (silent or self._separation.pending):
             return ()
@@ -207,7 +208,7 @@ class FleetCoordinator:
         return (("separation-silent", f"no answer of {', '.join(silent)}: the stored plan is flown"),)
 
     def _taking_part(self) -> tuple[tuple[str, str], ...]:
-        """What to record where the vehicle becomes an outlier, or takes part again."""
+        """Events to record where the vehicle becomes an outlier, or takes part again."""
         outlier = self._consensus.outlier and self._flown is not None
         if outlier == self._outlier:
             return ()

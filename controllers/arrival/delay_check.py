@@ -33,6 +33,7 @@ from mathnavi.controllers.arrival.zone import Zone
 from mathnavi.models.aerial.plan_distance import PlannedTrajectory
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.checks import check, check_names
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Event, Message, Plan
 
 
@@ -95,7 +96,7 @@ class DelayCheck:
         self.events: list[Event] = []
         self.guaranteed = True
         self._delay, self._wait, self._step, self._rng = delay, wait, step, rng
-        self._current = PlannedTrajectory.of(current)
+        self._current = PlannedTrajectory.from_plan(current)
         self._committed = Published(0, self._current, committed=True)
         self._candidate: _Candidate | None = None
         self._last_id = 0
@@ -114,9 +115,9 @@ class DelayCheck:
     def propose(self, plan: Plan | PlannedTrajectory) -> int:
         """Make a plan pending, in place of one that may be, and return its id.
 
-        ValueError for what ``PlannedTrajectory.of`` refuses: that is never pending.
+        ValueError for what ``PlannedTrajectory.from_plan`` refuses: that is never pending.
         """
-        trajectory = PlannedTrajectory.of(plan)
+        trajectory = PlannedTrajectory.from_plan(plan)
         self.withdraw()
         self._last_id += 1
         begin = float(trajectory.t[0]) - self._delay - 2.0 * self._step - self._wait * float(self._rng.random())
@@ -138,19 +139,19 @@ class DelayCheck:
     def adopt(self, t: float) -> None:
         """At the hand-over: the plan committed to is the one being flown from t [s] on.
 
-        ValueError if there is none, or before its start.
+        ArgumentError if there is none, or before its start.
         """
         candidate = self._candidate
         if candidate is None or not candidate.committed:
-            raise ValueError(f"pending = {self.pending!r} of {self.name}; allowed: a proposal that is committed to")
+            raise ArgumentError(f"pending = {self.pending!r} of {self.name}; allowed: a proposal that is committed to")
         if t < candidate.start - TIME_TOLERANCE:
-            raise ValueError(f"t = {t!r} of {self.name}; allowed: >= {candidate.start!r}, where the plan starts")
+            raise ArgumentError(f"t = {t!r} of {self.name}; allowed: >= {candidate.start!r}, where the plan starts")
         self._current, self._candidate, self.guaranteed = candidate.plan, None, True
 
     def rebase(self, plan: Plan | PlannedTrajectory) -> None:
         """The vehicle has left its plan and flies this one unasked: the guarantee is lost until it next adopts one."""
         self._candidate = None
-        self._current = PlannedTrajectory.of(plan)
+        self._current = PlannedTrajectory.from_plan(plan)
         self._stay(float(self._current.t[0]))
 
     def exchange(self, t: float, received: Sequence[Message]) -> list[tuple[str, Message]]:
@@ -224,6 +225,6 @@ def joined(before: PlannedTrajectory, after: PlannedTrajectory) -> PlannedTrajec
         x[-1, 3:] = 0.0
         u = np.vstack([u, np.zeros((1, 3))])
     arcs = np.vstack([u, after.u])
-    return PlannedTrajectory.of(
+    return PlannedTrajectory.from_plan(
         Plan(np.concatenate([t, after.t]), np.vstack([x, after.x]), arcs, np.zeros(len(arcs), np.int64))
     )

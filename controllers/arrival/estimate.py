@@ -2,7 +2,7 @@
 
     eta = T_p + L(p_N) / v,
 
-L being the length to go by the terminal cost (the thesis prints "Psi") and v
+L being the remaining length by the terminal cost (the thesis prints "Psi") and v
 
     max        v_max, which makes it the *least* time that is left: no vehicle can go faster (A.12);
     mean       the mean of the speeds at the nodes of the plan, the first alternative printed;

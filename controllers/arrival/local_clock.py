@@ -34,7 +34,7 @@ class LocalClock:
     drift: float = 0.0  # rho
 
     def __call__(self, t: float) -> float:
-        """What it shows at t [s]."""
+        """Time [s] that it shows at t [s]."""
         return (1.0 + self.drift) * t + self.offset
 
 
@@ -125,7 +125,7 @@ class ClockedCoordinator:
         return Message(message.t - ahead, message.sender, message.topic, payload)
 
     def _seen_apart(self) -> tuple[tuple[str, str], ...]:
-        """What to record when a neighbour's corrected clock begins to differ by too much."""
+        """Events to record when a neighbour's corrected clock begins to differ by too much."""
         difference = self._consensus.disagreement
         apart = difference > 2.0 * self._error
         news, self._apart = apart and not self._apart, apart

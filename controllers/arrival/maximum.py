@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from mathnavi.controllers.arrival.inbox import ConsensusPayload, Inbox
 from mathnavi.models.fleet.graph import Node
 from mathnavi.sim.interfaces.bounds import Positive, configuration
+from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.protocols import Consensus
 from mathnavi.sim.interfaces.signals import Message
 
@@ -37,9 +38,9 @@ class Maximum:
 
     @staticmethod
     def build(config: MaximumConfig, mission: Node) -> Consensus:
-        """For one vehicle; ValueError for a deadline that is NaN."""
+        """For one vehicle; MissionError for a deadline that is NaN."""
         if math.isnan(mission.deadline):
-            raise ValueError(f"deadline = {mission.deadline!r}; allowed: a number")
+            raise MissionError(f"deadline = {mission.deadline!r}; allowed: a number")
         return MaximumConsensus(config, mission)
 
 

@@ -52,6 +52,7 @@ from mathnavi.controllers.arrival.zone import Zone
 from mathnavi.models.aerial.plan_distance import PlannedTrajectory
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.checks import check_names
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Event, Message, Plan
 
 
@@ -90,7 +91,7 @@ class Separation:
         self.name, self.peers, self.zone = name, tuple(peers), zone
         self.events: list[Event] = []
         self.guaranteed = True  # False from a ``rebase`` to the next adoption
-        self._current = PlannedTrajectory.of(current)
+        self._current = PlannedTrajectory.from_plan(current)
         self._pending: Proposal | None = None
         self._acknowledged: set[str] = set()  # who has, the pending proposal
         self._rng = rng
@@ -110,9 +111,9 @@ class Separation:
     def propose(self, plan: Plan | PlannedTrajectory) -> int:
         """Make a plan pending, in place of one that may be, and return its id; ``exchange`` sends it to the others.
 
-        ValueError for what ``PlannedTrajectory.of`` refuses: that is never pending.
+        ValueError for what ``PlannedTrajectory.from_plan`` refuses: that is never pending.
         """
-        trajectory = PlannedTrajectory.of(plan)
+        trajectory = PlannedTrajectory.from_plan(plan)
         self.withdraw()
         self._last_id += 1
         self._pending = Proposal(self._last_id, float(self._rng.random()), trajectory)
@@ -135,15 +136,15 @@ class Separation:
     def adopt(self, t: float) -> None:
         """At the hand-over: the admitted plan is the one being flown from t [s] on.
 
-        ValueError if there is none, or before its start: until then the vehicle flies the plan that it would disown.
+        ArgumentError if there is none, or before its start: until then the vehicle flies the plan that it would disown.
         """
         if self._pending is None or not self.admitted(self._pending.id):
-            raise ValueError(
+            raise ArgumentError(
                 f"pending = {self.pending!r} of {self.name}; allowed: a proposal that all have acknowledged"
             )
         start = float(self._pending.trajectory.t[0])
         if t < start - TIME_TOLERANCE:
-            raise ValueError(f"t = {t!r} of {self.name}; allowed: >= {start!r}, where the plan starts")
+            raise ArgumentError(f"t = {t!r} of {self.name}; allowed: >= {start!r}, where the plan starts")
         self._current = self._pending.trajectory
         self.guaranteed = True
         self.withdraw()
@@ -154,7 +155,7 @@ class Separation:
         The others receive it as their proposals are checked against it. The invariant holds again between any two
         that have adopted a plan since they were last rebased: the proof is about adopted plans only.
         """
-        self._current = PlannedTrajectory.of(plan)
+        self._current = PlannedTrajectory.from_plan(plan)
         if self.guaranteed:
             self._record(float(self._current.t[0]), "unguaranteed", "it flies a plan that nobody has acknowledged")
         self.guaranteed = False
@@ -205,7 +206,7 @@ class Separation:
         return self._answered[sender]
 
     def _clears_all(self, sender: str, proposal: Proposal, t: float) -> bool:
-        """Whether a proposal clears all of Own; what is in its way may give way."""
+        """True if a proposal clears all of Own; what is in its way may give way."""
         theirs = proposal.trajectory
         begin = max(t, float(theirs.t[0]))  # not flown before
         if not self.zone.kept(theirs, self._current, begin):

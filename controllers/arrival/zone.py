@@ -1,4 +1,4 @@
-"""How far apart plans must be so that vehicles are, and whether a fleet may start with the plans it has stored.
+"""Distance of plans that keeps vehicles apart, and whether a fleet may start with the plans it has stored.
 
 A vehicle flies within r of its plan, by a clock that is off by at most epsilon. Where one clock shows s and the other
 s', |s - s'| <= 2 epsilon: the plans, compared at the later of both, are moved against each other by 2 epsilon v_max at
@@ -20,6 +20,7 @@ from mathnavi.models.aerial.kernels import state_on
 from mathnavi.models.aerial.plan_distance import PlannedTrajectory, clear, least_distance
 from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
 from mathnavi.sim.interfaces.checks import check_names
+from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array, Plan
 
 
@@ -52,21 +53,21 @@ def checked_start(
     """Stored plan of each vehicle by its name, if a fleet may start so: the initial condition of the protocol.
 
     ``plans`` are the names with their plans, ``slots`` (3,) [m] where each is to arrive, ``t`` [s] the start of the
-    mission, by default that of the earliest plan. Raises ValueError, naming both vehicles, the value and what is
+    mission, by default that of the earliest plan. Raises MissionError, naming both vehicles, the value and what is
     allowed, for a name that is there twice, and for two vehicles whose starts, whose slots or whose plans anywhere to
     rest and beyond are less than D apart.
     """
     names = check_names([name for name, _ in plans])
     if missing := [name for name in names if name not in slots]:
-        raise ValueError(f"slots = {sorted(slots)!r}; allowed: one for every vehicle, also for {', '.join(missing)}")
+        raise MissionError(f"slots = {sorted(slots)!r}; allowed: one for every vehicle, also for {', '.join(missing)}")
     stored: dict[str, PlannedTrajectory] = {}
     for name, plan in plans:
         try:
-            stored[name] = PlannedTrajectory.of(plan)
+            stored[name] = PlannedTrajectory.from_plan(plan)
         except ValueError as error:
-            raise ValueError(f"plan of {name}: {error}") from error
+            raise MissionError(f"plan of {name}: {error}") from error
         if np.shape(slots[name]) != (3,) or not np.isfinite(slots[name]).all():
-            raise ValueError(f"slot of {name} = {slots[name]!r}; allowed: (3,) finite values")
+            raise MissionError(f"slot of {name} = {slots[name]!r}; allowed: (3,) finite values")
     if not stored:
         return stored
     begin = min(float(each.t[0]) for each in stored.values()) if t is None else t
@@ -80,7 +81,7 @@ def checked_start(
             ("stored plans", least_distance(a, b, begin)),
         ):
             if apart < required:
-                raise ValueError(
+                raise MissionError(
                     f"{what} of {one} and {other} are {apart:.2f} m apart; allowed: >= {required:.2f} m, "
                     f"of which {zone.distance:g} m between the vehicles"
                 )

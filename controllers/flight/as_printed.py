@@ -49,6 +49,7 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.bounds import Positive, Within, configuration
+from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest, Status
 
@@ -96,7 +97,7 @@ class AsPrintedFlight:
         """Return the planner of a mission, and the tracker of its plans."""
         bound = tracking_bound(config.bandwidth, mission)
         if bound.feedback >= mission.acceleration_max:
-            raise ValueError(
+            raise MissionError(
                 f"acceleration_max = {mission.acceleration_max:g} leaves nothing to plan with; allowed: > "
                 f"{bound.feedback:.3g}, which noise and gusts take"
             )
@@ -124,7 +125,7 @@ class EulerNlp:
         return self.beta / REFERENCE_SPEED
 
     def states(self, a: Array) -> tuple[Array, Array]:
-        """Nodes p (N, 3), v (N, 3) by forward Euler under a (N - 1, 3)."""
+        """Nodes p (N, 3) [m], v (N, 3) [m/s] by forward Euler under a (N - 1, 3) [m/s^2]."""
         v = self.start[3:] + self.h * np.vstack([np.zeros(3), np.cumsum(a, axis=0)])
         p = self.start[:3] + self.h * np.vstack([np.zeros(3), np.cumsum(v[:-1], axis=0)])
         return p, v
@@ -136,7 +137,7 @@ class EulerNlp:
         return self.h * effort + self.psi_per_metre * float(self.cost(p[-1:])[0])
 
     def gradient(self, a: Array) -> Array:
-        """Gradient (3 (N - 1),) of the objective."""
+        """Gradient (3 (N - 1),) of the objective at the unknowns a (3 (N - 1),) [m/s^2]."""
         p, _ = self.states(a)
         slope = self.psi_per_metre * self.cost.gradient(p[-1:])[0]
         gradient: Array = 2.0 * self.h * a + position_weights(self.nodes, self.h)[-1][:, None] * slope
@@ -158,7 +159,7 @@ class EulerNlp:
         return depth
 
     def jacobian(self, a: Array) -> Array:
-        """dG/da, a row each constraint, (., 3 (N - 1))."""
+        """dG/da (m, 3 (N - 1)), a row for each of the m constraints, at the unknowns a (3 (N - 1),) [m/s^2]."""
         p, v = self.states(a)
         n = self.nodes
         position, velocity = position_weights(n, self.h), velocity_weights(n, self.h)
@@ -190,7 +191,7 @@ def position_weights(nodes: int, h: float) -> Array:
 
 
 def solve(nlp: EulerNlp, guess: Array) -> tuple[Array, Status]:
-    """Sequential quadratic programming on (A.3) from ``guess`` (N - 1, 3), in a trust region.
+    """Sequential quadratic programming on (A.3) from ``guess`` (N - 1, 3) [m/s^2], in a trust region.
 
     The merit is the objective plus rho max(0, G), an exact penalty where rho exceeds the sum of the multipliers.
     Each step solves the convex programme min g'd + h |d|^2 + rho t, G + G'd <= t, t >= 0, within the box for a and
@@ -343,7 +344,7 @@ class AsPrinted:
         return steps, (np.array([0.0, 0.0, climb]) - v) / duration
 
     def _infeasible(self, nlp: EulerNlp, p: Array, v: Array, steps: int, push: Array) -> str:
-        """Which constraint of (A.4) the manoeuvre from the node (p, v) violates at its nodes; empty if none."""
+        """Constraint of (A.4) that the manoeuvre from the node (p, v) violates at its nodes; empty if none."""
         h = nlp.h
         v_i = v + h * np.arange(steps + 1)[:, None] * push  # (N_bar, 3)
         p_i = p + h * np.vstack([np.zeros(3), np.cumsum(v_i[:-1], axis=0)])

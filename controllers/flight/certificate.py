@@ -32,7 +32,7 @@ from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.errors import FieldError, MissionError
 from mathnavi.sim.interfaces.signals import Array, Message, Plan, Status
 
 STATE_TOLERANCE = 1e-6  # [m, m/s] two states closer than this are the same
@@ -87,10 +87,10 @@ class Certificate:
     held: HeldInput | None = None  # of a tracker that does not follow every plan
 
     @staticmethod
-    def of(mission: FlightMission, bound: TrackingBound, held: HeldInput | None = None) -> Certificate:
+    def for_mission(mission: FlightMission, bound: TrackingBound, held: HeldInput | None = None) -> Certificate:
         """The certificate of a mission whose tracker keeps ``bound``, over plans whose lag ``held`` allows.
 
-        Raises FieldError for an h_min below the body's reach; ValueError if the bound leaves nothing to fly with.
+        Raises FieldError for an h_min below the body's reach; MissionError if the bound leaves nothing to fly with.
         """
         if not (mission.reach_in_terrain or mission.clearance_min >= mission.reach):
             raise FieldError(
@@ -108,7 +108,7 @@ class Certificate:
             if left <= 0.0:
                 age = mission.quality.age
                 late = f" with up to {age:.3g} s without a reading" if age > 0.0 else ""
-                raise ValueError(
+                raise MissionError(
                     f"{name} = {whole:g} leaves nothing to plan with; allowed: > {whole - left:.3g}, "
                     f"which noise and gusts take{late}"
                 )
@@ -220,7 +220,8 @@ class Certificate:
         edge = np.array([self.terrain.width, self.terrain.depth])
         p, v, duration = plan.x[:, :3], plan.x[:, 3:], np.diff(plan.t)
         for axis in range(2):
-            least, greatest = _extent(p[:-1, axis], v[:-1, axis], plan.u[:, axis], duration)
+            along = (each.copy() for each in (p[:-1, axis], v[:-1, axis], plan.u[:, axis]))  # one type, compiled once
+            least, greatest = _extent(*along, duration)
             room = min(least, edge[axis] - greatest)
             if room < self.border:
                 return Refusal(
@@ -266,7 +267,7 @@ def _malformed(plan: Plan) -> Refusal | None:
 
 
 def pass_time(plan: Plan, target: Array, after: float) -> float:
-    """First breakpoint [s] later than ``after`` at which the plan is at the target; inf if none."""
+    """First breakpoint [s] later than ``after`` [s] at which the plan is at the target (3,) [m]; inf if none."""
     near = (np.linalg.norm(plan.x[:, :3] - target, axis=1) <= _PASS) & (plan.t > after + TIME_TOLERANCE)
     return float(plan.t[near][0]) if near.any() else np.inf
 

@@ -38,7 +38,7 @@ from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.errors import PluginError
+from mathnavi.sim.interfaces.errors import ArgumentError, PluginError
 from mathnavi.sim.interfaces.protocols import Planner
 from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status
 
@@ -111,7 +111,7 @@ class Certified:
         the first plan begins there unless the estimate is outside the bound about it.
         """
         if not deadline_factor >= 1.0:
-            raise ValueError(f"deadline_factor = {deadline_factor!r}; allowed: >= 1")
+            raise ArgumentError(f"deadline_factor = {deadline_factor!r}; allowed: >= 1")
         self.period = planner.period
         self.deadline = np.inf  # [s] in force now
         self.promised = np.inf  # [s] likewise, but for what was lost: missed passes, and plans that had to be made anew
@@ -132,8 +132,8 @@ class Certified:
         self._announced = False  # True once that was announced
 
     @staticmethod
-    def of(planner: Planner, mission: FlightMission, tracker: Any) -> Certified:
-        """The planner behind the certificate of a mission; errors as of ``Certificate.of``.
+    def for_mission(planner: Planner, mission: FlightMission, tracker: Any) -> Certified:
+        """The planner behind the certificate of a mission; errors as of ``Certificate.for_mission``.
 
         ``tracker`` states its ``bound``, and ``held`` if that depends on how fast a plan changes. Where there is no
         plan to fall back on, one that stops and hovers flies in its place. Raises PluginError for a planner whose plans
@@ -147,7 +147,7 @@ class Certified:
                     f"the planner's period = {planner.period!r} s; allowed: a whole number of control periods of "
                     f"{held.period:.6g} s, for its plans are certified for commands that are held so long"
                 )
-        certificate = Certificate.of(mission, tracker.bound, held)
+        certificate = Certificate.for_mission(mission, tracker.bound, held)
         fallback = partial(StopAndHover, period=planner.period)
         worst = mission.quality.worst(mission.gust)
         return Certified(
@@ -233,7 +233,7 @@ class Certified:
         return answer
 
     def _breach(self, request: PlanRequest) -> str | None:
-        """How far a vehicle outside its tracking bound is from the plan; None for one within."""
+        """Distance in words of a vehicle outside its tracking bound from the plan; None for one within."""
         assert request.current is not None
         error = request.estimate.x - state_at(request.current, request.t)
         if not self._bound.broken_by(error):

@@ -33,6 +33,7 @@ from mathnavi.models.aerial.kernels import arc_at
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan
 
 _ROUNDING = 1e-6  # of a period
@@ -80,23 +81,23 @@ class CommandFilter:
     def __init__(self, mission: FlightMission, tracker: CriticallyDamped, candidates: int = CANDIDATES) -> None:
         """``tracker`` follows the stored plan. With more ``candidates`` a command is changed less, or as much.
 
-        Raises ValueError if the tracker's bound leaves nothing to fly with, and for fewer than 0 candidates.
+        Raises ArgumentError if the tracker's bound leaves nothing to fly with, and for fewer than 0 candidates.
         """
         if candidates < 0:
-            raise ValueError(f"candidates = {candidates!r}; allowed: a whole number >= 0")
+            raise ArgumentError(f"candidates = {candidates!r}; allowed: a whole number >= 0")
         self.period = self.hold = tracker.period
         """[s] between two steps, for which a command is held"""
         self.bound = tracker.bound
         self.stored: Plan | None = None
         """the plan that is flown unless a command is certified; None before the first step"""
         self._tracker, self._candidates = tracker, candidates
-        self._certificate = Certificate.of(mission, tracker.bound, tracker.held)
+        self._certificate = Certificate.for_mission(mission, tracker.bound, tracker.held)
         self._limits = _limits(self._certificate, tracker.period)
         self._worst = mission.quality.worst(mission.gust)
         x, y, z = mission.target
         lowest = float(self._certificate.terrain.height(x, y)) + mission.clearance_min
         if not z >= lowest:  # NaN off the map
-            raise ValueError(
+            raise ArgumentError(
                 f"target = {mission.target!r}; allowed: a place on the map with z >= {lowest:.1f} m, what the least "
                 "clearance and the tracking bound leave"
             )
@@ -106,7 +107,7 @@ class CommandFilter:
         self._t = -np.inf  # [s] of the last step
 
     @staticmethod
-    def of(mission: FlightMission, bandwidth: float = FlightConfig.bandwidth) -> CommandFilter:
+    def for_mission(mission: FlightMission, bandwidth: float = FlightConfig.bandwidth) -> CommandFilter:
         """The filter of a mission with the tracker of the controller ``flight``; errors as of its making."""
         bound = tracking_bound(bandwidth, mission)
         return CommandFilter(mission, CriticallyDamped(mission.control_period, bandwidth, bound))
@@ -125,15 +126,17 @@ class CommandFilter:
     def step(self, t: float, estimate: Estimate, proposed: Array) -> FilteredCommand:
         """The command (3,) [m/s^2] to hold for a period from t [s] on, in place of a proposed one (3,).
 
-        ValueError for arrays of another shape, and for a t that is not one period after the last.
+        ArgumentError for arrays of another shape, and for a t that is not one period after the last.
         """
         x, u = estimate.x, np.asarray(proposed, dtype=np.float64)
         for name, value, shape in (("state", x, (6,)), ("proposed command", u, (3,))):
             if value.shape != shape:
-                raise ValueError(f"the {name} has shape {value.shape}; allowed: {shape}")
+                raise ArgumentError(f"the {name} has shape {value.shape}; allowed: {shape}")
         next_t = self._t + self.period
         if np.isfinite(self._t) and not abs(t - next_t) <= _ROUNDING * self.period:
-            raise ValueError(f"t = {t!r} s; allowed: {next_t!r} s, a period of {self.period:.6g} s after the last step")
+            raise ArgumentError(
+                f"t = {t!r} s; allowed: {next_t!r} s, a period of {self.period:.6g} s after the last step"
+            )
         self._t = t
         finite = bool(np.isfinite(x).all())
         unsure = doubt(estimate, self._worst) if finite else "the estimate is not finite"
@@ -198,7 +201,7 @@ class CommandFilter:
     def _recover(self, t: float, x: Array) -> None:
         """Store a plan that stops at once, uncertified, if it has more clearance than the rest of the stored one."""
         if not np.isfinite(x).all():
-            raise ValueError(f"the first state = {x.tolist()}; allowed: finite numbers")
+            raise ArgumentError(f"the first state = {x.tolist()}; allowed: finite numbers")
         speed, a_max = float(np.linalg.norm(x[3:])), self._certificate.acceleration_max
         duration = max(speed / a_max, self.period)
         braking = -x[3:] / duration

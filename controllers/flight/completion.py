@@ -88,7 +88,7 @@ def complete(
     level: float = -math.inf,
     drop_to_hold: float = math.inf,
 ) -> None:
-    """Append the way from vertical flight to rest on the target, not before ``end`` [s]: until then it hovers first.
+    """Append the way from vertical flight to rest on the target (3,) [m], not before ``end`` [s]: till then it hovers.
 
     ``clearance`` [m] is what level flight keeps above the ground, and ``level`` [m] is its least height; ``speed``
     [m/s] and ``acceleration`` [m/s^2] are the bounds the plan may use. Where the descent onto the target is at least

@@ -124,7 +124,7 @@ class TerrainGrid:
 
 
 def _nodes_along(side: float, spacing: float, at: float) -> tuple[float, Array, int]:
-    """Where nodes [m] begin, all of them, and which is that ``at`` the target [m], between 0 and ``side`` [m]."""
+    """Place of the first node [m], all nodes [m], and index of that ``at`` the target [m], in 0 to ``side`` [m]."""
     before = math.floor(at / spacing + _ROUNDING)
     begin = at - before * spacing
     count = before + math.floor((side - at) / spacing + _ROUNDING) + 1
@@ -273,7 +273,7 @@ def factored_cost(
     layers: int,
     ground: HeightField | None = None,
 ) -> FactoredCost:
-    """Grid, threats, Dijkstra and spline in one call.
+    """Grid, threats, Dijkstra and spline in one call, for a target (3,) [m].
 
     The layers follow ``ground``, which is ``terrain`` raised for body and tracker where plans are; radars stand on the
     terrain itself, which is what hides from them.
@@ -285,6 +285,6 @@ def factored_cost(
 def trilinear_cost(
     terrain: HeightField, target: Array, radars: Sequence[Radar], nodes: int, layers: int
 ) -> TrilinearCost:
-    """The cost-to-go with the interpolation of the thesis as printed."""
+    """The cost-to-go to a target (3,) [m] with the interpolation of the thesis as printed."""
     grid = _grid(terrain, tuple(target.tolist()), nodes, layers)
     return TrilinearCost(grid, grid.positions[grid.target], node_distance(grid, threat_density(grid, terrain, radars)))

@@ -78,9 +78,9 @@ def _lag_along(
     """
     pp, pv = 1.0 - 0.5 * (omega * h) ** 2, h - omega * h * h
     vp, vv = -omega * omega * h, 1.0 - 2.0 * omega * h
-    e = lag.copy()
+    e, held, lost = lag.copy(), np.empty(3), np.empty(3)
     greatest, feedback = 0.0, 0.0
-    windows = -1 if end == np.inf else int(np.round((end - begin) / h))
+    windows = -1 if end == np.inf else round((end - begin) / h)
     k = 0
     arc = 0
     last = len(breaks) - 1
@@ -106,11 +106,12 @@ def _lag_along(
             asked += (omega * omega * e[i] + 2.0 * omega * e[3 + i]) ** 2
         feedback = max(feedback, math.sqrt(asked))
         within = 0.0
-        lost = np.zeros(3)
+        lost[:] = 0.0
         if arc < last and breaks[arc + 1] < t1 - TIME_TOLERANCE:
             before, after = state_on(breaks, x, u, t0), state_on(breaks, x, u, t1)
-            held = (after[3:] - before[3:]) / h
-            lost = after[:3] - before[:3] - h * before[3:] - 0.5 * h * h * held
+            for i in range(3):
+                held[i] = (after[3 + i] - before[3 + i]) / h
+                lost[i] = after[i] - before[i] - h * before[3 + i] - 0.5 * h * h * held[i]
             # |v - v_held| at the breakpoints within the window, in trapezoids.
             t_left, gap_left = t0, 0.0
             j = arc + 1

@@ -19,7 +19,7 @@ from mathnavi.sim.interfaces.signals import Array
 TARGET_LENGTH = 50.0  # [m] l: within it the distance to the target is rounded off
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def length_to_go(
     ground: Array, ratio: Array, scales: Array, x: float, y: float, z: float, gradient: Array, hessian: Array
 ) -> float:
@@ -33,23 +33,25 @@ def length_to_go(
     ddt = np.empty((3, 3))
     tau = volume(ratio, u, v, w, dt, ddt)
     # Chain rule from (u, v, w) to (x, y, z); u depends on all three.
-    jacobian = np.zeros((3, 3))
+    jacobian = np.empty((3, 3))
+    jacobian[:] = 0.0
     jacobian[0, 0], jacobian[0, 1] = -floor_w / (spacing * layer_spacing), -floor_v / (spacing * layer_spacing)
     jacobian[0, 2] = 1.0 / layer_spacing
     jacobian[1, 1] = jacobian[2, 0] = 1.0 / spacing
-    tau_p = np.zeros(3)
-    tau_pp = np.zeros((3, 3))
+    tau_p = np.empty(3)
+    tau_pp = np.empty((3, 3))
     for a in range(3):
+        tau_p[a] = tau_pp[a, 0] = tau_pp[a, 1] = tau_pp[a, 2] = 0.0
         for k in range(3):
             tau_p[a] += jacobian[k, a] * dt[k]
             for b in range(3):
                 for m in range(3):
                     tau_pp[a, b] += jacobian[k, a] * ddt[k, m] * jacobian[m, b]
-    bend = -dt[0] / (spacing * spacing * layer_spacing)
-    tau_pp[0, 0] += bend * floor_ww
-    tau_pp[0, 1] += bend * floor_vw
-    tau_pp[1, 0] += bend * floor_vw
-    tau_pp[1, 1] += bend * floor_vv
+    floor_factor = -dt[0] / (spacing * spacing * layer_spacing)
+    tau_pp[0, 0] += floor_factor * floor_ww
+    tau_pp[0, 1] += floor_factor * floor_vw
+    tau_pp[1, 0] += floor_factor * floor_vw
+    tau_pp[1, 1] += floor_factor * floor_vv
     d = np.empty(3)
     d[0], d[1], d[2] = x - scales[5], y - scales[6], z - scales[7]
     r = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2] + TARGET_LENGTH * TARGET_LENGTH)

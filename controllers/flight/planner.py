@@ -47,7 +47,7 @@ class Solver(Protocol):
     """Solver of a ``Problem``."""
 
     def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
-        """A solution, or the reason why there is none."""
+        """A solution from a guess (3n + 1,) of the unknowns [m/s^2, m/s], or the reason why there is none."""
         ...
 
 
@@ -187,7 +187,7 @@ class RecedingHorizon:
         return math.inf if arrival is None else arrival + braking_time(self._certificate) + TIME_TOLERANCE
 
     def _length_to_go(self, start: Array, t_start: float) -> LengthToGo | None:
-        """How far to go the plan should have at p_N; None where no arrival time is asked for."""
+        """Remaining length that the plan should have at p_N; None where no arrival time is asked for."""
         horizon, v_max = self._parameters.horizon, self._certificate.speed_max
         length = float(self._environment.cost(start[:3])[0])
         asked = self._arrival
@@ -212,7 +212,7 @@ class RecedingHorizon:
         return (float(self._environment.cost(end)[0]) - problem.length_to_go.length) / self._certificate.speed_max
 
     def _within_reach(self, duration: float) -> bool:
-        """Whether an arrival in ``duration`` [s] fits the horizon, lengthened by its first arc at most."""
+        """True if an arrival in ``duration`` [s] fits the horizon, lengthened by its first arc at most."""
         return duration <= self._parameters.horizon + self._parameters.h + TIME_TOLERANCE
 
     def _over(self, lengths: tuple[float, ...]) -> Parameters:

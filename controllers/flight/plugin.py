@@ -79,11 +79,11 @@ class RecedingHorizonConfig:
         return proportional([self.stretch**i for i in range(self.nodes - 1)], self.duration)
 
     def replan_period(self, control_period: float) -> float:
-        """The period [s] in use; ValueError if it is not a whole number of control periods [s]."""
+        """The period [s] in use; FieldError if it is not a whole number of control periods [s]."""
         period = self.lengths[0] if self.period is None else self.period
         ticks = max(1, round(period / control_period))
         if self.period is not None and abs(period - ticks * control_period) > _ROUNDING * control_period:
-            raise ValueError(
+            raise FieldError(
                 f"period = {self.period!r}; allowed: a whole number of control periods of {control_period:.6g} s; the "
                 f"nearest is {ticks * control_period:.6g}"
             )
@@ -113,7 +113,7 @@ class FlightController:
 
 def planner(config: RecedingHorizonConfig, mission: FlightMission, bound: TrackingBound) -> RecedingHorizon:
     """The planner over a tracker that keeps ``bound``, whichever that is."""
-    certificate = Certificate.of(mission, bound)
+    certificate = Certificate.for_mission(mission, bound)
     parameters = Parameters(
         lengths=config.lengths,
         speed_max=certificate.speed_max * _INSIDE,

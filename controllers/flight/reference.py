@@ -28,11 +28,12 @@ from mathnavi.models.nlp_solver import (
     IPOPT_WARM_START,
     NlpPlugin,
     NlpSolver,
-    Outcome,
+    SolverOutcome,
     StageStructure,
     fatrop_settings,
     ipopt_settings,
 )
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 _ITERATION_LIMIT = 200
@@ -67,7 +68,7 @@ class _Shape:
 
 
 @dataclass(frozen=True, eq=False)
-class Window:
+class SplineWindow:
     """The coefficients of a spline within reach of the start, and where they lie in the whole array."""
 
     coefficients: Array
@@ -80,8 +81,8 @@ class Window:
         return np.concatenate([self.corner, self.whole])
 
     @staticmethod
-    def around(coefficients: Array, row: float, column: float, distance: float) -> Window:
-        """The last two axes cut to ``distance`` cells around a point given in cells."""
+    def around(coefficients: Array, row: float, column: float, distance: float) -> SplineWindow:
+        """Cut the last two axes of ``coefficients`` (..., m, n) to ``distance`` cells around a point given in cells."""
         reach = 8 * math.ceil(distance / 8)  # few sizes, so that few solvers are built
         size = 2 * reach + 5
         rows, columns = coefficients.shape[-2:]
@@ -90,10 +91,10 @@ class Window:
             for centre, count in ((row, rows), (column, columns))
         ]
         part = coefficients[..., corner[0] : corner[0] + size, corner[1] : corner[1] + size]
-        return Window(part, np.array(corner, float), np.array([rows, columns], float))
+        return SplineWindow(part, np.array(corner, float), np.array([rows, columns], float))
 
 
-def windows(problem: Problem) -> tuple[Window, Window, Window]:
+def windows(problem: Problem) -> tuple[SplineWindow, SplineWindow, SplineWindow]:
     """Windows of terrain, grid ground and ratio that no feasible trajectory can leave."""
     p, cost, spacing = problem.parameters, problem.environment.cost, problem.environment.terrain.spacing
     reach = p.speed_max * (p.horizon + p.lengths[-1] + p.manoeuvre_duration)
@@ -101,9 +102,9 @@ def windows(problem: Problem) -> tuple[Window, Window, Window]:
     grid = cost.grid
     on_grid = (y - grid.y_0) / grid.spacing, (x - grid.x_0) / grid.spacing
     return (
-        Window.around(problem.environment.heights, y / spacing, x / spacing, reach / spacing),
-        Window.around(cost.ground, *on_grid, reach / grid.spacing),
-        Window.around(cost.ratio, *on_grid, reach / grid.spacing),
+        SplineWindow.around(problem.environment.heights, y / spacing, x / spacing, reach / spacing),
+        SplineWindow.around(cost.ground, *on_grid, reach / grid.spacing),
+        SplineWindow.around(cost.ratio, *on_grid, reach / grid.spacing),
     )
 
 
@@ -295,14 +296,14 @@ class InteriorPoint:
 
     def __init__(self, backend: NlpPlugin = "ipopt", tolerance: float = 1e-6, *, compiled: bool = False) -> None:
         if backend not in ("ipopt", "fatrop"):
-            raise ValueError(f"backend = {backend!r}; allowed: ipopt, fatrop")
+            raise ArgumentError(f"backend = {backend!r}; allowed: ipopt, fatrop")
         if not tolerance > 0.0:
-            raise ValueError(f"tolerance = {tolerance!r}; allowed: > 0")
+            raise ArgumentError(f"tolerance = {tolerance!r}; allowed: > 0")
         self._backend, self._tolerance, self._compiled = backend, tolerance, compiled
         self._solvers: dict[_Shape, _Solver] = {}
 
     def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
-        """A solution from ``guess`` (3n + 1,), or the solver's reason why there is none."""
+        """A solution from ``guess`` (3n + 1,) [m/s^2, m/s], or the solver's reason why there is none."""
         shape, values = _values(problem)
         if shape not in self._solvers:
             self._solvers[shape] = _Solver(shape, self._backend, self._tolerance, self._compiled)
@@ -351,7 +352,7 @@ class _Solver:
         if report.iterations is None:  # the solver raised an exception
             self._forget()
             return report.message
-        if not (report.outcome is Outcome.CONVERGED and np.isfinite(x).all()):
+        if not (report.outcome is SolverOutcome.CONVERGED and np.isfinite(x).all()):
             self._forget()
             return f"{report.message} after {report.iterations} iterations"
         self._in["lam_x0"][:], self._in["lam_g0"][:] = self._out["lam_x"], self._out["lam_g"]

@@ -15,7 +15,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 def coefficients(values: Array) -> Array:
-    """Coefficients of the interpolating spline of node values, each axis two longer than the values' own."""
+    """Coefficients (m + 2, n + 2) of the interpolating spline of node values (m, n), or of any other number of axes."""
     return np.ascontiguousarray(np.pad(spline_filter(values, order=3, mode="mirror"), 1, mode="reflect"))
 
 
@@ -24,7 +24,7 @@ def knots(count: int) -> list[float]:
     return [float(k) for k in range(-3, count + 3)]
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _basis(f: float) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
     """Values, first and second derivatives of the four cubic basis functions at the fraction f of a cell."""
     g = 1.0 - f
@@ -39,7 +39,7 @@ def _basis(f: float) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float,
     return value, first, second
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _cell(u: float, nodes: int) -> tuple[int, float, float]:
     """Cell and fraction of the coordinate u clipped to [0, nodes - 1], and the derivative of the clipping (1 or 0)."""
     if u <= 0.0:
@@ -50,7 +50,7 @@ def _cell(u: float, nodes: int) -> tuple[int, float, float]:
     return i, u - i, 1.0
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def surface(c: Array, u: float, v: float) -> tuple[float, float, float]:
     """Spline over (row u, column v): value and derivatives with respect to u and v."""
     i, fu, hu = _cell(u, c.shape[0] - 2)
@@ -69,9 +69,9 @@ def surface(c: Array, u: float, v: float) -> tuple[float, float, float]:
     return value, hu * slope_u, hv * slope_v
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def surface_curvature(c: Array, u: float, v: float) -> tuple[float, float, float]:
-    """Second derivatives uu, uv, vv of ``surface``."""
+    """Second derivatives uu, uv, vv of ``surface`` with coefficients c (m + 2, n + 2) at u, v in nodes."""
     i, fu, hu = _cell(u, c.shape[0] - 2)
     j, fv, hv = _cell(v, c.shape[1] - 2)
     wu, du, su = _basis(fu)
@@ -86,7 +86,7 @@ def surface_curvature(c: Array, u: float, v: float) -> tuple[float, float, float
     return hu * uu, hu * hv * uv, hv * vv
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def volume(c: Array, u: float, v: float, w: float, gradient: Array, hessian: Array) -> float:
     """Spline over (layer u, row v, column w): value; fills the gradient (3,) and the Hessian (3, 3)."""
     i, fu, hu = _cell(u, c.shape[0] - 2)
@@ -98,12 +98,12 @@ def volume(c: Array, u: float, v: float, w: float, gradient: Array, hessian: Arr
     value = gu = gv = gw = uu = uv = uw = vv = vw = ww_ = 0.0
     for a in range(4):
         for b in range(4):
-            line = slope = bend = 0.0
+            line = slope = second_derivative = 0.0
             for m in range(4):
                 coefficient = c[i + a, j + b, k + m]
                 line += coefficient * ww[m]
                 slope += coefficient * dw[m]
-                bend += coefficient * sw[m]
+                second_derivative += coefficient * sw[m]
             value += wu[a] * wv[b] * line
             gu += du[a] * wv[b] * line
             gv += wu[a] * dv[b] * line
@@ -113,7 +113,7 @@ def volume(c: Array, u: float, v: float, w: float, gradient: Array, hessian: Arr
             uw += du[a] * wv[b] * slope
             vv += wu[a] * sv[b] * line
             vw += wu[a] * dv[b] * slope
-            ww_ += wu[a] * wv[b] * bend
+            ww_ += wu[a] * wv[b] * second_derivative
     gradient[0], gradient[1], gradient[2] = hu * gu, hv * gv, hw * gw
     hessian[0, 0], hessian[1, 1], hessian[2, 2] = hu * uu, hv * vv, hw * ww_
     hessian[0, 1] = hessian[1, 0] = hu * hv * uv

@@ -19,6 +19,7 @@ from mathnavi.controllers.flight.kernels.line_search import begin, search
 from mathnavi.controllers.flight.kernels.linearisation import linearise
 from mathnavi.controllers.flight.kernels.problem_data import QuadraticProgramme
 from mathnavi.controllers.flight.problem import PlanSolution, Problem
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 _SOFT, _EQUALITY = 8, 5  # daqp's constraint senses
@@ -43,14 +44,14 @@ class CondensedSqp:
 
     def __init__(self, tolerance: float = 1e-6, iteration_limit: int = 20) -> None:
         if not tolerance > 0.0:
-            raise ValueError(f"tolerance = {tolerance!r}; allowed: > 0")
+            raise ArgumentError(f"tolerance = {tolerance!r}; allowed: > 0")
         if iteration_limit < 1:
-            raise ValueError(f"iteration_limit = {iteration_limit!r}; allowed: >= 1")
+            raise ArgumentError(f"iteration_limit = {iteration_limit!r}; allowed: >= 1")
         self._tolerance, self._iteration_limit = tolerance, iteration_limit
         self._workspaces: dict[tuple[int, int, bool], _Workspace] = {}
 
     def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
-        """A solution from ``guess`` (3n + 1,), or the reason why there is none."""
+        """A solution from ``guess`` (3n + 1,) [m/s^2, m/s], or the reason why there is none."""
         data, s = tuple(problem.data), problem.matrices
         key = (*s.weights.shape, problem.terminal_position is not None)
         if key not in self._workspaces:

@@ -19,6 +19,7 @@ from mathnavi.models.aerial.kernels import state_on
 from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission
 from mathnavi.models.linear_noise import discretised
 from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.errors import ArgumentError, FieldError
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 _DEVIATIONS = 5.0
@@ -108,9 +109,9 @@ class CriticallyDamped:
     """Flies the last accepted plan, to rest and beyond."""
 
     def __init__(self, period: float, bandwidth: float, bound: TrackingBound) -> None:
-        """ValueError for a bandwidth [rad/s] that is too fast for commands held over a period [s]."""
+        """FieldError for a bandwidth [rad/s] that is too fast for commands held over a period [s]."""
         if not 0.0 < bandwidth <= _FASTEST / period:
-            raise ValueError(
+            raise FieldError(
                 f"bandwidth = {bandwidth!r}; allowed: > 0 and <= {_FASTEST / period:g} rad/s "
                 f"at a control_rate of {1.0 / period:g} Hz"
             )
@@ -125,7 +126,7 @@ class CriticallyDamped:
         x = estimate.x
         if x.shape != (6,) or gust.shape != (3,):  # compiled code would read on
             name, value, shape = ("state", x, (6,)) if x.shape != (6,) else ("gust", gust, (3,))
-            raise ValueError(f"the estimate's {name} has shape {value.shape}; allowed: {shape}")
+            raise ArgumentError(f"the estimate's {name} has shape {value.shape}; allowed: {shape}")
         command: Array = tracking_command(plan.t, plan.x, plan.u, t, self.period, x, gust, self._bandwidth, self._limit)
         return command
 
@@ -142,7 +143,11 @@ def tracking_command(
     bandwidth: float,
     limit: float,
 ) -> Array:
-    """a_ref - clip(omega^2 (p^ - p_ref) + 2 omega (v^ - v_ref) + g^), a_ref the plan's mean over the period."""
+    """a_ref - clip(omega^2 (p^ - p_ref) + 2 omega (v^ - v_ref) + g^) (3,), a_ref the plan's mean over the period.
+
+    The plan: breaks (K + 1,) [s], states x (K + 1, 6) [m, m/s], inputs u (K, 3) [m/s^2]; t, period [s], estimate (6,)
+    [m, m/s], gust g^ (3,) [m/s^2], bandwidth omega [rad/s], limit [m/s^2] of the feedback.
+    """
     reference = state_on(breaks, x, u, t)
     ahead = state_on(breaks, x, u, t + period)
     m = u.shape[1]
@@ -153,7 +158,9 @@ def tracking_command(
         feedback[i] = -(bandwidth * bandwidth) * error - 2.0 * bandwidth * drift - gust[i]
         square += feedback[i] * feedback[i]
     if square > limit * limit:
-        feedback *= limit / np.sqrt(square)
+        shrunk = limit / np.sqrt(square)
+        for i in range(m):
+            feedback[i] *= shrunk
     for i in range(m):
         feedback[i] += (ahead[m + i] - reference[m + i]) / period
     return feedback

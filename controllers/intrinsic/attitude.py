@@ -14,6 +14,7 @@ from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.sim.interfaces.angles import Radians
 from mathnavi.sim.interfaces.bounds import Positive, configuration
+from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Array
 
@@ -43,11 +44,11 @@ class AttitudeTracking:
 
     @staticmethod
     def build(config: AttitudeTrackingConfig, mission: LagrangianMission) -> tuple[Planner, Tracker]:
-        """ValueError for a mission whose configurations are not attitudes, of any inertia."""
+        """PluginError for a mission whose configurations are not attitudes, of any inertia."""
         manifold = mission.system.manifold
         one_ball = isinstance(manifold, MechanismManifold) and (manifold.size, manifold.dimension) == (4, 3)
         if not (isinstance(manifold, Attitude) or one_ball):
-            raise ValueError(
+            raise PluginError(
                 f"controller = attitude_tracking on {manifold.name}; allowed: on {Attitude.name} or one ball joint"
             )
         christoffel = manifold.christoffel if isinstance(manifold, MechanismManifold) else None

@@ -13,6 +13,7 @@ from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.sim.interfaces.angles import Radians
 from mathnavi.sim.interfaces.bounds import Positive, configuration
+from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Array
 
@@ -43,10 +44,10 @@ class JointTracking:
 
     @staticmethod
     def build(config: JointTrackingConfig, mission: LagrangianMission) -> tuple[Planner, Tracker]:
-        """ValueError for a mission of another kind, with ball joints, or with fewer motors than joints."""
+        """PluginError for a mission of another kind, with ball joints, or with fewer motors than joints."""
         manifold = mission.system.manifold
         if not isinstance(manifold, MechanismManifold) or manifold.size != manifold.dimension:
-            raise ValueError(
+            raise PluginError(
                 f"controller = joint_tracking on {manifold.name}; allowed: on slides and hinges; "
                 "input_signal drives any system"
             )

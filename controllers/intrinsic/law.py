@@ -16,6 +16,7 @@ import numpy as np
 from mathnavi.models.manifold.manifold import CutLocusError, Manifold
 from mathnavi.models.manifold.system import ActuatedSystem, LagrangianSystem
 from mathnavi.sim.interfaces.bounds import Positive, configuration
+from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.signals import Array
 
 _SINGULAR = 1e-9  # of the largest singular value of the inputs' effect
@@ -25,7 +26,7 @@ _PROBE = 1e-3  # of each input, that its effect is seen by: within the ranges th
 
 @configuration
 class TrackingGains:
-    """Of the position and of the velocity."""
+    """Gains of the position and of the velocity."""
 
     k_p: Positive  # [1/s^2]
     k_d: Positive  # [1/s]
@@ -46,7 +47,7 @@ class InverseForce:
         values = np.linalg.svd(effect, compute_uv=False)
         moved = int((values > _SINGULAR * values[0]).sum()) if inputs else 0
         if moved < n - coupled or (self._affine is None and len(inputs) != n):
-            raise ValueError(
+            raise PluginError(
                 f"{manifold.name}: {len(inputs)} inputs that move {moved} of its {n} dimensions; allowed for tracking: "
                 "one for each"
             )
@@ -73,9 +74,10 @@ class InverseForce:
 def wanted_force(
     system: LagrangianSystem, gains: TrackingGains, state: Array, reference: Array, feedforward: Array
 ) -> Array:
-    """D_t v at an estimate (x, v) after a reference (x_r, v_r) that the input ``feedforward`` (nu,) keeps on its way.
+    """Acceleration D_t v (n,) at an estimate (x, v) after a reference (x_r, v_r) that an input keeps on its way.
 
-    Half a turn away from the reference, where two ways back are equally short, one of them is taken.
+    ``feedforward`` (nu,) is that input. Half a turn away from the reference, where two ways back are equally short,
+    one of them is taken.
     """
     manifold = system.manifold
     n = manifold.size

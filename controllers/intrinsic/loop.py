@@ -10,6 +10,7 @@ import numpy as np
 from mathnavi.controllers.intrinsic.law import InverseForce, TrackingGains, wanted_force
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
 
 _PERIODS = 100  # of the mission, from one plan to the next
@@ -64,10 +65,10 @@ class IntrinsicTracker:
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
         """Input u (nu,) at t [s]: zero while the estimator has no estimate.
 
-        Raises ValueError for an estimate of another shape than the plan's states.
+        Raises ArgumentError for an estimate of another shape than the plan's states.
         """
         if estimate.x.shape != plan.x.shape[1:]:
-            raise ValueError(f"the estimate's state has shape {estimate.x.shape}; allowed: {plan.x.shape[1:]}")
+            raise ArgumentError(f"the estimate's state has shape {estimate.x.shape}; allowed: {plan.x.shape[1:]}")
         if estimate.status is Status.INITIALISING:
             return self._none
         arc = min(max(int(np.searchsorted(plan.t, t + TIME_TOLERANCE, side="right")) - 1, 0), len(plan.u) - 1)

@@ -14,6 +14,7 @@ import numpy as np
 from mathnavi.controllers.missile.optimiser import flown
 from mathnavi.controllers.missile.shooting import mean_between
 from mathnavi.models.missile.mission import MissileMission
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 
@@ -43,9 +44,9 @@ def disturbance(estimate: Estimate, size: int) -> Array:
 
 
 def checked_state(estimate: Estimate, mission: MissileMission) -> Array:
-    """The estimate's state (nx,); ValueError for any other shape, which compiled code would read beyond."""
+    """The estimate's state (nx,); ArgumentError for any other shape, which compiled code would read beyond."""
     if estimate.x.shape != (mission.coordinates.state_size,):
-        raise ValueError(
+        raise ArgumentError(
             f"the estimate's state has shape {estimate.x.shape}; allowed: ({mission.coordinates.state_size},)"
         )
     return estimate.x

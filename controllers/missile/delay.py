@@ -49,7 +49,7 @@ class DelayCompensation:
         return u
 
     def predict(self, estimate: Estimate, plan: Plan, t: float) -> Array:
-        """By the inputs that are on their way as far as they reach, then as the autopilot inside predicts it."""
+        """State at t [s]: by the inputs under way as far as they reach, then as the autopilot inside predicts it."""
         reached = estimate.t + self._sent.delay
         if t <= reached:
             return self._flown(estimate, t)

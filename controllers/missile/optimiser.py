@@ -1,15 +1,17 @@
 """Optimisers of a flight: inputs held between breaks, flown through the declared body.
 
 ``JointOptimiser`` solves the flight as one problem, in the pitch plane or in space with all states at once;
-``pitch_and_yaw`` has the one that alternates between the planes.
+``pitch_and_yaw`` has the one that alternates between the planes. ``OptimiserWithFallback`` asks another where one
+fails.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -55,6 +57,7 @@ class MissileTrajectory:
 
     @property
     def duration(self) -> float:
+        """Length of the trajectory [s]."""
         return float(self.t[-1])
 
 
@@ -184,3 +187,26 @@ class JointOptimiser:
             yaw = yaw_guess(in_yaw, terminal, self._body, pitch)
             _, u = inputs_between(pitch, yaw, 1, self._body)
             yield dataclasses.replace(pitch, x=joined(pitch.x, yaw.x), u=u), True
+
+
+class OptimiserWithFallback:
+    """Optimiser ``first`` and, where it fails, the one that ``make_second`` builds when it is first needed.
+
+    A flight by the second one carries the reason as its remark.
+    """
+
+    def __init__(self, first: Optimiser, make_second: Callable[[], Optimiser]) -> None:
+        self._first, self._make_second = first, make_second
+
+    def optimise(self, t: float, start: Array, terminal: TerminalCondition) -> MissileTrajectory | Failed:
+        found = self._first.optimise(t, start, terminal)
+        if not isinstance(found, Failed) or found.infeasible:
+            return found
+        other = self._second.optimise(t, start, terminal)
+        if isinstance(other, Failed):
+            return Failed(f"{found.message}; as one problem: {other.message}", other.infeasible)
+        return dataclasses.replace(other, remark=f"planned as one problem: {found.message}")
+
+    @cached_property
+    def _second(self) -> Optimiser:
+        return self._make_second()

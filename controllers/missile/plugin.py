@@ -9,8 +9,7 @@ from annotated_types import Interval
 from mathnavi.controllers.missile.autopilot import Autopilot, OpenLoop
 from mathnavi.controllers.missile.delay import DelayCompensation
 from mathnavi.controllers.missile.feedback_linearisation import FeedbackLinearisation
-from mathnavi.controllers.missile.in_turn import InTurn
-from mathnavi.controllers.missile.optimiser import JointOptimiser, Optimiser
+from mathnavi.controllers.missile.optimiser import JointOptimiser, Optimiser, OptimiserWithFallback
 from mathnavi.controllers.missile.pitch_and_yaw import PitchAndYaw
 from mathnavi.controllers.missile.planes import Limits
 from mathnavi.controllers.missile.planner import MissilePlanner
@@ -21,6 +20,7 @@ from mathnavi.models.compilation import compiler
 from mathnavi.models.missile.coordinates import PLANAR
 from mathnavi.models.missile.mission import MissileMission
 from mathnavi.sim.interfaces.bounds import Positive, Within, configuration
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 
 AutopilotName = Literal["feedback-linearisation", "tvlqr", "open-loop"]
@@ -101,7 +101,7 @@ def _autopilot(config: MissileConfig, mission: MissileMission) -> Autopilot:
         return TimeVaryingLQR(mission)
     fastest = _FASTEST / mission.control_period
     if config.bandwidth > fastest:
-        raise ValueError(
+        raise FieldError(
             f"bandwidth = {config.bandwidth!r}; allowed: at most {fastest:g} rad/s at a control_rate of "
             f"{1.0 / mission.control_period:g} Hz"
         )
@@ -131,7 +131,7 @@ def _optimiser(config: MissileConfig, mission: MissileMission, backend: Backend)
     if mission.coordinates is PLANAR or config.spatial == "joint":
         return joint()
     planned, most = _in_space(limits), _in_space(mission.input_max)
-    return InTurn(PitchAndYaw(mission.case, mission.body, planned, most, *common), joint)
+    return OptimiserWithFallback(PitchAndYaw(mission.case, mission.body, planned, most, *common), joint)
 
 
 def _in_space(limits: tuple[float, ...]) -> Limits:

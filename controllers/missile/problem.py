@@ -126,7 +126,7 @@ class TerminalCondition:
 
 
 def out_of_bounds(x: Array, coordinates: Coordinates) -> str | None:
-    """The reason why no flight may start at a state (nx,); None if one may."""
+    """Reason why no flight may start at a state (nx,) [m, m/s, rad]; None if one may."""
     height = -float(x[coordinates.index("z_e")])
     if height < -ALLOWANCE:
         return f"the flight would start {-height:.3g} m below the ground"

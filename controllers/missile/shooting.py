@@ -14,7 +14,7 @@ import numpy as np
 from mathnavi.controllers.ocp.backend import Backend, Options
 from mathnavi.controllers.ocp.distribution import NodeDistribution, constants_guess
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.solution import Outcome
+from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.controllers.ocp.solver import FIXED, transcription
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
 from mathnavi.sim.interfaces.signals import Array
@@ -51,7 +51,7 @@ class Solved:
         return self.nodes * self.duration
 
     def after(self, shift: float) -> Solved:
-        """The rest of it after ``shift`` [s], on as many nodes, distributed as they were."""
+        """The rest of the solution after ``shift`` [s], on as many nodes, distributed as they were."""
         index = np.arange(len(self.nodes), dtype=float)
         first = float(np.interp(shift, self.times, index))
         fractions = np.interp(np.linspace(first, index[-1], len(index)), index, self.nodes)
@@ -120,7 +120,7 @@ class Shooting:
         answer = transcribed.solver.solve(layout.join(np.hstack(z), np.hstack(w), np.empty(0)), known)
         if not answer.ok:
             reason = f"{answer.status.value} ({answer.message}) after {answer.iterations} iterations"
-            return Failed(reason, answer.status is Outcome.INFEASIBLE)
+            return Failed(reason, answer.status is SolverOutcome.INFEASIBLE)
         states, inputs, _ = layout.split(answer.x)
         constants = nx + int(self._timed)
         nodes = guess.nodes

@@ -14,7 +14,7 @@ from mathnavi.models.nlp_solver import (
     IPOPT_WARM_START,
     NlpPlugin,
     NlpSolver,
-    Outcome,
+    SolverOutcome,
     StageStructure,
     fatrop_settings,
     ipopt_settings,
@@ -54,7 +54,7 @@ class Options:
 class SolverAnswer:
     """Answer of an NLP solver, in the programme's own scaled unknowns."""
 
-    status: Outcome
+    status: SolverOutcome
     message: str
     x: Array  # (n,) unknowns over their scales, the last iterate if the solve failed
     multipliers: tuple[Array, Array]  # of the bounds (n,) and of the rows (m,)
@@ -65,7 +65,7 @@ class SolverAnswer:
     @property
     def ok(self) -> bool:
         """True if the programme is solved."""
-        return self.status is Outcome.CONVERGED
+        return self.status is SolverOutcome.CONVERGED
 
 
 class NumericalSolver:
@@ -95,7 +95,7 @@ class NumericalSolver:
         """
         began = time.perf_counter()
         if not (np.isfinite(x_0).all() and np.isfinite(known).all()):
-            return self._failed(Outcome.NOT_FINITE, Outcome.NOT_FINITE.value, x_0, began)
+            return self._failed(SolverOutcome.NOT_FINITE, SolverOutcome.NOT_FINITE.value, x_0, began)
         self._in["x0"][:], self._in["p"][:] = x_0, known
         limits = self._bounds if bounds is None else bounds
         for name, values in zip(("lbx", "ubx", "lbg", "ubg"), limits, strict=True):
@@ -103,20 +103,20 @@ class NumericalSolver:
         self._in["lam_x0"][:], self._in["lam_g0"][:] = (0.0, 0.0) if multipliers is None else multipliers
         report = self._solver.solve()
         if report.iterations is None:
-            ended = report.outcome is Outcome.LIMIT
+            ended = report.outcome is SolverOutcome.LIMIT
             reason = f"{self._name} {report.message if ended else f'gave up: {_last_words(report.message)}'}"
             return self._failed(report.outcome, reason, x_0, began)
         if report.message == "Invalid_Option":
             wrong = (
                 f"linear_solver = {self._linear_solver!r} is not in this build of IPOPT, or the log cannot be written"
             )
-            return self._failed(Outcome.FAILED, wrong, x_0, began)
-        if report.outcome is Outcome.OVERDETERMINED:
+            return self._failed(SolverOutcome.FAILED, wrong, x_0, began)
+        if report.outcome is SolverOutcome.OVERDETERMINED:
             return self._failed(report.outcome, report.message, x_0, began)
         out = {name: array.copy() for name, array in self._out.items()}
         if not all(np.isfinite(out[name]).all() for name in ("x", "f", "g")):  # FATROP calls even that a success
             last = out["x"] if np.isfinite(out["x"]).all() else x_0
-            return self._failed(Outcome.NOT_FINITE, Outcome.NOT_FINITE.value, last, began)
+            return self._failed(SolverOutcome.NOT_FINITE, SolverOutcome.NOT_FINITE.value, last, began)
         return SolverAnswer(
             report.outcome,
             f"{self._name} gave up with the status {report.message}" if report.message.isdigit() else report.message,
@@ -127,7 +127,7 @@ class NumericalSolver:
             1e3 * (time.perf_counter() - began),
         )
 
-    def _failed(self, status: Outcome, message: str, x_0: Array, began: float) -> SolverAnswer:
+    def _failed(self, status: SolverOutcome, message: str, x_0: Array, began: float) -> SolverAnswer:
         nothing = np.zeros_like(self._out["lam_x"]), np.zeros_like(self._out["lam_g"])
         return SolverAnswer(status, message, x_0, nothing, np.nan, 0, 1e3 * (time.perf_counter() - began))
 

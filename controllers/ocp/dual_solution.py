@@ -30,7 +30,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 class Answer(NamedTuple):
-    """What the multipliers of a solved programme are made of."""
+    """Data of a solved programme that its multipliers are made of."""
 
     bounds: Array  # (n,) multipliers of the bounds of the scaled unknowns
     rows: Array  # (m,) multipliers of the rows

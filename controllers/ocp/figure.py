@@ -19,6 +19,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.figure_style import BOUND, GRID, INK, SERIES, STYLE
 from mathnavi.sim.interfaces.signals import Array
 
@@ -36,7 +37,7 @@ STATE, CONTROL, CONSTRAINT, DUAL = SERIES[0], SERIES[1], SERIES[4], SERIES[2]
 
 
 class SolutionView(Protocol):
-    """What a figure needs to know of a solution."""
+    """Interface of a solution as a figure needs it."""
 
     @property
     def problem(self) -> ProblemFunctions: ...
@@ -95,8 +96,8 @@ def solution_figure(solution: SolutionView, names: Sequence[str] = ()) -> Figure
             if kind is kinds[0]:
                 _curve(right, times.ravel(), costates[..., k].ravel(), DUAL, f"costate of {kind_names[k]}")
             else:
-                of = "the bounds of " if kind is kinds[1] else ""
-                _multiplier(right, times, limits, multipliers, k, of)
+                subject = "the bounds of " if kind is kinds[1] else ""
+                _multiplier(right, times, limits, multipliers, k, subject)
             least = ACTIVE * float(np.abs(costates[..., k]).max()) if kind is kinds[0] else LEAST_IMPULSE
             impulses = _impulses(solution, multipliers, k, least)
             for axes in (left, right):
@@ -114,16 +115,16 @@ def solution_figure(solution: SolutionView, names: Sequence[str] = ()) -> Figure
 
 
 def written(figure: Figure, ending: str) -> bytes:
-    """A figure as the content of a file with an ending; ValueError for one that is no picture's."""
+    """A figure as the content of a file with an ending; FieldError for one that is no picture's."""
     if ending not in ENDINGS:
-        raise ValueError(f"file ending {ending!r}; allowed: {', '.join(ENDINGS)}")
+        raise FieldError(f"file ending {ending!r}; allowed: {', '.join(ENDINGS)}")
     content = io.BytesIO()
     figure.savefig(content, format=ending.removeprefix("."), dpi=150)
     return content.getvalue()
 
 
 def dense_times(nodes: Array) -> Array:
-    """Times at which curves are drawn: from each node up to just before the next, and the last node."""
+    """Times (k,) of the points of curves: from each of the nodes (N,) up to just before the next, and the last node."""
     parts = max(2, -(-DENSE // (len(nodes) - 1)))
     inside = np.linspace(0.0, _BEFORE, parts)
     times = (nodes[:-1, None] + inside * np.diff(nodes)[:, None]).ravel()
@@ -155,7 +156,7 @@ def _limits(axes: Axes, limits: Interval, k: int, values: Array) -> None:
 
 
 def _impulses(solution: SolutionView, multipliers: NamedValues, k: int, least: float) -> Array:
-    """Integral (N - 1,) of |μ| over every interval; nothing where the whole of it is not more than ``least``."""
+    """Integral (N - 1,) of |μ| over every interval; nothing where its total is not more than ``least``."""
     impulses: Array = (np.abs(multipliers.values[..., k]) * solution.point_shares).sum(axis=1)
     return impulses if impulses.sum() > least else 0.0 * impulses
 
@@ -177,13 +178,13 @@ def _note(axes: Axes, text: str, colour: str = INK) -> None:
     )  # fmt: skip
 
 
-def _multiplier(axes: Axes, times: Array, limits: Interval, multipliers: NamedValues, k: int, of: str) -> None:
+def _multiplier(axes: Axes, times: Array, limits: Interval, multipliers: NamedValues, k: int, subject: str) -> None:
     values = multipliers.values[..., k]
     if not (np.isfinite(limits.lower[k]) or np.isfinite(limits.upper[k])):
         axes.set_axis_off()
         axes.annotate(f"{multipliers.names[k]} has no bounds", (0.5, 0.5), xycoords="axes fraction", ha="center")
         return
-    _curve(axes, times.ravel(), values.ravel(), DUAL, f"multiplier of {of}{multipliers.names[k]}")
+    _curve(axes, times.ravel(), values.ravel(), DUAL, f"multiplier of {subject}{multipliers.names[k]}")
     axes.fill_between(times.ravel(), 0.0, values.ravel(), color=DUAL, alpha=0.18, lw=0.0)
 
 

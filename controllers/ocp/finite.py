@@ -1,4 +1,4 @@
-"""Where the functions of a problem are not finite: what a solve that met NaN or infinity says."""
+"""Places where the functions of a problem are not finite: what a solve that met NaN or infinity says."""
 
 from __future__ import annotations
 

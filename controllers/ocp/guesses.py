@@ -37,7 +37,7 @@ class Values:
         return np.concatenate([[0.0, 1.0], inside[(inside > 0.0) & (inside < 1.0)]])
 
     def at(self, fractions: Array, duration: float) -> Array:
-        """Values at fractions of T, held beyond the first and the last time."""
+        """Values (k,) at fractions (k,) of T, held beyond the first and the last time."""
         own = np.linspace(0.0, 1.0, len(self.values)) if self.times is None else self.times / duration
         return np.interp(fractions, own, self.values)
 
@@ -56,7 +56,7 @@ class Sampled:
         return np.linspace(0.0, 1.0, SAMPLES)
 
     def at(self, fractions: Array, duration: float) -> Array:
-        """Values at fractions of T; ProblemError where they are no finite numbers."""
+        """Values (k,) at fractions (k,) of T; ProblemError where they are no finite numbers."""
         return np.array([self._value(float(fraction * duration)) for fraction in fractions])
 
     def _value(self, t: float) -> float:

@@ -1,4 +1,4 @@
-"""Which constraints of an infeasible programme cannot hold together, in the words of the problem: elastic mode.
+"""Constraints of an infeasible programme that cannot hold together, in the words of the problem: elastic mode.
 
     minimise Σ w_i (s+_i + s-_i)    subject to    lower <= g(x, p) - s+ + s- <= upper,   s+, s- >= 0,
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from mathnavi.controllers.ocp.layout import bounded_states
 from mathnavi.controllers.ocp.nlp import Programme
-from mathnavi.models.nlp_solver import NlpSolver, Outcome, ipopt_settings
+from mathnavi.models.nlp_solver import NlpSolver, SolverOutcome, ipopt_settings
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 _WEIGHTS = {"dynamics": 100.0, "start": 10.0, "path": 2.0, "end": 1.0}
@@ -44,7 +44,7 @@ def contradiction(nlp: Programme, x_0: Array, known: Array) -> str:
     given["lbg"][:], given["ubg"][:] = nlp.lower, nlp.upper
     given["lbx"][:], given["ubx"][:] = 0.0, np.inf
     given["lbx"][:n], given["ubx"][:n] = nlp.x_lower, nlp.x_upper
-    if solver.solve().outcome is not Outcome.CONVERGED:
+    if solver.solve().outcome is not SolverOutcome.CONVERGED:
         return ""
     x, rows, bounds = (solver.outputs[name] for name in ("x", "lam_g", "lam_x"))
     violation = x[n : n + m] - x[n + m :]

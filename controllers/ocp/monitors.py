@@ -68,7 +68,7 @@ def _curvature_measure(mesh: Mesh, epsilon: float) -> ca.SX:
 
 
 def _local_error_density(solution: Solution, tau: Array, epsilon: float) -> Array:
-    """w = (ε + |x~'''|^2)^(1/6): equal shares of it are equal |x~'''| d^3, what a parabola cannot follow."""
+    """w = (ε + |x~'''|^2)^(1/6): equal shares of w are equal |x~'''| d^3, what a parabola cannot follow."""
     w: Array = (epsilon + (solution.scaled_derivative(tau, 3) ** 2).sum(axis=1)) ** (1.0 / 6.0)
     return w
 

@@ -32,7 +32,7 @@ from mathnavi.controllers.ocp.layout import (
 from mathnavi.controllers.ocp.mesh import Mesh
 from mathnavi.controllers.ocp.pointwise import COLLOCATIONS, collocation_blocks
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.stagewise import Assembly, Block, Stage
+from mathnavi.controllers.ocp.stagewise import Assembly, Block, NlpStage
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, weights
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array, Integers
@@ -119,7 +119,7 @@ def programme(
         own = Block(interval.stage, columns, places, ca.vertcat(*known))
         blocks, linear = [own], None
         if not interval.functional.is_zero():
-            stage = Stage(interval.stage.v, interval.stage.data, interval.stage.rows, interval.functional)
+            stage = NlpStage(interval.stage.v, interval.stage.data, interval.stage.rows, interval.functional)
             functional = Assembly(x, p, len(lower), [dataclasses.replace(own, stage=stage)]).f
     blocks = [
         Block(start.stage, np.arange(nz)[None, :], at_start, parameters),
@@ -169,10 +169,10 @@ def _own_rows(layout: ProgrammeLayout, size: int) -> NDArray[np.bool_]:
             (layout.state_size + inner, len(scheme.points) * nd, layout.own_points * nd),
             (path, len(fractions_between(scheme)) * nb, between),
         )
-        some = np.ones(size, dtype=bool)
+        present_entries = np.ones(size, dtype=bool)
         for first, present, largest in own:
-            some[first + present : first + largest] = False
-        kept[intervals] = some
+            present_entries[first + present : first + largest] = False
+        kept[intervals] = present_entries
     return kept
 
 
@@ -189,18 +189,18 @@ def _starts(widths: ca.MX) -> ca.MX:
 
 @dataclass(frozen=True, eq=False)
 class _End:
-    """What holds at the start or at the end, with the limits of its rows."""
+    """Constraints at the start or at the end, with the limits of its rows."""
 
-    stage: Stage
+    stage: NlpStage
     lower: Array
     upper: Array
 
 
 @dataclass(frozen=True, eq=False)
 class _Interval:
-    """What holds along an interval."""
+    """Constraints along an interval."""
 
-    stage: Stage
+    stage: NlpStage
     functional: ca.SX  # () the distribution's I_i, which the stage's cost contains
     between: int  # points, beside the scheme's own, at which path constraints hold
 
@@ -275,7 +275,7 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> _Inter
     for k, row in enumerate(variation(scheme).tolist() if layout.smoothed else []):
         for own, other in zip(row, U, strict=True):
             smoothed += own * ca.dot(smoothing, U[k] * other / problem.control_scale**2)
-    stage = Stage(
+    stage = NlpStage(
         v=ca.vertcat(z, w, z_next, u_next),
         data=ca.vertcat(p, index, before, share, smoothing),
         rows=ca.vertcat(gap, inner, held),
@@ -324,7 +324,7 @@ def _start(layout: ProgrammeLayout) -> _End:
     problem = layout.problem
     z, p = ca.SX.sym("z", layout.state_size), ca.SX.sym("p", len(problem.parameters))
     rows = problem.initial(z[: problem.nx] * ca.DM(problem.state_scale), p)
-    return _End(Stage(z, p, rows, ca.SX(0)), *problem.initial_bounds)
+    return _End(NlpStage(z, p, rows, ca.SX(0)), *problem.initial_bounds)
 
 
 def _end(layout: ProgrammeLayout) -> _End:
@@ -355,7 +355,7 @@ def _end(layout: ProgrammeLayout) -> _End:
         shortest, longest = problem.duration_bounds
         lower = np.append(lower, shortest / problem.guess_duration)
         upper = np.append(upper, longest / problem.guess_duration)
-    return _End(Stage(ca.vertcat(z, w), p, rows, problem.terminal_cost(x, duration, p)), lower, upper)
+    return _End(NlpStage(ca.vertcat(z, w), p, rows, problem.terminal_cost(x, duration, p)), lower, upper)
 
 
 def _variable_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from mathnavi.controllers.ocp.lowering import functions_of
 from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues, distinct
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import GIVEN_NODES, replayed
-from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.statement import Statement
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.short_tables import short_table
@@ -29,8 +29,8 @@ class MultiPhaseSolution:
     start_times: dict[str, float]  # [s] by phase
 
     @property
-    def status(self) -> Outcome:
-        """How the solve ended."""
+    def status(self) -> SolverOutcome:
+        """End of the solve."""
         return self.stacked.status
 
     @property

@@ -34,7 +34,7 @@ from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.phase_solutions import MultiPhaseSolution, phase_solution
 from mathnavi.controllers.ocp.problem import Numbers, OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.statement import Duration, Parameter, Statement, Variable
 from mathnavi.controllers.ocp.unbounded import unbounded
@@ -194,7 +194,7 @@ class MultiPhaseProblem:
         ]
         if stacked.solved and unlimited:
             stacked, *views = (
-                dataclasses.replace(solution, status=Outcome.UNBOUNDED, message="; ".join(unlimited))
+                dataclasses.replace(solution, status=SolverOutcome.UNBOUNDED, message="; ".join(unlimited))
                 for solution in (stacked, *phases.values())
             )
             phases = dict(zip(phases, views, strict=True))

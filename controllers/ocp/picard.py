@@ -32,7 +32,7 @@ _GROWN = 1e3  # times the first change: the iteration diverges
 
 
 class Flight(NamedTuple):
-    """What was flown."""
+    """Trajectory that was flown."""
 
     states: Array  # (N - 1, n, nx) at fractions of each interval, over the scales
     costs: Array  # (N - 1,) running cost gathered on each interval

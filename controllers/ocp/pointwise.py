@@ -25,7 +25,7 @@ from mathnavi.controllers.ocp.layout import (
     variation,
 )
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.stagewise import Block, Factors, Stage
+from mathnavi.controllers.ocp.stagewise import Block, Factors, NlpStage
 from mathnavi.controllers.ocp.transcriptions.collocation import integration_matrix
 from mathnavi.controllers.ocp.transcriptions.gauss import GaussLegendre
 from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
@@ -192,7 +192,7 @@ class _Symbols:
 
 
 @lru_cache(maxsize=64)
-def _point(problem: ProblemFunctions, arcs: int) -> Stage:
+def _point(problem: ProblemFunctions, arcs: int) -> NlpStage:
     """Stage of a point: rows F and d, cost d L, of (x, u, lengths) and (p, shares before it, those of the interval)."""
     given = _Symbols(problem, arcs)
     x, u = ca.SX.sym("x", problem.nx), ca.SX.sym("u", problem.nu)
@@ -201,11 +201,11 @@ def _point(problem: ProblemFunctions, arcs: int) -> Stage:
     rates = given.d * problem.dynamics(*arguments) / ca.DM(problem.state_scale)
     rows = ca.vertcat(rates, problem.path(*arguments))
     cost = given.d * problem.running_cost(*arguments)
-    return Stage(ca.vertcat(x, u, given.lengths), given.data, rows, cost)
+    return NlpStage(ca.vertcat(x, u, given.lengths), given.data, rows, cost)
 
 
 @lru_cache(maxsize=64)
-def _start_of_interval(problem: ProblemFunctions, arcs: int, scheme: Scheme) -> Stage:
+def _start_of_interval(problem: ProblemFunctions, arcs: int, scheme: Scheme) -> NlpStage:
     """Stage of the path constraints that depend on a control, at the start of an interval, of (x_i, U, lengths)."""
     given = _Symbols(problem, arcs)
     x, U = ca.SX.sym("x", problem.nx), ca.SX.sym("U", problem.nu * len(scheme.points))
@@ -213,13 +213,13 @@ def _start_of_interval(problem: ProblemFunctions, arcs: int, scheme: Scheme) -> 
     control = ca.mtimes(ca.reshape(U, problem.nu, -1), basis) * ca.DM(problem.control_scale)
     held = problem.path(x * ca.DM(problem.state_scale), control, given.t, given.p)
     rows = held[mixed_constraints(problem), :]
-    return Stage(ca.vertcat(x, U, given.lengths), given.data, rows, ca.SX(0))
+    return NlpStage(ca.vertcat(x, U, given.lengths), given.data, rows, ca.SX(0))
 
 
 @lru_cache(maxsize=64)
-def _smoothed(problem: ProblemFunctions, scheme: Scheme) -> Stage:
+def _smoothed(problem: ProblemFunctions, scheme: Scheme) -> NlpStage:
     """Stage of the variation of the controls within an interval, of U and (p, ρ)."""
     U, rho = ca.SX.sym("U", problem.nu * len(scheme.points)), ca.SX.sym("rho", problem.nu)
     own = ca.reshape(U, problem.nu, -1)
     cost = ca.dot(rho, ca.sum2(ca.mtimes(own, ca.DM(variation(scheme))) * own))
-    return Stage(U, ca.vertcat(ca.SX.sym("p", len(problem.parameters)), rho), ca.SX(0, 1), cost)
+    return NlpStage(U, ca.vertcat(ca.SX.sym("p", len(problem.parameters)), rho), ca.SX(0, 1), cost)

@@ -62,8 +62,8 @@ _SMALL = 1e-9
 Flags = NDArray[np.bool_]
 
 
-class Verdict(Enum):
-    """What is found of a condition; the value is its word in a table."""
+class ConditionVerdict(Enum):
+    """Verdict on a condition; the value is its word in a table."""
 
     HOLDS = "holds"
     VIOLATED = "violated"
@@ -71,11 +71,11 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True)
-class Condition:
+class OptimalityCondition:
     """One of Pontryagin's conditions, as found along a solution."""
 
     name: str
-    verdict: Verdict
+    verdict: ConditionVerdict
     residual: float = math.nan  # NaN where it is not judged
     reason: str = ""  # why it is not judged
 
@@ -86,19 +86,19 @@ class PontryaginCheck:
 
     problem: str
     tolerance: float
-    conditions: tuple[Condition, ...]
+    conditions: tuple[OptimalityCondition, ...]
 
     @property
     def holds(self) -> bool:
         """True if no condition that can be judged is violated."""
-        return not any(condition.verdict is Verdict.VIOLATED for condition in self.conditions)
+        return not any(condition.verdict is ConditionVerdict.VIOLATED for condition in self.conditions)
 
     @property
-    def not_judged(self) -> tuple[Condition, ...]:
+    def not_judged(self) -> tuple[OptimalityCondition, ...]:
         """The conditions that cannot be judged, each with its reason."""
-        return tuple(condition for condition in self.conditions if condition.verdict is Verdict.NOT_JUDGED)
+        return tuple(condition for condition in self.conditions if condition.verdict is ConditionVerdict.NOT_JUDGED)
 
-    def __getitem__(self, name: str) -> Condition:
+    def __getitem__(self, name: str) -> OptimalityCondition:
         """The condition of a name; KeyError names those that exist."""
         for condition in self.conditions:
             if condition.name == name:
@@ -139,8 +139,8 @@ def check_pontryagin(solution: Solution, *, tolerance: float = TOLERANCE) -> Pon
     return PontryaginCheck(solution.problem.name, tolerance, tuple(_Judge(solution, tolerance).conditions()))
 
 
-def _not_judged(name: str, reason: str) -> Condition:
-    return Condition(name, Verdict.NOT_JUDGED, reason=reason)
+def _not_judged(name: str, reason: str) -> OptimalityCondition:
+    return OptimalityCondition(name, ConditionVerdict.NOT_JUDGED, reason=reason)
 
 
 class _Judge:
@@ -193,7 +193,7 @@ class _Judge:
         joined[1:, 0], joined[:-1, -1] = mean, mean
         return joined
 
-    def conditions(self) -> Iterator[Condition]:
+    def conditions(self) -> Iterator[OptimalityCondition]:
         yield self._adjoint()
         if self.problem.nu:
             yield self._judged("stationarity", self._stationarity())
@@ -204,9 +204,11 @@ class _Judge:
         yield self._judged("signs", self._signs())
         yield from self._not_unique()
 
-    def _judged(self, name: str, residual: float) -> Condition:
-        verdict = Verdict.HOLDS if residual <= self.tolerance else Verdict.VIOLATED  # NaN is none of them
-        return Condition(name, verdict, residual)
+    def _judged(self, name: str, residual: float) -> OptimalityCondition:
+        verdict = (
+            ConditionVerdict.HOLDS if residual <= self.tolerance else ConditionVerdict.VIOLATED
+        )  # NaN is none of them
+        return OptimalityCondition(name, verdict, residual)
 
     # the adjoint equation
 
@@ -242,7 +244,7 @@ class _Judge:
         size: Array = np.maximum(scaled, least) / self.problem.state_scale
         return size
 
-    def _adjoint(self) -> Condition:
+    def _adjoint(self) -> OptimalityCondition:
         first, second = self._forces()
         defect = np.diff(self._middle, axis=0) + second[:-1] + first[1:]
         drift = np.vstack([np.zeros(self.problem.nx), np.cumsum(defect, axis=0)])
@@ -258,20 +260,22 @@ class _Judge:
         fixed = self.at_lower & self.at_upper
         return float((np.abs(np.where(fixed, 0.0, inward)) / self.u_size).max(initial=0.0))
 
-    def _minimum(self) -> Iterator[Condition]:
+    def _minimum(self) -> Iterator[OptimalityCondition]:
         problem, (lower, upper) = self.problem, self.problem.control_bounds
         coupled = problem.path.jac_sparsity(0, 1).nnz() > 0
         gains = [0.0]
         for j, name in enumerate(problem.controls):
             if coupled:
-                yield Condition(
-                    f"minimum over {name}", Verdict.NOT_JUDGED, reason="a path constraint limits the controls"
+                yield OptimalityCondition(
+                    f"minimum over {name}", ConditionVerdict.NOT_JUDGED, reason="a path constraint limits the controls"
                 )
             elif np.isfinite(lower[j]) and np.isfinite(upper[j]):
                 gains.append(max(self._gain(j, value) for value in np.linspace(lower[j], upper[j], _SAMPLES)))
             elif not is_quadratic(problem, j):
-                yield Condition(
-                    f"minimum over {name}", Verdict.NOT_JUDGED, reason="it has no bounds, and H is not quadratic in it"
+                yield OptimalityCondition(
+                    f"minimum over {name}",
+                    ConditionVerdict.NOT_JUDGED,
+                    reason="it has no bounds, and H is not quadratic in it",
                 )
         yield self._judged("minimum", max(gains) / self.H_size)
 
@@ -283,7 +287,7 @@ class _Judge:
         change = self._joined((self.H - np.array(found.full()).reshape(self.H.shape))[:, :, None])
         return float(change.max())
 
-    def _convexity(self) -> Iterator[Condition]:
+    def _convexity(self) -> Iterator[OptimalityCondition]:
         free = ~(self.at_lower | self.at_upper)
         regular = free & ~np.array(self.linear)
         masked = self.H_uu * regular[..., :, None] * regular[..., None, :]
@@ -306,7 +310,7 @@ class _Judge:
             if last - first >= _LEAST_ARC:
                 yield first, last
 
-    def _singular(self, j: int, first: int, last: int, several: bool) -> Iterator[Condition]:
+    def _singular(self, j: int, first: int, last: int, several: bool) -> Iterator[OptimalityCondition]:
         # The switching function is judged inside the arc: its ends lie in the first and the last interval.
         inside = slice(first + 1, last - 1)
         on_limit = np.concatenate([self._on_bound[inside], self._on_path[inside]], axis=2)
@@ -357,7 +361,7 @@ class _Judge:
         drift = mean - gained
         return float(self.solution.grid.widths @ np.abs(drift - np.median(drift))) / self.H_size
 
-    def _ends(self) -> Iterator[Condition]:
+    def _ends(self) -> Iterator[OptimalityCondition]:
         s, problem, p, m = self.solution, self.problem, self.solution.parameters, self.solution.multipliers
         first, second = self._forces()
         size = self._costate_size
@@ -399,7 +403,7 @@ class _Judge:
             worst.append(_wrong_signs(own, T, bounds, T, s.duration * self.H_size))
         return max(worst)
 
-    def _not_unique(self) -> Iterator[Condition]:
+    def _not_unique(self) -> Iterator[OptimalityCondition]:
         """States that stay on a bound because every control that moves them is on one of its own."""
         problem = self.problem
         depends = np.array(ca.DM(problem.dynamics.jac_sparsity(0, 1), 1.0).full(), bool).reshape(problem.nx, problem.nu)

@@ -381,7 +381,7 @@ class OptimalControlProblem:
             tolerance: largest miss and path violation, over the scales, and cost error, relative to max(1, |J|), of
                 the replay of a solution that is called OPTIMAL. None: 1e-6 for "hp" and "refine", and 1e-3 on nodes
                 whose number is given.
-            options: NLP solver with its own tolerance, and what of it is printed or logged; None for the method's.
+            options: NLP solver with its own tolerance, and what it prints or logs; None for the method's.
 
         Returns:
             The solution; ``solution.ok`` says whether it is one, its ``status`` why not: CONVERGED where the programme

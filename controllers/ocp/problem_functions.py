@@ -1,6 +1,6 @@
 """Compiled functions, bounds, scales and guess of an optimal control problem: the input of the transcriptions.
 
-``mathnavi.controllers.ocp.problem`` states a problem and makes these functions of it.
+``mathnavi.controllers.ocp.problem`` states a problem and makes these functions.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ class ProblemFunctions:
         return self.values(**{str(name): value for name, value in parameters.items()})
 
     def _places(self, name: str) -> list[int]:
-        """Where a parameter stands, or the components of a vector."""
+        """Place of a parameter, or those of the components of a vector."""
         places = [k for k, own in enumerate(self.parameters) if own == name or own.startswith(f"{name}[")]
         if not places:
             known = ", ".join(self.parameters) or "none"
@@ -155,5 +155,5 @@ def check_problem(problem: object) -> None:
 
 
 def first_line(value: object) -> str:
-    """What a value is called in an error of one line: the first line of its representation."""
+    """Name of a value in an error of one line: the first line of its representation."""
     return f"{repr(value).partition(chr(10))[0]:.120}"

@@ -22,7 +22,7 @@ from scipy.integrate import solve_ivp
 from mathnavi.controllers.ocp.defects import Defects, defects
 from mathnavi.controllers.ocp.picard import flight
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.solution import Outcome, ReplayResult, Solution
+from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_weights, own_points
 from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.sim.interfaces.errors import ProblemError
@@ -74,7 +74,7 @@ def judged(solution: Solution, tolerance: float) -> Solution:
     excess = {name: value for name, value in figures.items() if not value <= tolerance}
     shown = ", ".join(f"{name} {value:.2g}" for name, value in (excess or figures).items())
     message = f"{'not ' if excess else ''}within {tolerance:g} when it is replayed: {shown}"
-    status = Outcome.CONVERGED if excess else Outcome.OPTIMAL
+    status = SolverOutcome.CONVERGED if excess else SolverOutcome.OPTIMAL
     return dataclasses.replace(solution, status=status, message=message, tolerance=tolerance)
 
 
@@ -185,7 +185,7 @@ def _path_violation(solution: Solution, states: Array, fractions: Array) -> floa
 
 
 def _control_violation(solution: Solution) -> float:
-    """How far the scheme's control leaves its bounds, over their range (one bound: over the scale)."""
+    """Largest violation of its bounds by the scheme's control, over their range (one bound: over the scale)."""
     problem = solution.problem
     extent = problem.control_bounds.upper - problem.control_bounds.lower
     scale = np.where(np.isfinite(extent) & (extent > 0.0), extent, problem.control_scale)

@@ -25,7 +25,7 @@ from mathnavi.controllers.ocp.transcriptions.variable_radau import (
     located_weights,
     point_counts,
 )
-from mathnavi.models.nlp_solver import Outcome as Outcome
+from mathnavi.models.nlp_solver import SolverOutcome as SolverOutcome
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, vector_text
 from mathnavi.sim.interfaces.signals import Array, Integers
@@ -120,7 +120,7 @@ class Solution:
 
     problem: ProblemFunctions
     scheme: Scheme
-    status: Outcome
+    status: SolverOutcome
     message: str
     grid: Grid
     duration: float  # [s] T
@@ -147,13 +147,13 @@ class Solution:
     @property
     def solved(self) -> bool:
         """True if this is a solution of the transcribed programme, however accurate that is."""
-        return self.status in (Outcome.OPTIMAL, Outcome.CONVERGED, Outcome.REFUSED)
+        return self.status in (SolverOutcome.OPTIMAL, SolverOutcome.CONVERGED, SolverOutcome.REFUSED)
 
     @property
     def headline(self) -> str:
         """One line: the problem, J and T, and why it is no solution where it is none."""
         method = "" if self.method == "direct" else f", {self.method}"
-        failure = "" if self.status is Outcome.OPTIMAL else f"; {self.status.value}"
+        failure = "" if self.status is SolverOutcome.OPTIMAL else f"; {self.status.value}"
         return f"{self.problem.name}{method}: J = {self.cost:.7g}, T = {self.duration:.6g} s{failure}"
 
     def __repr__(self) -> str:
@@ -316,7 +316,7 @@ class Solution:
         return CubicSpline(tau, rates * self.duration / self.problem.state_scale, axis=0)
 
     def with_replay(self, replay: ReplayResult, errors: Array | None, replay_ms: float) -> Solution:
-        """Return the solution with its replay and the ``interval_errors``, which took ``replay_ms`` [ms]."""
+        """Return the solution with its replay and the ``interval_errors`` (N - 1,), which took ``replay_ms`` [ms]."""
         timing = self.timing + Timing(replay_ms=replay_ms)
         return dataclasses.replace(self, replay=replay, interval_errors=errors, timing=timing)
 

@@ -25,7 +25,7 @@ from mathnavi.controllers.ocp.layout import bounded_controls, control_variations
 from mathnavi.controllers.ocp.multipliers import NamedValues
 from mathnavi.controllers.ocp.nlp import at_rows, programme
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
-from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing, along
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_points
 from mathnavi.controllers.ocp.unbounded import unbounded
@@ -35,7 +35,7 @@ from mathnavi.sim.interfaces.signals import Array
 FIXED = Fixed()
 DEFAULT = Options()
 _BEFORE_THE_END = 1.0 - 1e-10
-_MAY_BE_UNBOUNDED = (Outcome.CONVERGED, Outcome.UNBOUNDED, Outcome.LIMIT, Outcome.FAILED)
+_MAY_BE_UNBOUNDED = (SolverOutcome.CONVERGED, SolverOutcome.UNBOUNDED, SolverOutcome.LIMIT, SolverOutcome.FAILED)
 
 
 class Transcription:
@@ -120,9 +120,9 @@ class Transcription:
         known = np.concatenate([known, smoothing.ravel()])
         x_0 = self._unknowns(guess, where, p, arcs)
         answer = self.solver.solve(x_0, known, bounds=None if arcs is None else self._bounds(arcs))
-        if answer.status is Outcome.NOT_FINITE:
+        if answer.status is SolverOutcome.NOT_FINITE:
             answer = self._explained(answer, x_0, where, p)
-        if answer.status is Outcome.INFEASIBLE and arcs is None:
+        if answer.status is SolverOutcome.INFEASIBLE and arcs is None:
             why = contradiction(self.programme, answer.x, known)
             answer = dataclasses.replace(answer, message=why or answer.message)
         cost = answer.cost if self._functional is None else answer.cost - float(self._functional(answer.x, known))
@@ -132,9 +132,9 @@ class Transcription:
             added = float((control_variations(self.scheme, u) * smoothing).sum())
             found = dataclasses.replace(found, cost=found.cost - added)
         if answer.status in _MAY_BE_UNBOUNDED:
-            u, diverged = np.concatenate(list(found.u)), answer.status is Outcome.UNBOUNDED
+            u, diverged = np.concatenate(list(found.u)), answer.status is SolverOutcome.UNBOUNDED
             if why := unbounded(self.problem, found.x, u, found.duration, diverged=diverged):
-                found = dataclasses.replace(found, status=Outcome.UNBOUNDED, message=why)
+                found = dataclasses.replace(found, status=SolverOutcome.UNBOUNDED, message=why)
         return found
 
     def _explained(self, answer: SolverAnswer, x_0: Array, grid: Grid, p: Array) -> SolverAnswer:

@@ -23,7 +23,7 @@ from mathnavi.sim.interfaces.signals import Array, Integers
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class NlpStage:
     """Rows r(v; data) and a share c(v; data) of the objective, with their derivatives as functions, each built once."""
 
     v: ca.SX  # (nv,) unknowns of a copy
@@ -84,7 +84,7 @@ class Factors(NamedTuple):
     values: Array
 
     def matrix(self, height: int, width: int) -> ca.DM:
-        """It as a matrix (height, width)."""
+        """Dense matrix (height, width)."""
         return _sparse(self.values, self.rows, self.columns, (height, width))
 
 
@@ -92,7 +92,7 @@ class Factors(NamedTuple):
 class Block:
     """Copies of one stage, the same expressions of several parts of x."""
 
-    stage: Stage
+    stage: NlpStage
     columns: Integers  # (copies, nv) where in x each copy's unknowns stand
     places: Integers | Factors  # (copies, nr) where in g its rows stand; or S, (m, nr copies), copy by copy
     known: ca.MX  # (nd, copies) values of ``data``, expressions of p

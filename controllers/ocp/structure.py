@@ -72,7 +72,7 @@ def _held_to(held: Integers, bounds: Interval) -> Interval:
 def structure(solution: Solution) -> Structure:
     """Structure of a solution."""
     problem, k, nodes = solution.problem, len(solution.scheme.points), solution.grid.nodes
-    tau, of = (solution.point_times / solution.duration).ravel(), solution.multipliers
+    tau, multipliers = (solution.point_times / solution.duration).ravel(), solution.multipliers
     linear, path = linear_controls(problem), _path_values(solution)
     mixed = switching_constraints(problem)
     pure = _active_constraints(solution, path, mixed)
@@ -80,7 +80,7 @@ def structure(solution: Solution) -> Structure:
     codes = []
     for j in range(problem.nu):
         bounds = problem.control_bounds.lower[j], problem.control_bounds.upper[j]
-        values, multiplier = solution.u[:, :, j].ravel(), of.controls.values[:, :, j].ravel()
+        values, multiplier = solution.u[:, :, j].ravel(), multipliers.controls.values[:, :, j].ravel()
         scale = problem.control_scale[j]
         code, last = _runs_held(values, multiplier, bounds, scale, overlaid, linear=bool(linear[j]), k=k)
         codes.append((code, _between(tau, last, nodes)))
@@ -89,7 +89,7 @@ def structure(solution: Solution) -> Structure:
         code, last = np.zeros(1, dtype=np.int64), np.empty(0, dtype=np.int64)
         if mixed[j] and bounds[0] < bounds[1]:
             code, last = _runs_held(
-                path[:, j], of.path.values[:, :, j].ravel(), bounds, 1.0, overlaid, linear=False, k=k
+                path[:, j], multipliers.path.values[:, :, j].ravel(), bounds, 1.0, overlaid, linear=False, k=k
             )
         codes.append((code, _between(tau, last, nodes)))
     boundaries = _apart(np.concatenate([*(switches for _, switches in codes), np.empty(0)]), solution.nodes)
@@ -209,14 +209,14 @@ def _active_constraints(solution: Solution, path: Array, mixed: NDArray[np.bool_
     ``path`` (points, nd) are the values of the path constraints, ``mixed`` (nd,) marks those that hold like bounds of
     controls.
     """
-    problem, of = solution.problem, solution.multipliers
+    problem, duals = solution.problem, solution.multipliers
     x = solution.inner.reshape(-1, problem.nx)
     weak = _WEAK * max(abs(solution.cost), _WEAK) / solution.duration
     found = []
     pure = ~mixed
     for values, (lower, upper), scale, multipliers in (
-        (x, problem.state_bounds, problem.state_scale, of.states.values),
-        (path[:, pure], _of(problem.path_bounds, pure), np.ones(1), of.path.values[:, :, pure]),
+        (x, problem.state_bounds, problem.state_scale, duals.states.values),
+        (path[:, pure], _selected(problem.path_bounds, pure), np.ones(1), duals.path.values[:, :, pure]),
     ):
         felt = np.abs(multipliers.reshape(len(x), -1)) * scale > weak
         for touched in (values - lower <= _TOUCHING * scale, upper - values <= _TOUCHING * scale):
@@ -228,7 +228,7 @@ def _active_constraints(solution: Solution, path: Array, mixed: NDArray[np.bool_
     return found
 
 
-def _of(limits: Interval, chosen: NDArray[np.bool_]) -> Interval:
+def _selected(limits: Interval, chosen: NDArray[np.bool_]) -> Interval:
     return Interval(limits.lower[chosen], limits.upper[chosen])
 
 

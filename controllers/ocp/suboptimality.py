@@ -1,4 +1,4 @@
-"""How far the cost of a smooth solution may lie above its least value: from the stationarity of its Hamiltonian.
+"""Bound on the cost of a smooth solution above its least value: from the stationarity of its Hamiltonian.
 
 Flown through its own dynamics, a control u that differs by δu from the best one costs, to second order,
 
@@ -62,14 +62,14 @@ def suboptimality(solution: Solution) -> float:
 
 def _restrained(solution: Solution) -> bool:
     """True if a limit on the path holds back somewhere."""
-    problem, of, shares = solution.problem, solution.multipliers, solution.point_shares[:, :, None]
+    problem, multipliers, shares = solution.problem, solution.multipliers, solution.point_shares[:, :, None]
     least = _FELT * max(abs(solution.cost), _FELT)
     return any(
         (np.abs(values) * shares * scale).max(initial=0.0) > least
         for values, scale in (
-            (of.path.values, 1.0),
-            (of.states.values, problem.state_scale),
-            (of.controls.values, problem.control_scale),
+            (multipliers.path.values, 1.0),
+            (multipliers.states.values, problem.state_scale),
+            (multipliers.controls.values, problem.control_scale),
         )
     )
 

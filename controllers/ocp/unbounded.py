@@ -1,4 +1,4 @@
-"""Where a solve ended for want of a limit: a final time at a limit that nobody stated, a value that ran away."""
+"""End of a solve for want of a limit: a final time at a limit that nobody stated, a value that ran away."""
 
 from __future__ import annotations
 

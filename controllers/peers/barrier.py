@@ -32,7 +32,7 @@ from mathnavi.controllers.flight.certificate import Certificate
 from mathnavi.controllers.flight.completion import ArcList
 from mathnavi.controllers.flight.cost_to_go import FactoredCost, factored_cost
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
-from mathnavi.controllers.peers.barrier_kernels import closed_loop
+from mathnavi.controllers.peers.barrier_kernels import BarrierLaw, BarrierShape, SplineCost, closed_loop
 from mathnavi.controllers.peers.commitment import hovering, stop_and_climb
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import Knowledge
@@ -89,7 +89,7 @@ class BarrierFlight:
         """Return the planner of a mission, and the tracker of its plans."""
         bound = tracking_bound(config.bandwidth, mission)
         tracker = CriticallyDamped(mission.control_period, config.bandwidth, bound)
-        return BarrierFilter(config, mission, Certificate.of(mission, bound)), tracker
+        return BarrierFilter(config, mission, Certificate.for_mission(mission, bound)), tracker
 
 
 class BarrierFilter:
@@ -126,13 +126,18 @@ class BarrierFilter:
 
     def _closed_loop(self, t: float, start: Array) -> ArcList:
         config, certificate, cost = self._config, self._certificate, self._cost
-        x, u = closed_loop(
-            start, self._cover, certificate.terrain.spacing, certificate.clearance_min, self._funnel,
-            cost.ground, cost.ratio, cost.scales,
-            config.speed * certificate.speed_max, config.approach, config.gain, config.decay,
-            certificate.speed_max, certificate.acceleration_max, _NEAR * certificate.arrival_radius,
-            self._step, max(1, round(config.horizon / self._step)),
-        )  # fmt: skip
+        shape = BarrierShape(self._cover, certificate.terrain.spacing, certificate.clearance_min, self._funnel)
+        law = BarrierLaw(
+            speed=config.speed * certificate.speed_max,
+            approach=config.approach,
+            gain=config.gain,
+            decay=config.decay,
+            speed_max=certificate.speed_max,
+            acceleration_max=certificate.acceleration_max,
+            near=_NEAR * certificate.arrival_radius,
+        )
+        steps = max(1, round(config.horizon / self._step))
+        x, u = closed_loop(start, shape, SplineCost(cost.ground, cost.ratio, cost.scales), law, self._step, steps)
         times = t + self._step * np.arange(len(x))
         return ArcList(times.tolist(), list(x), list(u), [int(FlightPhase.OPTIMISED)] * len(u))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +17,7 @@ _HALVINGS = 40  # of the multiplier of |u| <= a_max
 
 @njit(cache=True, nogil=True)
 def project(u: Array, g: Array, b: float, q: Array, c: float) -> Array:
-    """Nearest point (3,) to u (3,) with g'u >= b and q'u >= c, none of which is empty beside the other."""
+    """Nearest point (3,) [m/s^2] to u (3,) with g'u >= b and q'u >= c, none of which is empty beside the other."""
     over_g, over_q = b - float(g @ u), c - float(q @ u)
     if over_g <= 0.0 and over_q <= 0.0:
         return u.copy()
@@ -65,20 +66,49 @@ def filtered(nominal: Array, g: Array, b: float, q: Array, c: float, bound: floa
     return project((1.0 - high) * nominal, g, b, q, c)
 
 
-@njit(cache=True, nogil=True)
-def barrier(
-    cover: Array, spacing: float, clearance: float, funnel: Array, p: Array, v: Array
-) -> tuple[float, float, Array, float]:
-    """h [m], dh/dt [m/s], the gradient (3,) of h, and v'(Hessian of h)v [m/s^2] of the larger of two barriers.
+class BarrierShape(NamedTuple):
+    """The two barriers, over the ground and around the target."""
 
-    ``cover`` are the spline coefficients of a smooth surface above the ground, ``clearance`` [m] what is kept above it;
-    ``funnel`` (5,) the centre x, y, the level z [m], the slope, and the rounding [m] of one around the target.
+    cover: Array  # spline coefficients of a smooth surface above the ground [m]
+    spacing: float  # [m] of its nodes
+    clearance: float  # [m] that is kept above it
+    funnel: Array  # (5,) centre x, y, level z [m], slope, and rounding [m] of the one around the target
+
+
+class SplineCost(NamedTuple):
+    """The length to go as splines, see ``mathnavi.controllers.flight.cost_to_go.FactoredCost``."""
+
+    ground: Array
+    ratio: Array
+    scales: Array  # (8,)
+
+
+class BarrierLaw(NamedTuple):
+    """Parameters of the filtered law."""
+
+    speed: float  # [m/s] that is aimed at
+    approach: float  # share of the deceleration by which the target is approached
+    gain: float  # [1/s] of the velocity error
+    decay: float  # [1/s] of the barriers
+    speed_max: float  # [m/s]
+    acceleration_max: float  # [m/s^2]
+    near: float  # [m] from the target, where it ends
+
+
+@njit(cache=True, nogil=True)
+def barrier(shape: BarrierShape, p: Array, v: Array) -> tuple[float, float, Array, float]:
+    """Larger of the two barriers at p (3,) [m], v (3,) [m/s].
+
+    Returns h [m], dh/dt [m/s], the gradient (3,) of h, and v'(Hessian of h)v [m/s^2].
     """
+    cover, spacing, clearance, funnel = shape
     e, e_v, e_w = surface(cover, p[1] / spacing, p[0] / spacing)
     e_vv, e_vw, e_ww = surface_curvature(cover, p[1] / spacing, p[0] / spacing)
     h = float(p[2] - e - clearance)
     gradient = np.array([-e_w / spacing, -e_v / spacing, 1.0])
-    bend = float(-(e_ww * v[0] * v[0] + 2.0 * e_vw * v[0] * v[1] + e_vv * v[1] * v[1]) / (spacing * spacing))
+    second_derivative = float(
+        -(e_ww * v[0] * v[0] + 2.0 * e_vw * v[0] * v[1] + e_vv * v[1] * v[1]) / (spacing * spacing)
+    )
     x, y = p[0] - funnel[0], p[1] - funnel[1]
     r = math.sqrt(x * x + y * y + funnel[4] * funnel[4])
     around = float(p[2] - funnel[2] - funnel[3] * (r - funnel[4]))
@@ -86,34 +116,20 @@ def barrier(
         h = around
         gradient = np.array([-funnel[3] * x / r, -funnel[3] * y / r, 1.0])
         along = (x * v[0] + y * v[1]) / r
-        bend = float(-funnel[3] * (v[0] * v[0] + v[1] * v[1] - along * along) / r)
-    return h, float(gradient @ v), gradient, bend
+        second_derivative = float(-funnel[3] * (v[0] * v[0] + v[1] * v[1] - along * along) / r)
+    return h, float(gradient @ v), gradient, second_derivative
 
 
 @njit(cache=True, nogil=True)
 def closed_loop(
-    start: Array,
-    cover: Array,
-    spacing: float,
-    clearance: float,
-    funnel: Array,
-    ground: Array,
-    ratio: Array,
-    scales: Array,
-    speed: float,
-    approach: float,
-    gain: float,
-    decay: float,
-    speed_max: float,
-    bound: float,
-    near: float,
-    step: float,
-    steps: int,
+    start: Array, shape: BarrierShape, cost: SplineCost, law: BarrierLaw, step: float, steps: int
 ) -> tuple[Array, Array]:
     """States (k + 1, 6) and inputs (k, 3) of the filtered law from a state (6,), every ``step`` [s], k <= ``steps``.
 
-    It ends early within ``near`` [m] of the target.
+    It ends early within ``law.near`` [m] of the target.
     """
+    ground, ratio, scales = cost
+    speed, approach, gain, decay, speed_max, bound, near = law
     x, u = np.empty((steps + 1, 6)), np.empty((steps, 3))
     x[0] = start
     gradient, hessian = np.empty(3), np.empty((3, 3))
@@ -130,8 +146,8 @@ def closed_loop(
         pull = math.sqrt(nominal @ nominal)
         if pull > bound:
             nominal *= bound / pull
-        h, rate, slope, bend = barrier(cover, spacing, clearance, funnel, p, v)
-        b = -bend - 2.0 * decay * rate - decay * decay * h
+        h, rate, slope, second_derivative = barrier(shape, p, v)
+        b = -second_derivative - 2.0 * decay * rate - decay * decay * h
         c = -0.5 * decay * (speed_max * speed_max - float(v @ v))
         a = filtered(nominal, slope, b, -v, c, bound)
         u[count] = a

@@ -63,7 +63,7 @@ class FasterFlight:
         """Return the planner of a mission, and the tracker of its plans."""
         bound = tracking_bound(config.bandwidth, mission)
         tracker = CriticallyDamped(mission.control_period, config.bandwidth, bound)
-        certificate = Certificate.of(mission, bound, tracker.held)
+        certificate = Certificate.for_mission(mission, bound, tracker.held)
         return Faster(config, planner(config, mission, bound), certificate), tracker
 
 

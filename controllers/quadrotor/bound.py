@@ -1,4 +1,4 @@
-"""What the quadrotor's tracker keeps: the deviation from a plan that the certificate has to allow for.
+"""Tracking bound of the quadrotor: the deviation from a plan that the certificate has to allow for.
 
 Two parts add up: how far the reference is from the plan (``reference.deviation``) and how far the vehicle is from the
 reference. The second comes from the loop on one axis, with the letters of ``tracker``; d is the force per mass that
@@ -40,6 +40,7 @@ from mathnavi.controllers.quadrotor.tracker import LEAST_THRUST, TrackerConfig
 from mathnavi.controllers.quadrotor.turning import greatest_acceleration
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.quadrotor.dynamics import ROTOR_COUNT, Quadrotor
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 _DEVIATIONS = 5.0
@@ -73,7 +74,7 @@ class AxisLoop:
     def across(config: TrackerConfig, vehicle: Quadrotor, period: float) -> AxisLoop:
         """Loop across the vertical: theta follows c by tilt.
 
-        Raises ValueError if these gains do not hold it at commands every ``period`` [s].
+        Raises ArgumentError if these gains do not hold it at commands every ``period`` [s].
         """
         e, e_dot, r, d, theta, theta_dot, tau = np.eye(7)
         k_p, k_v, observer = _gains(config)
@@ -85,7 +86,7 @@ class AxisLoop:
         A = np.array([e_dot, theta, -d - 2.0 * observer * r, observer**2 * r, theta_dot, tau, tau_dot])
         growth = float(np.linalg.eigvals(A).real.max())
         if growth > _SLOWEST:
-            raise ValueError(
+            raise ArgumentError(
                 f"position_bandwidth = {config.position_bandwidth!r} with attitude_bandwidth = "
                 f"{config.attitude_bandwidth!r} and rotors with motor_lag = {vehicle.motor_lag!r} s grows by "
                 f"{growth:.2g}/s; allowed: slower ones, below {_SLOWEST:g}/s"
@@ -159,7 +160,7 @@ def tracking_bound(config: TrackerConfig, vehicle: Quadrotor, mission: FlightMis
     turned = greatest_acceleration(config, vehicle, mission.control_period)
     able = min(up / foreseen.acceleration, down / foreseen.acceleration, turned)
     if able <= 0.0:
-        raise ValueError(
+        raise ArgumentError(
             f"speed_max = {mission.speed_max!r}, gust rms = {mission.gust.rms!r}, mass_tolerance = {tolerance!r} and "
             f"drag_tolerance = {config.drag_tolerance!r} together take {-able:.3g} m/s^2 more than the rotors have; "
             "allowed: less of them, slower flight above all"

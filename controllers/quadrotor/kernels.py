@@ -20,7 +20,7 @@ _SMALL = 1e-9
 
 @njit(cache=True, nogil=True)
 def target_at(breaks: Array, x: Array, u: Array, arc: int, t: float) -> Array:
-    """(4, 3) what arc ``arc`` of a plan asks for at t, also beyond its ends.
+    """Position [m] and three derivatives (4, 3) of arc ``arc`` of a plan at t [s], also beyond its ends.
 
     Before the first arc it is that one extended back: a plan that has just taken over joins what was flown before it.
     After the last it is the state of rest in which the plan ends.
@@ -40,7 +40,7 @@ def target_at(breaks: Array, x: Array, u: Array, arc: int, t: float) -> Array:
 def advanced(
     z: Array, breaks: Array, x: Array, u: Array, t: float, t_end: float, preview: float, bandwidth: float
 ) -> Array:
-    """The reference (4, 3) at ``t_end`` that was ``z`` at t, exact: see
+    """Reference (4, 3) at ``t_end`` [s] that was ``z`` (4, 3) at t [s], exact: see
     ``mathnavi.controllers.quadrotor.reference``."""
     w = bandwidth
     for _ in range(_STEPS):
@@ -132,7 +132,7 @@ def limited(a: Array, longest: float) -> Array:
 
 @njit(cache=True, nogil=True)
 def within_tilt(f: Array, least: float, tangent: float) -> Array:
-    """Force f (3,) with a vertical part of at least ``least`` and a horizontal one of at most ``tangent`` times the
+    """Force f (3,) [N] with a vertical part of at least ``least`` and a horizontal one of at most ``tangent`` times the
     vertical.
     """
     held = f.copy()

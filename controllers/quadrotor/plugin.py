@@ -39,8 +39,10 @@ class QuadrotorFlight:
     def build(config: QuadrotorConfig, mission: QuadrotorMission) -> tuple[Planner, Tracker]:
         """Build planner and tracker of one vehicle."""
         bound = tracking_bound(config.tracker, mission.vehicle, mission.flight)
-        Certificate.of(mission.flight, bound)  # what leaves nothing to fly with is refused in the mission's own units
+        Certificate.for_mission(
+            mission.flight, bound
+        )  # what leaves nothing to fly with is refused in the mission's own units
         tracker = GeometricTracker(mission.control_period, config.tracker, mission.vehicle, bound)
-        similarity = Similarity.of(mission.flight)
+        similarity = Similarity.for_mission(mission.flight)
         magnified = planner(config.flight, similarity.mission(mission.flight), similarity.bound(bound))
         return SimilarPlanner(magnified, similarity), tracker

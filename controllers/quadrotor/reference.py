@@ -35,7 +35,7 @@ _POINTS = 8001
 
 @dataclass(frozen=True)
 class Deviation:
-    """What the reference may deviate from a plan with |a| <= 1 m/s^2."""
+    """Bound on the deviation of the reference from a plan with |a| <= 1 m/s^2."""
 
     position: float  # [s^2] of |p_r - p|
     velocity: float  # [s] of |v_r - v|

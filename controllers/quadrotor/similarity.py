@@ -38,7 +38,7 @@ class Similarity:
     time: Positive  # mu
 
     @staticmethod
-    def of(mission: FlightMission) -> Similarity:
+    def for_mission(mission: FlightMission) -> Similarity:
         """Similarity that makes arcs of half a second and the mission's greatest speed those of the thesis."""
         return Similarity(_TIME * _SPEED / mission.speed_max, _TIME)
 
@@ -52,7 +52,7 @@ class Similarity:
         return Similarity(1.0 / self.length, 1.0 / self.time)
 
     def state(self, x: Array) -> Array:
-        """Scale states x (..., 6)."""
+        """Scale states x (..., 6) [m, m/s] of the quadrotor's point mass."""
         scaled: Array = x * np.repeat([self.length, self.scales[0]], 3)
         return scaled
 

@@ -16,7 +16,7 @@ where tau_m f' and the rates of the reference tau_m ahead make up for the lag of
 where the paper's vanishes. ``mathnavi.models.quadrotor.allocation`` says which of T and tau is kept where rotors
 saturate.
 
-d^ is what the velocity tells of forces that the model does not know, a wind or a wrong mass, the integral action of
+d^ is what the velocity shows of forces that the model does not know, a wind or a wrong mass, the integral action of
 the loop: with the modelled v'^ = R (0, 0, T^) / m - g e_z - R D R' v / m + d^ and the residual r of the velocity
 against its integral, an observer with both poles at -omega_d; no more than ``disturbance_max`` of it is made up for.
 T^ are the rotors' thrusts by their lag.
@@ -46,7 +46,7 @@ from mathnavi.models.quadrotor.dynamics import Quadrotor
 from mathnavi.models.quaternion import rotation
 from mathnavi.sim.interfaces.angles import Degrees, Radians
 from mathnavi.sim.interfaces.bounds import FINITE, Fraction, NonNegative, Positive, configuration
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.errors import ArgumentError, FieldError
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 LEAST_THRUST = 0.15
@@ -107,9 +107,9 @@ class GeometricTracker:
     """Flies the last accepted plan with four rotors, to rest and beyond."""
 
     def __init__(self, period: float, config: TrackerConfig, vehicle: Quadrotor, bound: TrackingBound) -> None:
-        """``vehicle`` is what the controller believes to fly; ValueError for gains too fast for the period [s]."""
+        """``vehicle`` is what the controller believes to fly; ArgumentError for gains too fast for the period [s]."""
         if not 0.0 < period * config.attitude_bandwidth <= _FASTEST:
-            raise ValueError(
+            raise ArgumentError(
                 f"attitude_bandwidth = {config.attitude_bandwidth!r}; allowed: > 0 and <= {_FASTEST / period:g} rad/s "
                 f"at a control_rate of {1.0 / period:g} Hz"
             )
@@ -210,8 +210,8 @@ def _split(estimate: Estimate) -> tuple[Array, Array, Array, Array]:
     for name, value, size in (("state", estimate.x, 6), ("attitude", attitude, 4), ("rate", rate, 3)):
         if value.shape != (size,) or not np.isfinite(value).all():
             got = "missing" if value is _MISSING else f"{value.tolist()}"
-            raise ValueError(f"the estimate's {name} is {got}; allowed: {size} finite numbers")
+            raise ArgumentError(f"the estimate's {name} is {got}; allowed: {size} finite numbers")
     length = float(np.linalg.norm(attitude))
     if not _SHORTEST < length < 1.0 / _SHORTEST:
-        raise ValueError(f"the estimate's attitude {attitude.tolist()} has length {length:.4g}; allowed: about 1")
+        raise ArgumentError(f"the estimate's attitude {attitude.tolist()} has length {length:.4g}; allowed: about 1")
     return estimate.x[:3], estimate.x[3:], rotation(attitude / length), rate

@@ -1,4 +1,4 @@
-"""What turning the thrust asks of the rotors: the acceleration that plans may have, however sudden they are.
+"""Demand of turning the thrust on the rotors: the acceleration that plans may have, however sudden they are.
 
 Rotors turn a quadrotor by what one side pushes more and the other less. Beyond what each pushes anyway the allocation
 keeps the moments and gives up the thrust that was wanted, and the vehicle leaves its height. So a plan is left only

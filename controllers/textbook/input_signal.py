@@ -15,6 +15,7 @@ import numpy as np
 
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.bounds import Positive, configuration
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
@@ -23,7 +24,7 @@ _PERIODS = 100  # of the mission, from one plan to the next
 
 
 class DrivenSystem(Protocol):
-    """What an input signal has to know of a system."""
+    """Interface of a system as an input signal needs it."""
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -145,5 +146,5 @@ class PlanHolder:
 def _of_each_input(given: tuple[float, ...], own: tuple[float, ...], mission: DrivenMission, name: str) -> Array:
     inputs = mission.system.inputs
     if given and len(given) != len(inputs):
-        raise ValueError(f"{name} = {given!r}; allowed: one number for each of {', '.join(inputs) or 'no inputs'}")
+        raise FieldError(f"{name} = {given!r}; allowed: one number for each of {', '.join(inputs) or 'no inputs'}")
     return np.array(given or own, dtype=np.float64)

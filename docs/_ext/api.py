@@ -63,7 +63,7 @@ class _Qualified(ast.NodeTransformer):
 
 
 def page(folder: Path, modules: Sequence[Module]) -> str:
-    """What one folder holds: a table of its modules, then each with its classes and functions."""
+    """Page of one folder: a table of its modules, then each with its classes and functions."""
     title = ".".join(("mathnavi", *folder.relative_to(ROOT).parts))
     lines = [
         ".. highlight:: text",

@@ -122,7 +122,7 @@ def _default(entry: dataclasses.Field[Any]) -> Any:
 
 
 def _kind(hint: Any) -> str:
-    """What is given with a flag."""
+    """Value that is given with a flag."""
     while get_origin(hint) is Annotated:
         hint = get_args(hint)[0]
     members = get_args(hint)
@@ -240,7 +240,7 @@ def fill(app: Sphinx, docname: str, source: list[str]) -> None:
 
 def setup(app: Sphinx) -> dict[str, bool]:
     opengl.choose()  # before a scenario imports mujoco
-    for name in ("absl", "OpenGL"):  # they tell of what they have chosen, which is no warning
+    for name in ("absl", "OpenGL"):  # they report what they have chosen, which is no warning
         logging.getLogger(name).setLevel(logging.WARNING)
     StandaloneHTMLBuilder.supported_image_types = [*StandaloneHTMLBuilder.supported_image_types, "image/webp"]
     app.connect("source-read", fill)

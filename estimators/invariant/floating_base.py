@@ -104,7 +104,7 @@ class FloatingBaseIekf:
         x = mission.start_state
         nq, R = self._base.model.nq, rotation(x[ATTITUDE])
         v, omega = x[nq:][VELOCITY], x[nq:][RATE]
-        X = SE23.of(
+        X = SE23.from_parts(
             R @ self._base.mounting, v + R @ np.cross(omega, self._base.offset), x[PLACE] + R @ self._base.offset
         )
         starts = (config.start_attitude, config.start_velocity, config.start_position)

@@ -75,7 +75,7 @@ class InertialIekf:
         self._limit = float(chdtri(3, config.gate))
         self._R = _fix_deviation(config, mission) ** 2 * np.eye(3)
         x, imu = mission.start_state, mission.inertial
-        X = SE23.of(rotation(x[ATTITUDE]), x[VELOCITY], x[POSITION])
+        X = SE23.from_parts(rotation(x[ATTITUDE]), x[VELOCITY], x[POSITION])
         self._gravity = np.array([0.0, 0.0, -mission.vehicle.gravity])
         noise = (imu.gyro, imu.accelerometer)
         self._strapdown = Strapdown(X, _first(config, mission), x[RATE], self._gravity, noise)
@@ -155,7 +155,7 @@ class InertialIekf:
         X = strapdown.X
         x = np.concatenate([X[:3, 4], quaternion(X[:3, :3]), X[:3, 3], strapdown.rate])
         after = self._mission.flow(x, command, dt)
-        moved = SE23.of(rotation(after[ATTITUDE]), after[VELOCITY], after[POSITION])
+        moved = SE23.from_parts(rotation(after[ATTITUDE]), after[VELOCITY], after[POSITION])
         turned = SO3.log(X[:3, :3].T @ moved[:3, :3])
         force = moved[:3, :3].T @ ((moved[:3, 3] - X[:3, 3]) / dt - self._gravity)
         _, A = propagation(X, turned / dt, force, self._gravity, dt)

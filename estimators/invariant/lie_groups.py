@@ -73,7 +73,7 @@ class SE2:
     dimension: ClassVar[int] = 3
 
     @staticmethod
-    def of(pose: Array) -> Array:
+    def from_pose(pose: Array) -> Array:
         """Element (3, 3) of a pose (x_1, x_2, phi) (3,) [m, m, rad]."""
         c, s = math.cos(pose[2]), math.sin(pose[2])
         return np.array([[c, -s, pose[0]], [s, c, pose[1]], [0.0, 0.0, 1.0]])
@@ -92,7 +92,7 @@ class SE2:
     @staticmethod
     def exp(xi: Array) -> Array:
         """Element (3, 3) reached from the identity after 1 s at the constant body velocity xi (3,): an arc."""
-        X = SE2.of(np.array([0.0, 0.0, xi[2]]))
+        X = SE2.from_pose(np.array([0.0, 0.0, xi[2]]))
         X[:2, 2] = _arc(float(xi[2])) @ np.asarray(xi)[:2]
         return X
 
@@ -126,7 +126,7 @@ class SE23:
     dimension: ClassVar[int] = 9
 
     @staticmethod
-    def of(R: Array, v: Array, p: Array) -> Array:
+    def from_parts(R: Array, v: Array, p: Array) -> Array:
         """Element (5, 5) of an attitude R (3, 3), a velocity v (3,) and a position p (3,)."""
         X = np.eye(5)
         X[:3, :3], X[:3, 3], X[:3, 4] = R, v, p
@@ -136,7 +136,7 @@ class SE23:
     def inverse(X: Array) -> Array:
         """Inverse (5, 5) of X (5, 5)."""
         R = X[:3, :3].T
-        return SE23.of(R, -R @ X[:3, 3], -R @ X[:3, 4])
+        return SE23.from_parts(R, -R @ X[:3, 3], -R @ X[:3, 4])
 
     @staticmethod
     def bracket(xi: Array) -> Array:
@@ -151,7 +151,7 @@ class SE23:
     def exp(xi: Array) -> Array:
         """Element (5, 5) of xi (9,)."""
         J = SO3.left_jacobian(xi[:3])
-        return SE23.of(SO3.exp(xi[:3]), J @ xi[3:6], J @ xi[6:])
+        return SE23.from_parts(SO3.exp(xi[:3]), J @ xi[3:6], J @ xi[6:])
 
     @staticmethod
     def log(X: Array) -> Array:

@@ -54,7 +54,7 @@ def propagation(X: Array, rate: Array, force: Array, gravity: Array, dt: float) 
     body at its end, ``gravity`` (3,) [m/s^2] the acceleration of free fall.
     """
     turn = SO3.exp(dt * rate)
-    read = SE23.of(turn, dt * turn @ force, 0.5 * dt * dt * turn @ force)  # Upsilon
+    read = SE23.from_parts(turn, dt * turn @ force, 0.5 * dt * dt * turn @ force)  # Upsilon
     carried = X.copy()
     carried[:3, 4] += dt * X[:3, 3]
     after = carried @ read

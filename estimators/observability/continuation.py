@@ -18,6 +18,7 @@ from enum import Enum
 
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 Equations = Callable[[Array], tuple[Array, Array]]
@@ -69,14 +70,14 @@ def trace_curve(
 ) -> TracedCurve:
     """The curve through ``start`` (n,), a point on it to 1e-5, both ways, at points ``step`` apart.
 
-    ``difference`` knows unknowns that are angles, so that a curve may close after a turn. ValueError if the start is
+    ``difference`` knows unknowns that are angles, so that a curve may close after a turn. ArgumentError if the start is
     not on the curve, and if the step or the length is not positive.
     """
     if not (math.isfinite(step) and step > 0.0 and longest > 0.0):
-        raise ValueError(f"step = {step!r}, longest = {longest!r}; allowed: positive numbers")
+        raise ArgumentError(f"step = {step!r}, longest = {longest!r}; allowed: positive numbers")
     nearby = on_curve(equations, start)
     if nearby is None:
-        raise ValueError(f"start = {start.tolist()} is not on the curve; allowed: F = 0")
+        raise ArgumentError(f"start = {start.tolist()} is not on the curve; allowed: F = 0")
     start, tangent = nearby
     forward, end = _followed(equations, start, tangent, step, longest, difference)
     if end is End.CLOSED:

@@ -1,8 +1,8 @@
-"""The set of feasible states FS_y = {x : h(x) = y} of a reading, and a value function of it (Definitions C.9, C.10).
+"""The set of feasible states FS_y = {x : h(x) = y} of a reading, and its value function (Definitions C.9, C.10).
 
 Its dimension is 3 - l: with one sensor a surface, given here by its slices at constant headings; with two sensors
 curves, closed or from wall to wall; with three or more, in general, points. Each curve is followed by continuation.
-Where they begin is looked for everywhere: reading y_1 while pointing at theta(s) is being at theta(s) - y_1 e, so the
+Their starts are searched everywhere: reading y_1 while pointing at theta(s) is being at theta(s) - y_1 e, so the
 poses that read y_1 are a surface over (s, phi), on which a grid is laid. A node is a start if the other ranges may
 become y within the cells around it, or if the surface ends there.
 
@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 
 from mathnavi.estimators.observability.continuation import Equations, TracedCurve, on_curve, trace_curve
 from mathnavi.estimators.observability.range_outputs import RangeOutputs, different_poses, pose_difference
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 _SAME = 1e-4  # two points with three sensors and more are the same
@@ -43,15 +44,15 @@ class FeasibleSet:
 def feasible_set(outputs: RangeOutputs, y: Array, step: float = 0.01, grid: int = 96, slices: int = 24) -> FeasibleSet:
     """Feasible set FS_y of a reading y (l,) [m] (Definition C.9), its curves at points ``step`` apart.
 
-    ``grid`` is the number of nodes along s and along phi among which starts are looked for, ``slices`` the number of
-    headings at which the surface of a single sensor is cut. Raises ValueError for a reading that is not l positive
+    ``grid`` is the number of nodes along s and along phi among which starts are searched, ``slices`` the number of
+    headings at which the surface of a single sensor is cut. Raises ArgumentError for a reading that is not l positive
     numbers.
     """
     y = np.asarray(y, dtype=np.float64)
     if y.shape != (outputs.sensors,) or not (np.isfinite(y).all() and (y > 0.0).all()):
-        raise ValueError(f"y = {y.tolist()}; allowed: {outputs.sensors} positive ranges")
+        raise ArgumentError(f"y = {y.tolist()}; allowed: {outputs.sensors} positive ranges")
     if grid < 8 or slices < 1:
-        raise ValueError(f"grid = {grid}, slices = {slices}; allowed: at least 8 and 1")
+        raise ArgumentError(f"grid = {grid}, slices = {slices}; allowed: at least 8 and 1")
     if outputs.sensors == 1:
         headings = 2.0 * math.pi * np.arange(slices) / slices
         curves = [curve for phi in headings for curve in _slice(outputs, y, float(phi), step, grid)]

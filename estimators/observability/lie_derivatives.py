@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 import casadi
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 _RANK_TOLERANCE = 1e-9  # of the largest singular value
@@ -45,16 +46,16 @@ class ControlAffineSystem:
     constraint: casadi.SX = field(default_factory=_none)  # (q,) G
 
     @staticmethod
-    def of(f: Map, h: Map, states: int, inputs: int) -> ControlAffineSystem:
+    def from_functions(f: Map, h: Map, states: int, inputs: int) -> ControlAffineSystem:
         """System x' = f(x, u), y = h(x, u), where f is affine in u and h does not depend on it.
 
-        Raises ValueError otherwise.
+        Raises ArgumentError otherwise.
         """
         x, u = casadi.SX.sym("x", states), casadi.SX.sym("u", inputs)
         rate, output = f(x, u), h(x, u)
         g = casadi.jacobian(rate, u)
         if casadi.depends_on(g, u) or casadi.depends_on(output, u):
-            raise ValueError("f is not affine in u, or h depends on it; allowed: f(x) + g(x) u and h(x)")
+            raise ArgumentError("f is not affine in u, or h depends on it; allowed: f(x) + g(x) u and h(x)")
         return ControlAffineSystem(x, casadi.substitute(rate, u, 0.0), g, output)
 
     def held(self, u: Sequence[float]) -> casadi.SX:
@@ -79,10 +80,10 @@ def codistribution(system: ControlAffineSystem, fields: Sequence[casadi.SX], ord
     """Codistribution: (x (n,), w (q,)) to the differentials (m (1 + r + ... + r^order), n) of h and its Lie
     derivatives.
 
-    r is the number of ``fields``. Raises ValueError for an order that is negative, and for no fields.
+    r is the number of ``fields``. Raises ArgumentError for an order that is negative, and for no fields.
     """
     if order < 0 or not fields:
-        raise ValueError(f"order = {order}, {len(fields)} fields; allowed: an order >= 0 and a field or more")
+        raise ArgumentError(f"order = {order}, {len(fields)} fields; allowed: an order >= 0 and a field or more")
     functions, rows = [system.output], [system.derivative(system.output)]
     for _ in range(order):
         functions = [system.derivative(F) @ X for F in functions for X in fields]
@@ -102,13 +103,13 @@ def singular_values(differentials: casadi.Function, x: Array, w: Array | None = 
 
 
 def rank(differentials: casadi.Function, x: Array, w: Array | None = None) -> int:
-    """Rank of a codistribution at x (n,), w (q,): how many directions its functions tell apart there.
+    """Rank of a codistribution at x (n,), w (q,): how many directions its functions distinguish there.
 
-    Raises ValueError where it is not defined.
+    Raises ArgumentError where it is not defined.
     """
     values = singular_values(differentials, x, w)
     if not np.isfinite(values).all():
-        raise ValueError(
+        raise ArgumentError(
             f"x = {np.asarray(x).tolist()}: the outputs have no derivative there; allowed: where they have"
         )
     return int((values > _RANK_TOLERANCE * values[0]).sum())

@@ -24,6 +24,7 @@ import numpy as np
 from mathnavi.estimators.observability.continuation import Equations
 from mathnavi.estimators.observability.feasible_set import FeasibleSet
 from mathnavi.estimators.observability.range_outputs import DEFICIENT, RangeOutputs, different_poses, pose_difference
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 _SAME = 1e-5  # two states of the intersection are the same
@@ -69,12 +70,12 @@ def intersection(outputs: RangeOutputs, x_0: Array, motion: Array, feasible: Fea
     """Intersection of FS_y and OF^u of a state x_0 (3,), under the input that makes ``motion`` (K, 3), looked for along
     FS_y.
 
-    ``feasible`` is the feasible set of h(x_0). States of it whose outputs follow nearly those of x_0 are moved to where
-    they do exactly; those that cannot be are none. Raises ValueError where the motion from x_0 leaves the field.
+    ``feasible`` is the feasible set of h(x_0). Its states whose outputs follow nearly those of x_0 are moved to where
+    they do exactly; those that cannot be are none. Raises ArgumentError where the motion from x_0 leaves the field.
     """
     y, J = outputs.along(x_0, motion)
     if not np.isfinite(y).all():
-        raise ValueError(f"x_0 = {np.asarray(x_0).tolist()}: the motion leaves the field; allowed: one within it")
+        raise ArgumentError(f"x_0 = {np.asarray(x_0).tolist()}: the motion leaves the field; allowed: one within it")
     isolation = float(np.linalg.svd(J, compute_uv=False)[-1])
     if isolation < DEFICIENT:
         return Intersection(np.empty((0, 3)), 0.0, isolation)

@@ -18,6 +18,7 @@ from mathnavi.models.angles import wrapped
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.bounds import Condition, configuration
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 Input = Callable[[float], tuple[float, float]]
@@ -83,7 +84,7 @@ def motion_under(input_at: Input, duration: float, instants: int = 20) -> Array:
     or a number of instants that leaves nothing to read.
     """
     if not (math.isfinite(duration) and duration > 0.0 and instants >= 2):
-        raise ValueError(f"duration = {duration!r} s, instants = {instants!r}; allowed: > 0, and 2 or more")
+        raise ArgumentError(f"duration = {duration!r} s, instants = {instants!r}; allowed: > 0, and 2 or more")
     dt = duration / (instants - 1)
     x, motion = np.zeros(3), np.zeros((instants, 3))
     for k in range(1, instants):

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mathnavi.estimators.observability.range_outputs import Input
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.protocols import Estimator
 from mathnavi.sim.interfaces.signals import Array, Measurement
 
@@ -44,7 +45,7 @@ class ExactRun:
 def exact_run(mission: RangingMission, start: Array, input_at: Input, duration: float) -> ExactRun:
     """Run from a pose ``start`` (3,) under an input that is held over each period at its value in the middle.
 
-    Raises ValueError if it leaves the field.
+    Raises ArgumentError if it leaves the field.
     """
     n = round(duration / mission.period) + 1
     t: Array = mission.period * np.arange(n, dtype=np.float64)
@@ -56,7 +57,7 @@ def exact_run(mission: RangingMission, start: Array, input_at: Input, duration: 
             commands[k] = input_at(t[k] - 0.5 * mission.period)
             truth[k] = mission.flow(truth[k - 1], commands[k], mission.period)
         if not mission.curve.contains(truth[k, :2]):
-            raise ValueError(f"start = {np.asarray(start).tolist()}: the run leaves the field at {t[k]:.2f} s")
+            raise ArgumentError(f"start = {np.asarray(start).tolist()}: the run leaves the field at {t[k]:.2f} s")
         ranges = Measurement("ranges", t[k], mission.curve.ranges(truth[k], mission.alpha)[0])
         readings.append((ranges, Measurement("odometry", t[k], commands[k])) if k else (ranges,))
     return ExactRun(mission, t, truth, tuple(readings), commands)

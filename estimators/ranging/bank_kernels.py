@@ -1,4 +1,4 @@
-"""A bank of extended Kalman filters, compiled: K hypotheses of where a robot is, scored by what the rays tell.
+"""A bank of extended Kalman filters, compiled: K hypotheses of where a robot is, scored by their ranges.
 
     L <- forgetting L + ln p(rho),   L <- L - max L
 
@@ -68,7 +68,7 @@ class Hypotheses(NamedTuple):
 
 
 class Scoring(NamedTuple):
-    """How hypotheses are judged."""
+    """Parameters by which hypotheses are scored."""
 
     forgetting: float  # what is left of a score after an update
     memory: float  # what is left of a misfit after one

@@ -1,8 +1,8 @@
 """The feasible-set bank: the set of feasible states (Definition C.9) as the start of a bank of Kalman filters.
 
-What a robot reads at first does not tell where it is, but on which set it is: FS_y, of dimension 3 - l for l sensors.
+What a robot reads at first does not fix where it is, but on which set it is: FS_y, of dimension 3 - l for l sensors.
 So its first readings are averaged, random poses are projected onto FS_y, and those that are farthest from each other
-become the hypotheses, an extended Kalman filter each (``kalman_kernels``). What the rays tell while the robot moves
+become the hypotheses, an extended Kalman filter each (``kalman_kernels``). What the rays read while the robot moves
 decides between them (``bank_kernels``), and the best one's estimate is the estimate. Where the start is known there is
 but one.
 
@@ -12,8 +12,8 @@ logarithm L_k of its likelihood a hypothesis has the weight
     w_k = exp(L_k / 10) / sum_j exp(L_j / 10)
 
 (a tempered likelihood; Thrun, Burgard and Fox, Probabilistic Robotics, 2005, section 6.3.4). While the best weight is
-less than twice that of all others together, the wall cannot tell these poses apart: the status is ``INITIALISING``, and
-``extra`` has all poses with their weights.
+less than twice that of all others together, the readings do not distinguish these poses: the status is
+``INITIALISING``, and ``extra`` has all poses with their weights.
 
 **Noise, outliers and slip** need not be as declared: the bank estimates the scale of the ranges' noise and the share of
 outliers (``noise_kernels``) and how much wheels slip (``bank_kernels``) while it runs.
@@ -200,7 +200,7 @@ class FeasibleSetBank:
 
     @property
     def _is_believed(self) -> bool:
-        """Whether the best hypothesis explains the rays, an outlier counting as the gate, by as much slip as may be."""
+        """True if the best hypothesis explains the rays, an outlier counting as the gate, by as much slip as may be."""
         limit = self._config.misfit + _MORE_OUTLIERS * noise_of(self._noise)[1] * self._gate
         return bool(self._bank.misfit[self._best] <= limit and self._bank.slip[self._best] < MOST_SLIP)
 

@@ -28,7 +28,7 @@ def project(states: Array, y: Array, v: Array, wall: WallShape, angles: Array, s
     """Take ``steps`` steps from ``states`` (m, 4) to FS_y.
 
     Returns the states (m, 4) and how far from FS_y they then are, sum_i (y_i - h_i)^2 / v_i (m,). y (l,) [m] is NaN
-    where a ray was lost, v (l,) [m^2], ``angles`` (l,) [rad]. A pose from which a ray tells nothing is infinitely far.
+    where a ray was lost, v (l,) [m^2], ``angles`` (l,) [rad]. A pose with a ray of no information is infinitely far.
     """
     projected, far = states.copy(), np.empty(len(states))
     A, g, H, D = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)

@@ -61,7 +61,7 @@ class RangeIekf(PoseFilter):
         if not good.any():
             return np.full(2, np.nan)
         d, self._P, nis = condition(self._P, H[good], rho[good] - h[good], np.diag(variance[good]))
-        offset = SE2.pose(SE2.of(x[:3]) @ SE2.exp(d[:3]))[:2] - x[:2]
+        offset = SE2.pose(SE2.from_pose(x[:3]) @ SE2.exp(d[:3]))[:2] - x[:2]
         step = step_within(model.wall, x[0], x[1], *offset)
         self._x = np.array([*(x[:2] + step * offset), wrapped(x[2] + step * d[2]), x[3] + step * d[3]])
         return np.array([nis, float(good.sum())])

@@ -38,7 +38,7 @@ from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, wra
 from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
-_GRAZING = 1e-3  # sine of the angle between a ray and the wall below which it tells nothing
+_GRAZING = 1e-3  # sine of the angle between a ray and the wall below which it has no information
 _HALVINGS = 30  # of a step that leads out of the wall
 _MOST_UNLIKELY = 50.0  # logarithm of the odds of an outlier beyond which it is one
 
@@ -129,7 +129,7 @@ def predict(x: Array, P: Array, u: Array, W: Array, wall: WallShape, dt: float) 
 def expected_range(
     wall: WallShape, x_1: float, x_2: float, beta: float, H: Array, D: Array
 ) -> tuple[float, float, float]:
-    """h [m] of the ray from (x_1, x_2) along ``beta`` [rad] and its derivatives; NaN if it tells nothing.
+    """h [m] of the ray from (x_1, x_2) along ``beta`` [rad] and its derivatives; NaN if it has no information.
 
     With a = (x_1, x_2, phi), writes H (3,) = dh/da and D (3,) = ds/da, s being the parameter of the wall where the ray
     ends, and returns h, B, C of the second derivative h'' = C D D' - B (H e_3' + e_3 H') + h e_3 e_3'. From (C.4),
@@ -153,7 +153,7 @@ def expected_range(
 
 @njit(cache=True, nogil=True)
 def expected_ranges(wall: WallShape, pose: Array, angles: Array) -> tuple[Array, Array]:
-    """Ranges h (l,) [m] of all rays from a pose (3,) and their derivatives H (l, 3); NaN where a ray tells nothing."""
+    """Ranges h (l,) [m] of all rays from a pose (3,) and their derivatives H (l, 3); NaN where a ray has none."""
     h, H, D = np.empty(len(angles)), np.full((len(angles), 3), np.nan), np.empty(3)
     for i in range(len(angles)):
         h[i], _, _ = expected_range(wall, pose[0], pose[1], pose[2] + angles[i], H[i], D)

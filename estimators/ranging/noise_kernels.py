@@ -54,7 +54,7 @@ def noise_of(sums: NoiseSums) -> tuple[float, float]:
     return math.sqrt(variance), min(max(sums.outliers[0] / sums.outliers[1], _LEAST_OUTLIERS), _MOST_OUTLIERS)
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def remember(recent: Array, count: Integers, residual: Array, variance: Array) -> None:
     """Append a residual (l,) [m], NaN where a ray read nothing, over the declared deviation to those of each ray.
 
@@ -69,7 +69,7 @@ def remember(recent: Array, count: Integers, residual: Array, variance: Array) -
         count[i] += 1
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def learn_noise(
     sums: NoiseSums, recent: Array, count: Integers, residual: Array, variance: Array, longest: float
 ) -> None:

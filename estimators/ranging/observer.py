@@ -27,7 +27,7 @@ from mathnavi.estimators.ranging.observer_kernels import (
     pushed_forward,
     seen_from,
 )
-from mathnavi.estimators.ranging.range_rate import Window, check_window, savitzky_golay, spread
+from mathnavi.estimators.ranging.range_rate import FitWindow, check_window, savitzky_golay, spread
 from mathnavi.estimators.ranging.range_rate_kernels import innovated, measured
 from mathnavi.estimators.ranging.readings import measured_input, usable_ranges
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
@@ -114,7 +114,7 @@ class RangeObserver:
         self._longest = mission.sensors_carried()[0].longest
         self._limits = np.array([mission.speed_max, mission.turn_rate_max])
         self._fit = (savitzky_golay(window, order), spread(window), mission.period)
-        self._window = Window(window, l)
+        self._window = FitWindow(window, l)
         x, y, phi = mission.start_pose
         self._pose = np.array([*kept_within(self._wall, x, y), phi])  # (3,) at the window's centre, or at the start
         self._z = seen_from(self._wall, self._alpha, self._pose, np.zeros(l + 1))  # (l + 1,) likewise

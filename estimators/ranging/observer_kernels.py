@@ -132,7 +132,7 @@ def corrected(
 def output(wall: WallShape, alpha: Array, z: Array, rho: Array) -> Array:
     """Phi: the pose (3,) at the mean of the v_i that are there, put back within the wall.
 
-    alpha (l,) [rad], z (l + 1,), rho (l,) [m]; NaN where z does not tell.
+    alpha (l,) [rad], z (l + 1,), rho (l,) [m]; NaN where z does not determine it.
     """
     coefficients, _ = wall
     l = len(alpha)  # noqa: E741
@@ -152,7 +152,7 @@ def output(wall: WallShape, alpha: Array, z: Array, rho: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def anchored(wall: WallShape, alpha: Array, z: Array, rho: Array, otherwise: Array) -> Array:
-    """Phi(z) (3,) by the ranges rho (l,) [m], or where they or z do not tell it, ``otherwise`` (3,)."""
+    """Phi(z) (3,) by the ranges rho (l,) [m], or where they or z do not fix it, ``otherwise`` (3,)."""
     pose = output(wall, alpha, z, rho)
     return pose if not math.isnan(pose[0]) else otherwise
 
@@ -211,7 +211,7 @@ def observed(
     """Correct the observer by readings (2, l) of rho [m] and rho_dot [m/s] under the input u (2,) over dt [s].
 
     ``z`` (l + 1,) is what was fed forward, NaN where nothing said how, and ``predicted`` the pose (3,) that odometry
-    leads to: what rays that were lost cannot tell is taken from it. Returns z (l + 1,), the pose (3,) and (V_rho, |Q|^2
+    leads to: what rays that were lost do not give is taken from it. Returns z (l + 1,), the pose (3,) and (V_rho, |Q|^2
     / 2) (2,).
     """
     coefficients, _ = wall

@@ -32,7 +32,7 @@ from mathnavi.sim.interfaces.signals import Array, Integers
 _SCALE_TIME = 3.0  # [s] correlation time of b: particles that all have the same one could find no other
 _LEAST_EFFECTIVE = 0.1  # n_eff over n after one update
 _HALVINGS = 20  # of beta
-_GROWTH = 1.25  # of the number of particles while the bound is looked for
+_GROWTH = 1.25  # of the number of particles while the bound is searched
 _FEW = 8  # particles of a cluster, whose covariance is not known
 _DIMENSION = 4
 _TRIALS = 1000  # of a point within the wall
@@ -139,7 +139,7 @@ def resample(
     return after
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _regularise(
     after: Array,
     clusters: Clusters,
@@ -178,7 +178,7 @@ def _regularise(
         after[n, 3] += d[3]
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _cholesky(C: Array) -> Array:
     """Lower factor (4, 4) of a covariance that may be singular."""
     A = np.zeros((4, 4))
@@ -194,7 +194,7 @@ def _cholesky(C: Array) -> Array:
     return A
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _distinct(cell: Integers, chosen: Integers) -> int:
     """Number of different values of ``cell`` (n,) among those ``chosen`` (m,)."""
     seen = np.zeros(cell.max() + 1, np.bool_)

@@ -34,13 +34,13 @@ MOST_OTHERS = 8
 _MOST_BOXES = 20_000
 _SIZES = np.array([[0.06, 0.06], [0.008, 0.008]])  # [m, rad] at which a pose is sought in a box, and it is undecided
 _OBLIQUE = 3.0  # a range changes by so much at most where its ray's end moves by 1, unless it nearly grazes the wall
-_LEAST_SPREAD = 0.2  # of 1 - kappa r: with more noise a reading tells too little
+_LEAST_SPREAD = 0.2  # of 1 - kappa r: with more noise a reading has too little information
 _ALONG = (0.25, 0.5, 0.75)  # shares of a ray that have to be within the wall
 
 
 @configuration
 class PoseCertificateConfig:
-    """Which readings are used, and what is said of them."""
+    """Readings that are used, and what is assumed of them."""
 
     readings: CountInMemory = 16
     """sets of ranges, the newest one included"""
@@ -61,7 +61,7 @@ class Certification:
     certified: bool  # every pose that explains the readings is near the estimate, which does explain them
     others: Array  # (k, 3) [m, m, rad] poses that explain them and are not near; 8 at most
     complete: bool  # all poses that do are near the estimate or one of the others
-    boxes: int  # that were looked at
+    boxes: int  # that were examined
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,13 +149,13 @@ class PoseCertificate:
         within: list[tuple[float, ...]] = []
         for sample in reversed(samples):
             x, y, turned = _relative(self._middle.pose, sample.pose)
-            off, off_angle = self._drift(sample, kappa)
-            within.append((x, y, math.hypot(x, y), 0.0, off, 1.0))
+            drift, drift_angle = self._drift(sample, kappa)
+            within.append((x, y, math.hypot(x, y), 0.0, drift, 1.0))
             deviations = np.sqrt(self._model.range_variance(sample.ranges)) / spread
             for rho, alpha, sigma in zip(sample.ranges.tolist(), self._model.angles, deviations.tolist(), strict=True):
                 if not math.isfinite(rho):
                     continue
-                beta, bound, moved = turned + float(alpha), kappa * sigma, off + rho * off_angle
+                beta, bound, moved = turned + float(alpha), kappa * sigma, drift + rho * drift_angle
                 c, s = math.cos(beta), math.sin(beta)
                 rays.append((x, y, beta, rho, _OBLIQUE * moved, sigma, bound + _OBLIQUE * moved))
                 ends.append(
@@ -164,15 +164,15 @@ class PoseCertificate:
                 for share in () if outliers else _ALONG:
                     r = share * max(0.0, rho - bound)
                     far = math.hypot(x + r * c, y + r * s)
-                    within.append((x + r * c, y + r * s, far, 0.0, off + r * off_angle, 1.0))
+                    within.append((x + r * c, y + r * s, far, 0.0, drift + r * drift_angle, 1.0))
         return np.array(rays), np.array(ends + within), outliers, limit
 
     def _drift(self, sample: _Sample, kappa: float) -> tuple[float, float]:
-        """By how much [m, rad] the motion between a sample and the middle one may be off."""
+        """Error [m, rad] that the motion between a sample and the middle one may have."""
         driven, swept = np.abs(self._middle.path - sample.path)
         noise = kappa * np.sqrt(np.abs(self._middle.variance - sample.variance))
-        off_angle = float(noise[1] + 2.0 * self._bias * swept)
-        return float(noise[0] + 2.0 * self._bias * driven + off_angle * driven), off_angle
+        drift_angle = float(noise[1] + 2.0 * self._bias * swept)
+        return float(noise[0] + 2.0 * self._bias * driven + drift_angle * driven), drift_angle
 
 
 def _relative(now: Array, then: Array) -> tuple[float, float, float]:
@@ -201,6 +201,7 @@ def _most(count: int, fraction: float, probability: float) -> int:
 @lru_cache(maxsize=4)
 def _grid(curve: Curve) -> DistanceGrid:
     step = 2.0 * math.pi / (len(curve.polyline) - 1)
-    bend = np.linalg.norm(curve.second_derivative(np.linspace(0.0, 2.0 * math.pi, 4096)), axis=1).max() * step**2 / 8.0
-    grid: DistanceGrid = distance_grid(curve.wall, _NODES, float(bend))
+    second_derivative = curve.second_derivative(np.linspace(0.0, 2.0 * math.pi, 4096))
+    chord_error = np.linalg.norm(second_derivative, axis=1).max() * step**2 / 8.0
+    grid: DistanceGrid = distance_grid(curve.wall, _NODES, float(chord_error))
     return grid

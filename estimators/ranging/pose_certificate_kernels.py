@@ -42,8 +42,8 @@ _PAD = 2  # cells of the grid beyond the wall
 
 
 @njit(cache=True, nogil=True)
-def distance_grid(wall: WallShape, nodes: int, bend: float) -> DistanceGrid:
-    """Grid of signed distances, ``nodes`` along its longer side, of a wall whose chords are off by ``bend`` [m]."""
+def distance_grid(wall: WallShape, nodes: int, chord_error: float) -> DistanceGrid:
+    """Grid of signed distances, ``nodes`` along its longer side, of a wall whose chords err by ``chord_error`` [m]."""
     coefficients, polyline = wall
     low_x, low_y = polyline[:, 0].min(), polyline[:, 1].min()
     high_x, high_y = polyline[:, 0].max(), polyline[:, 1].max()
@@ -62,7 +62,7 @@ def distance_grid(wall: WallShape, nodes: int, bend: float) -> DistanceGrid:
                 ex, ey = ax + along * dx - x, ay + along * dy - y
                 least = min(least, ex * ex + ey * ey)
             values[i, j] = math.sqrt(least) if is_inside(coefficients, polyline, x, y) else -math.sqrt(least)
-    return values, low_x, low_y, cell, cell / math.sqrt(2.0) + 2.0 * bend
+    return values, low_x, low_y, cell, cell / math.sqrt(2.0) + 2.0 * chord_error
 
 
 @njit(cache=True, nogil=True)
@@ -77,7 +77,7 @@ def _distance(grid: DistanceGrid, x: float, y: float) -> float:
     return float(values[int(u + 0.5), int(v + 0.5)])
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _refuting(grid: DistanceGrid, tests: Tests, ends: int, box: Array) -> int:
     """Index of the test that refutes the box, beginning with its own; -1 where none does."""
     rows, outliers, limit = tests
@@ -106,7 +106,7 @@ def _refuting(grid: DistanceGrid, tests: Tests, ends: int, box: Array) -> int:
     return -1
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _fitted(grid: DistanceGrid, rows: Array, start: Array) -> Array:
     """Pose (3,) near ``start`` from which the ends of the rays ``rows`` are nearest to the wall, by Gauss-Newton."""
     pose, cell = start[:3].copy(), grid[3]
@@ -150,16 +150,16 @@ def explains(wall: WallShape, rays: Array, outliers: int, limit: float, pose: Ar
         if not is_inside(coefficients, polyline, x, y):
             return False
         rho, _ = cast_ray(coefficients, polyline, x, y, pose[2] + rays[j, 2])
-        off = abs(rho - rays[j, 3])
-        if not off <= rays[j, 6]:
+        residual = abs(rho - rays[j, 3])
+        if not residual <= rays[j, 6]:
             wrong += 1
-        total += (max(0.0, off - rays[j, 4]) / rays[j, 5]) ** 2
+        total += (max(0.0, residual - rays[j, 4]) / rays[j, 5]) ** 2
         if wrong > outliers or total > limit:
             return False
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _is_near(poses: Array, count: int, x: Array, h: float, w: float, radius: float, angle: float) -> bool:
     """True if the box of half-widths h [m], w [rad] about x is within ``radius`` [m], ``angle`` [rad] of one pose."""
     for k in range(count):
@@ -184,7 +184,7 @@ def search(
     """Search for poses that explain ``rays`` and are not ``nearby`` ([m], [rad]) the ``estimate`` (3,).
 
     ``sizes`` (2, 2) [m, rad] are the half-widths of a box at which a pose in it is sought, and those at which it is
-    left as undecided; ``limits`` are how many poses are found and how many boxes are looked at, at most. Returns the
+    left as undecided; ``limits`` are how many poses are found and how many boxes are examined, at most. Returns the
     poses (k, 3), the number of undecided boxes, -1 where a limit ended the search, and that of all boxes.
     """
     polyline = wall[1]

@@ -1,4 +1,4 @@
-"""What the extended Kalman filters of a pose have in common: one Gaussian, conditioned on the rays of a reading.
+"""Common part of the extended Kalman filters of a pose: one Gaussian, conditioned on the rays of a reading.
 
 State, motion and errors are those of ``kalman_kernels``. Where the start is unknown a filter begins at the centre with
 the covariance of a pose that may be anywhere.

@@ -58,7 +58,7 @@ def spread(window: int) -> Array:
     return weights
 
 
-class Window:
+class FitWindow:
     """The last 2 m + 1 readings of ranges, and the inputs between them."""
 
     def __init__(self, window: int, sensors: int) -> None:

@@ -107,12 +107,12 @@ def innovated(
     return readings
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _tau(j: int, n: int) -> float:
     return (j - n // 2) / (n // 2)
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _polynomial(a: Array, tau: float) -> float:
     value = 0.0
     for k in range(len(a) - 1, -1, -1):
@@ -120,7 +120,7 @@ def _polynomial(a: Array, tau: float) -> float:
     return value
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _is_enough(samples: Array, terms: int) -> bool:
     """True if a quarter of either half is there, and enough for so many terms."""
     m = len(samples) // 2

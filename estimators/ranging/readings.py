@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array, Measurement
 
-TOO_LONG = 2.0  # times the longest distance within the wall: no ray of it reads that, whatever its noise
+TOO_LONG = 2.0  # times the longest distance within the wall: no ray reads that, whatever its noise
 TOO_FAST = 10.0  # times the robot's limits
 
 
@@ -21,7 +22,7 @@ def usable_ranges(measurements: Sequence[Measurement], sensors: int, longest: fl
     for reading in measurements:
         if reading.name == "ranges":
             if reading.value.shape != (sensors,):
-                raise ValueError(f"a reading of ranges has shape {reading.value.shape}; allowed: ({sensors},)")
+                raise ArgumentError(f"a reading of ranges has shape {reading.value.shape}; allowed: ({sensors},)")
             usable = (reading.value > 0.0) & (reading.value < TOO_LONG * longest)  # neither holds of NaN
             rho = np.where(usable, reading.value, np.nan)
     return rho

@@ -9,9 +9,10 @@ not. Where the start is unknown the filter begins at the centre with the covaria
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Gt
 
 from mathnavi.estimators.covariance import square_root
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
@@ -20,8 +21,7 @@ from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.models.unicycle.kernels import integrate_jacobians, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
-from mathnavi.sim.interfaces.bounds import Positive, Probability, configuration
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.bounds import FINITE, NonNegative, Positive, Probability, configuration
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
@@ -33,18 +33,14 @@ class RangeUkfConfig:
 
     alpha: Positive = 0.5
     """spread of the sigma points, of van der Merwe's scaled set"""
-    beta: float = 2.0
+    beta: NonNegative = 2.0
     """2 for a Gaussian"""
-    kappa: float = 0.0
+    kappa: Annotated[float, Gt(-STATES), FINITE] = 0.0
     """secondary scaling"""
     gate: Probability = 1e-4
     """probability with which a good range is refused"""
     timeout: Positive = 0.5
     """without a range after which the estimate is lost [s]"""
-
-    def __post_init__(self) -> None:
-        if not self.beta >= 0.0 or not self.kappa > -STATES:
-            raise FieldError(f"beta = {self.beta!r}, kappa = {self.kappa!r}; allowed: beta >= 0 and kappa > -{STATES}")
 
 
 class RangeUkf:
@@ -170,5 +166,5 @@ def _sum(x: Array, y: Array) -> Array:
 
 
 def _mean(sigmas: Array, weights: Array) -> Array:
-    """Of sigma points (2 n + 1, n); the headings relative to the first, around which they lie."""
+    """Mean of sigma points (2 n + 1, n); the headings relative to the first, around which they lie."""
     return _sum(sigmas[0], weights @ np.array([_difference(sigma, sigmas[0]) for sigma in sigmas]))

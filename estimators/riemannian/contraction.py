@@ -28,6 +28,7 @@ from scipy.linalg import eigh
 
 from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.models.manifold.two_point import TwoPoint
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -45,7 +46,7 @@ class SasakiMetric:
     def __post_init__(self) -> None:
         values = (self.a, self.b, self.c)
         if not (all(map(math.isfinite, values)) and self.a > 0.0 and self.a * self.b > self.c**2):
-            raise ValueError(f"(a, b, c) = {values!r}; allowed: a > 0 and a b > c^2")
+            raise ArgumentError(f"(a, b, c) = {values!r}; allowed: a > 0 and a b > c^2")
 
     def matrix(self, n: int) -> Array:
         """Matrix (2 n, 2 n) of the metric in an orthonormal frame."""

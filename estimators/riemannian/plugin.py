@@ -150,7 +150,7 @@ class _Intrinsic:
 
     @property
     def extra(self) -> dict[str, Array]:
-        """The distance between the last reading and what was predicted of it, the disturbance and the bandwidths."""
+        """The distance between the last reading and its prediction, the disturbance and the bandwidths."""
         delta = None if self._observer is None else self._observer.delta
         nothing = np.zeros(self._manifold.vector_size)
         found = {"innovation": np.array([self._distance]), "disturbance": nothing if delta is None else delta}

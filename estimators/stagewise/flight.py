@@ -28,9 +28,9 @@ class FlightModel:
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}
 
     @staticmethod
-    def of(config: KalmanConfig, mission: FlightMission) -> FlightModel:
+    def from_config(config: KalmanConfig, mission: FlightMission) -> FlightModel:
         """Model of the estimator ``kalman`` with a configuration."""
-        return FlightModel(mission, AxisModel.of(config, mission), first_covariance(config, mission))
+        return FlightModel(mission, AxisModel.from_config(config, mission), first_covariance(config, mission))
 
     @staticmethod
     def as_declared(mission: FlightMission) -> FlightModel:

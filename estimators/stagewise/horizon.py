@@ -21,7 +21,7 @@ from itertools import pairwise
 import numpy as np
 
 from mathnavi.estimators.stagewise.horizon_programme import HorizonProgramme
-from mathnavi.estimators.stagewise.model import Piece, Stage, StagewiseModel, advanced, residuals
+from mathnavi.estimators.stagewise.model import Piece, SmootherStage, StagewiseModel, advanced, residuals
 from mathnavi.estimators.stagewise.smoother import square_root
 from mathnavi.sim.interfaces.signals import Array
 
@@ -71,15 +71,15 @@ class MovingHorizon:
         """Begin anew at the next stage."""
         self._nodes = []
 
-    def add(self, stage: Stage) -> None:
+    def add(self, stage: SmootherStage) -> None:
         """Take in the next stage; solve for each of its readings.
 
         Raises LinAlgError, ArithmeticError or the model's own errors where its state leads nowhere.
         """
         for k, reading in enumerate(stage.readings or (None,)):
-            self._add(Stage(stage.t, () if k else stage.inputs, () if reading is None else (reading,)))
+            self._add(SmootherStage(stage.t, () if k else stage.inputs, () if reading is None else (reading,)))
 
-    def _add(self, stage: Stage) -> None:
+    def _add(self, stage: SmootherStage) -> None:
         if not self._nodes:
             started = self._model.start(stage.readings[0] if stage.readings else None)
             if started is None:
@@ -94,7 +94,7 @@ class MovingHorizon:
             self._nodes[-1].spread = self._spread(stage)
             self._solve()
 
-    def _append(self, stage: Stage) -> None:
+    def _append(self, stage: SmootherStage) -> None:
         last, inputs = self._nodes[-1], stage.inputs
         x, F, Q = advanced(self._model, last.x, inputs)
         self.P = F @ self.P @ F.T + Q
@@ -216,7 +216,7 @@ class MovingHorizon:
         root = np.sqrt(self._slope / np.maximum(size, self._slope))
         return root * r, root[:, np.newaxis] * W
 
-    def _spread(self, stage: Stage) -> Array:
+    def _spread(self, stage: SmootherStage) -> Array:
         _, W = residuals(self._model, self._nodes[-1].x, stage.readings)
         spread: Array = np.sqrt(1.0 + np.einsum("ij,jk,ik->i", W, self.P, W))
         return spread
@@ -229,7 +229,7 @@ class MovingHorizon:
             node.reached, node.F, node.Q = advanced(self._model, before.x, node.inputs)
 
     def _reached(self, node: _Node, before: _Node) -> Array:
-        """Where the state of the node before leads, to first order about that of the linearisation."""
+        """State to which that of the node before leads, to first order about that of the linearisation."""
         return self._model.sum(node.reached, node.F @ self._model.difference(before.x, node.at))
 
 

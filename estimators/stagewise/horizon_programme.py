@@ -17,7 +17,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from mathnavi.models.nlp_solver import NlpSolver, Outcome, StageStructure, fatrop_settings
+from mathnavi.models.nlp_solver import NlpSolver, SolverOutcome, StageStructure, fatrop_settings
 from mathnavi.sim.interfaces.signals import Array
 
 _TOLERANCE, _ITERATIONS = 1e-4, 50  # of deviations; dual errors below 1e-5 stay where a noise is nearly singular
@@ -61,7 +61,7 @@ class HorizonProgramme:
                 inputs[key][2 * d * (i + 1) : 2 * d * (i + 1) + d] = limits[i]
         report = self._solver.solve()
         found = self._solver.outputs["x"]
-        if report.outcome is not Outcome.CONVERGED or not np.isfinite(found).all():
+        if report.outcome is not SolverOutcome.CONVERGED or not np.isfinite(found).all():
             return None, report.message
         errors = np.stack([found[2 * d * (i + 1) : 2 * d * (i + 1) + d] for i in range(N)])
         return errors, report.message

@@ -46,7 +46,7 @@ class MissileModel:
         self._history = InputHistory(mission.input_delay, self._inputs)
 
     @staticmethod
-    def of(config: MissileKalmanConfig, mission: MissileMission) -> MissileModel:
+    def from_config(config: MissileKalmanConfig, mission: MissileMission) -> MissileModel:
         """Model of the estimator ``missile_kalman`` with a configuration."""
         noise = np.maximum(mission.noise.deviations(mission.coordinates), config.noise_floor)
         return MissileModel(

@@ -2,7 +2,7 @@
 
     x_{k+1} = f(x_k, u_k) + w_k,   w_k ~ N(0, Q_k),        y_k = h(x_k) + v_k,   v_k ~ N(0, R_k).
 
-A state x is a flat array, and may be a point of a manifold; an error e (d,) of it is added by ``sum``. A reading is
+A state x is a flat array, and may be a point of a manifold; its error e (d,) is added by ``sum``. A reading is
 taken whitened, to first order in e:
 
     R^{-1/2} (y - h(x + e)) = r - W e.
@@ -36,7 +36,7 @@ class StagewiseModel(Protocol):
         ...
 
     def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
-        """Inputs that act one after the other from ``begin`` to ``end`` [s]."""
+        """Inputs that act one after the other from ``begin`` to ``end`` [s]; ``command`` (nu,) was held."""
         ...
 
     def reading(self, measurement: Measurement) -> Array | None:
@@ -64,7 +64,7 @@ class StagewiseModel(Protocol):
         ...
 
     def extra(self, x: Array) -> Mapping[str, Array]:
-        """Further arrays of an ``Estimate``."""
+        """Further arrays of an ``Estimate`` at a state x (nx,)."""
         ...
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array | None]:
@@ -73,7 +73,7 @@ class StagewiseModel(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class SmootherStage:
     """A time with readings, and the inputs since the stage before."""
 
     t: float  # [s]
@@ -88,7 +88,7 @@ class StageBuilder:
         self._model = model
         self._t: float | None = None  # [s] of the last stage
 
-    def add(self, t: float, measurements: Sequence[Measurement], command: Array) -> list[Stage]:
+    def add(self, t: float, measurements: Sequence[Measurement], command: Array) -> list[SmootherStage]:
         """Stages of a call at t [s] with the readings since the last, ``command`` (nu,) held."""
         by_time: dict[float, list[Array]] = {}
         for measurement in measurements:
@@ -102,7 +102,7 @@ class StageBuilder:
             pieces: Sequence[Piece] = ()
             if self._t is not None and at > self._t + TIME_TOLERANCE:
                 pieces = self._model.inputs(self._t, at, measurements, command)
-            stages.append(Stage(at, tuple(pieces), tuple(by_time[at])))
+            stages.append(SmootherStage(at, tuple(pieces), tuple(by_time[at])))
             self._t = at
         return stages
 

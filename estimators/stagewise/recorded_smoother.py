@@ -15,7 +15,7 @@ from mathnavi.estimators.stagewise.model import StageBuilder, StagewiseModel
 from mathnavi.estimators.stagewise.smoother import SmoothedStates, batch_least_squares, rauch_tung_striebel
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.bounds import Probability, configuration
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.errors import ArgumentError, FieldError
 from mathnavi.sim.interfaces.protocols import Estimator, Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
@@ -52,7 +52,7 @@ class RecordedSmoother:
         smoothed = batch_least_squares if self._config.method == "batch" else rauch_tung_striebel
         self._states = smoothed(self._model, stages, self._config.gate)
         if not self._states.converged:
-            raise ValueError("method = 'batch' did not converge on this run; allowed: 'rts'")
+            raise ArgumentError("method = 'batch' did not converge on this run; allowed: 'rts'")
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate at t [s], whatever was read until then; that of the first stage, and initialising, before it."""
@@ -102,11 +102,11 @@ def model_of(plugin: Any) -> Any:
         if name == "Kalman":
             from mathnavi.estimators.stagewise.flight import FlightModel
 
-            return FlightModel.of
+            return FlightModel.from_config
         if name == "MissileKalman":
             from mathnavi.estimators.stagewise.missile import MissileModel
 
-            return MissileModel.of
+            return MissileModel.from_config
         if name in ("RangeEkf", "RangeUkf"):
             from mathnavi.estimators.stagewise.ranging import RangingModel
 
@@ -116,6 +116,6 @@ def model_of(plugin: Any) -> Any:
 
             return lambda config, mission: LagrangianModel(mission, config.acceleration, config.noise_floor)
     raise FieldError(
-        f"DIR was run with the estimator {name}; allowed: kalman, missile_kalman, range_ekf, range_ukf, "
+        f"the run was flown with the estimator {name}; allowed: kalman, missile_kalman, range_ekf, range_ukf, "
         "lagrangian_ekf, lagrangian_ukf, moving_horizon, or a plug-in with a stagewise_model"
     )

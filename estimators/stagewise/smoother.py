@@ -25,7 +25,8 @@ from scipy.sparse import block_diag, bmat, csc_matrix, identity
 from scipy.sparse.linalg import splu
 from scipy.special import chdtri
 
-from mathnavi.estimators.stagewise.model import Stage, StagewiseModel, advanced, residuals
+from mathnavi.estimators.stagewise.model import SmootherStage, StagewiseModel, advanced, residuals
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 _LASTING = 10  # readings in a row beyond the gate: then it is the filter that is off
@@ -48,14 +49,14 @@ class SmoothedStates:
 class _Forward:
     """A stage of the filter."""
 
-    stage: Stage
+    stage: SmootherStage
     before: tuple[Array, Array]  # x_k|k-1 and P_k|k-1
     after: tuple[Array, Array]  # x_k and P_k
     F: Array  # (d, d) from the stage before
     used: tuple[Array, ...]  # readings, NaN in place of outliers
 
 
-def rauch_tung_striebel(model: StagewiseModel, stages: Sequence[Stage], gate: float) -> SmoothedStates:
+def rauch_tung_striebel(model: StagewiseModel, stages: Sequence[SmootherStage], gate: float) -> SmoothedStates:
     """Smooth the stages of a run.
 
     A number of a reading is refused if its normalised innovation is one that a good reading exceeds with probability
@@ -80,7 +81,7 @@ def _backward(model: StagewiseModel, forward: Sequence[_Forward]) -> SmoothedSta
     return SmoothedStates(t, tuple(states[::-1]), tuple(covariances[::-1]))
 
 
-def batch_least_squares(model: StagewiseModel, stages: Sequence[Stage], gate: float) -> SmoothedStates:
+def batch_least_squares(model: StagewiseModel, stages: Sequence[SmootherStage], gate: float) -> SmoothedStates:
     """Batch least squares over the readings that ``rauch_tung_striebel`` uses, which is the first guess.
 
     Its covariances are those of the smoother. Errors as of ``rauch_tung_striebel``.
@@ -99,7 +100,7 @@ def batch_least_squares(model: StagewiseModel, stages: Sequence[Stage], gate: fl
     return SmoothedStates(guess.t, tuple(x), guess.P, converged=False)
 
 
-def _filtered(model: StagewiseModel, stages: Sequence[Stage], gate: float) -> list[_Forward]:
+def _filtered(model: StagewiseModel, stages: Sequence[SmootherStage], gate: float) -> list[_Forward]:
     limit, beyond = float(chdtri(1, gate)), np.zeros(model.rows, dtype=int)
     forward: list[_Forward] = []
     for stage in stages:
@@ -121,12 +122,12 @@ def _filtered(model: StagewiseModel, stages: Sequence[Stage], gate: float) -> li
             raise np.linalg.LinAlgError(f"the filter's covariance is not finite at {stage.t:g} s")
         forward.append(_Forward(stage, before, (x, P), F, tuple(used)))
     if not forward:
-        raise ValueError("no reading was recorded that the smoother could start at; allowed: a run with readings")
+        raise ArgumentError("no reading was recorded that the smoother could start at; allowed: a run with readings")
     return forward
 
 
 def _admitted(model: StagewiseModel, x: Array, P: Array, y: Array, limit: float, beyond: Array) -> Array:
-    """The reading with NaN for numbers beyond the gate, all of it where it is not read number by number."""
+    """The reading with NaN for numbers beyond the gate, or all NaN where it is not read number by number."""
     r, W = model.residual(x, y)
     squares = np.square(r) / (1.0 + np.einsum("ij,jk,ik->i", W, P, W))
     beyond[:] = np.where(squares > limit, beyond + 1, np.where(np.isnan(squares), beyond, 0))

@@ -58,7 +58,7 @@ class Immersion:
     g: Callable[[casadi.SX, casadi.SX], casadi.SX]  # (y (m,), u (p,)) -> (n,)
 
     @staticmethod
-    def of(system: System, poles: tuple[float, ...], order: int) -> Immersion:
+    def for_system(system: System, poles: tuple[float, ...], order: int) -> Immersion:
         """Immersion in which A has the eigenvalues ``poles`` [1/s].
 
         Raises ValueError for a system or for poles that do not fit.
@@ -83,7 +83,7 @@ class KazantzisKravaris:
         Raises ValueError for a system or for poles that do not fit.
         """
         system, n = mission.system, len(mission.system.states)
-        immersion = Immersion.of(system, config.poles, config.order)
+        immersion = Immersion.for_system(system, config.poles, config.order)
         T, A, g = immersion.T, casadi.DM(immersion.A), immersion.g
         x, u = casadi.SX.sym("x", n), casadi.SX.sym("u", len(system.inputs))
         y = casadi.SX.sym("y", len(system.outputs))

@@ -90,7 +90,7 @@ class SampledObserver:
 
 
 def _flow(law: ObserverLaw, mission: TextbookMission) -> Flow:
-    """Of (z, seconds since the beginning) with (u, coefficients of y) held."""
+    """Flow of (z, seconds since the beginning) with (u, coefficients of y) held."""
     p, m = len(mission.system.inputs), len(mission.system.outputs)
 
     def rate(state: casadi.SX, held: casadi.SX) -> casadi.SX:

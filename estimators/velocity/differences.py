@@ -3,7 +3,7 @@
     w_k = (y_k - y_{k-1}) / h,        v = Butterworth's low-pass of second order of w,
 
 y_k - y_{k-1} being the coordinates of y_k about y_{k-1}. Where readings are missing h is the whole time between those
-that are there, and the filter is given w once for each period of it. It filters the components of the vector as it is
+that are there, and the filter is given w once for each of its periods. It filters the components of the vector as it is
 stored, ambient on a curved space, where those in a frame would jump with it, and what is tangent of them is v.
 Positions are the newest reading, moved on with v while it is old, but not beyond the time after which it is lost.
 """
@@ -53,7 +53,7 @@ class Differences:
         self._gate, self._outlier_counter = SpeedGate(self._mission, y), OutlierCounter()
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
-        """Let h [s] pass."""
+        """Let h [s] pass under an input u (nu,)."""
         self._age += h
 
     def correct(self, y: Array, h: float) -> bool:
@@ -70,7 +70,7 @@ class Differences:
         return True
 
     def _filtered(self, w: Array, periods: int) -> Array:
-        """What the filter says at the end of so many periods of a difference w (vector_size,)."""
+        """Output of the filter at the end of so many periods of a difference w (vector_size,)."""
         if self._sos is None:
             return w
         out, self._memory = sosfilt(self._sos, np.tile(w, (periods, 1)), axis=0, zi=self._memory)

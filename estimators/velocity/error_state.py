@@ -114,7 +114,7 @@ class ErrorStateFilter:
         return True
 
     def _beyond(self, y: Array) -> bool:
-        """What becomes of a reading that has no coordinates: refused, but where that lasts the filter starts there."""
+        """Treat a reading that has no coordinates: refused, but where that lasts the filter starts there."""
         if not self._outlier_counter.admits(False):
             return False
         self.start(y)

@@ -73,7 +73,7 @@ def _rounding_variance(mission: LagrangianMission, y: Array) -> Array:
 
 
 class OutlierCounter:
-    """Counter that tells an outlier from what lasts."""
+    """Counter that distinguishes an outlier from what lasts."""
 
     def __init__(self) -> None:
         self._refused = 0  # in a row

@@ -68,7 +68,7 @@ class LagrangianUkf:
     def properties(config: LagrangianUkfConfig) -> ObserverProperties:
         """Table 2.1."""
         return filter_properties(
-            "as far as the sigma points tell the distribution; their mean, and so the estimate, is off by a bias of "
+            "as far as the sigma points represent the distribution; their mean, and so the estimate, has a bias of "
             "second order in the covariance"
         )
 

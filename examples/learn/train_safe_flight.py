@@ -42,14 +42,18 @@ OUTCOMES = ("arrived", "crashed", "off the map", "late")
 def features(observation: dict[str, np.ndarray]) -> np.ndarray:
     """(n, 46) of order 1, from observations of n missions."""
     velocity, target = turned(observation["velocity"], observation, -1.0), observation["target"]
-    away = np.hypot(target[:, 0], target[:, 1])[:, np.newaxis]
-    needed = away / np.maximum(observation["time_left"], 1.0)
-    heights = (observation["clearance"], observation["clearance_ahead"], observation["horizon"].reshape(len(away), -1))
+    distance = np.hypot(target[:, 0], target[:, 1])[:, np.newaxis]
+    needed = distance / np.maximum(observation["time_left"], 1.0)
+    heights = (
+        observation["clearance"],
+        observation["clearance_ahead"],
+        observation["horizon"].reshape(len(distance), -1),
+    )
     return np.concatenate(
         [
             velocity / 100.0,
-            np.log1p(away / 100.0) / 3.0,
-            np.tanh(away / 500.0),
+            np.log1p(distance / 100.0) / 3.0,
+            np.tanh(distance / 500.0),
             target[:, 2:] / 300.0,
             np.tanh(target[:, 2:] / 50.0),
             np.clip(needed / 100.0, 0.0, 3.0),
@@ -131,8 +135,8 @@ def made(count: int, seed: int, missions: int) -> Any:
 
 def straight(observation: dict[str, np.ndarray]) -> np.ndarray:
     """Actions (n, 3) that lead straight to the target at 150 m/s, whatever is in the way: what a policy has to beat."""
-    away = observation["target"]
-    ahead = 150.0 * turned(away, observation, -1.0) / np.linalg.norm(away, axis=1, keepdims=True)
+    offset = observation["target"]
+    ahead = 150.0 * turned(offset, observation, -1.0) / np.linalg.norm(offset, axis=1, keepdims=True)
     return np.clip(ahead / FASTEST, -1.0, 1.0)
 
 

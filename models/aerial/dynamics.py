@@ -6,7 +6,7 @@ held over a time h the motion is, exactly,
     p(h) = p + v h + u h^2 / 2,        v(h) = v + u h.
 
 The forward Euler step p + v h, as printed, leaves out u h^2 / 2: 56 m at a_max = 40 m/s^2 and h = 5/3 s. ``f`` and
-``F`` are CasADi functions, the rest is the same in numpy; the tests hold all of it against MuJoCo.
+``F`` are CasADi functions, the rest is the same in numpy; the tests hold everything against MuJoCo.
 """
 
 from __future__ import annotations

@@ -19,7 +19,14 @@ def arc_at(breaks: Array, t: float) -> int:
 
     A breakpoint belongs to the later arc.
     """
-    return int(np.searchsorted(breaks, t + TIME_TOLERANCE, side="right")) - 1
+    reached, first, end = t + TIME_TOLERANCE, 0, len(breaks)
+    while first < end:  # np.searchsorted takes long to compile
+        middle = (first + end) // 2
+        if reached < breaks[middle]:
+            end = middle
+        else:
+            first = middle + 1
+    return first - 1
 
 
 @njit(cache=True, nogil=True)

@@ -12,7 +12,7 @@ so |Delta|^2 is a quartic. It is least at an end of the interval or where the cu
 goes from negative to positive. As its leading coefficient is not negative, g rises up to the smaller root of g', a
 quadratic, and from the larger one on, and nowhere else has |Delta|^2 a minimum. On each of these two parts g has one
 root at most, which Newton's method finds in a bracket: no degree degenerates, and at a nearly double root of g, where
-|Delta|^2 hardly changes, the roots of g' are looked at too.
+|Delta|^2 hardly changes, the roots of g' are tried too.
 
 An interval is passed over where boxes suffice: Delta stays within the convex hull of C, C + B / 2 and C + B + A, so its
 distance from zero is at least that of their axis-aligned box. The whole plans have boxes as well.
@@ -32,6 +32,7 @@ import numpy as np
 from mathnavi.models.aerial.kernels import arc_at
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array, Plan
 
 Vector = tuple[float, float, float]
@@ -42,7 +43,7 @@ _RESOLUTION = 1e-15  # of s
 
 @dataclass(frozen=True, eq=False)
 class PlannedTrajectory:
-    """Trajectory of a plan, in read-only arrays of its own, with a box around all of it."""
+    """Trajectory of a plan, in read-only arrays of its own, with a box around the whole."""
 
     t: Array  # (K + 1,) [s] absolute, increasing
     x: Array  # (K + 1, 6) [m, m/s] map frame, states at t; K = 0 stands still
@@ -52,21 +53,21 @@ class PlannedTrajectory:
     speed: float  # [m/s] greatest
 
     @staticmethod
-    def of(plan: Plan | PlannedTrajectory) -> PlannedTrajectory:
-        """ValueError for a plan that is a failure, or whose arrays do not fit together or are not finite."""
+    def from_plan(plan: Plan | PlannedTrajectory) -> PlannedTrajectory:
+        """ArgumentError for a plan that is a failure, or whose arrays do not fit together or are not finite."""
         if isinstance(plan, PlannedTrajectory):
             return plan
         if not plan.ok:
-            raise ValueError(f"status = {plan.status.name}; allowed: OK")
+            raise ArgumentError(f"status = {plan.status.name}; allowed: OK")
         t, x, u = (np.array(values, dtype=np.float64, order="C") for values in (plan.t, plan.x, plan.u))
         arcs = t.size - 1
         if arcs < 0 or t.shape != (arcs + 1,) or x.shape != (arcs + 1, 6) or u.shape != (arcs, 3):
             shapes = f"t {t.shape}, x {x.shape}, u {u.shape}"
-            raise ValueError(f"{shapes}; allowed: (K + 1,), (K + 1, 6), (K, 3) with K >= 0")
+            raise ArgumentError(f"{shapes}; allowed: (K + 1,), (K + 1, 6), (K, 3) with K >= 0")
         if not (np.isfinite(t).all() and np.isfinite(x).all() and np.isfinite(u).all()):
-            raise ValueError("t, x or u is not finite; allowed: finite values")
+            raise ArgumentError("t, x or u is not finite; allowed: finite values")
         if not (np.diff(t) > 0.0).all():
-            raise ValueError("t does not increase; allowed: increasing times")
+            raise ArgumentError("t does not increase; allowed: increasing times")
         p, v, h = x[:, :3], x[:, 3:], np.diff(t)[:, np.newaxis]
         middle = p[:-1] + 0.5 * h * v[:-1]  # with both ends, its hull holds the arc
         hull = np.vstack([p, middle, middle + 0.5 * h * (v[:-1] + h * u)])
@@ -80,21 +81,21 @@ class PlannedTrajectory:
 def least_distance(plan_a: Plan | PlannedTrajectory, plan_b: Plan | PlannedTrajectory, t: float) -> float:
     """Least distance min |p_a(s) - p_b(s)| [m] over s in [t, infinity).
 
-    Raises ValueError for what ``PlannedTrajectory.of`` refuses.
+    Raises ValueError for what ``PlannedTrajectory.from_plan`` refuses.
     """
     check(t, "t", -math.inf)
-    a, b = PlannedTrajectory.of(plan_a), PlannedTrajectory.of(plan_b)
+    a, b = PlannedTrajectory.from_plan(plan_a), PlannedTrajectory.from_plan(plan_b)
     return math.sqrt(_least_squared(a.t, a.x, a.u, b.t, b.x, b.u, float(t), math.inf))
 
 
 def clear(plan_a: Plan | PlannedTrajectory, plan_b: Plan | PlannedTrajectory, distance: float, t: float) -> bool:
     """True if |p_a(s) - p_b(s)| >= distance [m] for all s in [t, infinity); no roots where boxes suffice.
 
-    ValueError for what ``PlannedTrajectory.of`` refuses and for a negative distance.
+    ValueError for what ``PlannedTrajectory.from_plan`` refuses and for a negative distance.
     """
     check(distance, "distance", 0.0)
     check(t, "t", -math.inf)
-    a, b = PlannedTrajectory.of(plan_a), PlannedTrajectory.of(plan_b)
+    a, b = PlannedTrajectory.from_plan(plan_a), PlannedTrajectory.from_plan(plan_b)
     squared = float(distance) * float(distance)
     gap = np.maximum(np.maximum(a.low - b.high, b.low - a.high), 0.0)
     if gap @ gap > squared * (1.0 + 1e-9):  # rounding of a box decides nothing
@@ -102,7 +103,7 @@ def clear(plan_a: Plan | PlannedTrajectory, plan_b: Plan | PlannedTrajectory, di
     return bool(_least_squared(a.t, a.x, a.u, b.t, b.x, b.u, float(t), squared) >= squared)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def _dot(a: Vector, b: Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
@@ -127,7 +128,7 @@ def _motion(breaks: Array, x: Array, u: Array, k: int, t: float) -> tuple[Vector
     return p, (v[0] + s * a[0], v[1] + s * a[1], v[2] + s * a[2]), a
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def _box_squared(C: Vector, B: Vector, A: Vector) -> float:
     """Squared distance of zero from the box around the hull of C + B s + A s^2, 0 <= s <= 1."""
     total = 0.0
@@ -146,7 +147,7 @@ def _rate(C: Vector, B: Vector, A: Vector, s: float) -> tuple[float, float]:
     return _dot(delta, slope), _dot(slope, slope) + 2.0 * _dot(A, delta)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def _least_where_rising(C: Vector, B: Vector, A: Vector, low: float, high: float) -> float:
     """Least |Delta|^2 on [low, high], where g rises: at the one root of g, or at an end."""
     here, there = _at(C, B, A, low), _at(C, B, A, high)
@@ -171,7 +172,7 @@ def _least_where_rising(C: Vector, B: Vector, A: Vector, low: float, high: float
     return min(least, _dot(met, met))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(inner=True, nogil=True, error_model="numpy")
 def _least_on_interval(C: Vector, B: Vector, A: Vector) -> float:
     """Least |C + B s + A s^2|^2 over 0 <= s <= 1."""
     c0, c1, c2 = _dot(B, B) + 2.0 * _dot(C, A), 6.0 * _dot(A, B), 6.0 * _dot(A, A)  # of g'

@@ -15,7 +15,7 @@ import casadi
 import numpy as np
 
 from mathnavi.models.field.kernels import WallShape, cast_rays, is_inside
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.errors import ArgumentError, FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 Coefficients = tuple[tuple[float, float, float, float], ...]
@@ -23,7 +23,7 @@ Coefficients = tuple[tuple[float, float, float, float], ...]
 POINTS = 512  # of the polyline
 _CHECKED = 256  # points at which a curve is held to be simple
 _LARGEST = 1e6  # [m]
-_MOST_TURNS = 12  # order of rotational symmetry that is looked for
+_MOST_TURNS = 12  # order of rotational symmetry that is tried
 _SAME = 1e-9  # of the size of the curve: two of its Fourier coefficients are the same
 
 
@@ -40,17 +40,21 @@ class Curve:
     def __post_init__(self) -> None:
         table = np.array(self.coefficients, dtype=np.float64)
         if table.ndim != 2 or table.shape[0] < 2 or table.shape[1] != 4:
-            raise ValueError(f"{self.name}: coefficients of shape {table.shape}; allowed: (K + 1, 4) with K >= 1")
+            raise ArgumentError(f"{self.name}: coefficients of shape {table.shape}; allowed: (K + 1, 4) with K >= 1")
         if not (np.isfinite(table).all() and np.abs(table).max() <= _LARGEST):
-            raise ValueError(f"{self.name}: coefficients = {table.tolist()}; allowed: finite ones up to {_LARGEST:g}")
+            raise ArgumentError(
+                f"{self.name}: coefficients = {table.tolist()}; allowed: finite ones up to {_LARGEST:g}"
+            )
         s = np.linspace(0.0, 2.0 * math.pi, 4 * POINTS)
         speed, change = (np.linalg.norm(values, axis=1) for values in (self.tangent(s), self.second_derivative(s)))
         if speed.min() <= change.max() * s[1]:  # it may vanish in between
-            raise ValueError(f"{self.name}: the curve stands still or has a cusp; allowed: a regular curve")
+            raise ArgumentError(f"{self.name}: the curve stands still or has a cusp; allowed: a regular curve")
         if crossing := _crossing(self.points(np.linspace(0.0, 2.0 * math.pi, _CHECKED, endpoint=False))):
-            raise ValueError(f"{self.name}: the curve crosses itself near {crossing}; allowed: a simple curve")
+            raise ArgumentError(f"{self.name}: the curve crosses itself near {crossing}; allowed: a simple curve")
         if self.area <= 0.0:
-            raise ValueError(f"{self.name}: the curve runs clockwise; allowed: counter-clockwise, so negate every b_k")
+            raise ArgumentError(
+                f"{self.name}: the curve runs clockwise; allowed: counter-clockwise, so negate every b_k"
+            )
 
     # ---- the curve
 
@@ -125,14 +129,14 @@ class Curve:
     def draw(self, rng: np.random.Generator, margin: float = 0.0) -> Array:
         """Draw a pose (3,) [m, m, rad], uniform over the points within that keep ``margin`` [m], and over headings.
 
-        Raises ValueError if there seems to be no such point.
+        Raises ArgumentError if there seems to be no such point.
         """
         low, high = self.polyline.min(axis=0), self.polyline.max(axis=0)
         for _ in range(10_000):
             p = rng.uniform(low, high)
             if self.contains(p, margin):
                 return np.array([*p, rng.uniform(-math.pi, math.pi)])
-        raise ValueError(f"{self.name}: no point keeps {margin!r} m from the wall; allowed: a smaller margin")
+        raise ArgumentError(f"{self.name}: no point keeps {margin!r} m from the wall; allowed: a smaller margin")
 
     # ---- symmetry
 
@@ -206,7 +210,7 @@ def _fixed(array: Array) -> Array:
 
 
 def _crossing(points: Array) -> str:
-    """Where a closed polygon crosses itself, or ""."""
+    """Place where a closed polygon crosses itself, or ""."""
     n = len(points)
     a, b = points, np.roll(points, -1, axis=0)
     d = b - a

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.sparse.csgraph import shortest_path
 
 from mathnavi.sim.interfaces.checks import check, check_names
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.errors import ArgumentError, FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -54,18 +54,18 @@ class Graph:
     def __post_init__(self) -> None:
         names = check_names(self.names)
         if not names:
-            raise ValueError("names = []; allowed: at least one")
+            raise ArgumentError("names = []; allowed: at least one")
         weights = np.array(self.weights, dtype=np.float64)
         if weights.shape != (len(names), len(names)):
-            raise ValueError(
+            raise ArgumentError(
                 f"weights of shape {weights.shape}; allowed: {(len(names), len(names))}, a row and a column a vehicle"
             )
         for l, m in zip(*np.nonzero(~(np.isfinite(weights) & (weights >= 0.0))), strict=True):  # noqa: E741
-            raise ValueError(f"{_entry(names, l, m)} = {float(weights[l, m])!r}; allowed: a finite value >= 0")
+            raise ArgumentError(f"{_entry(names, l, m)} = {float(weights[l, m])!r}; allowed: a finite value >= 0")
         for m in np.flatnonzero(np.diag(weights)):
-            raise ValueError(f"{_entry(names, m, m)} = {float(weights[m, m])!r}; allowed: 0, no self-loop")
+            raise ArgumentError(f"{_entry(names, m, m)} = {float(weights[m, m])!r}; allowed: 0, no self-loop")
         for l, m in zip(*np.nonzero(weights != weights.T), strict=True):  # noqa: E741
-            raise ValueError(
+            raise ArgumentError(
                 f"{_entry(names, l, m)} = {float(weights[l, m])!r} and {_entry(names, m, l)} = "
                 f"{float(weights[m, l])!r}; allowed: equal, for the graph is undirected"
             )
@@ -76,7 +76,7 @@ class Graph:
     # ---- graphs of a kind
 
     @staticmethod
-    def of(names: Sequence[str], edges: Mapping[tuple[str, str], float]) -> Graph:
+    def from_edges(names: Sequence[str], edges: Mapping[tuple[str, str], float]) -> Graph:
         """Graph with the edges (l, m): a_lm.
 
         Raises FieldError for an end that is no name.
@@ -92,7 +92,7 @@ class Graph:
     @staticmethod
     def line(names: Sequence[str], weight: float = 1.0) -> Graph:
         """Graph in which each vehicle hears the next."""
-        return Graph.of(names, dict.fromkeys(pairwise(names), weight))
+        return Graph.from_edges(names, dict.fromkeys(pairwise(names), weight))
 
     @staticmethod
     def ring(names: Sequence[str], weight: float = 1.0) -> Graph:
@@ -102,12 +102,12 @@ class Graph:
         """
         if len(names) < 3:
             raise FieldError(f"names = {list(names)!r}; allowed in a ring: at least 3")
-        return Graph.of(names, dict.fromkeys(pairwise([*names, names[0]]), weight))
+        return Graph.from_edges(names, dict.fromkeys(pairwise([*names, names[0]]), weight))
 
     @staticmethod
     def complete(names: Sequence[str], weight: float = 1.0) -> Graph:
         """Graph in which each vehicle hears every other."""
-        return Graph.of(names, dict.fromkeys(combinations(names, 2), weight))
+        return Graph.from_edges(names, dict.fromkeys(combinations(names, 2), weight))
 
     @staticmethod
     def random_connected(
@@ -127,7 +127,7 @@ class Graph:
             drawn, weight = rng.random() < chance, float(rng.uniform(least, most))
             if drawn or pair in tree or pair[::-1] in tree:
                 edges[pair] = weight
-        return Graph.of(names, edges)
+        return Graph.from_edges(names, edges)
 
     # ---- what it is
 
@@ -167,12 +167,14 @@ class Graph:
     def checked_connected(self) -> Graph:
         """Return the graph.
 
-        Raises ValueError if it is not connected, naming whom the first vehicle does not reach.
+        Raises ArgumentError if it is not connected, naming whom the first vehicle does not reach.
         """
         if not self.connected:
             apart = [name for name, far in zip(self.names, self.hops[0], strict=True) if not math.isfinite(far)]
-            raise ValueError(f"the graph is not connected: no way from {self.names[0]} to {', '.join(apart)}; allowed: "
-                             "a way between any two vehicles, or they do not agree")  # fmt: skip
+            raise ArgumentError(
+                f"the graph is not connected: no way from {self.names[0]} to {', '.join(apart)}; allowed: a way "
+                "between any two vehicles, or they do not agree"
+            )
         return self
 
     def neighbours(self, name: str) -> tuple[str, ...]:

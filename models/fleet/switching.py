@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from mathnavi.models.fleet.graph import Graph, Node
+from mathnavi.sim.interfaces.errors import ArgumentError
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,18 +28,20 @@ class Switching:
         pieces = tuple((float(begin), graph) for begin, graph in self.pieces)
         object.__setattr__(self, "pieces", pieces)
         if not pieces:
-            raise ValueError("pieces = []; allowed: at least one")
+            raise ArgumentError("pieces = []; allowed: at least one")
         begins = [begin for begin, _ in pieces]
         if not all(map(math.isfinite, begins)) or any(later <= earlier for earlier, later in pairwise(begins)):
-            raise ValueError(f"begin = {begins!r}; allowed: finite and increasing")
+            raise ArgumentError(f"begin = {begins!r}; allowed: finite and increasing")
         first = pieces[0][1]
         for begin, graph in pieces:
             if graph.names != first.names:
-                raise ValueError(f"names = {list(graph.names)!r} from {begin:g} s on; allowed: {list(first.names)!r}")
+                raise ArgumentError(
+                    f"names = {list(graph.names)!r} from {begin:g} s on; allowed: {list(first.names)!r}"
+                )
         for begin, graph in pieces:
             both = (graph.weights > 0.0) & (self.union.weights != graph.weights)
             for row, column in zip(*np.nonzero(both), strict=True):
-                raise ValueError(
+                raise ArgumentError(
                     f"weights[{first.names[row]}, {first.names[column]}] = {float(graph.weights[row, column])!r} from "
                     f"{begin:g} s on and {float(self.union.weights[row, column])!r} at another time; allowed: one "
                     "weight wherever the edge is there"

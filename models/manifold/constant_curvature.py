@@ -10,10 +10,10 @@ import numpy as np
 from mathnavi.models.manifold import kernels
 from mathnavi.models.manifold.manifold import CutLocusError, unrounded
 from mathnavi.sim.interfaces.bounds import Condition, configuration
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.errors import ArgumentError, FieldError
 from mathnavi.sim.interfaces.signals import Array
 
-_OFF = 1e-6  # of |<p, p> - kappa| that is rounding, a float's at the worst
+_ROUNDING = 1e-6  # of |<p, p> - kappa| that is rounding, a float's at the worst
 
 
 @configuration
@@ -63,17 +63,17 @@ class ConstantCurvature:
     def check(self, p: Array) -> Array:
         """Project p (size,) back onto the space from where rounding has put it.
 
-        Raises ValueError for another shape, for numbers that are not finite, and for a point off the space.
+        Raises ArgumentError for another shape, for numbers that are not finite, and for a point off the space.
         """
         point = np.asarray(p, dtype=np.float64)
         if point.shape != (self.size,) or not np.isfinite(point).all():
-            raise ValueError(f"point = {np.asarray(p).tolist()}; allowed on {self.name}: {self.size} finite numbers")
+            raise ArgumentError(f"point = {np.asarray(p).tolist()}; allowed on {self.name}: {self.size} finite numbers")
         square = kernels.inner(self.kappa, point, point)
         scale = max(1.0, kernels.inner(1.0, point, point))
-        near = abs(square - self.kappa) <= _OFF * scale < math.inf
+        near = abs(square - self.kappa) <= _ROUNDING * scale < math.inf
         if self.kappa and (not near or (self.kappa < 0.0 and point[0] <= 0.0)):
             sheet = ", p_0 > 0" if self.kappa < 0.0 else ""
-            raise ValueError(
+            raise ArgumentError(
                 f"point = {point.tolist()} is off {self.name}: <p, p> = {square:.9g}; allowed: {self.kappa:g}{sheet}"
             )
         return self.project(point)

@@ -108,5 +108,5 @@ def transport(k: float, p: Array, q: Array, w: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def curvature(k: float, eta: Array, G: Array) -> Array:
-    """R = I(R(., G)) (eta) = k (<eta, G> eta - |eta|^2 G), the curvature term of (D.6) by (D.13)."""
+    """R (n,) = I(R(., G)) (eta) = k (<eta, G> eta - |eta|^2 G), the curvature term of (D.6) by (D.13); eta, G (n,)."""
     return k * (inner(k, eta, G) * eta - inner(k, eta, eta) * G)

@@ -57,7 +57,7 @@ class ManifoldPositionSensor:
 
 @dataclass(frozen=True)
 class StateSensor:
-    """Reads "full_state", (x, v) without error: what no encoder tells, to compare with."""
+    """Reads "full_state", (x, v) without error: what no encoder measures, to compare with."""
 
     size: int
     rate: float | None  # [Hz]

@@ -48,7 +48,7 @@ class FloatingBase:
     radii: tuple[float, ...]  # [m] of the feet, 0 of those that do not roll
 
     @staticmethod
-    def of(model: mujoco.MjModel) -> FloatingBase:
+    def from_model(model: mujoco.MjModel) -> FloatingBase:
         """The base of a model. Raises FieldError for one without a base or without its IMU."""
         free = np.flatnonzero(model.jnt_type == FREE)
         if free.tolist() != [0]:

@@ -24,6 +24,7 @@ import mujoco
 import numpy as np
 
 from mathnavi.models.mechanism import kernels
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.joint_states import BALL, FREE, SLIDE, quaternions, with_unit_quaternions
 from mathnavi.sim.interfaces.signals import Array
 
@@ -81,11 +82,11 @@ class MechanismManifold:
     def check(self, p: Array) -> Array:
         """Return p (nq,) with its quaternions normalised.
 
-        Raises ValueError for another shape, and for numbers that are not finite or no unit quaternion.
+        Raises ArgumentError for another shape, and for numbers that are not finite or no unit quaternion.
         """
         point = np.asarray(p, dtype=np.float64)
         if point.shape != (self.size,) or not np.isfinite(point).all():
-            raise ValueError(f"point = {point.tolist()}; allowed on {self.name}: {self.size} finite numbers")
+            raise ArgumentError(f"point = {point.tolist()}; allowed on {self.name}: {self.size} finite numbers")
         return with_unit_quaternions(np.ascontiguousarray(point), self._quaternions, "point")
 
     def exp(self, p: Array, w: Array) -> Array:
@@ -171,7 +172,7 @@ class MechanismManifold:
 def checked(model: mujoco.MjModel) -> mujoco.MjModel:
     """A copy of a model of slides, hinges, balls and free joints.
 
-    Raises ValueError, which names all that is not allowed: no joints, armature that depends on the configuration (of
+    Raises ArgumentError, which names all that is not allowed: no joints, armature that depends on the configuration (of
     tendons, or of actuators that move anything but a slide or a hinge), or a mass matrix that is not positive definite
     at qpos0. Equality constraints are forces, no part of the metric.
     """
@@ -190,7 +191,7 @@ def checked(model: mujoco.MjModel) -> mujoco.MjModel:
     if not found and not _is_positive(mass_matrix(model, mujoco.MjData(model))):
         found = ["a mass matrix that is not positive definite at qpos0"]
     if found:
-        raise ValueError(f"model = one with {', '.join(found)}; allowed: joints, each of which moves mass")
+        raise ArgumentError(f"model = one with {', '.join(found)}; allowed: joints, each of which moves mass")
     return copy.copy(model)
 
 

@@ -44,7 +44,7 @@ class Mechanism(NamedTuple):
     balls: NDArray[np.int64]  # where ball joints have their first velocity
 
 
-@njit(cache=True)
+@njit(inner=True)
 def contiguous(a: Array, size: int) -> Array:
     """Copy a (size,) into a contiguous array, as C expects it.
 
@@ -97,7 +97,7 @@ def bias(at: Mechanism, v: Array) -> Array:
     return c
 
 
-@njit(cache=True)
+@njit(inner=True)
 def solve_mass(at: Mechanism, c: Array) -> Array:
     """Solve M w = c (nv,) for w (nv,), at the current configuration."""
     w = np.empty(len(c))

@@ -3,7 +3,7 @@
 from typing import Literal
 
 MechanismName = Literal["rigid-body", "cart-pendulum", "two-link", "seven-joint"]
-"""Mechanisms with a torque motor on each joint, or about each axis of it."""
+"""Mechanisms with a torque motor on each joint, or about each of its axes."""
 
 ServoArmName = Literal["servo-six", "servo-seven", "servo-gripper"]
 """Arms with stiff position servos, joint limits, damping, armature and friction, as industrial robots have them."""

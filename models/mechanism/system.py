@@ -16,7 +16,7 @@ from mathnavi.models.mechanism.floating_base import FloatingBase
 from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.models.mechanism.implicit_step import ImplicitStep, needs_implicit_step
 from mathnavi.sim.interfaces.checks import check
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.errors import ArgumentError, FieldError
 from mathnavi.sim.interfaces.joint_states import HINGE, SLIDE, state_names
 from mathnavi.sim.interfaces.signals import Array
 
@@ -49,7 +49,9 @@ class MechanismSystem:
             "flexible parts": model.nflex > 0,
         }
         if found := [what for what, is_so in wrong.items() if is_so]:
-            raise ValueError(f"model = one with {', '.join(found)}; allowed: actuators without dynamics of their own")
+            raise ArgumentError(
+                f"model = one with {', '.join(found)}; allowed: actuators without dynamics of their own"
+            )
         self._model = copy.copy(model)
         self._data = mujoco.MjData(self._model)
         self._at = forces.actuated(self._model, self._data)
@@ -97,7 +99,7 @@ class MechanismSystem:
     @property
     def floating_base(self) -> FloatingBase:
         """The base that nothing holds, with its IMU. Raises FieldError where there is none."""
-        return FloatingBase.of(self._model)
+        return FloatingBase.from_model(self._model)
 
     def affine_inputs(self) -> AffineInputLaw | None:
         """Inputs by the actuators' transmission and bias; None where all are motors, whose controls are forces.

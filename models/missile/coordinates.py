@@ -29,6 +29,7 @@ from mathnavi.models.missile.dynamics import (
     spatial_dynamics,
 )
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array, Integers, Plan
 
 STEP = 0.005
@@ -186,7 +187,7 @@ def _places(names: tuple[str, ...], among: tuple[str, ...]) -> Integers:
 def _spread(values: Array, places: Integers, size: int) -> Array:
     """Values (..., k) at their places among ``size``, zeros elsewhere."""
     if values.shape[-1] != len(places):
-        raise ValueError(f"an array has shape {values.shape}; allowed: {len(places)} in its last dimension")
+        raise ArgumentError(f"an array has shape {values.shape}; allowed: {len(places)} in its last dimension")
     spread: Array = np.zeros((*values.shape[:-1], size))
     spread[..., places] = values
     return spread

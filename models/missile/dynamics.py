@@ -26,7 +26,7 @@ and with g_b = R' (0, 0, g) = g (-sin theta cos psi, sin theta sin psi, cos thet
 
     (u, v, w)' = F / m - omega x (u, v, w) + g_b,   (x_e, y_e, z_e)' = R (u, v, w).
 
-At psi = r = v = y_e = 0 and F_y = N = 0 that is the pitch plane. The tests hold all of it against MuJoCo.
+At psi = r = v = y_e = 0 and F_y = N = 0 that is the pitch plane. The tests hold everything against MuJoCo.
 """
 
 from __future__ import annotations

@@ -84,7 +84,7 @@ def flow(x: Array, u: Array, dt: float, numbers: Numbers, step: float) -> Array:
 
 @njit(cache=True, nogil=True)
 def states_on(t: Array, x: Array, u: Array, times: Array, numbers: Numbers, step: float) -> Array:
-    """The states (m, 10) at ``times`` (m,) of arcs that start at t (K + 1,) from x (K + 1, 10) with inputs u (K, 5).
+    """States (m, 10) at ``times`` (m,) [s] of arcs from t (K + 1,) [s], x (K + 1, 10) with inputs u (K, 5) [N, N m].
 
     Before the first arc it is its first state; the last arc goes on after its end.
     """

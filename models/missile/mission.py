@@ -64,7 +64,7 @@ class Case:
 def running_cost(
     weights: Sequence[Any], body: Body, velocity: Sequence[Any], force: Sequence[Any], moments: Any
 ) -> Any:
-    """L of ``Case``, the one statement of it, for numbers, arrays or CasADi expressions.
+    """L of ``Case``, stated once, for numbers, arrays or CasADi expressions.
 
     ``weights`` are (a_x, a_z, b, k), ``velocity`` (u, v, w) [m/s] and ``force`` (F_x, F_y, F_z) [N] are along the axes
     of the body, and ``moments`` is M^2 + N^2 [N^2 m^2].

@@ -36,7 +36,7 @@ class MissionFrame:
     azimuth: int = 0  # [deg] to the left
 
     @staticmethod
-    def of(heading: float, start: Point, target: Point, aspect_angle: float, *, planar: bool) -> MissionFrame:
+    def for_flight(heading: float, start: Point, target: Point, aspect_angle: float, *, planar: bool) -> MissionFrame:
         """The frame of a level start at ``heading`` [deg] to the left; places are those of the world.
 
         The target is hit at ``aspect_angle`` [deg] over the horizontal and azimuth 0. A ``planar`` flight keeps x, z.

@@ -46,6 +46,8 @@ _STEP = 1.0 / 300.0  # [s] at most, of ``flow``
 _Diagonal = Annotated[tuple[float, float, float], Condition(lambda values: len(values) == 3, "three numbers")]
 PositiveDiagonal = Annotated[_Diagonal, Each(Gt(0.0), FINITE)]
 NonNegativeDiagonal = Annotated[_Diagonal, Each(Ge(0.0), FINITE)]
+INERTIA = Condition(lambda J: 2.0 * max(J) <= sum(J), "none greater than the two others together")
+"""moments of inertia that a body can have"""
 
 
 @configuration
@@ -53,7 +55,7 @@ class Quadrotor:
     """The parameters: of the vehicle that flies, or of the one that a controller believes to fly."""
 
     mass: Positive = 1.2  # [kg] m
-    inertia: PositiveDiagonal = (0.0115, 0.0115, 0.0205)  # [kg m^2] the diagonal of J
+    inertia: Annotated[PositiveDiagonal, INERTIA] = (0.0115, 0.0115, 0.0205)  # [kg m^2] the diagonal of J
     arm: Positive = 0.2  # [m] from the centre to a hub
     moment_ratio: Positive = 0.016  # [m] kappa
     thrust_max: Positive = 9.0  # [N] of each rotor; a rotor cannot pull down
@@ -62,8 +64,6 @@ class Quadrotor:
     gravity: Positive = 9.81  # [m/s^2] g
 
     def __post_init__(self) -> None:
-        if 2.0 * max(self.inertia) > sum(self.inertia):
-            raise FieldError(f"inertia = {self.inertia!r}; allowed: none greater than the two others together")
         if ROTOR_COUNT * self.thrust_max <= self.mass * self.gravity:
             raise FieldError(
                 f"thrust_max = {self.thrust_max!r} does not lift mass = {self.mass!r} kg; "

@@ -257,6 +257,7 @@ def read_hgt(path: str | Path) -> Raster:
 
 
 def existing(path: str | Path) -> Path:
+    """The path of a file that is there; FileNotFoundError otherwise."""
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file")
@@ -264,6 +265,7 @@ def existing(path: str | Path) -> Path:
 
 
 def positive(name: str, value: float, unit: str) -> float:
+    """The value as a float; TerrainError unless it is finite and above 0."""
     if not (math.isfinite(value) and value > 0.0):
         raise TerrainError(f"{name} is {value} {unit}; allowed: a finite number above 0")
     return float(value)

@@ -89,7 +89,7 @@ def _placed(dataset: Any, columns: Array, rows: Array) -> Array:
 
 
 def _true_to_scale(dataset: Any) -> bool:
-    """Whether the projection keeps lengths, up to STRETCH, at the picture's centre and corners."""
+    """True if the projection keeps lengths, up to STRETCH, at the picture's centre and corners."""
     from rasterio.warp import transform
 
     metre = dataset.crs.linear_units_factor[1]

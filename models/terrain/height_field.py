@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from mathnavi.models.terrain import kernels
 from mathnavi.models.terrain.kernels import Booleans, arc_clearance
 from mathnavi.sim.interfaces.checks import plain_name
-from mathnavi.sim.interfaces.errors import FieldError, TerrainError
+from mathnavi.sim.interfaces.errors import ArgumentError, FieldError, TerrainError
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table
 from mathnavi.sim.interfaces.signals import Array
 
@@ -156,7 +156,7 @@ class HeightField:
         p, v, a = _rows("p", p), _rows("v", v), _rows("a", a)
         times = np.array(duration, dtype=np.float64, order="C")
         if not times.shape == p.shape[:1] == v.shape[:1] == a.shape[:1]:
-            raise ValueError(
+            raise ArgumentError(
                 f"p {p.shape}, v {v.shape}, a {a.shape} and duration {times.shape} disagree on the number of arcs"
             )
         result: Array = kernels.path_clearance(self.z, self.spacing, p, v, a, times)
@@ -180,13 +180,13 @@ class HeightField:
 
         Every node is raised by vertical + horizontal * G, G the steepest triangle in the (2n + 2) x (2n + 2) cells
         around the node, n = ceil(horizontal / spacing), at least 1. The corners of a triangle then agree on the (2n +
-        1) x (2n + 1) cells around its cell, which contain every point within n spacings. Raises ValueError for a
+        1) x (2n + 1) cells around its cell, which contain every point within n spacings. Raises ArgumentError for a
         negative margin.
         """
         if not (math.isfinite(horizontal) and horizontal >= 0.0):
-            raise ValueError(f"horizontal is {horizontal} m; allowed: a finite number of at least 0")
+            raise ArgumentError(f"horizontal is {horizontal} m; allowed: a finite number of at least 0")
         if not (math.isfinite(vertical) and vertical >= 0.0):
-            raise ValueError(f"vertical is {vertical} m; allowed: a finite number of at least 0")
+            raise ArgumentError(f"vertical is {vertical} m; allowed: a finite number of at least 0")
         east, north = np.diff(self.z, axis=1), np.diff(self.z, axis=0)
         below_diagonal = np.hypot(east[:-1], north[:, 1:])
         above_diagonal = np.hypot(east[1:], north[:, :-1])
@@ -210,12 +210,12 @@ class HeightField:
 def _vector(name: str, value: ArrayLike) -> Array:
     vector = np.array(value, dtype=np.float64, order="C")
     if vector.shape != (3,):
-        raise ValueError(f"{name} has shape {vector.shape}; allowed: (3,)")
+        raise ArgumentError(f"{name} has shape {vector.shape}; allowed: (3,)")
     return vector
 
 
 def _rows(name: str, value: ArrayLike) -> Array:
     rows = np.array(value, dtype=np.float64, order="C")
     if rows.ndim != 2 or rows.shape[1] != 3:
-        raise ValueError(f"{name} has shape {rows.shape}; allowed: (n, 3)")
+        raise ArgumentError(f"{name} has shape {rows.shape}; allowed: (n, 3)")
     return rows

@@ -3,37 +3,29 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Interval
 from numpy.typing import ArrayLike
 
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.kernels import Booleans
-from mathnavi.sim.interfaces.errors import MissionError
+from mathnavi.sim.interfaces.bounds import FINITE, TWO_FINITE_NUMBERS, Finite, Positive, configuration
+from mathnavi.sim.interfaces.errors import ArgumentError, FieldError, MissionError
 from mathnavi.sim.interfaces.signals import Array
 
 
-@dataclass(frozen=True)
+@configuration(prefix="radar: ")
 class Radar:
     """A radar on a mast. The larger its ``weight``, the higher a planner sets the costs c_ij in its sight."""
 
-    x: float  # [m] east, map frame
-    y: float  # [m] north, map frame
-    radius: float  # [m] of the sphere around its antenna
-    weight: float
-    mast: float = 10.0  # [m] height of the antenna above the ground
-
-    def __post_init__(self) -> None:
-        for name in ("x", "y", "radius", "weight", "mast"):
-            value = getattr(self, name)
-            if not math.isfinite(value):
-                raise ValueError(f"radar: {name} is {value}; allowed: a finite number")
-        if self.radius <= 0.0:
-            raise ValueError(f"radar: radius is {self.radius} m; allowed: a number above 0")
-        for name in ("weight", "mast"):
-            if not 0.0 <= getattr(self, name) <= 1e6:
-                raise ValueError(f"radar: {name} is {getattr(self, name)}; allowed: a number from 0 to 1e6")
+    x: Finite  # [m] east, map frame
+    y: Finite  # [m] north, map frame
+    radius: Positive  # [m] of the sphere around its antenna
+    weight: Annotated[float, Interval(ge=0.0, le=1e6), FINITE]
+    mast: Annotated[float, Interval(ge=0.0, le=1e6), FINITE] = 10.0  # [m] height of the antenna above the ground
 
     def position(self, terrain: HeightField) -> Array:
         """Position (3,) [m] of the antenna on ``terrain``, map frame.
@@ -50,31 +42,29 @@ class Radar:
     def exposed(self, terrain: HeightField, points: ArrayLike) -> Booleans:
         """True (n,) where points (n, 3) [m] are within the radius and in line of sight.
 
-        Raises ValueError for another shape.
+        Raises ArgumentError for another shape.
         """
         antenna = self.position(terrain)
         positions = np.asarray(points, dtype=np.float64)
         if positions.ndim != 2 or positions.shape[1] != 3:
-            raise ValueError(f"points has shape {positions.shape}; allowed: (n, 3)")
+            raise ArgumentError(f"points has shape {positions.shape}; allowed: (n, 3)")
         exposed: Booleans = np.linalg.norm(positions - antenna, axis=1) <= self.radius
         exposed[exposed] = terrain.visible(antenna, positions[exposed])  # sight lines only where the range allows
         return exposed
 
 
-@dataclass(frozen=True)
+@configuration(prefix="radar: ")
 class RadarTrack:
     """A radar that is on from ``time`` to ``until`` and meanwhile drives at a constant velocity, on the map."""
 
     radar: Radar  # where it is when it is switched on
-    time: float = 0.0  # [s]
+    time: Finite = 0.0  # [s]
     until: float = math.inf  # [s]
-    velocity: tuple[float, float] = (0.0, 0.0)  # [m/s] east, north
+    velocity: Annotated[tuple[float, float], TWO_FINITE_NUMBERS] = (0.0, 0.0)  # [m/s] east, north
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.time) and self.until > self.time):
-            raise ValueError(f"radar: on from {self.time} to {self.until} s; allowed: a finite time, and a later one")
-        if not all(map(math.isfinite, self.velocity)):
-            raise ValueError(f"radar: velocity is {self.velocity}; allowed: two finite numbers")
+        if not self.until > self.time:
+            raise FieldError(f"radar: until = {self.until!r}; allowed: later than time = {self.time:g} s")
 
     def at(self, t: float, terrain: HeightField) -> Radar | None:
         """Radar at ``t`` [s]; None while it is off. Where it reaches the edge of the map it stays."""

@@ -7,7 +7,7 @@
 
 with the two-argument atan: on the image plane of a camera of focal length one, the distances of the flags from the
 centre. Where d_0 is not known it is a state, and the robot maps its environment while it localises itself in it. The
-tangent has period pi: the formula does not tell what is ahead from what is behind. It has poles, too, and the image has
+tangent has period pi: the formula does not distinguish ahead from behind. It has poles, too, and the image has
 an edge, beyond which a flag is not seen.
 """
 

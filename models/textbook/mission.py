@@ -13,7 +13,7 @@ from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array
 
 TICK = 1e-3
-"""[s] of a textbook plant; rates are whole multiples of it, its solutions do not depend on it"""
+"""[s] of a textbook plant; periods are whole multiples, and solutions do not depend on the tick"""
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ import numpy as np
 
 from mathnavi.models.textbook.observer_form import check_poles
 from mathnavi.models.textbook.system import System
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.errors import ArgumentError, FieldError
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 _SINGULAR = 1e12  # condition number
@@ -53,12 +53,12 @@ class PowerSeries:
 def solved(system: System, poles: Sequence[float], order: int) -> PowerSeries:
     """Solve for T to the order N with A = diag(poles).
 
-    Raises ValueError for a system with inputs or without rest at the origin, FieldError for poles that are not n
+    Raises ArgumentError for a system with inputs or without rest at the origin, FieldError for poles that are not n
     different numbers < 0 or are sums of eigenvalues of the linearisation.
     """
     n = len(system.states)
     if system.inputs or len(system.outputs) != 1:
-        raise ValueError(f"system = {system.name!r}; allowed: one without inputs and with a single output")
+        raise ArgumentError(f"system = {system.name!r}; allowed: one without inputs and with a single output")
     check_poles(poles, n)
     if not 1 <= order <= 15:
         raise FieldError(f"order = {order!r}; allowed: 1 to 15")
@@ -67,7 +67,7 @@ def solved(system: System, poles: Sequence[float], order: int) -> PowerSeries:
     h = _taylor(lambda x: system.h(x, nothing), n, 1, order)
     origin = (0,) * n
     if F[origin].any() or h[origin].any():
-        raise ValueError(f"system = {system.name!r}; allowed: one that is at rest with y = 0 at the origin")
+        raise ArgumentError(f"system = {system.name!r}; allowed: one that is at rest with y = 0 at the origin")
     indices = [k for k in _multi_indices(n, order) if any(k)]
     carried = np.zeros((len(indices), len(indices)))
     for (row, m), (column, k) in product(enumerate(indices), enumerate(indices)):

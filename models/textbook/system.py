@@ -22,7 +22,7 @@ Map = Callable[[casadi.SX, casadi.SX], casadi.SX]
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """One Sigma, and how it is run where nothing else is asked for. A name tells its unit, "x_1 [m]" for one."""
+    """One Sigma, and how it is run where nothing else is asked for. A name states its unit, "x_1 [m]" for one."""
 
     name: str
     title: str  # where it stands

@@ -51,7 +51,7 @@ class IdealDrive:
 
 @dataclass(frozen=True)
 class DifferentialDrive:
-    """Each wheel has a servo that is given its angular velocity; what the robot makes of it is left to friction.
+    """Each wheel has a servo that is given its angular velocity; how the robot then moves is left to friction.
 
     A servo takes up another speed steadily, so that wheels do not spin for a step of the input alone.
     """

@@ -1,4 +1,4 @@
-"""The unicycle robot as a dm_control entity, and the model of it within a wall."""
+"""The unicycle robot as a dm_control entity, and its model within a wall."""
 
 from __future__ import annotations
 

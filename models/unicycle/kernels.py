@@ -37,7 +37,7 @@ def integrate(pose: Array, u_1: float, u_2: float, dt: float) -> Array:
 
 @njit(cache=True, nogil=True)
 def integrate_jacobians(pose: Array, u_1: float, u_2: float, dt: float) -> tuple[Array, Array]:
-    """Derivatives of ``integrate`` by the pose, F (3, 3), and by the inputs, G (3, 2)."""
+    """Derivatives of ``integrate`` by the pose (3,) [m, m, rad], F (3, 3), and by the inputs [m/s, rad/s], G (3, 2)."""
     a = 0.5 * u_2 * dt
     chord, direction = u_1 * dt * sinc(a), pose[2] + a
     c, s = math.cos(direction), math.sin(direction)

@@ -46,7 +46,7 @@ class WheelOdometry:
     """Mean input (u_1, u_2) (2,) [m/s, rad/s] over the last period by the wheels, if they do not slip.
 
     A reading is (1 + bias) u + noise, the sign of the bias drawn once a run. The first one only notes where the wheels
-    are, so there is none of it. It remembers the wheels: it belongs to one vehicle and one run.
+    are, so there is none. It remembers the wheels: it belongs to one vehicle and one run.
     """
 
     quality: OdometryQuality

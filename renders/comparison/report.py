@@ -10,6 +10,7 @@ from mathnavi.renders.comparison.runs import compare_runs
 from mathnavi.renders.comparison.studies import compare_studies, documents
 from mathnavi.renders.comparison.sweeps import compare_sweeps
 from mathnavi.renders.page import Markup
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.reading.files import read_text
 from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.records.table import Table
@@ -20,26 +21,30 @@ KINDS = {"run": "the run of a scenario", "sweep": "the store of a sweep", "study
 
 
 def kind_of(path: Path) -> str:
-    """Kind of result at a place: "run", "sweep" or "study"; ValueError if it is none of these."""
+    """Kind of result at a place: "run", "sweep" or "study"; ArgumentError if it is none of these."""
     if not path.exists():
-        raise ValueError(f"{path} does not exist; allowed: the folder of a run or of studies, or the store of a sweep")
+        raise ArgumentError(
+            f"{path} does not exist; allowed: the folder of a run or of studies, or the store of a sweep"
+        )
     if path.is_dir() and (path / "config.json").is_file():
         return "run"
     if documents(path):
         return "study"
     if path.is_file():
         return "sweep"  # whether it is a store comes to light when it is read
-    raise ValueError(f"{path} holds neither a run nor a study; allowed: the folder of a run or of studies, or a store")
+    raise ArgumentError(
+        f"{path} holds neither a run nor a study; allowed: the folder of a run or of studies, or a store"
+    )
 
 
 def compare(left: Path, right: Path) -> Comparison:
     """Two results of one kind beside each other.
 
-    ValueError or FileNotFoundError where there is none or a broken one, and for two that cannot be compared.
+    ArgumentError or FileNotFoundError where there is none or a broken one, and for two that cannot be compared.
     """
     kinds = [kind_of(path) for path in (left, right)]
     if kinds[0] != kinds[1]:
-        raise ValueError(f"{left} is {KINDS[kinds[0]]} and {right} {KINDS[kinds[1]]}; allowed: two of one kind")
+        raise ArgumentError(f"{left} is {KINDS[kinds[0]]} and {right} {KINDS[kinds[1]]}; allowed: two of one kind")
     return COMPARED[kinds[0]](left, right)
 
 

@@ -10,6 +10,7 @@ from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, diff
 from mathnavi.renders.comparison.figures import run_figures
 from mathnavi.renders.comparison.run_data import ComparedRun, read_run
 from mathnavi.renders.page import number
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
 from mathnavi.sim.records.table import Table
 
@@ -18,11 +19,11 @@ LEFT_OUT = ("seed", "version", SHORTFALL)  # among the fields, or in the sentenc
 
 
 def compare_runs(left: Path, right: Path) -> Comparison:
-    """Two runs; errors as of ``read_run``, and ValueError for runs of different scenarios."""
+    """Two runs; errors as of ``read_run``, and ArgumentError for runs of different scenarios."""
     one, other = read_run(left), read_run(right)
     scenarios = one.config["scenario"], other.config["scenario"]
     if scenarios[0] != scenarios[1]:
-        raise ValueError(f"{left} is a run of {scenarios[0]} and {right} of {scenarios[1]}; allowed: one scenario")
+        raise ArgumentError(f"{left} is a run of {scenarios[0]} and {right} of {scenarios[1]}; allowed: one scenario")
 
     return Comparison(
         f"{scenarios[0]}: two runs",

@@ -10,6 +10,7 @@ from typing import Any
 
 from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, differing_fields
 from mathnavi.renders.page import UNKNOWN
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.reading.files import read_json
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.documents import StudyRecord
@@ -52,12 +53,12 @@ def read_studies(path: Path) -> dict[Name, StudyDocument]:
 
 
 def compare_studies(left: Path, right: Path) -> Comparison:
-    """Two sets of studies; errors as of ``read_studies``, and ValueError where they have no study in common."""
+    """Two sets of studies; errors as of ``read_studies``, and ArgumentError where they have no study in common."""
     one, other = read_studies(left), read_studies(right)
     shared = [name for name in one if name in other]
     if not shared:
         held, other_held = (", ".join(map(_called, names)) for names in (one, other))
-        raise ValueError(f"{left} holds {held} and {right} {other_held}; allowed: a study in common")
+        raise ArgumentError(f"{left} holds {held} and {right} {other_held}; allowed: a study in common")
     pairs = [pair for name in shared for pair in _pairs(name, one[name], other[name])]
     both = [pair for pair in pairs if pair.left and pair.right]
     verdicts = [pair for pair in both if pair.changed]

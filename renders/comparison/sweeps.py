@@ -17,6 +17,7 @@ from typing import Any
 from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, differences, differing_fields
 from mathnavi.renders.page import UNKNOWN, Drawn
 from mathnavi.renders.statistics_figures import medians_figure, rates_figure
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.statistics import Band, Proportion, rate
 from mathnavi.sim.records.store import Record, Store
@@ -35,16 +36,16 @@ def read_sweep(path: Path) -> list[Record]:
     scenarios = sorted({record.scenario for record in records})
     if len(scenarios) != 1:
         held = f"trials of {', '.join(scenarios)}" if scenarios else "no trials"
-        raise ValueError(f"{path} holds {held}; allowed: the trials of one scenario")
+        raise ArgumentError(f"{path} holds {held}; allowed: the trials of one scenario")
     return records
 
 
 def compare_sweeps(left: Path, right: Path) -> Comparison:
-    """Two sweeps; errors as of ``read_sweep``, and ValueError for sweeps of different scenarios."""
+    """Two sweeps; errors as of ``read_sweep``, and ArgumentError for sweeps of different scenarios."""
     one, other = read_sweep(left), read_sweep(right)
     scenarios = one[0].scenario, other[0].scenario
     if scenarios[0] != scenarios[1]:
-        raise ValueError(f"{left} is a sweep of {scenarios[0]} and {right} of {scenarios[1]}; allowed: one scenario")
+        raise ArgumentError(f"{left} is a sweep of {scenarios[0]} and {right} of {scenarios[1]}; allowed: one scenario")
     pairs = paired(one, other)
     groups = TrialGroup(LEFT, (), one), TrialGroup(RIGHT, (), other)
     tests = {name: test for records in (one, other) for name, test in Sweep(records, ()).events.items()}

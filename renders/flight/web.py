@@ -22,9 +22,9 @@ from mathnavi.sim.interfaces.signals import Array
 
 VEHICLE, TARGET = "vehicle", "target"
 PLAN_LAYERS = {
-    SceneElement.OPTIMISED: Layer.of(SceneElement.OPTIMISED),
-    SceneElement.MANOEUVRE: Layer.of(SceneElement.MANOEUVRE),
-    SceneElement.COMPLETION: Layer.of(SceneElement.COMPLETION, dashed=True),
+    SceneElement.OPTIMISED: Layer.for_element(SceneElement.OPTIMISED),
+    SceneElement.MANOEUVRE: Layer.for_element(SceneElement.MANOEUVRE),
+    SceneElement.COMPLETION: Layer.for_element(SceneElement.COMPLETION, dashed=True),
 }
 CHASE_DISTANCE, CHASE_BEHIND, CHASE_SPAN = 1300.0, 4.0, 0.15  # [m], [s], of the picture's height
 
@@ -32,7 +32,7 @@ CHASE_DISTANCE, CHASE_BEHIND, CHASE_SPAN = 1300.0, 4.0, 0.15  # [m], [s], of the
 def web_scene(run: FlightRun) -> WebScene:
     """The scene of a flight."""
     mission, terrain = run.mission, run.terrain
-    layer = Layer.of(SceneElement.FLOWN)
+    layer = Layer.for_element(SceneElement.FLOWN)
     radar_motions, domes = radar_domes(mission.radars, terrain, run.duration)
     motions = {VEHICLE: airframe_motion(run.t, run.x, run.u, terrain), **radar_motions}
     marks = [
@@ -48,7 +48,7 @@ def web_scene(run: FlightRun) -> WebScene:
     several = len(mission.radars) > 1
     marks += [
         Mark(f"{SceneElement.RADAR.value} {k}" if several else SceneElement.RADAR.value, COLOURS[SceneElement.RADAR],
-             motion=name, layer=Layer.of(SceneElement.RADAR))
+             motion=name, layer=Layer.for_element(SceneElement.RADAR))
         for k, name in enumerate(radar_motions, start=1)
     ]  # fmt: skip
     return WebScene(
@@ -69,7 +69,7 @@ def web_scene(run: FlightRun) -> WebScene:
 
 
 def height(run: FlightRun, place: Array) -> float:
-    """[m] of the ground below a place."""
+    """Height [m] of the ground below a place (x, y, ...) [m]."""
     return float(run.terrain.height(place[0], place[1]))
 
 

@@ -3,7 +3,7 @@
 A row is ``| [NAME](NAME) | what it shows | `command`, then `command` |``. The commands are run from the repository's
 root, and the last one makes the picture:
 
-- ``mathnavi render`` prints the path of it;
+- ``mathnavi render`` prints its path;
 - ``mathnavi study NAME`` leaves NAME.png in its folder;
 - ``python -m mathnavi.renders.optimum NAME FILE`` says it;
 - ``chromium --screenshot=PATH`` says it.
@@ -17,6 +17,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
+
+from mathnavi.sim.interfaces.errors import ArgumentError
 
 HERE = Path(__file__).resolve().parent  # of the repository, not of the links in src/mathnavi
 README = HERE / "README.md"
@@ -47,19 +49,19 @@ class GalleryPicture:
         for word in last:
             if word.startswith("--screenshot="):
                 return Path(word.partition("=")[2])
-        raise ValueError(
+        raise ArgumentError(
             f"{self.name}: {shlex.join(last)!r} makes no picture; allowed: render, study, renders.optimum, --screenshot"
         )
 
 
 def entries(text: str) -> Mapping[str, GalleryPicture]:
-    """The rows of a README.md by the names of their pictures; ValueError for a row without a command."""
+    """The rows of a README.md by the names of their pictures; ArgumentError for a row without a command."""
     found = {}
     for line in text.splitlines():
         if row := _ROW.match(line):
             name, commands = row[1], tuple(tuple(shlex.split(words)) for words in re.findall(r"`([^`]+)`", row[3]))
             if not commands:
-                raise ValueError(f"{name}: {row[3]!r} holds no command; allowed: commands between backquotes")
+                raise ArgumentError(f"{name}: {row[3]!r} holds no command; allowed: commands between backquotes")
             found[name] = GalleryPicture(name, commands)
     return found
 
@@ -70,6 +72,6 @@ def chosen(wanted: Sequence[str], known: Mapping[str, GalleryPicture]) -> list[G
     for pattern in wanted or ["*"]:
         matching = [entry for name, entry in known.items() if pattern == Path(name).stem or fnmatch(name, pattern)]
         if not matching:
-            raise ValueError(f"NAME = {pattern!r} is no picture of the gallery; allowed: {', '.join(known)}")
+            raise ArgumentError(f"NAME = {pattern!r} is no picture of the gallery; allowed: {', '.join(known)}")
         found |= {entry.name: entry for entry in matching}
     return list(found.values())

@@ -11,7 +11,15 @@ from pathlib import Path
 from mathnavi.renders.drawing import Drawing
 from mathnavi.renders.generic.board import painting
 from mathnavi.renders.generic.run_data import GenericRun, load_run
-from mathnavi.renders.generic.shot_list import BOARD, SCENE_CAMERAS, TURN, annotations_of, highlight, shot_list
+from mathnavi.renders.generic.shot_list import (
+    BOARD,
+    SCENE_CAMERAS,
+    TURN,
+    annotations_of,
+    camera_name,
+    highlight,
+    shot_list,
+)
 from mathnavi.sim.interfaces.checks import is_plain_name
 from mathnavi.sim.records.run_folder import read_scene_cameras
 
@@ -19,7 +27,7 @@ from mathnavi.sim.records.run_folder import read_scene_cameras
 def drawing_for(folder: Path) -> Drawing[GenericRun]:
     """The drawing of the run in a folder."""
     own = read_scene_cameras(folder)
-    named = () if own is None else tuple(name for name in own if is_plain_name(name))
+    named = () if own is None else tuple(name for name in map(camera_name, own) if is_plain_name(name))
     return Drawing(
         cameras=(BOARD,) if own is None else tuple(dict.fromkeys((*SCENE_CAMERAS, *named, BOARD))),
         still_camera=BOARD if own is None else SCENE_CAMERAS[0],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mathnavi.renders.film import Frame
 from mathnavi.renders.generic.run_data import GenericRun, index
-from mathnavi.renders.generic.shot_list import verdict
+from mathnavi.renders.generic.shot_list import short_verdict
 from mathnavi.renders.overlay import Key, Overlay, pace
 from mathnavi.renders.palette import SceneElement, vehicle_colour
 
@@ -25,7 +25,7 @@ def overlay(run: GenericRun, frame: Frame) -> Overlay:
     return Overlay(
         title=(f"mathnavi · {run.config['scenario']} · seed {run.config['seed']}", parts),
         numbers=(("TIME", f"{frame.t:.2f} s", pace(frame, run.duration)), *values[:MOST_VALUES]),
-        state=verdict(run) if frame.t >= run.duration else run.status(frame.t),
+        state=short_verdict(run) if frame.t >= run.duration else run.status(frame.t),
         legend=[
             *flown,
             *([SceneElement.PLAN] if run.scene.plans else []),

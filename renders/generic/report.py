@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from mathnavi.renders import page
@@ -59,7 +60,7 @@ def _figures(run: GenericRun) -> list[Drawn]:
     if (errors := errors_figure(run)) is not None:
         drawn.append(("errors", errors, "Estimate less truth, state by state."))
     for log in list(run.vehicles.values())[:1]:
-        if log.plans:
+        if any(np.isfinite(plan.cost) for plan in log.plans):
             cost = cost_figure(log.plans, log.adopted, run.duration)
             drawn.append(("cost", cost, "The objective of the plan that is followed, over time."))
     return [*drawn, *solve_figures(run.summary), *event_figures(run, run.duration)]

@@ -50,7 +50,7 @@ class GenericRun:
         return f"{self.config['scenario']}, seed {self.config['seed']}"
 
     def status(self, t: float) -> str:
-        """What the estimators say at ``t`` [s]: the first that is not OK, or nothing."""
+        """Status of the estimators at ``t`` [s]: the first that is not OK, or nothing."""
         for name, log in self.vehicles.items():
             if (status := log.status(t)) is not Status.OK:
                 return f"estimate {status.name.lower()}" + (f" ({name})" if len(self.vehicles) > 1 else "")
@@ -58,7 +58,7 @@ class GenericRun:
 
 
 @dataclass(frozen=True, eq=False)
-class EstimateHistory:
+class RecordedEstimates:
     """Estimates beside the truth, of a vehicle whose estimator estimates its state."""
 
     t: Array  # (k,) [s]
@@ -66,13 +66,13 @@ class EstimateHistory:
     error: Array  # (k, nx) estimate less truth
 
 
-def estimates(log: RunLog) -> EstimateHistory | None:
+def estimates(log: RunLog) -> RecordedEstimates | None:
     """The estimates of a vehicle; None where there are none, or of other quantities than its states."""
     t, x = log.arrays.get("estimate.t"), log.arrays.get("estimate.x")
     if t is None or x is None or x.shape[1:] != log.x.shape[1:] or not len(t):
         return None
     rows = np.clip(np.searchsorted(log.t, t + 1e-9, side="right") - 1, 0, len(log.t) - 1)
-    return EstimateHistory(t, x, x - log.x[rows])
+    return RecordedEstimates(t, x, x - log.x[rows])
 
 
 def load_run(directory: str | Path) -> GenericRun:
@@ -92,5 +92,5 @@ def load_run(directory: str | Path) -> GenericRun:
 
 
 def index(times: Array, t: float) -> int:
-    """Index of the last of the times at or before ``t``; 0 before the first."""
+    """Index of the last of the times (n,) [s] at or before ``t`` [s]; 0 before the first."""
     return max(last_at(times, t), 0)

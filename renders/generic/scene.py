@@ -14,6 +14,7 @@ import numpy as np
 from mathnavi.renders.framing import Box, framing
 from mathnavi.renders.generic.run_data import GenericRun, index
 from mathnavi.renders.generic.scene_data import PATH_POINTS, reach, swept
+from mathnavi.renders.generic.shot_list import camera_name
 from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement, vehicle_colour
 from mathnavi.renders.stage import HORIZON, NADIR, Optics, Stage, Staged, View
@@ -26,12 +27,14 @@ SIGHTS = {"fixed": (50.0, -24.0), "top": (90.0, -89.0)}  # azimuth and elevation
 TRACK_ELEVATION, TRACK_AZIMUTH = -20.0, 40.0
 TRACK_DISTANCE = 7.0  # of the tracking camera, in sizes of the vehicle
 PATH_WIDTH, PLAN_WIDTH = 3.2, 2.6  # [pixels] at a picture 720 pixels high
-CLEAR = 0.42  # opacity of a ghost that is off
-OFF = 0.25  # sizes of the vehicle by which it is then off
+CLEAR = 0.42  # opacity of a ghost that is apart
+SEPARATE = 0.25  # sizes of the vehicle by which it is then apart
 LEAST_SHOWN = 0.1  # of that: a ghost that is nearer would only spot the vehicle
 GHOST_SIZE = 1.04
 SMALLEST = 0.05  # of the way's extent: a vehicle that is smaller is seen from as far as if it were so large
 GROUND_SIZE = 0.5  # of a plane that is endless: half its side, in extents
+SHADOWED = 3.0  # extents around the middle in which shadows fall; at its edge the ground would shade itself
+SUNLIGHT = np.array([-0.35, 0.45, -0.85])  # direction of the light; it comes from where it shines on the middle
 _KINDS = {int(kind): kind for kind in mujoco.mjtGeom.__members__.values()}
 _GROUP = 1
 
@@ -58,7 +61,9 @@ class GenericScene(Staged):
             for b in self._moved
             if (self._geom_body == b).any()
         }
-        self._own = {name: k for k, name in enumerate(a["camera.names"].tolist()) if name}
+        self._own: dict[str, int] = {}
+        for k, name in enumerate(a["camera.names"].tolist()):
+            self._own.setdefault(camera_name(name), k)
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
         """The picture at time ``t`` [s]; ``turn`` [degrees] turns the tracking camera."""
@@ -118,7 +123,7 @@ class GenericScene(Staged):
             shift = pos[b] - rotation @ self.stage.data.xpos[b]
             apart = float(np.linalg.norm(pos[b] - self.stage.data.xpos[b]))
             turned = math.acos(np.clip(0.5 * (np.trace(rotation) - 1.0), -1.0, 1.0))
-            share = min((apart / max(float(self._reach[b]), 1e-9) + turned) / OFF, 1.0)
+            share = min((apart / max(float(self._reach[b]), 1e-9) + turned) / SEPARATE, 1.0)
             colour = (*COLOURS[SceneElement.ESTIMATE], CLEAR * share)
             if share > LEAST_SHOWN:
                 self.stage.copy(geoms, rotation, shift, colour, GHOST_SIZE)
@@ -146,11 +151,12 @@ class GenericScene(Staged):
         spec.stat.extent, spec.stat.center = self._extent, middle
         spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
         spec.visual.quality.offsamples, spec.visual.quality.shadowsize = samples, 4096
+        spec.visual.map.shadowclip = SHADOWED
         spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.35] * 3, [0.25] * 3
         spec.visual.headlight.specular = [0.0] * 3
         spec.worldbody.add_light(
-            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=middle + np.array([0.0, 0.0, 4.0 * self._extent]),
-            dir=[-0.35, 0.45, -0.85], diffuse=[0.6] * 3, specular=[0.15] * 3,
+            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=middle - 4.0 * self._extent * SUNLIGHT,
+            dir=SUNLIGHT, diffuse=[0.6] * 3, specular=[0.15] * 3,
         )  # fmt: skip
         spec.add_texture(
             name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,

@@ -45,7 +45,7 @@ _INDICES = ("geom.body", "geom.type", "geom.data", "camera.body", "vehicle_bodie
 
 @dataclass(frozen=True)
 class PlanPaths:
-    """Where a vehicle's plans lead."""
+    """Paths along which a vehicle's plans lead."""
 
     t: Array  # (k,) [s] of breakpoints of all plans, one plan after the other
     pos: Array  # (k, 3) [m]

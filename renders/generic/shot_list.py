@@ -18,6 +18,11 @@ TURN = 1.5  # [degrees/s] at which the tracking camera turns
 _CUTS = ((0.0, "fixed"), (0.35, "track"), (0.75, "fixed"))  # shares of the run at which the tour changes the camera
 
 
+def camera_name(name: str) -> str:
+    """Name under which a camera of the model is asked for, and which its files have: "skiff/bow" is "skiff-bow"."""
+    return name.replace("/", "-")
+
+
 def highlight(run: GenericRun) -> tuple[float, float]:
     """Times [s] between which there is most to see."""
     return 0.4 * run.duration, 0.7 * run.duration
@@ -35,6 +40,11 @@ def annotations_of(run: GenericRun) -> list[Annotation]:
 def verdict(run: GenericRun) -> str:
     """Outcome of the run in a few words."""
     return "the mission did what it should" if SHORTFALL not in run.summary else "the mission did not do what it should"
+
+
+def short_verdict(run: GenericRun) -> str:
+    """Outcome of the run in a word or two, for the panel of numbers."""
+    return "did what it should" if SHORTFALL not in run.summary else "did not do what it should"
 
 
 def shot_list(run: GenericRun, direction: str = TOUR) -> list[Shot]:

@@ -37,7 +37,7 @@ def web_scene(run: GenericRun) -> WebScene:
         own = motions_of(t, a["estimate.pos"], a["estimate.quat"], moving, "estimate ")
         pairs = {f"body {body}": f"estimate {body}" for body in moving if f"estimate {body}" in own}
         motions |= own
-        surfaces += ghosts(surfaces, pairs, SceneElement.ESTIMATE, Layer.of(SceneElement.ESTIMATE))
+        surfaces += ghosts(surfaces, pairs, SceneElement.ESTIMATE, Layer.for_element(SceneElement.ESTIMATE))
     lines, marks, cameras = [], [], _cameras(scene)
     size = reach(scene)
     for number, (name, body) in enumerate(scene.vehicles.items()):
@@ -55,9 +55,9 @@ def web_scene(run: GenericRun) -> WebScene:
         kept = np.concatenate([[0], np.cumsum(known)])
         lines.append(
             Lines(
-                Layer.of(SceneElement.PLAN), plan.pos[known], kept[plan.offsets], COLOURS[SceneElement.PLAN], 2.8,
-                times=plan.t[known], cut="ahead", frames=np.arange(len(plan.adopted) + 1), starts=plan.adopted,
-                end=float(t[-1]),
+                Layer.for_element(SceneElement.PLAN), plan.pos[known], kept[plan.offsets],
+                COLOURS[SceneElement.PLAN], 2.8, times=plan.t[known], cut="ahead",
+                frames=np.arange(len(plan.adopted) + 1), starts=plan.adopted, end=float(t[-1]),
             )
         )  # fmt: skip
     level = float(floors[0].vertices[:, 2].max()) if floors else None

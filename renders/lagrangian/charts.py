@@ -28,7 +28,7 @@ _FARTHEST = 4.0  # distance from the middle up to which they are
 _PIXELS = 400
 
 
-class Chart(Protocol):
+class MapProjection(Protocol):
     """A space in the plane of a picture."""
 
     def project(self, p: Array) -> tuple[Array, Flags]:

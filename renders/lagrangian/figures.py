@@ -109,7 +109,7 @@ def errors_figure(run: LagrangianRun) -> Figure:
 
 
 def distance_unit(run: LagrangianRun) -> str:
-    """Of a distance: of attitudes it is half the angle, of a mechanism it is in its metric, of points a number."""
+    """Unit of a distance: of attitudes it is half the angle, of a mechanism it is in its metric, of points a number."""
     return {"body": "[rad]", None: "[√(kg m²)]"}.get(run.space, "")
 
 

@@ -7,7 +7,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from mathnavi.renders.lagrangian.charts import Chart
+from mathnavi.renders.lagrangian.charts import MapProjection
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.renders.lagrangian.shot_list import RECENT
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
@@ -25,7 +25,7 @@ FAR = 0.45  # opacity on the far side of a sphere, of that on the near one
 class PathDrawing:
     """Draws the paths into one set of axes, which has no ticks."""
 
-    def __init__(self, run: LagrangianRun, axes: Axes, chart: Chart, scale: float = 1.0) -> None:
+    def __init__(self, run: LagrangianRun, axes: Axes, chart: MapProjection, scale: float = 1.0) -> None:
         """``scale`` is of the width of lines."""
         self._run, self._chart = run, chart
         axes.set_axis_off()

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from mathnavi.models.manifold.attitude import product
-from mathnavi.renders.lagrangian.charts import Chart, Disc, Globe
+from mathnavi.renders.lagrangian.charts import Disc, Globe, MapProjection
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 
 INCHES_HIGH = 7.2  # of a picture that matplotlib draws, whatever its pixels
@@ -25,7 +25,7 @@ def azimuth(run: LagrangianRun) -> float:
     return math.degrees(math.atan2(axis[1], axis[0])) + BESIDE
 
 
-def chart_of(run: LagrangianRun) -> Chart | None:
+def chart_of(run: LagrangianRun) -> MapProjection | None:
     """None for a mechanism, the configurations of which have no picture but itself."""
     if run.space == "hyperbolic-plane":
         return Disc(run.log.x[:, : run.manifold.size])

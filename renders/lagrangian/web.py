@@ -47,7 +47,7 @@ def lagrangian_charts(run: LagrangianRun) -> list[Chart]:
 
 
 def _mechanism(run: LagrangianRun) -> WebScene:
-    """What MuJoCo moved, its ghosts, the path of its tip and the velocities there."""
+    """Bodies that MuJoCo moved, their ghosts, the path of its tip and the velocities there."""
     assert run.mechanism is not None
     model = build_spec(run.mechanism).compile()
     rows = thinned_rows(len(run.t), MOST_POSES)
@@ -63,7 +63,7 @@ def _mechanism(run: LagrangianRun) -> WebScene:
         if np.isfinite(places).any():
             found = motions_of(t, *poses(model, places), moving, f"{part.value} ")
             motions |= found
-            surfaces += ghosts(solid, {f"body {b}": f"{part.value} {b}" for b in moving}, part, Layer.of(part))
+            surfaces += ghosts(solid, {f"body {b}": f"{part.value} {b}" for b in moving}, part, Layer.for_element(part))
     points = swept(solid, motions)
     cameras = []
     for name, sight in {"side": (azimuth(run), ELEVATION), "top": (90.0, -89.0)}.items():
@@ -106,7 +106,7 @@ def _tip_lines(run: LagrangianRun, tip: Tip, size: float) -> list[Lines]:
     for row in rows:
         tip.put(run.log.x[row, : run.manifold.size])
         places.append(tip.place)
-    layer = Layer.of(SceneElement.TRUE_PATH)
+    layer = Layer.for_element(SceneElement.TRUE_PATH)
     path = Lines(
         layer,
         np.array(places),
@@ -129,8 +129,8 @@ def _tip_lines(run: LagrangianRun, tip: Tip, size: float) -> list[Lines]:
         found.append(arrow(tip.origin, scale * tip.velocity(state)) if known else [])
     t, end = run.t_estimate[shown], run.duration
     arrows = (
-        sequence(Layer.of(SceneElement.FOUND_VELOCITY), found, t, end, 6.5),
-        sequence(Layer.of(SceneElement.TRUE_VELOCITY), true, t, end, 2.6),
+        sequence(Layer.for_element(SceneElement.FOUND_VELOCITY), found, t, end, 6.5),
+        sequence(Layer.for_element(SceneElement.TRUE_VELOCITY), true, t, end, 2.6),
     )
     return [path, *(each for each in arrows if each is not None)]
 
@@ -148,11 +148,11 @@ def _surface(run: LagrangianRun) -> WebScene:
     known = np.isfinite(believed).all(axis=1)
     motions = {"truth": Motion(t, true)}
     marks = [Mark("truth", TRUTH, motion="truth")]
-    layer = Layer.of(SceneElement.TRUE_PATH)
+    layer = Layer.for_element(SceneElement.TRUE_PATH)
     lines = [Lines(layer, true, np.array([0, len(t)]), layer.colour, 3.2, times=t, cut="past", trail=3.0 * RECENT)]
     if known.any():
         places = placed(believed[known])
-        layer = Layer.of(SceneElement.ESTIMATE)
+        layer = Layer.for_element(SceneElement.ESTIMATE)
         motions["estimate"] = Motion(t[known], places)
         marks.append(Mark("estimate", ESTIMATE, motion="estimate", layer=layer))
         lines.append(
@@ -164,7 +164,7 @@ def _surface(run: LagrangianRun) -> WebScene:
         ways = [run.belief(float(t[k])) for k in shown]
         shares = np.linspace(0.0, 1.0, ON_GEODESIC)
         frames = [[placed(np.array([run.towards(k, float(s)) for s in shares]))] if k >= 0 else [] for k in ways]
-        way = sequence(Layer.of(SceneElement.GEODESIC), frames, t[shown], run.duration, 3.0)
+        way = sequence(Layer.for_element(SceneElement.GEODESIC), frames, t[shown], run.duration, 3.0)
         lines += [] if way is None else [way]
     if is_globe:
         angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 49)

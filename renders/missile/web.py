@@ -44,7 +44,7 @@ def web_scene(run: MissileRun) -> WebScene:
     places = np.array([run.target_at(float(s)) for s in times])
     motions["target"] = Motion(times, places)
     names = {body: f"missile {body}" for body in moving} | dict.fromkeys(targets, "target")
-    layer = Layer.of(SceneElement.FLOWN)
+    layer = Layer.for_element(SceneElement.FLOWN)
     surfaces = body_surfaces(shapes, names, (pos[0], quat[0]), endless=4000.0, floor=(GROUND, SQUARE))
     own = {f"missile {body}" for body in moving}
     surfaces = [replace(each, span=SPAN) if each.motion in own else each for each in surfaces]
@@ -63,10 +63,11 @@ def web_scene(run: MissileRun) -> WebScene:
 def missile_charts(run: MissileRun) -> list[Chart]:
     """Distance to the target, speed, angle of attack and thrusters."""
     t = run.t
-    some = t[thinned_rows(len(t), 600)]
-    distance = np.array([max(run.distance(float(s)), 1e-2) for s in some])
+    samples = t[thinned_rows(len(t), 600)]
+    distance = np.array([max(run.distance(float(s)), 1e-2) for s in samples])
     charts = [
-        Chart("distance to the target", "m", [curve("", TRUTH, some, distance)], [run.miss_allowed], logarithmic=True),
+        Chart("distance to the target", "m", [curve("", TRUTH, samples, distance)], [run.miss_allowed],
+              logarithmic=True),
         Chart("speed", "m/s", [curve("", TRUTH, t, run.speed)]),
         Chart("angle of attack", "degrees", [curve("", TRUTH, t, np.degrees(run.attack))]),
     ]  # fmt: skip
@@ -94,7 +95,7 @@ def _cameras(run: MissileRun) -> list[Camera]:
 
 
 def _plans(run: MissileRun) -> list[Lines]:
-    """What is ahead of each plan."""
+    """The part of each plan that is ahead."""
     frames, times = [], []
     for begin, plan in zip(run.log.adopted.tolist(), run.log.plans, strict=True):
         t = np.linspace(begin, max(plan.t_end, begin + 1e-3), PLAN_POINTS)
@@ -105,7 +106,7 @@ def _plans(run: MissileRun) -> list[Lines]:
     kept = [(begin, x, t) for begin, x, t in zip(run.log.adopted.tolist(), frames, times, strict=True) if len(x) > 1]
     if not kept:
         return []
-    layer = Layer.of(SceneElement.PLAN)
+    layer = Layer.for_element(SceneElement.PLAN)
     return [
         Lines(
             layer, np.vstack([x for _, x, _ in kept]), np.cumsum([0, *(len(x) for _, x, _ in kept)]), layer.colour, 3.0,
@@ -121,7 +122,7 @@ def _forces(run: MissileRun) -> list[Lines]:
     forces = np.array([run.axes(float(run.t[k])) @ run.coordinates.input_in_space(run.u[k])[:3] for k in rows])
     scale = LONGEST * SPAN / max(float(np.linalg.norm(forces, axis=1).max()), run.weight)
     frames = [arrow(run.path[k], scale * force) for k, force in zip(rows, forces, strict=True)]
-    found = sequence(Layer.of(SceneElement.FORCE), frames, run.t[rows], run.duration, 3.0)
+    found = sequence(Layer.for_element(SceneElement.FORCE), frames, run.t[rows], run.duration, 3.0)
     return [] if found is None else [found]
 
 
@@ -129,12 +130,12 @@ def _target(run: MissileRun, t: Array, places: Array) -> list[Lines]:
     """The path of the target and, as an arrow, its velocity."""
     found = []
     if float(np.ptp(places, axis=0).max()) > 1.0:
-        layer = Layer.of(SceneElement.TARGET_PATH)
+        layer = Layer.for_element(SceneElement.TARGET_PATH)
         lifted = places + np.array([0.0, 0.0, LIFT])
         found.append(Lines(layer, lifted, np.array([0, len(t)]), layer.colour, 2.0, times=t, cut="past"))
     frames = [
         arrow(place + np.array([0.0, 0.0, 2.0 * LIFT]), VELOCITY_TIME * run.target_velocity(float(s)))
         for s, place in zip(t, places, strict=True)
     ]
-    arrows = sequence(Layer.of(SceneElement.VELOCITY), frames, t, run.duration, 2.6)
+    arrows = sequence(Layer.for_element(SceneElement.VELOCITY), frames, t, run.duration, 2.6)
     return found if arrows is None else [*found, arrows]

@@ -12,7 +12,7 @@ import numpy as np
 
 from mathnavi.models.quadrotor.dynamics import ATTITUDE, ROTOR_COUNT, STATE_SIZE
 from mathnavi.renders.flight.run_data import FlightRun, flight_of
-from mathnavi.sim.interfaces.errors import RunFolderError
+from mathnavi.sim.interfaces.errors import ArgumentError, RunFolderError
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.flight import references
 from mathnavi.sim.metrics.quadrotor import point, tilts
@@ -80,7 +80,7 @@ def load_run(directory: str | Path) -> QuadrotorRun:
         mission = read_mission(QuadrotorRecord, log.config["mission"])
         horizontal, vertical = (mission.tracking_bound[name] for name in ("horizontal", "vertical"))
         if horizontal is None or vertical is None:
-            raise ValueError("its tracking bound has no distances")
+            raise ArgumentError("its tracking bound has no distances")
     except (KeyError, TypeError, ValueError) as error:
         raise RunFolderError(f"{str(log.directory / CONFIG)!r} does not describe a quadrotor: {error!r}") from None
     return QuadrotorRun(

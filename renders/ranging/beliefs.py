@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 FADED = 20.0  # log-likelihood below the best at which a hypothesis is as good as ruled out
@@ -24,7 +25,7 @@ class Beliefs:
     hypotheses: Array | None  # (k, m, 3) poses; NaN where dropped
     scores: Array | None  # (k, m) log-likelihoods less the best one; NaN where dropped
     z: Array | None  # (k, l + 1) s_1, ..., s_l, phi [rad] of the observer (C.5)
-    value: Array | None  # (k, 2) V_rho and |Q|^2 / 2 of it
+    value: Array | None  # (k, 2) V_rho and |Q|^2 / 2 of the estimate
 
     @cached_property
     def left(self) -> Integers | None:
@@ -60,9 +61,9 @@ def read_beliefs(arrays: Mapping[str, Array], sensors: int) -> Beliefs:
 
 
 def shaped(arrays: Mapping[str, Array], name: str, shape: tuple[int, ...]) -> Array | None:
-    """An array of the log, None if it is not there; ValueError for another shape."""
+    """An array of the log, None if it is not there; ArgumentError for another shape."""
     if name not in arrays:
         return None
     if arrays[name].shape != shape:
-        raise ValueError(f"{name} has shape {arrays[name].shape}; allowed: {shape}")
+        raise ArgumentError(f"{name} has shape {arrays[name].shape}; allowed: {shape}")
     return arrays[name]

@@ -1,4 +1,4 @@
-"""The floor of a field, painted: light within the wall, with lines to see how far things are, darker outside of it."""
+"""The floor of a field, painted: light within the wall, with lines to see how far things are, darker outside."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ def web_scene(run: RangingRun) -> WebScene:
         own = motions_of(run.t[rows], *poses(model, estimates), moving, "estimate ")
         pairs = {f"robot {b}": f"estimate {b}" for b in moving if f"estimate {b}" in own}
         motions |= own
-        surfaces += ghosts(robot, pairs, SceneElement.ESTIMATE, Layer.of(SceneElement.ESTIMATE))
+        surfaces += ghosts(robot, pairs, SceneElement.ESTIMATE, Layer.for_element(SceneElement.ESTIMATE))
     chassis = f"robot {moving[0]}"
     centre, half = extent(run.curve)
     low = 2.2 * float(max(half[0] / 1.3, half[1]))
@@ -117,7 +117,7 @@ def _estimate_positions(run: RangingRun, rows: Array, positions: Array) -> Array
 def _paths(run: RangingRun) -> list[Lines]:
     """The path that was driven, and that of the estimate but for its jumps."""
     rows = thinned_rows(len(run.t), 1500)
-    driven = flown(run.t[rows], lifted(run.pose[rows, :2], PATH), Layer.of(SceneElement.DRIVEN), 3.0)
+    driven = flown(run.t[rows], lifted(run.pose[rows, :2], PATH), Layer.for_element(SceneElement.DRIVEN), 3.0)
     kept = (
         np.flatnonzero(run.initialised)[thinned_rows(int(run.initialised.sum()), 1500)] if run.initialised.any() else []
     )
@@ -125,7 +125,7 @@ def _paths(run: RangingRun) -> list[Lines]:
         return [driven]
     places, t = run.beliefs.x[kept, :2], run.beliefs.t[kept]
     jumps = np.flatnonzero(np.linalg.norm(np.diff(places, axis=0), axis=1) > JUMP) + 1
-    layer = Layer.of(SceneElement.ESTIMATE)
+    layer = Layer.for_element(SceneElement.ESTIMATE)
     offsets = np.array([0, *jumps, len(kept)])
     return [driven, Lines(layer, lifted(places, 2.0 * PATH), offsets, layer.colour, 2.0, times=t, cut="past")]
 
@@ -153,13 +153,13 @@ def _rays(run: RangingRun) -> list[Lines | None]:
             (read if math.isfinite(reading) else lost)[-1].append(ends)
     t, end = run.t[rows], run.duration
     return [
-        sequence(Layer.of(SceneElement.RAY), read, t, end, 2.0),
-        sequence(Layer.of(SceneElement.LOST_RAY, dashed=True), lost, t, end, 2.0, dashed=True),
+        sequence(Layer.for_element(SceneElement.RAY), read, t, end, 2.0),
+        sequence(Layer.for_element(SceneElement.LOST_RAY, dashed=True), lost, t, end, 2.0, dashed=True),
     ]
 
 
 def _beliefs(run: RangingRun) -> list[Lines | None]:
-    """Outlines of the estimate with its ellipse, of the hypotheses, and of the poses that cannot be told apart."""
+    """Outlines of the estimate with its ellipse, of the hypotheses, and of the poses that cannot be distinguished."""
     chosen = thinned_rows(len(run.beliefs.t), MOST_FRAMES) if len(run.beliefs.t) else np.array([], dtype=np.int64)
     beliefs = run.beliefs
     spread: list[list[Array]] = []
@@ -190,8 +190,8 @@ def _beliefs(run: RangingRun) -> list[Lines | None]:
     rows = thinned_rows(len(run.t), MOST_FRAMES)
     images = [[lifted(shapes.outline(image), MARKS) for image in run.curve.images(run.pose[row])[1:]] for row in rows]
     return [
-        sequence(Layer.of(SceneElement.ESTIMATE), spread, t, end, 2.0),
-        sequence(Layer.of(SceneElement.HYPOTHESIS), guesses, t, end, 2.0, opacities=strengths),
-        sequence(Layer.of(SceneElement.BELIEVED), ends, t, end, 1.6, dashed=True),
-        sequence(Layer.of(SceneElement.IMAGE, shown=False), images, run.t[rows], end, 1.6),
+        sequence(Layer.for_element(SceneElement.ESTIMATE), spread, t, end, 2.0),
+        sequence(Layer.for_element(SceneElement.HYPOTHESIS), guesses, t, end, 2.0, opacities=strengths),
+        sequence(Layer.for_element(SceneElement.BELIEVED), ends, t, end, 1.6, dashed=True),
+        sequence(Layer.for_element(SceneElement.IMAGE, shown=False), images, run.t[rows], end, 1.6),
     ]

@@ -62,6 +62,8 @@ def load_run(directory: str | Path) -> TextbookRun:
     log = read_log(directory)
     try:
         return _described(log, read_mission(TextbookRecord, log.config["mission"]), log.arrays)
+    except RunFolderError:
+        raise
     except (KeyError, TypeError, ValueError) as error:
         raise RunFolderError(f"{str(log.directory)!r} does not hold the run of a textbook system: {error!r}") from None
 

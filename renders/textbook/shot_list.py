@@ -10,7 +10,7 @@ LENGTH, LAST_MOMENT = 11.0, 2.0  # [s] of video: the run, and for how long its e
 
 
 def highlight(run: TextbookRun) -> tuple[float, float]:
-    """Times [s] between which there is most to see: all of it is seen at the end."""
+    """Times [s] between which there is most to see: the whole is seen at the end."""
     return run.duration, run.duration
 
 

@@ -23,7 +23,7 @@ MOST_NODES = 257  # along the longer side of a field
 
 
 def rotated(quat: Array, points: Array) -> Array:
-    """(..., 3) points turned by quaternions (..., 4)."""
+    """Points (..., 3) turned by quaternions (..., 4)."""
     w, v = quat[..., :1], quat[..., 1:]
     twice = 2.0 * np.cross(v, points)
     turned: Array = points + w * twice + np.cross(v, twice)
@@ -31,7 +31,7 @@ def rotated(quat: Array, points: Array) -> Array:
 
 
 def multiplied(p: Array, q: Array) -> Array:
-    """(..., 4) the product of quaternions."""
+    """Products (..., 4) of quaternions p, q (..., 4)."""
     w = p[..., :1] * q[..., :1] - np.sum(p[..., 1:] * q[..., 1:], axis=-1, keepdims=True)
     return np.concatenate([w, p[..., :1] * q[..., 1:] + q[..., :1] * p[..., 1:] + np.cross(p[..., 1:], q[..., 1:])], -1)
 

@@ -21,7 +21,10 @@ TRUTH, ESTIMATE = COLOURS[SceneElement.TRUE_PATH], COLOURS[SceneElement.ESTIMATE
 
 
 def curve(name: str, colour: Colour, t: Array, y: Array, *, step: bool = False, dashed: bool = False) -> Series:
-    """A curve with ``MOST_POINTS`` points at most; of each stretch between them the least and the greatest value."""
+    """Curve y (n,) over t (n,) [s] with ``MOST_POINTS`` points at most.
+
+    Of each stretch between them it keeps the least and the greatest value.
+    """
     if len(t) > MOST_POINTS:
         edges = np.linspace(0, len(t), MOST_POINTS // 2 + 1).astype(np.int64)
         rows = set()
@@ -98,7 +101,7 @@ def named(words: str) -> tuple[str, str]:
 
 
 def events_of(run: GenericRun) -> Sequence[tuple[float, str]]:
-    """When what happened, in words."""
+    """Times of events, in words."""
     several = len(run.vehicles) > 1
     found = []
     for event in run.events:

@@ -28,7 +28,7 @@ SCRIPTS = ("geometry.js", "stage.js", "charts.js", "labels.js", "player.js", "li
 FOREVER = 1e30  # [s] stands for an infinite time
 
 
-class Block:
+class DataBlock:
     """Bytes of arrays, one after the other, each at a multiple of 4."""
 
     def __init__(self) -> None:
@@ -48,13 +48,13 @@ class Block:
         return reference
 
     def packed(self) -> str:
-        """All of it, compressed (zlib), in base 64."""
+        """The whole document, compressed (zlib), in base 64."""
         return base64.b64encode(zlib.compress(b"".join(self._parts), 6)).decode("ascii")
 
 
 def packed(scene: WebScene) -> dict[str, Any]:
     """The scene as plain data; ``block`` holds its arrays."""
-    block = Block()
+    block = DataBlock()
     layers: list[Layer] = []
     described = {
         "title": scene.title,
@@ -99,7 +99,7 @@ def document(scene: WebScene, live: Mapping[str, Any] | None = None) -> Markup:
 
 
 def _policy(style: str, script: str, served: bool) -> str:
-    """What the browser may do: run this script, apply this style, and ask nobody but, if it is followed, its server."""
+    """Content security policy: the browser runs this script, applies this style, and asks only its server, if any."""
     hashes = (base64.b64encode(hashlib.sha256(part.encode()).digest()).decode() for part in (style, script))
     own_style, own_script = (f"'sha256-{each}'" for each in hashes)
     connect = "; connect-src 'self'" if served else ""
@@ -126,7 +126,7 @@ def _layer(layer: Layer | None, layers: list[Layer]) -> int:
     return names.index(layer.name)
 
 
-def _motion(motion: Motion, block: Block) -> dict[str, Any]:
+def _motion(motion: Motion, block: DataBlock) -> dict[str, Any]:
     return {
         "t": block.add(motion.t),
         "pos": block.add(motion.pos),
@@ -136,7 +136,7 @@ def _motion(motion: Motion, block: Block) -> dict[str, Any]:
     }
 
 
-def _surface(surface: Surface, layers: list[Layer], block: Block) -> dict[str, Any]:
+def _surface(surface: Surface, layers: list[Layer], block: DataBlock) -> dict[str, Any]:
     found = {
         "vertices": block.add(surface.vertices),
         "faces": block.add(surface.faces, "u4"),
@@ -157,7 +157,7 @@ def _surface(surface: Surface, layers: list[Layer], block: Block) -> dict[str, A
     return found
 
 
-def _lines(lines: Lines, layers: list[Layer], block: Block) -> dict[str, Any]:
+def _lines(lines: Lines, layers: list[Layer], block: DataBlock) -> dict[str, Any]:
     several = lines.frames is not None
     return {
         "points": block.add(lines.points),
@@ -205,7 +205,7 @@ def _camera(camera: Camera) -> dict[str, Any]:
     }
 
 
-def _chart(chart: Chart, block: Block) -> dict[str, Any]:
+def _chart(chart: Chart, block: DataBlock) -> dict[str, Any]:
     return {
         "title": chart.title,
         "unit": chart.unit,

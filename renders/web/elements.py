@@ -31,7 +31,7 @@ class Layer:
     shown: bool = True  # at first
 
     @staticmethod
-    def of(part: SceneElement, *, dashed: bool = False, shown: bool = True) -> Layer:
+    def for_element(part: SceneElement, *, dashed: bool = False, shown: bool = True) -> Layer:
         """The layer of a part of a picture, in its colour."""
         return Layer(part.value, COLOURS[part], dashed, shown)
 

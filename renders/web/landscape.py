@@ -1,4 +1,4 @@
-"""What flights over a terrain have in common: the ground, airframes, radars, plans and cameras."""
+"""Common part of flights over a terrain: the ground, airframes, radars, plans and cameras."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def flown(t: Array, places: Array, layer: Layer, width: float = 3.4) -> Lines:
 def plan_lines(
     plans: Sequence[Plan], adopted: Array, end: float, own: Mapping[SceneElement, Layer], colour: Colour | None = None
 ) -> list[Lines]:
-    """What is ahead of the plan of the moment: optimised part, safety manoeuvre, completion path."""
+    """Part of the present plan, adopted at ``adopted`` (n,) [s], that is ahead: optimised, safety, completion."""
     parts: dict[SceneElement, list[list[tuple[Array, Array]]]] = {part: [[] for _ in plans] for part in own}
     for k, (plan, begin) in enumerate(zip(plans, adopted.tolist(), strict=True)):
         pieces = plan_pieces(plan, begin)
@@ -131,9 +131,9 @@ def plan_pieces(plan: Plan, begin: float) -> list[tuple[SceneElement, tuple[Arra
 def radar_domes(
     tracks: Sequence[RadarTrack], terrain: HeightField, duration: float
 ) -> tuple[dict[str, Motion], list[Surface]]:
-    """What each radar reaches, where it is while it is on."""
+    """Domes that the radars reach, where they are while they are on."""
     motions, surfaces = {}, []
-    layer = Layer.of(SceneElement.RADAR)
+    layer = Layer.for_element(SceneElement.RADAR)
     for number, track in enumerate(tracks):
         begin, end = max(track.time, 0.0), min(track.until, duration)
         if end <= begin:
@@ -149,7 +149,7 @@ def radar_domes(
 
 
 def map_cameras(terrain: HeightField, course: Array) -> list[Camera]:
-    """The overview and the top view, with heights as in every picture of a whole map."""
+    """Overview and top view of a course (n, 3) [m], with heights as in every picture of a whole map."""
     land = Landscape(terrain)
     found = []
     for name in ("overview", "top"):

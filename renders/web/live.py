@@ -41,7 +41,7 @@ Nowhere = np.zeros(0)
 
 
 class LiveScene:
-    """What a page shows of one loop."""
+    """Scene of one loop on a page."""
 
     def __init__(self, title: str, plant: Plant, config: Mapping[str, Any], duration: float) -> None:
         """``config`` as config.json will hold it; ``duration`` [s] of the run, at most."""
@@ -85,12 +85,12 @@ class LiveScene:
         motions, domes = radar_domes(first.radars, terrain, self._duration)
         surfaces, lines, marks, cameras = [*ground(terrain), *domes], [], [], []
         for number, (name, own) in enumerate(flown.items()):
-            layer = Layer(name, vehicle_colour(number)) if several else Layer.of(SceneElement.FLOWN)
+            layer = Layer(name, vehicle_colour(number)) if several else Layer.for_element(SceneElement.FLOWN)
             motions[name] = Motion(np.zeros(1), own.start[None], np.array([[1.0, 0.0, 0.0, 0.0]]))
             surfaces += airframe(name, layer, layer.colour if several else None)
             lines.append(_path(name, layer))
             for part in PARTS:
-                in_part = layer if several else Layer.of(part, dashed=part is SceneElement.COMPLETION)
+                in_part = layer if several else Layer.for_element(part, dashed=part is SceneElement.COMPLETION)
                 lines.append(
                     _ahead(in_part, layer.colour if several else COLOURS[part], part, f"{name}:{PARTS.index(part)}")
                 )
@@ -151,7 +151,7 @@ class LiveScene:
             self._recorded = loop.recording.events
 
     def news(self, since: int) -> dict[str, Any]:
-        """What is new after the first ``since`` samples."""
+        """News after the first ``since`` samples."""
         with self._lock:
             samples = self._samples[since:]
             plans = {name: lines for name, (version, lines) in self._plans.items() if version > since}

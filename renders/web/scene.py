@@ -1,4 +1,4 @@
-"""The scene in the browser of the run in a folder: what its drawing makes of it, and the charts of its log."""
+"""The scene in the browser of the run in a folder, by its drawing, and the charts of its log."""
 
 from __future__ import annotations
 

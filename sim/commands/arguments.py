@@ -30,6 +30,9 @@ from mathnavi.sim.plugin.flag_names import joined, negation
 from mathnavi.sim.plugin.leaves import Leaf, leaves_of
 
 _CONFIG = (tyro.conf.UseAppendAction, tyro.conf.DisallowNone)
+_COLOUR = r"(?:\x1b\[[\d;]*m)*"
+_NO_DEFAULT = re.compile(rf"\s+{_COLOUR}\(default:{_COLOUR}\s+{_COLOUR}None\){_COLOUR}")
+_TRAILING = re.compile(r" +$", re.MULTILINE)
 _HELP = frozenset(("-h", "--help"))
 _FLAGS_ALLOWED = "allowed: flags, each followed by its values"
 
@@ -79,12 +82,13 @@ def _print_help(prog: str, description: str, groups: Sequence[FlagGroup]) -> Non
         with redirect_stdout(captured):
             tyro.cli(schema, prog=prog, description=description, args=["--help"], config=_CONFIG)
     except SystemExit:
-        print(captured.getvalue().replace(description, wrapped(description)), end="")  # which tyro leaves on one line
+        shown = _TRAILING.sub("", _NO_DEFAULT.sub("", captured.getvalue()))
+        print(shown.replace(description, wrapped(description)), end="")  # which tyro leaves on one line
         raise HelpPrinted from None
 
 
 class _CapturedHelp(io.StringIO):
-    """What tyro prints, in colours where the output has them."""
+    """Output of tyro, in colours where the terminal has them."""
 
     def __init__(self, output: TextIO) -> None:
         super().__init__()

@@ -38,7 +38,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BadInputError as error:
         print(f"mathnavi: {one_line(str(error))}", file=sys.stderr)
         return 2
-    except SystemExit as error:  # of a plug-in: no command of ours ends so
+    except SystemExit as error:  # of a plug-in, or of rich, whose reader has gone: no command of ours ends so
+        if isinstance(error.__context__, BrokenPipeError):
+            return PIPE_CLOSED
         from mathnavi.sim.interfaces.failures import explained
 
         print(f"mathnavi: {one_line(f'a plug-in ended the command by {explained(error)}')}", file=sys.stderr)

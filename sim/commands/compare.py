@@ -16,6 +16,7 @@ from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.interfaces.checks import check_spares
+from mathnavi.sim.interfaces.errors import FieldError
 
 OUT = Path("renders/out/comparison.html")
 DESCRIPTION = "Two runs, two sweeps or two studies beside each other: what was asked of them, and what came out."
@@ -36,7 +37,7 @@ class CompareOptions:
 
     def __post_init__(self) -> None:
         if self.out.suffix != ".html":
-            raise ValueError(f"out = {self.out}; allowed: a name that ends in .html")
+            raise FieldError(f"out = {self.out}; allowed: a name that ends in .html")
 
 
 def main(argv: Sequence[str]) -> int:

@@ -23,10 +23,13 @@ import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Annotated
+
+from annotated_types import Gt
 
 from mathnavi.sim.commands.arguments import value_of, without
 from mathnavi.sim.commands.errors import OUT_OF_TIME
+from mathnavi.sim.interfaces.bounds import FINITE, Within
 
 FLAG = "--wall-deadline"
 PACKAGE = Path(__file__).parents[2]  # mathnavi
@@ -35,14 +38,9 @@ START = (
     "from mathnavi.sim.commands.deadline import run; run(**request)"
 )
 ENDED = "mathnavi: the command has ended\n"
+WallDeadline = Annotated[float, Within(Gt(0.0), FINITE, allowed="a finite number of seconds > 0")]
 _GRACE = 10.0  # [s] for the child to end itself when its time is up
 _FRAME = re.compile(r'^  File "(.*)", line (\d+) in (.*)$', re.MULTILINE)
-
-
-def check_deadline(seconds: float | None) -> None:
-    """ValueError for a time that is none."""
-    if seconds is not None and not (math.isfinite(seconds) and seconds > 0.0):
-        raise ValueError(f"wall_deadline = {seconds}; allowed: a finite number of seconds > 0")
 
 
 def watched(command: str, argv: Sequence[str]) -> int | None:
@@ -77,8 +75,8 @@ def watch(place: str, argv: Sequence[str], seconds: float) -> int:
             code = _awaited(child, seconds + _GRACE)
         finally:
             signal.signal(signal.SIGTERM, before)
-            _end(child, signal.SIGKILL)  # what it has started, and what is left of it
-        return _told(code, report, shlex.join(["mathnavi", *argv]), seconds)
+            _end(child, signal.SIGKILL)  # what it has started, and what is left
+        return _exit_code(code, report, shlex.join(["mathnavi", *argv]), seconds)
 
 
 def run(path: Sequence[str], place: str, argv: Sequence[str], seconds: float, report: int) -> None:
@@ -114,7 +112,7 @@ def _end(child: subprocess.Popen[bytes], number: signal.Signals) -> None:
         child.wait()
 
 
-def _told(code: int | None, report: IO[str], command: str, seconds: float) -> int:
+def _exit_code(code: int | None, report: IO[str], command: str, seconds: float) -> int:
     """The exit code of this process; a line on standard error where the command has not come to its end."""
     report.seek(0)
     text = report.read()

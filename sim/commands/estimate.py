@@ -8,7 +8,6 @@ estimator's name is that of the recorded Kalman filter, over all readings of the
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from rich.text import Text
 
 from mathnavi.estimators.stagewise.recorded_smoother import RecordedSmoother, Sample, Smoothing
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, flags, given, parse
-from mathnavi.sim.commands.deadline import check_deadline, watched
+from mathnavi.sim.commands.deadline import WallDeadline, watched
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import run_folder
 from mathnavi.sim.commands.progress import flight_progress
@@ -32,6 +31,7 @@ from mathnavi.sim.commands.wrapping import wrapped
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
+from mathnavi.sim.interfaces.bounds import configuration
 from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.fields import plain
 from mathnavi.sim.interfaces.signals import Array
@@ -50,19 +50,16 @@ ESTIMATOR_EVENTS = ("estimator-status", "estimate-unusable", "sensor-unused")
 LATE = 0.75  # of a run, from which on its last quarter lasts
 
 
-@dataclass(frozen=True)
+@configuration
 class EstimateOptions:
     """Flags of the command."""
 
     out: Path | None = None
     """folder of the new run; DIR-ESTIMATOR beside DIR if not given"""
-    wall_deadline: float | None = None
+    wall_deadline: WallDeadline | None = None
     """time by the clock on the wall after which the command is ended [s], whatever it is at; none if not given"""
     trust: bool = False
     """import code that DIR names and that is not installed; it runs as you"""
-
-    def __post_init__(self) -> None:
-        check_deadline(self.wall_deadline)
 
 
 def main(argv: Sequence[str]) -> int:
@@ -117,7 +114,7 @@ def _estimator(name: str, run_config: RunConfig) -> PluginSpec:
         return restored_plugin("estimators", name, run_config)
     recorded = restored_plugin("estimators", run_config.estimator, run_config)
     with bad_input():
-        return PluginSpec.of(Smoothing(recorded.plugin, recorded.config))
+        return PluginSpec.with_fields(Smoothing(recorded.plugin, recorded.config))
 
 
 def _request(name: str, run_config: RunConfig, words: Sequence[str]) -> RunRequest:
@@ -195,7 +192,7 @@ def _playback(request: RunRequest, run_config: RunConfig, log: RunLog) -> Closed
 def _smoothed(
     smoother: RecordedSmoother, plant: RecordedPlant, log: RunLog, request: RunRequest, run_config: RunConfig
 ) -> dict[str, Any]:
-    """Smooth the whole run; what config.json says of it, with the estimator as it was recorded."""
+    """Smooth the whole run; returns its config.json, with the estimator as it was recorded."""
 
     def samples() -> Iterator[Sample]:
         (name,) = plant.names

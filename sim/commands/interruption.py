@@ -25,7 +25,7 @@ GRACE = 1.0  # [s] to unwind
 
 
 def nothing_written() -> str:
-    """What is kept of a command that writes its result at its end."""
+    """Note on what is kept of a command that writes its result at its end."""
     return "nothing was written; to begin again"
 
 

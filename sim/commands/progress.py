@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
-from mathnavi.sim.engine.compilation import compilation_reported, compiled_ahead
+from mathnavi.sim.engine.compilation import compilation_reported
 
 if TYPE_CHECKING:  # a single flight does not wait for what sweeps import
     from mathnavi.sim.sweep.execution import Progress as Done
@@ -18,7 +18,6 @@ if TYPE_CHECKING:  # a single flight does not wait for what sweeps import
 SELDOM = 30.0  # [s] between lines where there is no terminal
 COMPILING = "compiling the numerical kernels, once on this machine for each kind of planner"
 DURATION = "10 s to a minute"
-FLIGHT = "mathnavi.controllers.flight"
 
 
 @contextmanager
@@ -100,7 +99,7 @@ def flight_progress(errors: Console) -> Iterator[Callable[[float, float], None]]
             status=f"{t:.0f} s of at most {duration:.0f} s {pace}",
         )
 
-    with compilation_reported(announce), compiled_ahead(FLIGHT, f"{FLIGHT}.ahead"), bar:
+    with compilation_reported(announce), bar:
         task = bar.add_task("building", total=None, status="")
         yield fly
     if kernels:

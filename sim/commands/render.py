@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,12 +11,14 @@ import tyro
 
 from mathnavi.sim.commands import opengl
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse, with_flag
-from mathnavi.sim.commands.deadline import check_deadline, watched
+from mathnavi.sim.commands.deadline import WallDeadline, watched
 from mathnavi.sim.commands.errors import BadInputError, bad_input
+from mathnavi.sim.interfaces.bounds import configuration
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.plugin.trust import trusting
 
 
-@dataclass(frozen=True)
+@configuration
 class RenderOptions:
     """The run to draw, and how."""
 
@@ -38,24 +39,23 @@ class RenderOptions:
     """where the clip begins [s]; by default where there is most to see"""
     end: float | None = None
     """and where it ends [s]"""
-    wall_deadline: float | None = None
+    wall_deadline: WallDeadline | None = None
     """time by the clock on the wall after which the command is ended [s], whatever it is at; none if not given"""
     trust: bool = False
     """import code that DIR names and that is not installed; it runs as you"""
 
     def __post_init__(self) -> None:
-        check_deadline(self.wall_deadline)
         if self.still and self.clip:
-            raise ValueError("--clip = True; allowed: not together with --still")
+            raise FieldError("--clip = True; allowed: not together with --still")
         if self.codec is not None and (self.still or self.clip):
-            raise ValueError(f"--codec = {self.codec}; allowed: only for a video, not with --still or --clip")
+            raise FieldError(f"--codec = {self.codec}; allowed: only for a video, not with --still or --clip")
         for name, value, needed in (
             ("time", self.time, "still"),
             ("begin", self.begin, "clip"),
             ("end", self.end, "clip"),
         ):
             if value is not None and not getattr(self, needed):
-                raise ValueError(f"--{name} = {value!r}; allowed: only together with --{needed}")
+                raise FieldError(f"--{name} = {value!r}; allowed: only together with --{needed}")
 
 
 def main(argv: Sequence[str]) -> int:

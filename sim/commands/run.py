@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -14,7 +13,7 @@ from rich.console import Console
 
 from mathnavi.renders.opengl import NoOpenGLError
 from mathnavi.sim.commands.arguments import HelpPrinted, given, value_of
-from mathnavi.sim.commands.deadline import check_deadline, watched
+from mathnavi.sim.commands.deadline import WallDeadline, watched
 from mathnavi.sim.commands.errors import BadInputError, bad_input, worded
 from mathnavi.sim.commands.interruption import when_interrupted
 from mathnavi.sim.commands.output import run_folder
@@ -22,10 +21,12 @@ from mathnavi.sim.commands.progress import flight_progress
 from mathnavi.sim.commands.provenance import changed_inputs, note_environment
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
-from mathnavi.sim.commands.served_address import address_of, check_address
+from mathnavi.sim.commands.served_address import Port, address_of, check_address
 from mathnavi.sim.commands.summary import summary_table, verdict
+from mathnavi.sim.engine.compilation import compile_in_two
+from mathnavi.sim.interfaces.bounds import configuration
 from mathnavi.sim.interfaces.checks import check_spares
-from mathnavi.sim.interfaces.errors import RunFolderError
+from mathnavi.sim.interfaces.errors import FieldError, RunFolderError
 from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.interfaces.input_files import run_inputs
 from mathnavi.sim.plugin.trust import trusting, within_record
@@ -37,10 +38,11 @@ if TYPE_CHECKING:
     from mathnavi.sim.commands.run_web import FollowedRun
     from mathnavi.sim.engine.loop import Loop
 
+FLIGHT = "mathnavi.controllers.flight"  # the package that knows its kernels
 UNPLANNED = 3  # exit status of a run that did what it should without its planner
 
 
-@dataclass(frozen=True)
+@configuration
 class RunOptions:
     """Flags of a run."""
 
@@ -58,17 +60,16 @@ class RunOptions:
     """show the run in a browser while it is simulated, with sliders for what may change: prints the URL"""
     host: str | None = None
     """address of this machine at which that is served, 127.0.0.1 if not given; the URL of any other has a token"""
-    port: int | None = None
+    port: Port | None = None
     """port, 8765 if not given; 0 is any that is free"""
-    wall_deadline: float | None = None
+    wall_deadline: WallDeadline | None = None
     """time by the clock on the wall after which the command is ended [s], whatever it is at; none if not given"""
     trust: bool = False
     """import code that the folder of --from names and that is not installed; it runs as you"""
 
     def __post_init__(self) -> None:
-        check_deadline(self.wall_deadline)
         if self.codec is not None and not self.video:
-            raise ValueError(f"codec = {self.codec}; allowed: only together with --video")
+            raise FieldError(f"codec = {self.codec}; allowed: only together with --video")
         check_address(self.host, self.port, web=self.web)
 
 
@@ -102,6 +103,7 @@ def _run(
     """Fly, write the folder and draw; the exit code of the command."""
     with run_folder(folder) as claim:
         with flight_progress(errors) as progress:
+            compile_kernels(request)
             closed_loop = build(request, run_config)
             if run_config is not None:
                 note_environment(errors, run_config)
@@ -167,6 +169,12 @@ def _check_inputs(request: RunRequest, run_config: RunConfig) -> None:
     }
     for sentence in changed_inputs(run_config, run_inputs(*configs), fields, request.given):
         raise BadInputError(sentence)
+
+
+def compile_kernels(request: RunRequest) -> None:
+    """Compile what the flight planner needs, in two processes, where the request is for one and nothing is kept."""
+    if any(each.__module__.startswith(FLIGHT) for each in type(request.controller.config).__mro__):
+        compile_in_two(f"{FLIGHT}.ahead")
 
 
 def fly(

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mathnavi.sim.commands import opengl
 from mathnavi.sim.commands.arguments import FlagGroup, flags, given, parse, value_of, with_flag
@@ -20,7 +20,9 @@ from mathnavi.sim.interfaces.bounds import Seed, configuration
 from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.plugin.registry import PluginSpec, load, names, of_stranger
-from mathnavi.sim.scenarios.closed_loop import ClosedLoop, built
+
+if TYPE_CHECKING:
+    from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 
 PLACES = {"scenarios": "SCENARIO", "controllers": "--controller", "estimators": "--estimator"}
 USAGE = """usage: mathnavi {0} SCENARIO [OPTIONS]
@@ -64,6 +66,8 @@ class RunRequest:
 
     def build(self) -> ClosedLoop:
         """The closed loop; errors as of ``scenarios.closed_loop.built``."""
+        from mathnavi.sim.scenarios.closed_loop import built  # not needed by a sweep of a user's own scenario
+
         return built(self.name, self.scenario, self.config, self.common.seed, self.controller, self.estimator)
 
     @contextmanager
@@ -197,7 +201,7 @@ def restored_plugin(kind: str, name: str, run_config: RunConfig | None) -> Plugi
         recorded, fields = getattr(run_config, part), getattr(run_config, f"{part}_fields")
         if loaded(kind, recorded) is plugin:
             return PluginSpec(plugin, run_config.restored(plugin.Config, fields, f"$.{part}.fields"))
-    return PluginSpec.of(plugin)
+    return PluginSpec.with_fields(plugin)
 
 
 def _restored(config: type, run_config: RunConfig, words: Sequence[str]) -> Any:

@@ -27,6 +27,7 @@ from mathnavi.sim.commands.run_request import RunRequest
 from mathnavi.sim.commands.web_server import PageServer
 from mathnavi.sim.engine.loop import Loop
 from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 STEP = 0.02  # [s] of the wall clock that the simulation waits at most at a time
@@ -78,7 +79,7 @@ class FollowedRun:
             return self._page
 
     def news(self, query: Mapping[str, str]) -> dict[str, Any]:
-        """What is new since the sample that the query names."""
+        """Samples since the one that the query names."""
         since = query.get("since", "0")
         with self._lock:
             live, generation = self._live, self._generation
@@ -88,16 +89,16 @@ class FollowedRun:
         return live.news(int(since)) | found
 
     def change(self, posted: Any) -> dict[str, str]:
-        """Take values of sliders; ValueError for what is none, or out of its bounds."""
+        """Take values of sliders; FieldError for what is none, or out of its bounds."""
         if not isinstance(posted, dict):
-            raise ValueError("allowed: an object of names and values")
+            raise FieldError("allowed: an object of names and values")
         for name, value in posted.items():
             if name == "paused" and isinstance(value, bool):
                 self._paused = value
                 continue
             control = self._controls.get(name)
             if control is None or isinstance(value, bool) or not isinstance(value, int | float):
-                raise ValueError(f"{name} = {value!r}; allowed: numbers for {', '.join(self._controls)}")
+                raise FieldError(f"{name} = {value!r}; allowed: numbers for {', '.join(self._controls)}")
             check(float(value), name, control.low, control.high)
             with self._lock:
                 self._controls[name] = dataclasses.replace(control, value=float(value))
@@ -143,7 +144,7 @@ class FollowedRun:
             self._live, self._page = live, page
 
     def _watching(self, shown_from: float) -> Callable[[Loop], None]:
-        """What looks at the loop after every step: it takes samples, keeps the pace, and gives up after a change."""
+        """Observer of the loop after every step: it takes samples, keeps the pace, and gives up after a change."""
         behind, before = time.perf_counter(), shown_from  # when the present of the simulation should be reached
 
         def watch(loop: Loop) -> None:

@@ -21,7 +21,7 @@ from mathnavi.sim.commands.search_fields import SearchFields, read_space
 from mathnavi.sim.commands.search_results import SearchResults, print_results, write_pages, write_worst
 from mathnavi.sim.interfaces.bounds import MOST_TO_COMPUTE, Count, Positive, Processes, configuration
 from mathnavi.sim.interfaces.checks import check_spares
-from mathnavi.sim.interfaces.errors import RunFolderError
+from mathnavi.sim.interfaces.errors import FieldError, RunFolderError
 from mathnavi.sim.records.store import Store, StoreWriteError
 from mathnavi.sim.search.directed import Sampler, check_space, directed, importances
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator, NoSuchFigureError, Objective
@@ -82,14 +82,14 @@ class SearchOptions:
 
     def __post_init__(self) -> None:
         if self.workers is not None and self.cluster is not None:
-            raise ValueError(f"cluster = {self.cluster!r} beside --workers {self.workers}; allowed: one of both")
+            raise FieldError(f"cluster = {self.cluster!r} beside --workers {self.workers}; allowed: one of both")
         if (self.minimise is None) == (self.maximise is None):
             given = f"{self.minimise!r} beside --maximise {self.maximise}" if self.minimise else "not given"
-            raise ValueError(f"minimise = {given}; allowed: one of --minimise and --maximise")
+            raise FieldError(f"minimise = {given}; allowed: one of --minimise and --maximise")
         if self.rare and self.until is None:
-            raise ValueError("until = not given; allowed with --rare: the value of the figure that makes the event")
+            raise FieldError("until = not given; allowed with --rare: the value of the figure that makes the event")
         if self.store.suffix in PAGES:
-            raise ValueError(
+            raise FieldError(
                 f"store = {self.store}; allowed: another ending than those of the report, {', '.join(PAGES)}"
             )
 
@@ -235,6 +235,6 @@ def _counts(evaluations: Sequence[Evaluation], missions: int, stored: set[str]) 
 
 
 def _stored(evaluations: Sequence[Evaluation], options: SearchOptions, ended: int) -> str:
-    """What is kept of a search that ends too early; ``ended`` missions are stored and not yet evaluated."""
+    """Note on what is kept of a search that ends too early; ``ended`` missions are stored and not yet evaluated."""
     more = f", and {ended} more are stored" if ended else ""
     return f"{len(evaluations)} of {options.missions} missions are evaluated{more}"

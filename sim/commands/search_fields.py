@@ -132,7 +132,7 @@ def _held(request: RunRequest, places: FieldPlaces, flag: str) -> Any:
 
 
 def _with_place(held: Any, numbers: Sequence[int], value: Any) -> Any:
-    """What a field holds, with a value in one of its places; the value itself without a place."""
+    """Content of a field with a value in one of its places; the value itself without a place."""
     if not numbers:
         return value
     first, *rest = numbers

@@ -1,4 +1,4 @@
-"""What a search has found: printed, drawn on a page, and flown again."""
+"""Results of a search: printed, drawn on a page, and flown again."""
 
 from __future__ import annotations
 

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+from annotated_types import Interval
+
+from mathnavi.sim.interfaces.errors import FieldError
+
 HOST, PORT = "127.0.0.1", 8765
+
+Port = Annotated[int, Interval(ge=0, le=65535)]
 
 
 def check_address(host: str | None, port: int | None, *, web: bool) -> None:
-    """Raise ValueError for an address without ``web``, or a port that is none."""
+    """Raise FieldError for an address without ``web``."""
     for name, value in (("host", host), ("port", port)):
         if value is not None and not web:
-            raise ValueError(f"{name} = {value!r}; allowed: only together with --web")
-    if port is not None and not 0 <= port <= 65535:
-        raise ValueError(f"port = {port}; allowed: a whole number from 0 to 65535")
+            raise FieldError(f"{name} = {value!r}; allowed: only together with --web")
 
 
 def address_of(host: str | None, port: int | None) -> tuple[str, int]:

@@ -16,6 +16,7 @@ from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.evidence import print_evidence, verdict
 from mathnavi.sim.interfaces.checks import check_spares
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.records.computing_environment import difference, environment_digest
 from mathnavi.sim.records.crate import write_crate
 from mathnavi.sim.records.parquet import write_parquet
@@ -59,7 +60,7 @@ class StoreExportOptions:
     def __post_init__(self) -> None:
         for name in ("parquet", "licence"):
             if getattr(self, name) and not self.crate:
-                raise ValueError(f"{name} = {getattr(self, name)}; allowed: only together with --crate")
+                raise FieldError(f"{name} = {getattr(self, name)}; allowed: only together with --crate")
 
 
 def main(argv: Sequence[str]) -> int:
@@ -101,7 +102,7 @@ def _show(argv: Sequence[str]) -> None:
 def _kind(record: Record, changed: Sequence[str]) -> tuple[str, ...]:
     """Scenario, version of the code, environment, and digests of files that have changed, by the names of the fields.
 
-    Records that differ in any of these are told apart.
+    Records that differ in any of these are kept apart.
     """
     inputs = record.parameters.get("inputs", {})
     return record.scenario, record.code, record.origin.digest, *(str(inputs.get(name, "none")) for name in changed)

@@ -25,7 +25,7 @@ from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import prepare
 from mathnavi.sim.commands.wrapping import wrapped
 from mathnavi.sim.interfaces.bounds import Processes, configuration
-from mathnavi.sim.interfaces.errors import PluginError
+from mathnavi.sim.interfaces.errors import FieldError, PluginError
 from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.plugin.registry import load, names
 from mathnavi.sim.records.claims import Claim, ledger
@@ -68,7 +68,7 @@ class StudyOptions:
 
     def __post_init__(self) -> None:
         if len(set(self.terrain)) < len(self.terrain):
-            raise ValueError(f"terrain = {self.terrain}; allowed: each terrain once")
+            raise FieldError(f"terrain = {self.terrain}; allowed: each terrain once")
 
 
 def main(argv: Sequence[str]) -> int:
@@ -217,7 +217,7 @@ def _study(
 
 
 def _stored(path: Path) -> str:
-    """What is kept of a study that is interrupted."""
+    """Note on what is kept of a study that is interrupted."""
     number = stored_results(path)
     if number is None:
         return f"what had ended is stored in {path}; to go on"

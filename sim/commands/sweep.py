@@ -20,10 +20,11 @@ from mathnavi.sim.commands.interruption import when_interrupted
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
 from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import RunRequest, prepare, usage
-from mathnavi.sim.commands.served_address import address_of, check_address
+from mathnavi.sim.commands.served_address import Port, address_of, check_address
 from mathnavi.sim.commands.variations import listed_combinations, read_requests, read_variations, trials
 from mathnavi.sim.interfaces.bounds import LARGEST_SEED, MOST_TO_COMPUTE, Count, Positive, Processes, configuration
 from mathnavi.sim.interfaces.checks import check_spares
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.store import TRANSIENT, Record, Store, StoreWriteError
 from mathnavi.sim.sweep.child import RefusedError
@@ -63,14 +64,14 @@ class SweepOptions:
     """show the report of the trials so far in a browser while the sweep goes on: prints the URL"""
     host: str | None = None
     """address of this machine at which that is served, 127.0.0.1 if not given; the URL of any other has a token"""
-    port: int | None = None
+    port: Port | None = None
     """port, 8765 if not given; 0 is any that is free"""
 
     def __post_init__(self) -> None:
         if self.workers is not None and self.cluster is not None:
-            raise ValueError(f"cluster = {self.cluster!r} beside --workers {self.workers}; allowed: one of both")
+            raise FieldError(f"cluster = {self.cluster!r} beside --workers {self.workers}; allowed: one of both")
         if self.store.suffix == REPORT:
-            raise ValueError(f"store = {self.store}; allowed: another ending than that of the report, {REPORT}")
+            raise FieldError(f"store = {self.store}; allowed: another ending than that of the report, {REPORT}")
         check_address(self.host, self.port, web=self.web)
 
 

@@ -20,6 +20,7 @@ from mathnavi.renders.page import UNKNOWN, Markup, card, document, heading, para
 from mathnavi.renders.sweep_report import report
 from mathnavi.sim.commands.view_web import page_of
 from mathnavi.sim.commands.web_server import PageServer
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.records.figure_names import SHORTFALL, label
 from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.store import Record, Store
@@ -64,10 +65,10 @@ class FollowedSweep:
             return self._page
 
     def view(self, query: Mapping[str, str]) -> str:
-        """The page of the trial that a query names, flown again; ValueError for one that is not of the sweep."""
+        """The page of the trial that a query names, flown again; FieldError for one that is not of the sweep."""
         content = query.get("trial", "")
         if content not in self.trials:
-            raise ValueError(f"trial = {content!r}; allowed: one of this sweep, by a link of its page")
+            raise FieldError(f"trial = {content!r}; allowed: one of this sweep, by a link of its page")
         with self._flying:  # one after the other
             if content not in self._views:
                 with TemporaryDirectory() as folder:
@@ -126,7 +127,7 @@ class FollowedSweep:
         return section("Worst runs", card(table(heads, rows, "A link flies the trial again and shows the run.")))
 
     def _link(self, content: str) -> str:
-        """Where a trial is shown, with the token of the server if it has one."""
+        """Address at which a trial is shown, with the token of the server if it has one."""
         token = urlsplit(self.url).query
         return html.escape(f"{VIEW.lstrip('/')}?{urlencode({'trial': content})}{f'&{token}' if token else ''}")
 

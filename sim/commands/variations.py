@@ -42,9 +42,11 @@ class Variation:
 
     @property
     def listed(self) -> list[str]:
+        """The words of the list, not yet read as values."""
         return self.text.split(",")
 
     def wrong(self, why: str) -> BadInputError:
+        """The error that names this flag, and why its values will not do."""
         return BadInputError(f"{self.option} {self.name}={self.text}: {why}")
 
 
@@ -158,7 +160,7 @@ def trials(request: RunRequest, variations: Sequence[Variation], count: int) -> 
 
 
 def listed_combinations(request: RunRequest, variations: Sequence[Variation]) -> int:
-    """How many combinations the listed values of fields make."""
+    """Number of combinations that the listed values of fields make."""
     places = FieldPlaces(request)
     values = [places.values(variation) for variation in variations if variation.flag not in PLUGINS]
     return math.prod(len(listed) for listed in values if isinstance(listed, list))
@@ -185,6 +187,7 @@ def set_fields(request: RunRequest, places: FieldPlaces, values: Mapping[str, An
 
 
 def trial_of(request: RunRequest, seed: int) -> Trial:
+    """The trial that a request asks for, with one seed."""
     return Trial(
         request.name,
         request.config,

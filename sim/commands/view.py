@@ -23,9 +23,9 @@ from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.run import build
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import prepare, read_request
-from mathnavi.sim.commands.served_address import address_of, check_address
+from mathnavi.sim.commands.served_address import Port, address_of, check_address
 from mathnavi.sim.engine.replay import RecordedMotion
-from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_state_names
 
@@ -41,13 +41,13 @@ DISTANCE = 12.0  # of the camera, in sizes of a vehicle
 NO_DISPLAY = "allowed: a desktop, or `mathnavi view DIR --web`, or `mathnavi render DIR` for a video"
 
 
-@dataclass(frozen=True)
+@configuration
 class ViewOptions:
     """The run to show, and how fast."""
 
     folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
     """folder of a run"""
-    speed: float | None = None
+    speed: Positive | None = None
     """times as fast as it was; 1 if not given, in a browser what shows the run in about half a minute"""
     web: bool = False
     """show it in a browser: prints the URL"""
@@ -55,14 +55,12 @@ class ViewOptions:
     """write the page to this file: it needs neither a server nor a network"""
     host: str | None = None
     """address of this machine at which the page is served, 127.0.0.1 if not given; the URL of any other has a token"""
-    port: int | None = None
+    port: Port | None = None
     """port, 8765 if not given; 0 is any that is free"""
     trust: bool = False
     """import code that DIR names and that is not installed; it runs as you"""
 
     def __post_init__(self) -> None:
-        if self.speed is not None:
-            check(self.speed, "speed", 0.0, open_low=True)
         check_address(self.host, self.port, web=self.web)
 
 

@@ -63,7 +63,7 @@ class PageServer(ThreadingHTTPServer):
 
     @property
     def url(self) -> str:
-        """Where the page is, with the token if there is one."""
+        """Address of the page, with the token if there is one."""
         host, port = str(self.server_address[0]), int(self.server_address[1])
         name = f"[{host}]" if ":" in host else host
         return f"http://{name}:{port}/" + (f"?token={self.token}" if self.token else "")

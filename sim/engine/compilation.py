@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import subprocess
 import sys
 import time
@@ -34,32 +35,25 @@ def compilation_reported(report: Callable[[bool], None]) -> Iterator[None]:
         yield
 
 
-@contextmanager
-def compiled_ahead(package: str, module: str) -> Iterator[None]:
-    """Have a second process run ``module``, which compiles, as soon as a kernel of ``package`` is compiled in here.
+def compile_in_two(module: str) -> None:
+    """Compile the kernels ``OWN`` of a module in here while a second process, ``python -m module``, does its others.
 
-    The process ends with what is in here at the latest; whether it succeeds changes nothing but the time.
+    Nothing happens where they are all kept already. Whether the second process succeeds changes nothing but the time:
+    what is missing afterwards is compiled where it is called.
     """
-    event: Any = importlib.import_module("numba.core.event")  # takes a while to import
-    processes: list[subprocess.Popen[bytes]] = []
+    from mathnavi.sim.interfaces.compiled import any_missing, compile_all  # numba takes a while to import
 
-    class Listener(event.Listener):
-        def on_start(self, event: Any) -> None:
-            if not processes and event.data["dispatcher"].py_func.__module__.startswith(f"{package}."):
-                command = [sys.executable, "-P", "-m", module]
-                quiet = subprocess.DEVNULL
-                processes.append(subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet))
-
-        def on_end(self, event: Any) -> None:
-            pass
-
+    lists = importlib.import_module(module)
+    if (os.cpu_count() or 1) < 2 or not any_missing((*lists.OWN, *lists.HELPED)):
+        return
+    quiet = subprocess.DEVNULL
+    process = subprocess.Popen([sys.executable, "-P", "-m", module], stdin=quiet, stdout=quiet, stderr=quiet)
     try:
-        with event.install_listener("numba:compile", Listener()):
-            yield
+        compile_all(lists.OWN)
+        process.wait()
     finally:
-        for process in processes:
-            process.kill()
-            process.wait()
+        process.kill()
+        process.wait()
 
 
 @dataclass

@@ -13,13 +13,14 @@ from typing import Protocol
 
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.protocols import Planner, Plant, Sensor
 from mathnavi.sim.interfaces.signals import Array, Event, Measurement, Plan, PlanRequest, Status
 
 
 def _rate(rate: float, what: str) -> float:
     if not 0.0 <= rate <= 1.0:
-        raise ValueError(f"{what} = {rate!r} is not a rate; allowed: 0 to 1")
+        raise ArgumentError(f"{what} = {rate!r} is not a rate; allowed: 0 to 1")
     return rate
 
 
@@ -62,7 +63,7 @@ class Delayed:
 
     def __init__(self, planner: Planner, latency: float, rate: float, rng: np.random.Generator) -> None:
         if not (math.isfinite(latency) and latency >= 0.0):
-            raise ValueError(f"latency = {latency!r} s; allowed: a finite time >= 0")
+            raise ArgumentError(f"latency = {latency!r} s; allowed: a finite time >= 0")
         self.period = planner.period
         self._planner, self._latency, self._rate, self._rng = planner, latency, _rate(rate, "late plan rate"), rng
 
@@ -89,11 +90,11 @@ class _GaussMarkov:
 
     def __init__(self, what: str, unit: str, rms: float, time_constant: float, limit: float) -> None:
         if not (math.isfinite(rms) and rms >= 0.0):
-            raise ValueError(f"{what} rms = {rms!r} {unit}; allowed: a finite value >= 0")
+            raise ArgumentError(f"{what} rms = {rms!r} {unit}; allowed: a finite value >= 0")
         if not (math.isfinite(time_constant) and time_constant > 0.0):
-            raise ValueError(f"{what} time constant = {time_constant!r} s; allowed: a finite value > 0")
+            raise ArgumentError(f"{what} time constant = {time_constant!r} s; allowed: a finite value > 0")
         if not limit > 0.0:
-            raise ValueError(f"{what} limit = {limit!r} {unit}; allowed: > 0")
+            raise ArgumentError(f"{what} limit = {limit!r} {unit}; allowed: > 0")
         self._rms, self._time_constant, self._limit = rms, time_constant, limit
         self._now: dict[str, Array] = {}
 
@@ -146,7 +147,7 @@ class ConstantWrench:
         self._force, self._torque = np.array(force, dtype=np.float64), np.array(torque, dtype=np.float64)
         for value, what, unit in ((self._force, "force", "N"), (self._torque, "torque", "N m")):
             if value.shape != (3,) or not np.isfinite(value).all():
-                raise ValueError(f"constant {what} = {value.tolist()} {unit}; allowed: three finite numbers")
+                raise ArgumentError(f"constant {what} = {value.tolist()} {unit}; allowed: three finite numbers")
 
     def act(self, plant: Plant, ticks: int) -> Sequence[Event]:
         for name in plant.names:
@@ -159,7 +160,7 @@ class PositionJumps:
 
     def __init__(self, half_width: float, period: float, rng: np.random.Generator) -> None:
         if not (math.isfinite(half_width) and half_width >= 0.0):
-            raise ValueError(f"position jump = {half_width!r} m; allowed: a finite value >= 0")
+            raise ArgumentError(f"position jump = {half_width!r} m; allowed: a finite value >= 0")
         self._half_width, self._period, self._rng = half_width, period, rng
         self._next = period
 

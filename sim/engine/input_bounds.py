@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 ROUND_OFF = 1e-9  # relative excess of an input that is not worth an event
@@ -16,7 +17,7 @@ def input_bound(name: str, input_max: float | Array, size: int) -> Callable[[Arr
     """A function of an input (nu,): the saturated input (nu,), and a message; "" where nothing was saturated."""
     limits = np.asarray(input_max, dtype=np.float64)
     if limits.shape not in ((), (size,)) or not (limits > 0.0).all():
-        raise ValueError(f"vehicle {name!r}: input_max = {input_max!r}; allowed: one number > 0, or {size} of them")
+        raise ArgumentError(f"vehicle {name!r}: input_max = {input_max!r}; allowed: one number > 0, or {size} of them")
 
     def length_bounded(command: Array) -> tuple[Array, str]:
         length, longest = math.sqrt(command.dot(command)), float(limits)

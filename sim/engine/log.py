@@ -37,25 +37,30 @@ class AgentRecorder:
         self.events.append(Event(t, self.name, kind, message))
 
     def measurements(self, k: int, readings: Sequence[Measurement]) -> None:
+        """Record the readings of the k-th control step."""
         for reading in readings:
             self.readings[reading.name][k] = reading.value
 
     def estimate(self, estimate: Estimate) -> None:
+        """Record an estimate, and an event where its status changes."""
         before = self.estimates[-1].status if self.estimates else Status.OK
         if before is not estimate.status:
             self.event(estimate.t, "estimator-status", f"{estimate.status.name.lower()}: {estimate.status.value}")
         self.estimates.append(estimate)
 
     def asked(self, plan: Plan) -> None:
+        """Count a request for a plan, and its answer."""
         self.requests += 1
         self.answers += plan.ok and not plan.by_fallback
         if math.isfinite(plan.solve_ms):
             self.solve_ms.append(plan.solve_ms)
 
     def adopted(self, t: float, plan: Plan) -> None:
+        """Record the adoption of a plan at t [s]."""
         self.plans.append((t, plan))
 
     def command(self, k: int, command: Array) -> None:
+        """Record the command (nu,) of the k-th control step."""
         self.commands[k] = command
 
     def arrays(self, length: int) -> dict[str, Array]:
@@ -116,6 +121,7 @@ class Recording:
         return Recording(np.zeros(length), truths, agents, events, names)
 
     def truth(self, k: int, t: float, truths: Mapping[str, Array]) -> None:
+        """Record the k-th sample: t [s] and the true states (nx,) by vehicle."""
         self.t[k] = t
         for name, x in truths.items():
             self.truths[name][k] = x

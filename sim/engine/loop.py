@@ -23,22 +23,23 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.agent_runner import Agent, AgentRunner
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.network import IdealNetwork, Network
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.signals import Array
 
 
 def whole_ticks(period: float, dt: float, what: str) -> int:
-    """``period`` [s] as a number of ticks of ``dt`` [s]; ValueError if it is not a whole positive number of them."""
+    """``period`` [s] as a number of ticks of ``dt`` [s]; ArgumentError if it is not a whole positive number of them."""
     ticks = round(period / dt) if math.isfinite(period) else 0
     if ticks < 1 or abs(ticks * dt - period) > TIME_TOLERANCE * max(1.0, ticks):
-        raise ValueError(f"{what} = {period!r} s is not a whole number of physics ticks of {dt!r} s")
+        raise ArgumentError(f"{what} = {period!r} s is not a whole number of physics ticks of {dt!r} s")
     return ticks
 
 
 def _rates(name: str, agent: Agent, dt: float) -> tuple[int, int, int, int]:
     """Ticks between calls of the estimator, the planner, the tracker and the coordinator; 0 for one that is not there.
 
-    ValueError if the planner or the tracker would be given an estimate of an earlier tick.
+    ArgumentError if the planner or the tracker would be given an estimate of an earlier tick.
     """
     estimator = whole_ticks(agent.estimator.period, dt, f"{name}: the estimator's period")
     planner = whole_ticks(agent.planner.period, dt, f"{name}: the planner's period")
@@ -48,7 +49,7 @@ def _rates(name: str, agent: Agent, dt: float) -> tuple[int, int, int, int]:
         ("tracker", tracker, agent.tracker.period),
     ):
         if ticks % estimator:
-            raise ValueError(
+            raise ArgumentError(
                 f"{name}: the estimator's period = {agent.estimator.period!r} s leaves the {part} with old estimates; "
                 f"allowed: a whole fraction of the {part}'s period, {period!r} s"
             )
@@ -72,7 +73,7 @@ class Loop:
         than the parts that use it.
         """
         if unknown := sorted(set(agents) - set(plant.names)):
-            raise ValueError(f"agents {unknown} have no vehicle; the plant has {list(plant.names)}")
+            raise ArgumentError(f"agents {unknown} have no vehicle; the plant has {list(plant.names)}")
         dt = plant.dt
         self._steps = whole_ticks(duration, dt, "duration")
         self._plant, self._names = plant, plant.names

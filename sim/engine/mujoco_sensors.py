@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import mujoco
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 _POSITION = int(mujoco.mjtStage.mjSTAGE_POS)
-_OFF = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+_NO_SENSORS = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 
 
 class OwnSensors:
@@ -36,7 +37,7 @@ class OwnSensors:
         if full not in self._places:
             self._places[full] = self._place_of(vehicle, full)
         if not self._present:
-            self._look()
+            self._evaluate()
         reading: Array = self._data.sensordata[self._places[full]].copy()
         return reading
 
@@ -46,16 +47,16 @@ class OwnSensors:
         own = [name for name in known if name.startswith(f"{vehicle}/")]
         usable = [name for name in own if int(model.sensor_needstage[known[name]]) == _POSITION]
         if full not in usable:
-            raise ValueError(f"the model has no sensor {full!r} that follows from positions; allowed: {usable}")
+            raise ArgumentError(f"the model has no sensor {full!r} that follows from positions; allowed: {usable}")
         first = int(model.sensor_adr[known[full]])
         return slice(first, first + int(model.sensor_dim[known[full]]))
 
-    def _look(self) -> None:
+    def _evaluate(self) -> None:
         model, data, flags = self._model, self._data, self._model.opt.disableflags
         for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight, mujoco.mj_tendon):
             stage(model, data)
         mujoco.mj_transmission(model, data)
-        model.opt.disableflags = flags & ~_OFF
+        model.opt.disableflags = flags & ~_NO_SENSORS
         mujoco.mj_sensorPos(model, data)
         model.opt.disableflags = flags
         self._present = True

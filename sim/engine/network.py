@@ -16,6 +16,7 @@ import numpy as np
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.bounds import NonNegative, configuration
 from mathnavi.sim.interfaces.checks import check, check_names
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Message
 
 
@@ -48,9 +49,9 @@ class IdealNetwork:
         self._taken = 0
 
     def send(self, message: Message, receiver: str, t: float) -> None:
-        """ValueError for a receiver that is none."""
+        """ArgumentError for a receiver that is none."""
         if receiver not in self._underway:
-            raise ValueError(f"receiver = {receiver!r}; allowed: {', '.join(self._underway)}")
+            raise ArgumentError(f"receiver = {receiver!r}; allowed: {', '.join(self._underway)}")
         self._underway[receiver].append(_Underway(t, self._taken, receiver, message))
         self._taken += 1
 

@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from mathnavi.sim.engine.sensing import mounted
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array, Event, Measurement
 
@@ -75,9 +76,9 @@ class OdeMotion:
         return self._law.rate(self.state, self.u)[len(self.state) // 2 :]
 
     def sensed(self, name: str) -> Array:
-        """ "output" is h(x, u) (ny,); ValueError for another name."""
+        """ "output" is h(x, u) (ny,); ArgumentError for another name."""
         if name != "output":
-            raise ValueError(f"an ODE has no sensor {name!r}; allowed: 'output'")
+            raise ArgumentError(f"an ODE has no sensor {name!r}; allowed: 'output'")
         return self._law.output(self.state, self.u)
 
 
@@ -95,14 +96,14 @@ class _Vehicle:
     def place(self, state: Array, what: str) -> None:
         x, n = np.array(state, dtype=np.float64), len(self.law.states)
         if x.shape != (n,) or not np.isfinite(x).all():
-            raise ValueError(f"vehicle {self.name!r}: {what} = {x.tolist()}; allowed: {n} finite numbers")
+            raise ArgumentError(f"vehicle {self.name!r}: {what} = {x.tolist()}; allowed: {n} finite numbers")
         self.motion.state, self.escaped = x, None
 
     def command(self, t: float, command: Array | None) -> None:
         u = np.zeros(len(self.law.inputs)) if command is None else np.array(command, dtype=np.float64)
         if u.shape != self.motion.u.shape or not np.isfinite(u).all():
             allowed = f"{len(self.law.inputs)} finite numbers"
-            raise ValueError(f"vehicle {self.name!r}: command = {u.tolist()} at {t:.3f} s; allowed: {allowed}")
+            raise ArgumentError(f"vehicle {self.name!r}: command = {u.tolist()} at {t:.3f} s; allowed: {allowed}")
         self.motion.u = u
 
     def advance(self, tick: int, ticks: int, dt: float) -> Event | None:
@@ -120,10 +121,10 @@ class _Vehicle:
         self.motion.state = after
         return None
 
-    def read(self, tick: int, dt: float, *, looking: bool) -> None:
+    def read(self, tick: int, dt: float, *, at_control_step: bool) -> None:
         """Read the sensors that fall due at a tick."""
         for each in self.sensors if self.escaped is None else ():
-            if each.due(tick, looking):
+            if each.due(tick, at_control_step):
                 value = each.sensor.read(self.motion, each.rng)
                 if value is not None:
                     self.readings.append(Measurement(each.sensor.name, tick * dt, value))
@@ -139,7 +140,7 @@ class OdePlant:
         of ticks.
         """
         if not vehicles:
-            raise ValueError("a plant needs at least one vehicle")
+            raise ArgumentError("a plant needs at least one vehicle")
         self.dt = dt
         self._tick = 0
         self._vehicles = {
@@ -173,23 +174,23 @@ class OdePlant:
 
     def sense(self, name: str) -> Sequence[Measurement]:
         vehicle = self._vehicle(name)
-        vehicle.read(self._tick, self.dt, looking=True)
+        vehicle.read(self._tick, self.dt, at_control_step=True)
         readings, vehicle.readings = vehicle.readings, []
         return readings
 
     def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
-        """ValueError: what has no body cannot be pushed."""
-        raise ValueError(f"vehicle {name!r} is an ODE without a body; allowed: no forces on it")
+        """Refuse a force (3,) [N] and torque (3,) [N m] by ArgumentError: what has no body cannot be pushed."""
+        raise ArgumentError(f"vehicle {name!r} is an ODE without a body; allowed: no forces on it")
 
     def displace(self, name: str, offset: Array) -> None:
-        """ValueError: what has no body has no place; ``place`` sets its state."""
-        raise ValueError(f"vehicle {name!r} is an ODE without a body; allowed: no displacement of it")
+        """Refuse an offset (3,) [m] by ArgumentError: what has no body has no place; ``place`` sets its state."""
+        raise ArgumentError(f"vehicle {name!r} is an ODE without a body; allowed: no displacement of it")
 
     def place(self, name: str, state: Array) -> None:
         self._vehicle(name).place(state, "state")
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
-        """Advance by so many ticks with inputs held; a vehicle without a command gets nought. The event is "escaped".
+        """Advance by so many ticks with inputs (nu,) by name held, nought without one. The event is "escaped".
 
         ValueError for a command that does not fit or is not finite.
         """
@@ -202,17 +203,17 @@ class OdePlant:
                 if (event := vehicle.advance(begin, tick - begin, self.dt)) is not None:
                     events.append(event)
                 if tick < end:
-                    vehicle.read(tick, self.dt, looking=False)
+                    vehicle.read(tick, self.dt, at_control_step=False)
                 begin = tick
         self._tick += ticks
         return events
 
     def _due(self, vehicle: _Vehicle, begin: int, end: int) -> list[int]:
         """The ticks in between at which a sensor of the vehicle is read."""
-        return [k for k in range(begin + 1, end) if any(each.due(k, looking=False) for each in vehicle.sensors)]
+        return [k for k in range(begin + 1, end) if any(each.due(k, at_control_step=False) for each in vehicle.sensors)]
 
     def _vehicle(self, name: str) -> _Vehicle:
         try:
             return self._vehicles[name]
         except KeyError:
-            raise ValueError(f"the plant has no vehicle {name!r}; it has {list(self._vehicles)}") from None
+            raise ArgumentError(f"the plant has no vehicle {name!r}; it has {list(self._vehicles)}") from None

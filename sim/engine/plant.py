@@ -22,6 +22,7 @@ from mathnavi.sim.engine.input_bounds import input_bound
 from mathnavi.sim.engine.loop import whole_ticks
 from mathnavi.sim.engine.mujoco_sensors import OwnSensors
 from mathnavi.sim.engine.sensing import mounted
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.joint_states import FREE, SIZES, SLIDE, quaternions, state_names, with_unit_quaternions
 from mathnavi.sim.interfaces.protocols import ActuatorModel, Sensor
 from mathnavi.sim.interfaces.signals import Array, Event, Measurement
@@ -44,7 +45,7 @@ class VehicleSetup:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where a vehicle is in MuJoCo's arrays, and how its input gets there: for whoever steps the model otherwise."""
+    """Places of a vehicle in MuJoCo's arrays, and the way of its input there: for whoever steps the model otherwise."""
 
     q: slice  # of qpos
     v: slice  # of qvel
@@ -87,7 +88,7 @@ class _Vehicle:
         actuators = [i for i in range(model.nu) if model.actuator(i).name.startswith(f"{name}/")]
         if not joints:
             known = sorted({model.joint(j).name.partition("/")[0] for j in range(model.njnt)})
-            raise ValueError(f"the model has no vehicle {name!r}; it has {known}")
+            raise ArgumentError(f"the model has no vehicle {name!r}; it has {known}")
         kinds = [int(model.jnt_type[j]) for j in joints]
         positions, velocities = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
         q = _slice(joints, int(positions[0]), int(positions[-1]) + SIZES[kinds[-1]][0])
@@ -124,10 +125,10 @@ class _Vehicle:
         self.disturbed = False
 
     def place(self, state: Array, what: str) -> None:
-        """Set the joints; ValueError for a state that does not fit them, a quaternion not of length 1 for one."""
+        """Set the joints; ArgumentError for a state that does not fit them, a quaternion not of length 1 for one."""
         x, nq, size = np.asarray(state, dtype=np.float64), len(self.motion.q), len(self.state_names)
         if x.shape != (size,) or not np.isfinite(x).all():
-            raise ValueError(f"vehicle {self.name!r}: {what} = {x.tolist()}; allowed: {size} finite numbers")
+            raise ArgumentError(f"vehicle {self.name!r}: {what} = {x.tolist()}; allowed: {size} finite numbers")
         q = with_unit_quaternions(x[:nq], self.quaternions, f"vehicle {self.name!r}: {what}")
         self.motion.q[:], self.motion.v[:] = q, x[nq:]
 
@@ -142,7 +143,7 @@ class MujocoPlant:
         is not a whole number of ticks.
         """
         if not vehicles:
-            raise ValueError("a plant needs at least one vehicle")
+            raise ArgumentError("a plant needs at least one vehicle")
         self.model, self.data = model, mujoco.MjData(model)
         self.dt = float(model.opt.timestep)
         self._ticks = 0
@@ -184,24 +185,24 @@ class MujocoPlant:
         return tuple(each.sensor for each in self._vehicle(name).sensors)
 
     def layout(self, name: str) -> Layout:
-        """Where a vehicle is in the arrays of ``model`` and ``data``."""
+        """Places of a vehicle in the arrays of ``model`` and ``data``."""
         return self._vehicle(name).layout
 
     def contacts(self, name: str) -> int:
-        """How often the vehicle has begun to touch something."""
+        """Number of times that the vehicle has begun to touch something."""
         return self._vehicle(name).contacts
 
     def sense(self, name: str) -> Sequence[Measurement]:
         vehicle = self._vehicle(name)
-        self._read(vehicle, looking=True)
+        self._read(vehicle, at_control_step=True)
         readings, vehicle.readings = vehicle.readings, []
         return readings
 
-    def _read(self, vehicle: _Vehicle, *, looking: bool) -> None:
+    def _read(self, vehicle: _Vehicle, *, at_control_step: bool) -> None:
         """Read the sensors that fall due at this tick."""
         ticks = self._ticks
         for each in vehicle.sensors:
-            if each.due(ticks, looking):
+            if each.due(ticks, at_control_step):
                 sensor = each.sensor
                 value = sensor.read(vehicle.motion, each.rng)
                 if value is not None:
@@ -227,7 +228,7 @@ class MujocoPlant:
         self._sensors.passed()
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
-        """Advance by so many ticks with inputs and forces held; a vehicle without a command gets none.
+        """Advance by so many ticks with inputs (nu,) by name and forces held; a vehicle without a command gets none.
 
         An input beyond its bound is brought back to it. That, and every contact, is an event when it begins:
         "input-clipped", "ground-contact", "vehicle-contact", "contact". Where actuators are late, an input acts from so
@@ -285,7 +286,7 @@ class MujocoPlant:
                 self._touch(events)
             if left:
                 for vehicle in between:
-                    self._read(vehicle, looking=False)
+                    self._read(vehicle, at_control_step=False)
 
     def _between(self, ticks: int) -> tuple[_Vehicle, ...]:
         """The vehicles with sensors to be read within steps of so many ticks; the rest is left to sense()."""
@@ -297,16 +298,16 @@ class MujocoPlant:
         try:
             return self._vehicles[name]
         except KeyError:
-            raise ValueError(f"the plant has no vehicle {name!r}; it has {list(self._names)}") from None
+            raise ArgumentError(f"the plant has no vehicle {name!r}; it has {list(self._names)}") from None
 
     def _bounded(self, vehicle: _Vehicle, command: Array, events: list[Event]) -> Array:
         """The command within its bound."""
         if command.shape != vehicle.control.shape:
-            raise ValueError(
+            raise ArgumentError(
                 f"vehicle {vehicle.name!r}: the command has shape {command.shape}; allowed: {vehicle.control.shape}"
             )
         if not math.isfinite(command.dot(command)):
-            raise ValueError(
+            raise ArgumentError(
                 f"vehicle {vehicle.name!r}: the command {command.tolist()} at {self.t:.3f} s is not finite"
             )
         control, clipped = vehicle.bounded(command)
@@ -364,11 +365,11 @@ def _geom(model: mujoco.MjModel, vehicle: str, name: str) -> int:
     try:
         return int(model.geom(name).id)
     except KeyError:
-        raise ValueError(f"vehicle {vehicle!r}: ignored_contacts: there is no geom {name!r} in the model") from None
+        raise ArgumentError(f"vehicle {vehicle!r}: ignored_contacts: there is no geom {name!r} in the model") from None
 
 
 def _slice(indices: Sequence[int], first: int, end: int) -> slice:
-    """From ``first`` to ``end``: a view into MuJoCo's arrays; ValueError if the indices do not lie together."""
+    """From ``first`` to ``end``: a view into MuJoCo's arrays; ArgumentError if the indices do not lie together."""
     if list(indices) != list(range(indices[0], indices[-1] + 1)):
-        raise ValueError(f"the joints or actuators of a vehicle do not lie together in the model: {list(indices)}")
+        raise ArgumentError(f"the joints or actuators of a vehicle do not lie together in the model: {list(indices)}")
     return slice(first, end)

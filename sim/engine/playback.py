@@ -12,6 +12,7 @@ import numpy as np
 
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.sensing import every
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Event, Measurement, Plan, PlanRequest
 
@@ -34,22 +35,22 @@ class RecordedPlant:
         """The plant at the first sample of ``run``, with ticks of dt [s] and the readings of ``sensors``.
 
         ValueError if the samples are not at whole ticks, a sensor's readings are not in the run or of another length,
-        or some of them may not be because it is read more often than the loop looked.
+        or some of them may not be because it is read more often than at control steps.
         """
         self.dt = dt
         self._name, self._run, self._sensors = name, run, tuple(sensors)
         self._ticks = np.rint(run.t / dt).astype(np.int64)  # of the samples
         if not np.array_equal(self._ticks * dt, run.t):
-            raise ValueError(f"the run was looked at between physics ticks; allowed: at multiples of {dt:g} s")
+            raise ArgumentError(f"the run was sampled between physics ticks; allowed: at multiples of {dt:g} s")
         apart = int(np.diff(self._ticks).max(initial=1))
         self._every = [every(sensor, dt) for sensor in sensors]
         for sensor, ticks in zip(sensors, self._every, strict=True):
             kept = {key: values.shape[1] for key, values in run.readings.items()}
             if kept.get(sensor.name) != sensor.size:
                 measured = ", ".join(f"{key} ({size})" for key, size in kept.items()) or "nothing"
-                raise ValueError(f"it reads {sensor.name} ({sensor.size}), and the run measured {measured}")
+                raise ArgumentError(f"it reads {sensor.name} ({sensor.size}), and the run measured {measured}")
             if 0 < ticks < apart:
-                raise ValueError(
+                raise ArgumentError(
                     f"it reads {sensor.name} every {ticks * dt:g} s, and of what came between two samples, "
                     f"{apart * dt:g} s apart, the run has the last"
                 )
@@ -89,19 +90,19 @@ class RecordedPlant:
         return [measurement for _, measurement in sorted(read, key=lambda pair: pair[0])]
 
     def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
-        raise ValueError("what is over cannot be pushed; allowed: no forces")
+        raise ArgumentError("what is over cannot be pushed; allowed: no forces")
 
     def displace(self, name: str, offset: Array) -> None:
-        raise ValueError("what is over cannot be moved; allowed: no displacement")
+        raise ArgumentError("what is over cannot be moved; allowed: no displacement")
 
     def place(self, name: str, state: Array) -> None:
-        raise ValueError("what is over cannot be moved; allowed: no other state")
+        raise ArgumentError("what is over cannot be moved; allowed: no other state")
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
-        """Advance to the next sample, which has to be so many ticks ahead."""
+        """Advance to the next sample, which has to be so many ticks ahead; ``commands`` (nu,) by name are not used."""
         ahead = int(self._ticks[self._row + 1] - self._ticks[self._row])
         if ticks != ahead:
-            raise ValueError(f"the next sample is {ahead} ticks ahead; allowed: a step of so many, not of {ticks}")
+            raise ArgumentError(f"the next sample is {ahead} ticks ahead; allowed: a step of so many, not of {ticks}")
         self._row += 1
         return ()
 

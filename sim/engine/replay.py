@@ -14,6 +14,7 @@ from mathnavi.models.aerial.entity import airframe_pose
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.faults import Disturbed
 from mathnavi.sim.engine.plant import MujocoPlant
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.signals import Array
 
@@ -24,17 +25,17 @@ class RecordedMotion:
     def __init__(self, plant: Plant, t: Array, states: Mapping[str, Array], inputs: Mapping[str, Array]) -> None:
         """``t`` (n,) [s], and for each vehicle of the plant its true states (n, nx) and its inputs (n, nu).
 
-        ValueError for a plant without bodies in MuJoCo, and for states that are not those of its vehicles.
+        ArgumentError for a plant without bodies in MuJoCo, and for states that are not those of its vehicles.
         """
         body = plant.plant if isinstance(plant, Disturbed) else plant
         if not isinstance(body, MujocoPlant):
-            raise ValueError("it has no body in MuJoCo, its states are numbers alone; allowed: runs of bodies")
+            raise ArgumentError("it has no body in MuJoCo, its states are numbers alone; allowed: runs of bodies")
         if set(states) != set(body.names):
-            raise ValueError(f"it logged {', '.join(states)}; allowed: {', '.join(body.names)}")
+            raise ArgumentError(f"it logged {', '.join(states)}; allowed: {', '.join(body.names)}")
         for name, x in states.items():
             size = len(body.state_names(name))
             if x.shape != (len(t), size):
-                raise ValueError(f"truth.x of {name} is {x.shape}; allowed: {(len(t), size)}")
+                raise ArgumentError(f"truth.x of {name} is {x.shape}; allowed: {(len(t), size)}")
         self.plant, self.t, self.states, self.inputs = body, t, states, inputs
         bodies = {body.model.body(b).name: b for b in range(body.model.nbody)}
         self._airframes = {name: bodies[f"{name}/airframe"] for name in states if f"{name}/airframe" in bodies}

@@ -1,4 +1,4 @@
-"""What can be seen of a run in MuJoCo: the shapes of its model, and where each body was, sample by sample.
+"""Visible part of a run in MuJoCo: the shapes of its model, and where each body was, sample by sample.
 
 It stands for itself: whoever draws the run needs neither its scenario nor the files of its model, and nothing in it is
 executed. ``scene.npz`` in the run's folder holds it, array by array:

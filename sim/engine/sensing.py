@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mathnavi.sim.engine.loop import whole_ticks
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.protocols import Sensor
 
 
@@ -20,18 +21,18 @@ class Mounted:
     every: int  # ticks from one reading to the next; 0: at every control step
     rng: np.random.Generator  # of its own
 
-    def due(self, tick: int, looking: bool) -> bool:
+    def due(self, tick: int, at_control_step: bool) -> bool:
         """True if it is read at a tick, which may be that of a control step."""
-        return tick % self.every == 0 if self.every else looking
+        return tick % self.every == 0 if self.every else at_control_step
 
 
 def mounted(vehicle: str, sensors: Sequence[Sensor], dt: float, rng: np.random.Generator) -> list[Mounted]:
     """The sensors of a vehicle in a plant with ticks of dt [s], each with a stream of its own, spawned from ``rng``.
 
-    ValueError if two have one name, or the period of one is not a whole number of ticks.
+    ArgumentError if two have one name, or the period of one is not a whole number of ticks.
     """
     if len({sensor.name for sensor in sensors}) != len(sensors):
-        raise ValueError(f"vehicle {vehicle!r} carries two sensors of one name: {[s.name for s in sensors]}")
+        raise ArgumentError(f"vehicle {vehicle!r} carries two sensors of one name: {[s.name for s in sensors]}")
     generators = rng.spawn(len(sensors))
     return [
         Mounted(sensor, every(sensor, dt), generator) for sensor, generator in zip(sensors, generators, strict=True)
@@ -43,5 +44,5 @@ def every(sensor: Sensor, dt: float) -> int:
     if sensor.rate is None:
         return 0
     if not (math.isfinite(sensor.rate) and sensor.rate > 0.0):
-        raise ValueError(f"sensor {sensor.name!r}: rate = {sensor.rate!r} Hz; allowed: a finite rate > 0")
+        raise ArgumentError(f"sensor {sensor.name!r}: rate = {sensor.rate!r} Hz; allowed: a finite rate > 0")
     return whole_ticks(1.0 / sensor.rate, dt, f"the period of sensor {sensor.name!r} at {sensor.rate!r} Hz")

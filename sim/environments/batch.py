@@ -20,23 +20,24 @@ from mathnavi.sim.engine.faults import Disturbed
 from mathnavi.sim.engine.loop import whole_ticks
 from mathnavi.sim.engine.plant import Layout, MujocoPlant
 from mathnavi.sim.environments.episode_runner import EpisodeRunner
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 
 def load(scenario: str, *, seed: int = 0, threads: int = 0, **fields: Any) -> Rollouts:
     """The plant of a scenario with these fields, its mission drawn from ``seed``, on so many threads, 0 for all CPUs.
 
-    ValueError for what is unknown or wrong, and for a scenario whose plant is not MuJoCo's or has late actuators.
+    ArgumentError for what is unknown or wrong, and for a scenario whose plant is not MuJoCo's or has late actuators.
     """
     if isinstance(threads, bool) or not isinstance(threads, int) or threads < 0:
-        raise ValueError(f"threads = {threads!r}; allowed: a whole number >= 0")
+        raise ArgumentError(f"threads = {threads!r}; allowed: a whole number >= 0")
     episode = EpisodeRunner(scenario, seed, None, fields)
     plant = episode.plant.plant if isinstance(episode.plant, Disturbed) else episode.plant
     if not isinstance(plant, MujocoPlant):
-        raise ValueError(f"scenario = {scenario!r} with these fields is an ODE; allowed: one that MuJoCo moves")
+        raise ArgumentError(f"scenario = {scenario!r} with these fields is an ODE; allowed: one that MuJoCo moves")
     layouts = [plant.layout(name) for name in episode.names]
     if late := [layout.delay for layout in layouts if layout.delay]:
-        raise ValueError(f"actuators of {scenario!r} are {late[0]} ticks late; allowed: 0")
+        raise ArgumentError(f"actuators of {scenario!r} are {late[0]} ticks late; allowed: 0")
     return Rollouts(plant, episode, layouts, threads)
 
 
@@ -54,18 +55,18 @@ class Rollouts:
         """(N, K + 1, nx) the states from N starts (N, nx), and after each of K commands (N, K, nu).
 
         Of a fleet of n, (N, K + 1, n, nx) from (N, n, nx) and (N, K, n, nu). Actuators start at rest, as in a flight.
-        ValueError for other shapes, for what is not finite, and for a quaternion not of length 1.
+        ArgumentError for other shapes, for what is not finite, and for a quaternion not of length 1.
         """
         x, u = np.array(starts, dtype=np.float64), np.array(commands, dtype=np.float64)
         one, input_size = self.start.shape, self._layouts[0].input_size
         if x.shape[1:] != one or not len(x):
-            raise ValueError(f"starts has shape {x.shape}; allowed: {('N', *one)}, N >= 1".replace("'", ""))
+            raise ArgumentError(f"starts has shape {x.shape}; allowed: {('N', *one)}, N >= 1".replace("'", ""))
         if u.ndim < 2 or u.shape != (len(x), u.shape[1], *one[:-1], input_size):
             allowed = f"{(len(x), 'K', *one[:-1], input_size)}".replace("'", "")
-            raise ValueError(f"commands has shape {u.shape}; allowed: {allowed}, a sequence for each start")
+            raise ArgumentError(f"commands has shape {u.shape}; allowed: {allowed}, a sequence for each start")
         if not np.isfinite(u).all():
             where = tuple(map(int, np.argwhere(~np.isfinite(u))[0]))
-            raise ValueError(f"commands[{where}] = {u[where]}; allowed: finite numbers")
+            raise ArgumentError(f"commands[{where}] = {u[where]}; allowed: finite numbers")
         vehicles = len(self._names)
         x = x.reshape(len(x), vehicles, one[-1])
         u = u.reshape(len(x), u.shape[1], vehicles, input_size)

@@ -38,6 +38,7 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.environments.episode_runner import STATUSES, EpisodeRunner, EpisodeStep, Observation, drawn_seed
 from mathnavi.sim.environments.filtering import EpisodeFilter
 from mathnavi.sim.environments.learning import LearningEpisode
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.task import Inputs
 
@@ -165,9 +166,9 @@ class FilteredEnvironment(dm_env.Environment):
     """
 
     def __init__(self, environment: Environment) -> None:
-        """ValueError for an environment to learn in, and for a scenario that states no safety filter."""
+        """ArgumentError for an environment to learn in, and for a scenario that states no safety filter."""
         if isinstance(environment, LearningEnvironment):
-            raise ValueError("environment = a LearningEnvironment; allowed: one that load() made")
+            raise ArgumentError("environment = a LearningEnvironment; allowed: one that load() made")
         self.environment = environment
         self.info: dict[str, Any] = {}
         """of the last step, what was decided (``mathnavi.sim.environments.filtering``)"""

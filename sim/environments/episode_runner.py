@@ -29,13 +29,14 @@ import numpy as np
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import Loop, whole_ticks
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.fields import with_fields
 from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.signals import Array, Estimate, Status
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.scenarios.assembler import Assembler, RandomStreams
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
-from mathnavi.sim.scenarios.task import Inputs, LearningTerms, Outcome, SafetyFilter, Sample, Task
+from mathnavi.sim.scenarios.task import Inputs, LearningTerms, Outcome, ProposalFilter, Sample, Task
 
 STATUSES = (Status.OK, Status.INITIALISING, Status.LOST)
 """of an estimate, by the number that is observed"""
@@ -85,11 +86,13 @@ class EpisodeRunner:
         plugin = load("scenarios", scenario)
         wanted = plugin.estimator if estimator is None else estimator
         self._scenario, self._plugin = scenario, plugin
-        self._controller = PluginSpec.of(load("controllers", plugin.controller))  # of which the mission is made
-        self._estimator = PluginSpec.of(load("estimators", wanted)) if isinstance(wanted, str) else wanted
+        self._controller = PluginSpec.with_fields(
+            load("controllers", plugin.controller)
+        )  # of which the mission is made
+        self._estimator = PluginSpec.with_fields(load("estimators", wanted)) if isinstance(wanted, str) else wanted
         self._config = with_fields(plugin.Config(), fields or {})
         if getattr(self._config, "filter", False):
-            raise ValueError(
+            raise ArgumentError(
                 "filter = True is for a run; allowed for an environment: SafetyFilterWrapper or FilteredEnvironment "
                 "around it"
             )
@@ -123,7 +126,7 @@ class EpisodeRunner:
 
     def streams(self, seed: int) -> RandomStreams:
         """The random streams of the episode of a seed."""
-        return Assembler.of(self._plugin, self._config, seed, self._controller, self._estimator).streams
+        return Assembler.for_scenario(self._plugin, self._config, seed, self._controller, self._estimator).streams
 
     @property
     def inputs(self) -> Inputs:
@@ -140,10 +143,10 @@ class EpisodeRunner:
         """The newest estimate of each vehicle."""
         return self._sample.estimates
 
-    def filters(self) -> Mapping[str, SafetyFilter]:
-        """Fresh safety filters, one for each vehicle; ValueError for a scenario that states none."""
+    def filters(self) -> Mapping[str, ProposalFilter]:
+        """Fresh safety filters, one for each vehicle; ArgumentError for a scenario that states none."""
         if self._task.filters is None:
-            raise ValueError(
+            raise ArgumentError(
                 f"scenario = {self._scenario!r} states no safety filter; allowed: safe-flight, simultaneous-arrival, "
                 "quadrotor-canyon"
             )
@@ -177,10 +180,10 @@ class EpisodeRunner:
         return self._observation()
 
     def check_goes_on(self) -> None:
-        """ValueError where no episode has begun or it is over."""
+        """ArgumentError where no episode has begun or it is over."""
         self._begun()
         if self._loop.over or self._finished:
-            raise ValueError(f"step() at {self._loop.t:.6g} s: the episode is over; allowed: after reset()")
+            raise ArgumentError(f"step() at {self._loop.t:.6g} s: the episode is over; allowed: after reset()")
 
     def step(self, command: Any) -> EpisodeStep:
         """Hold a command (nu,), of a fleet (n, nu), for a period.
@@ -256,9 +259,9 @@ class EpisodeRunner:
 
     @property
     def terms(self) -> LearningTerms:
-        """A learner's terms of the present episode; ValueError for a scenario that states none."""
+        """A learner's terms of the present episode; ArgumentError for a scenario that states none."""
         if self._task.learning is None:
-            raise ValueError(
+            raise ArgumentError(
                 f"scenario = {self._scenario!r} states no terms to learn by; allowed: one whose Task has learning"
             )
         return self._task.learning
@@ -266,7 +269,7 @@ class EpisodeRunner:
     def _built(self, seed: int) -> ClosedLoop:
         """Fresh parts."""
         if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-            raise ValueError(f"seed = {seed!r}; allowed: a whole number >= 0")
+            raise ArgumentError(f"seed = {seed!r}; allowed: a whole number >= 0")
         closed_loop: ClosedLoop = self._plugin.build(self._config, int(seed), self._controller, self._estimator)
         return closed_loop
 
@@ -280,20 +283,20 @@ class EpisodeRunner:
 
     def _begun(self) -> ClosedLoop:
         if self._closed_loop is None:
-            raise ValueError("no episode has begun; allowed: after reset()")
+            raise ArgumentError("no episode has begun; allowed: after reset()")
         return self._closed_loop
 
     def checked(self, command: Any, inputs: Inputs) -> dict[str, Array]:
-        """The command (nu,) of each vehicle, to these inputs; ValueError for one of another shape or not finite."""
+        """The command (nu,) of each vehicle, to these inputs; ArgumentError for one of another shape or not finite."""
         u = np.array(command, dtype=np.float64)
         size = len(inputs.names)
         shape = (len(self.names), size) if len(self.names) > 1 else (size,)
         if u.shape != shape:
-            raise ValueError(f"action has shape {u.shape}; allowed: {shape}, of {', '.join(inputs.names)}")
+            raise ArgumentError(f"action has shape {u.shape}; allowed: {shape}, of {', '.join(inputs.names)}")
         with np.errstate(over="ignore"):
             finite = np.isfinite(np.square(u).sum())
         if not finite:
-            raise ValueError(f"action = {u.tolist()}; allowed: finite numbers, whose squares are finite too")
+            raise ArgumentError(f"action = {u.tolist()}; allowed: finite numbers, whose squares are finite too")
         return dict(zip(self.names, u.reshape(len(self.names), size), strict=True))
 
     def _sampled(self) -> Sample:
@@ -342,9 +345,9 @@ class EpisodeRunner:
 
 def _task(scenario: str, closed_loop: ClosedLoop) -> Task:
     if closed_loop.task is None:
-        raise ValueError(f"scenario = {scenario!r} states no stage cost; allowed: one whose ClosedLoop has a task")
+        raise ArgumentError(f"scenario = {scenario!r} states no stage cost; allowed: one whose ClosedLoop has a task")
     if idle := [name for name, inputs in closed_loop.task.inputs.items() if not inputs.names]:
-        raise ValueError(
+        raise ArgumentError(
             f"scenario = {scenario!r}: {idle[0]!r} has no actuators, so there is nothing to command; allowed: one with "
             "inputs"
         )
@@ -354,7 +357,9 @@ def _task(scenario: str, closed_loop: ClosedLoop) -> Task:
 def _steps_per_command(scenario: str, closed_loop: ClosedLoop) -> int:
     periods = {agent.tracker.period for agent in closed_loop.agents.values()}
     if len(periods) > 1:
-        raise ValueError(f"scenario = {scenario!r}: the trackers' periods are {sorted(periods)}; allowed: one for all")
+        raise ArgumentError(
+            f"scenario = {scenario!r}: the trackers' periods are {sorted(periods)}; allowed: one for all"
+        )
     stride = Loop(closed_loop.plant, closed_loop.agents, closed_loop.duration).stride
     return whole_ticks(periods.pop(), closed_loop.plant.dt, "the tracker's period") // stride
 
@@ -363,7 +368,9 @@ def _estimates(scenario: str, loop: Loop) -> dict[str, Estimate]:
     found = {name: runner.estimate for name, runner in loop.runners.items()}
     if blind := [name for name, estimate in found.items() if estimate is None]:
         complaints = [event.message for event in loop.recording.events if event.kind == "estimate-unusable"]
-        raise ValueError(f"scenario = {scenario!r}: {blind[0]!r} has no estimate at {loop.t:.6g} s: {complaints[-1]}")
+        raise ArgumentError(
+            f"scenario = {scenario!r}: {blind[0]!r} has no estimate at {loop.t:.6g} s: {complaints[-1]}"
+        )
     return {name: estimate for name, estimate in found.items() if estimate is not None}
 
 

@@ -55,7 +55,7 @@ class EpisodeFilter:
         return self._episode.rows(commands)
 
     def decided(self) -> dict[str, Any]:
-        """What was decided since this was asked last, for one proposal; of a fleet by vehicle.
+        """Decisions since the last call, for one proposal; of a fleet by vehicle.
 
         That is ``FilteredCommand.info``, whatever was announced meanwhile included, with the number of "interventions"
         so far and what is "guarded".

@@ -29,6 +29,7 @@ from mathnavi.sim.environments.episode_runner import STATUSES, EpisodeRunner, Ep
 from mathnavi.sim.environments.filtering import EpisodeFilter
 from mathnavi.sim.environments.learning import LearningEpisode
 from mathnavi.sim.environments.rendering import FPS, RENDER_MODES, Pictures, checked_mode
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.task import Inputs
@@ -147,10 +148,10 @@ class SafetyFilterWrapper(gymnasium.Wrapper[Observation, Array, Observation, Arr
     """
 
     def __init__(self, env: gymnasium.Env[Observation, Array]) -> None:
-        """ValueError for an environment that is no scenario, or whose scenario states no safety filter."""
+        """ArgumentError for an environment that is no scenario, or whose scenario states no safety filter."""
         super().__init__(env)
         if type(env.unwrapped) is not ScenarioEnv:
-            raise ValueError(f"env = a {type(env.unwrapped).__name__}; allowed: a ScenarioEnv, version 0")
+            raise ArgumentError(f"env = a {type(env.unwrapped).__name__}; allowed: a ScenarioEnv, version 0")
         self._filter = EpisodeFilter(env.unwrapped.episode)
         self.action_space = env.unwrapped.space_of(self._filter.inputs)
 

@@ -40,6 +40,7 @@ import numpy as np
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.loop import whole_ticks
 from mathnavi.sim.environments.episode_runner import EpisodeRunner, EpisodeStep, Observation
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.scenarios.task import Inputs, Outcome
 
 END_COSTS = {
@@ -55,9 +56,9 @@ END_COSTS = {
 
 
 def checked_discount(discount: float) -> float:
-    """gamma; ValueError for one that is none."""
+    """gamma; ArgumentError for one that is none."""
     if not 0.0 < discount <= 1.0:
-        raise ValueError(f"discount = {discount!r}; allowed: > 0 and <= 1")
+        raise ArgumentError(f"discount = {discount!r}; allowed: > 0 and <= 1")
     return float(discount)
 
 
@@ -76,7 +77,7 @@ class LearningEpisode:
         self._repeats = whole_ticks(self.hold, runner.period, "hold") * runner.control_steps
         self._discount = checked_discount(discount)
         if covariance and not runner.has_covariance:
-            raise ValueError("covariance = True; allowed: False, for the estimator has none")
+            raise ArgumentError("covariance = True; allowed: False, for the estimator has none")
         self.runner, self._covariance = runner, covariance
         self.inputs: Inputs = runner.inputs.bounded
         """inputs of each vehicle, within finite bounds"""
@@ -118,7 +119,7 @@ class LearningEpisode:
 
     def _check_outcome(self) -> None:
         if self.runner.outcome is not None:
-            raise ValueError(f"step() at {self.runner.t:.6g} s: the episode is over; allowed: after reset()")
+            raise ArgumentError(f"step() at {self.runner.t:.6g} s: the episode is over; allowed: after reset()")
 
     def _of_state(self) -> float:
         """Phi of the present state."""

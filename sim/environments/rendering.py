@@ -12,6 +12,7 @@ from mathnavi.models.aerial.entity import airframe_pose
 from mathnavi.renders.opengl import HOW_TO_INSTALL, NoOpenGLError, available
 from mathnavi.sim.engine.plant import MujocoPlant
 from mathnavi.sim.environments.episode_runner import EpisodeRunner
+from mathnavi.sim.interfaces.errors import ArgumentError
 
 RENDER_MODES = ("rgb_array", "human")
 FPS = 30
@@ -23,9 +24,9 @@ Pixels = NDArray[np.uint8]
 
 
 def checked_mode(render_mode: str | None) -> str | None:
-    """The render mode; ValueError for one that is none."""
+    """The render mode; ArgumentError for one that is none."""
     if render_mode is not None and render_mode not in RENDER_MODES:
-        raise ValueError(f"render_mode = {render_mode!r}; allowed: {', '.join(RENDER_MODES)}, or None")
+        raise ArgumentError(f"render_mode = {render_mode!r}; allowed: {', '.join(RENDER_MODES)}, or None")
     return render_mode
 
 

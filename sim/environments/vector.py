@@ -7,7 +7,7 @@ Row i is the environment ``gymnasium.make("mathnavi/SafeFlight-v1", seed=seed + 
 gusts, and, but for rounding, the same observations and rewards. Readings, gusts and rewards are computed for all rows
 at once; the vehicles are moved along exact arcs (``vector_kernels``), and by MuJoCo where one may touch the ground.
 
-An episode that ends is followed by the next in the same step: ``final_obs`` and ``final_info`` hold the last of it, as
+An episode that ends is followed by the next in the same step: ``final_obs`` and ``final_info`` hold its last, as
 Gymnasium has it of ``AutoresetMode.SAME_STEP``. ``missions`` is the number of different missions, which the rows share
 in turn: ``num_envs`` if not given. With a ``target`` they have one cost-to-go in common, and are made in a fraction of
 the time.
@@ -50,12 +50,16 @@ from mathnavi.sim.environments.vector_kernels import (
     LATE,
     NEAR,
     OFF_MAP,
+    Ground,
     Integers,
+    Rows,
+    Rules,
     fly,
     gusts_on,
     is_violated,
     state_after,
 )
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.scenarios.flight_learning import FlightTerms, cost_at_start, cost_to_go
 from mathnavi.sim.scenarios.flight_view import components, flight_views
@@ -78,7 +82,7 @@ class _Mission:
     deadline: float  # [s]
 
     @staticmethod
-    def of(terms: FlightTerms) -> _Mission:
+    def from_terms(terms: FlightTerms) -> _Mission:
         flight = terms.missions[VEHICLE]
         return _Mission(flight, cost_to_go(flight), terms.deadline)
 
@@ -91,7 +95,7 @@ class _Chance:
     gusts: np.random.Generator
 
     @staticmethod
-    def of(runner: EpisodeRunner, seed: int) -> _Chance:
+    def from_seed(runner: EpisodeRunner, seed: int) -> _Chance:
         streams, plant = runner.streams(seed), runner.plant
         own = streams["sensing"].spawn(1)[0]  # of the plant's only vehicle
         sensors = mounted(VEHICLE, plant.sensors(VEHICLE), plant.dt, own)
@@ -139,21 +143,21 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
     ) -> None:
         """``num_envs`` rows; the missions are drawn from ``seed`` on. The rest is as of a ``LearningEnv``.
 
-        ValueError for what is unknown or wrong, and for fields that are not computed for many rows.
+        ArgumentError for what is unknown or wrong, and for fields that are not computed for many rows.
         """
         count = num_envs if missions is None else missions
         for what, number in (("num_envs", num_envs), ("missions", count)):
             if isinstance(number, bool) or not isinstance(number, int) or number < 1:
-                raise ValueError(f"{what} = {number!r}; allowed: a whole number >= 1")
+                raise ArgumentError(f"{what} = {number!r}; allowed: a whole number >= 1")
         self.num_envs, self.render_mode = num_envs, None
         if refused := sorted({"estimator", "covariance", "render_mode"} & set(fields)):
-            raise ValueError(_refusal(refused[0], fields[refused[0]]))
+            raise ArgumentError(_refusal(refused[0], fields[refused[0]]))
         first = LearningEnv(scenario, seed, hold=hold, discount=discount, **fields)
         runner = first.episode
         plant = _checked_plant(runner)
         terms = _flight_terms(runner)
         others = (EpisodeRunner(scenario, seed + k, None, fields) for k in range(1, min(count, num_envs)))
-        made = [_Mission.of(terms), *(_Mission.of(_flight_terms(other)) for other in others)]
+        made = [_Mission.from_terms(terms), *(_Mission.from_terms(_flight_terms(other)) for other in others)]
         self._missions = [made[k % len(made)] for k in range(num_envs)]
         self.single_action_space, self.single_observation_space = first.action_space, first.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -198,7 +202,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         else:
             given = [None] * self.num_envs if seed is None else list(seed)
         if len(given) != self.num_envs:
-            raise ValueError(f"seed holds {len(given)} seeds; allowed: {self.num_envs}")
+            raise ArgumentError(f"seed holds {len(given)} seeds; allowed: {self.num_envs}")
         for i, own in enumerate(given):
             if own is not None:
                 self._seeders[i] = seeding.np_random(own)[0]
@@ -213,7 +217,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         ``reset``.
         """
         if not self._begun:
-            raise ValueError("no episode has begun; allowed: after reset()")
+            raise ArgumentError("no episode has begun; allowed: after reset()")
         u, events = self._bounded(actions)
         begun = self._done.copy()
         states = self._fly(u)
@@ -237,10 +241,10 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         """Accelerations (n, 3) within their bounds, and events where they begin to be shortened."""
         u = np.array(actions, dtype=np.float64)
         if u.shape != (self.num_envs, 3):
-            raise ValueError(f"actions have shape {u.shape}; allowed: {(self.num_envs, 3)}")
+            raise ArgumentError(f"actions have shape {u.shape}; allowed: {(self.num_envs, 3)}")
         if not np.isfinite(u).all():
             where = int(np.argwhere(~np.isfinite(u))[0, 0])
-            raise ValueError(f"actions[{where}] = {u[where].tolist()}; allowed: finite numbers")
+            raise ArgumentError(f"actions[{where}] = {u[where].tolist()}; allowed: finite numbers")
         box = self.single_action_space
         assert isinstance(box, spaces.Box)
         u = np.clip(u, box.low, box.high)
@@ -258,11 +262,11 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         states = np.full(self.num_envs, FLYING, dtype=np.int64)
         gusts, ground = self._drawn_gusts(), self._ground
         radius = self._missions[0].flight.arrival_radius
+        below = Ground(ground.z, ground.spacing, HULL_RADIUS, self._steepest)
+        rules = Rules(self._h, radius, limits)
+        rows = Rows(self._x, self._targets, self._last, self._done, made, violated, states)
         while True:
-            fly(
-                ground.z, ground.spacing, HULL_RADIUS, self._steepest, self._h, self._x, u, gusts, self._targets,
-                radius, limits, self._last, self._done, made, violated, states,
-            )  # fmt: skip
+            fly(below, rules, rows, u, gusts)
             near = np.flatnonzero(states == NEAR)
             if not len(near):
                 return states
@@ -364,7 +368,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         config = self._runner.config
         if config.noise.position > 0.0 or config.faults.gust_rms > 0.0:
             for i, seed in zip(rows.tolist(), seeds, strict=True):
-                self._chance[i] = _Chance.of(self._runner, int(seed))
+                self._chance[i] = _Chance.from_seed(self._runner, int(seed))
         self._x[rows] = self._read[rows] = self._starts[rows]
         if config.noise.position > 0.0:
             width = np.sqrt(3.0) * config.noise.position
@@ -390,7 +394,7 @@ def _flight_terms(runner: EpisodeRunner) -> FlightTerms:
 
 
 def _checked_plant(runner: EpisodeRunner) -> MujocoPlant:
-    """The plant of a mission; ValueError for fields that are not computed for many rows at once."""
+    """The plant of a mission; ArgumentError for fields that are not computed for many rows at once."""
     config = runner.config
     for name, value in (
         ("target_path", config.target_path),
@@ -398,7 +402,7 @@ def _checked_plant(runner: EpisodeRunner) -> MujocoPlant:
         ("faults.position_jump", config.faults.position_jump),
     ):
         if value:
-            raise ValueError(_refusal(name, value))
+            raise ArgumentError(_refusal(name, value))
     plant = runner.plant.plant if isinstance(runner.plant, Disturbed) else runner.plant
     assert isinstance(plant, MujocoPlant)
     return plant

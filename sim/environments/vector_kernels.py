@@ -11,6 +11,7 @@ may touch within its next control step is left before it (``NEAR``): that step i
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,33 +26,44 @@ FLYING, NEAR, ARRIVED, OFF_MAP, CRASHED, LATE = range(6)
 """states of a row"""
 
 
+class Ground(NamedTuple):
+    """Terrain below the vehicles."""
+
+    z: Array  # (rows, columns) [m] heights at the nodes
+    spacing: float  # [m] between nodes
+    reach: float  # [m] from a vehicle's centre to what touches
+    steepest: float  # greatest slope
+
+
+class Rules(NamedTuple):
+    """Length of a control step and limits of a mission."""
+
+    h: float  # [s] a control step
+    radius: float  # [m] around a target, within which is arrived
+    limits: tuple[float, float]  # (h_min [m], v_max [m/s])
+
+
+class Rows(NamedTuple):
+    """Episodes, one a row, in arrays that are advanced in place."""
+
+    x: Array  # (n, 6) [m, m/s] states
+    targets: Array  # (n, 3) [m]
+    last: Integers  # (n,) control steps of a whole episode
+    done: Integers  # (n,) those made so far
+    made: Integers  # (n,) those of this hold
+    violated: Integers  # (n,) those of this hold at whose end a limit was not kept
+    states: Integers  # (n,) FLYING, or how the episode has ended
+
+
 @njit(cache=True, nogil=True)
-def fly(
-    z: Array,
-    spacing: float,
-    reach: float,
-    steepest: float,
-    h: float,
-    x: Array,
-    u: Array,
-    gusts: Array,
-    targets: Array,
-    radius: float,
-    limits: tuple[float, float],
-    last: Integers,
-    done: Integers,
-    made: Integers,
-    violated: Integers,
-    states: Integers,
-) -> None:
+def fly(ground: Ground, rules: Rules, rows: Rows, u: Array, gusts: Array) -> None:
     """Advance the rows that are ``FLYING`` until they have made as many control steps as ``gusts`` has, or end.
 
-    ``z`` and ``spacing`` are the ground's, ``reach`` [m] is from a vehicle's centre to what touches, ``steepest`` the
-    greatest slope of the ground, h [s] a control step; x (n, 6) [m, m/s] the states, which are changed, u (n, 3)
-    [m/s^2] the accelerations held, gusts (n, steps, 3) [m/s^2], targets (n, 3) [m], within ``radius`` [m] of which is
-    arrived, and limits = (h_min [m], v_max [m/s]); last (n,) control steps of a whole episode, done (n,) those made so
-    far, made (n,) those of this hold and violated (n,) those of them at whose end a limit was not kept.
+    u (n, 3) [m/s^2] are the accelerations held, gusts (n, steps, 3) [m/s^2].
     """
+    z, spacing, reach, steepest = ground
+    h, radius, limits = rules
+    x, targets, last, done, made, violated, states = rows
     width, depth = (z.shape[1] - 1) * spacing, (z.shape[0] - 1) * spacing
     touch = reach * math.sqrt(1.0 + steepest * steepest)
     a = np.empty(3)

@@ -204,7 +204,7 @@ def declared(config: Any) -> tuple[Declared, ...]:
 
 
 def _since_anew(hints: Sequence[Any]) -> Sequence[Any]:
-    """Of a field's types, base classes first, the last one that is marked with ``ANEW`` and those after it, or all."""
+    """Types of a field, base classes first, from the last one that is marked with ``ANEW`` on, or all."""
     marked = [k for k, hint in enumerate(hints) if ANEW in getattr(hint, "__metadata__", ())]
     return hints[max(marked, default=0) :]
 

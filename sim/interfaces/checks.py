@@ -57,6 +57,7 @@ def plain_name(name: object, what: str) -> str:
 
 
 def is_plain_name(name: str) -> bool:
+    """True for a name that ``plain_name`` accepts."""
     return (
         name.isprintable()
         and 1 <= len(name.encode()) <= _LONGEST_PLAIN

@@ -5,6 +5,10 @@ own variable NUMBA_CACHE_DIR names another) under a hash of all that it depends 
 kernel and of every kernel that it calls, types of its arguments, options, processor, versions. So checkouts and
 installed wheels with the same kernels share one copy, and a change of a kernel compiles anew those of other files that
 call it, which numba's own cache does not notice. Without a folder to write to, every process compiles for itself.
+
+Much of what a kernel takes to compile is its machine code, and the code that lets Python call it. An *inner* kernel,
+``njit(inner=True)``, is called by other kernels only: it has neither, and is optimised, translated and kept as a part
+of those that call it.
 """
 
 from __future__ import annotations
@@ -16,7 +20,7 @@ import pickle
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
@@ -25,6 +29,8 @@ from typing import TYPE_CHECKING, Any
 import numba
 import numpy as np
 from numba.core.caching import _Cache
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 from numba.core.dispatcher import Dispatcher
 from numba.core.types import ExternalFunction
 
@@ -40,14 +46,58 @@ if TYPE_CHECKING:
     from numba import njit as njit
 else:
 
-    def njit(function=None, *, cache=False, **options):
-        """``numba.njit``, with kernels kept by their content if ``cache``."""
+    def njit(function=None, *, cache=False, inner=False, **options):
+        """``numba.njit``, with kernels kept by their content if ``cache``; an ``inner`` one only kernels can call."""
         if function is None:
-            return lambda function: njit(function, cache=cache, **options)
+            return lambda function: njit(function, cache=cache, inner=inner, **options)
+        if inner:
+            options = {"no_cpython_wrapper": True, "pipeline_class": _InnerCompiler, **options}
         kernel = numba.njit(**{"no_cfunc_wrapper": True, **options})(function)  # none is called as a pointer from C
         if cache and isinstance(kernel, Dispatcher):  # it is a plain function where NUMBA_DISABLE_JIT is set
             kernel._cache = KernelCache(kernel)
+        if inner and isinstance(kernel, Dispatcher):
+            kernel.add_overload = lambda found: kernel.overloads.update({tuple(found.signature.args): found})
+            kernel._compile_for_args = _refuse  # whatever Python calls it with
         return kernel
+
+
+def _refuse(*arguments: Any, **keywords: Any) -> None:
+    raise TypeError("an inner kernel was called from Python; allowed: a call by a kernel")
+
+
+class _Unset:
+    """In place of the code generator: an inner kernel's environment stands in no machine code."""
+
+    @staticmethod
+    def set_env(name: str, environment: object) -> None:
+        pass
+
+
+class _InnerLibrary(JITCodeLibrary):
+    """The code of an inner kernel, from which the kernels that call it are compiled."""
+
+    codegen = _Unset
+
+    def _optimize_final_module(self) -> None:
+        """Leave that to the callers, who optimise it together with their own code."""
+
+    def _finalize_final_module(self) -> None:
+        """End here: no machine code."""
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """No address, for there is no machine code."""
+        self._ensure_finalized()
+        return 0
+
+
+class _InnerCompiler(Compiler):
+    """Numba's compiler, writing into the library of an inner kernel."""
+
+    def compile_extra(self, func: Any) -> Any:
+        self.state.library = _InnerLibrary(self.state.targetctx.codegen(), func.__qualname__)
+        return super().compile_extra(func)
 
 
 def kernel_folder() -> Path:
@@ -101,9 +151,11 @@ class KernelCache(_Cache):
             _forget_unused(file.parent)
 
     def enable(self) -> None:
+        """Use the cache."""
         self._enabled = True
 
     def disable(self) -> None:
+        """Compile anew, and leave the cache alone."""
         self._enabled = False
 
     def flush(self) -> None:
@@ -120,6 +172,27 @@ class KernelCache(_Cache):
         types = [repr(sig), *map(repr, _fields(sig))]
         found = repr((versions, codegen.magic_tuple(), types, kernel_digest(self._kernel)))
         return kernel_folder() / f"{self._name}-{hashlib.sha256(found.encode()).hexdigest()[:32]}.nbc"
+
+
+Signature = tuple[Any, tuple[Any, ...]]
+"""a kernel and the types of its arguments"""
+
+
+def compile_all(kernels: Iterable[Signature]) -> None:
+    """Compile kernels, or load what is kept of them."""
+    for kernel, arguments in kernels:
+        kernel.compile(arguments)
+
+
+def any_missing(kernels: Iterable[Signature]) -> bool:
+    """True if kernels can be kept, and one of these is not."""
+    folder = kernel_folder()
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+    return os.access(folder, os.W_OK) and any(
+        isinstance(kernel, Dispatcher) and not kernel._cache._file(arguments, kernel.targetctx.codegen()).exists()
+        for kernel, arguments in kernels
+    )
 
 
 def kernel_digest(kernel: Dispatcher[Any]) -> str:
@@ -188,7 +261,7 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 
 def _cells(function: Any) -> dict[str, Any]:
-    """What a function takes from the one around it."""
+    """Variables that a function takes from the one around it."""
     cells = function.__closure__ or ()
     return {name: cell.cell_contents for name, cell in zip(function.__code__.co_freevars, cells, strict=True)}
 

@@ -10,6 +10,10 @@ class FieldError(ValueError):
     """A field of a configuration is out of its range, of another type, or not a field at all."""
 
 
+class ArgumentError(ValueError):
+    """An argument of a function: an array of another shape, a value that is not finite or out of its range."""
+
+
 class MissionError(ValueError):
     """A mission that cannot be flown: a start below ground, a target off the map, vehicles too close to each other."""
 

@@ -1,4 +1,4 @@
-"""What a plug-in's code raises, as one error that names the plug-in."""
+"""Exceptions of a plug-in's code, as one error that names the plug-in."""
 
 from __future__ import annotations
 
@@ -33,6 +33,8 @@ def failures_named(
 def explained(error: BaseException) -> str:
     """The exception, and where it was raised."""
     frames = traceback.extract_tb(error.__traceback__)
+    if isinstance(error, SyntaxError):
+        frames.clear()  # it names its own file and line
     where = [f" ({frame.filename}:{frame.lineno})" for frame in frames if not frame.filename.startswith(_MACHINERY)]
     text = _text(error)
     said = f"{type(error).__name__}: {text}" if text else type(error).__name__

@@ -56,7 +56,7 @@ def digest_of(contents: Mapping[str, bytes]) -> str:
 class InputFile:
     """Mark of a field that names a file, or several; "" and None name none.
 
-    ``digest`` takes the value of the field and returns the digest of everything that is read because of it.
+    ``digest`` takes the value of the field and returns the digest of everything that is read for it.
     """
 
     digest: Callable[[str], str] = content_digest

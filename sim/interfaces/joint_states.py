@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 SLIDE, HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
@@ -18,7 +19,7 @@ BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)
 SIZES = {SLIDE: (1, 1), HINGE: (1, 1), BALL: (4, 3), FREE: (7, 6)}
 """of a joint's part of q and of v"""
 
-_OFF = 1e-6  # of a quaternion's length from 1 that is rounding, a float's at the worst
+_ROUNDING = 1e-6  # of a quaternion's length from 1 that is rounding, a float's at the worst
 _UNIT = {SLIDE: "m", HINGE: "rad"}
 
 
@@ -43,7 +44,7 @@ def state_names(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[str, ...]
 
 
 def quaternions(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[slice, ...]:
-    """Where the balls and free joints among these, which lie together in the model, have their quaternions in q."""
+    """Places in q of the quaternions of the balls and free joints among these, which lie together in the model."""
     first = int(model.jnt_qposadr[joints[0]])
     before = {BALL: 0, FREE: 3}  # numbers of the joint that come before its quaternion
     kinds = [(j, int(model.jnt_type[j])) for j in joints]
@@ -52,13 +53,16 @@ def quaternions(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[slice, ..
 
 
 def with_unit_quaternions(q: Array, where: Sequence[slice], what: str) -> Array:
-    """q with its quaternions brought to length 1 from where rounding had put them; ValueError if they were not near."""
+    """q (nq,) with its quaternions at length 1, from where rounding had put them.
+
+    Raises ArgumentError if they were not near.
+    """
     if not where:
         return q
     q = q.copy()
     for each in where:
         length = float(np.linalg.norm(q[each]))
-        if not abs(length - 1.0) <= _OFF:
-            raise ValueError(f"{what} = {q.tolist()} has a quaternion of length {length:.9g}; allowed: 1")
+        if not abs(length - 1.0) <= _ROUNDING:
+            raise ArgumentError(f"{what} = {q.tolist()} has a quaternion of length {length:.9g}; allowed: 1")
         q[each] /= length
     return q

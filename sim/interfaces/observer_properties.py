@@ -20,7 +20,7 @@ class Domain(Enum):
 
 
 class Rate(Enum):
-    """How the error decays without noise (Definition 2.2)."""
+    """Decay of the error without noise (Definition 2.2)."""
 
     ASYMPTOTIC = "asymptotic"
     EXPONENTIAL = "exponential"

@@ -125,7 +125,7 @@ class Plant(Protocol):
         ...
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
-        """Advance by so many ticks with inputs and forces held; returns what happened (a contact with the ground)."""
+        """Advance by so many ticks with inputs (nu,) by vehicle and forces held; returns events, contacts for one."""
         ...
 
 
@@ -136,7 +136,7 @@ class Estimator(Protocol):
     period: float  # [s]
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate at ``t``, given the readings since the last call and the input ``command`` held since then."""
+        """The estimate at ``t`` [s], by the readings since the last call and the input ``command`` (nu,) held since."""
         ...
 
 
@@ -196,7 +196,7 @@ class Coordinator(Protocol):
 
 @runtime_checkable
 class Consensus(Protocol):
-    """How a vehicle agrees with its neighbours on a number, faster than it plans (thesis, A.8.2).
+    """Agreement of a vehicle with its neighbours on a number, faster than it plans (thesis, A.8.2).
 
     The vehicles communicate in rounds: in each, every one takes in its messages and then sends to its neighbours.
     """
@@ -215,7 +215,7 @@ class Consensus(Protocol):
 
     @property
     def refused(self) -> Mapping[str, int]:
-        """How many messages were not used, by why: "garbage", "stranger", "repeated", "from the future", ..."""
+        """Number of messages that were not used, by why: "garbage", "stranger", "repeated", "from the future", ..."""
         ...
 
     def start(self, value: float, now: float = 0.0) -> None:
@@ -267,7 +267,7 @@ class EstimatorPlugin(Protocol):
 
     @staticmethod
     def quality(config: Any, mission: Any) -> Any:
-        """How good its estimates are, in the terms of the scenario (``EstimateQuality`` for an aerial mission)."""
+        """Quality of its estimates, in the terms of the scenario (``EstimateQuality`` for an aerial mission)."""
         ...
 
     @staticmethod

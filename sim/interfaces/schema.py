@@ -64,7 +64,7 @@ def unknown_field(kind: Any, name: object, where: str) -> FieldError:
 
 
 def _decoded(kind: Any, value: Any) -> Any:
-    """What JSON has no type of its own for."""
+    """Decode values that JSON has no type of its own for."""
     if isinstance(kind, type) and issubclass(kind, Path) and isinstance(value, str):
         return kind(value)
     raise TypeError(f"Expected `{'str' if kind is Path else getattr(kind, '__name__', kind)}`")

@@ -91,6 +91,7 @@ class Plan:
 
     @property
     def ok(self) -> bool:
+        """True for a plan, false for a failure."""
         return self.status is Status.OK
 
     @property
@@ -100,10 +101,12 @@ class Plan:
 
     @property
     def t_start(self) -> float:
+        """Time [s] of its first breakpoint."""
         return float(self.t[0])
 
     @property
     def t_end(self) -> float:
+        """Time [s] of its last breakpoint."""
         return float(self.t[-1])
 
     @staticmethod
@@ -137,7 +140,7 @@ class Message:
 
 @dataclass(frozen=True)
 class Outbox:
-    """What a coordinator sends at one time: messages to others, messages to its own planner, and events."""
+    """Messages of a coordinator at one time: to others, to its own planner, and events."""
 
     messages: tuple[tuple[str, Message], ...] = ()  # (receiver, message), for the network
     planner_messages: tuple[Message, ...] = ()  # for the vehicle's own planner: an arrival time that was agreed on

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.statistics import checked_sample
 
@@ -41,6 +42,7 @@ class Consistency:
 
     @property
     def holds(self) -> bool:
+        """True if the average lies within the band."""
         return self.low <= self.average <= self.high
 
     def text(self) -> str:
@@ -84,11 +86,11 @@ def normalised_error_squared(error: Array, covariance: Array) -> Array:
 def consistency(squares: Sequence[float] | Array, degrees: int, confidence: float = 0.95) -> Consistency:
     """Mean of normalised squared errors (n,) of independent runs, each of so many degrees of freedom.
 
-    ValueError for none, for NaN, for degrees < 1 and for a confidence that is not between 0 and 1.
+    ArgumentError for none, for NaN, for degrees < 1 and for a confidence that is not between 0 and 1.
     """
     values = checked_sample(squares, "squares", confidence)
     if degrees < 1:
-        raise ValueError(f"degrees = {degrees!r}; allowed: a whole number >= 1")
+        raise ArgumentError(f"degrees = {degrees!r}; allowed: a whole number >= 1")
     n, tail = len(values), 0.5 * (1.0 - confidence)
     low, high = (float(chdtri(n * degrees, p)) / n for p in (1.0 - tail, tail))
     return Consistency(float(values.mean()), low, high, n, confidence)
@@ -97,10 +99,10 @@ def consistency(squares: Sequence[float] | Array, degrees: int, confidence: floa
 def root_mean_square(
     values: Sequence[float] | Array, rng: np.random.Generator, confidence: float = 0.95, resamples: int = 9999
 ) -> RootMeanSquare:
-    """Root mean square of RMS values (n,) of independent runs; no band for one. ValueError for none and NaN."""
+    """Root mean square of RMS values (n,) of independent runs; no band for one. ArgumentError for none and NaN."""
     squares = np.square(checked_sample(values, "values", confidence))
     if resamples < 1:
-        raise ValueError(f"resamples = {resamples!r}; allowed: a whole number >= 1")
+        raise ArgumentError(f"resamples = {resamples!r}; allowed: a whole number >= 1")
     n, value = len(squares), math.sqrt(squares.mean())
     if n == 1:
         return RootMeanSquare(value, math.nan, math.nan, 1, confidence)

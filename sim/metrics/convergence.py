@@ -1,4 +1,4 @@
-"""How fast the error of an estimate falls, and by which samples of a run it is judged."""
+"""Rate at which the error of an estimate falls, and by which samples of a run it is judged."""
 
 from __future__ import annotations
 

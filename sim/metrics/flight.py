@@ -45,7 +45,7 @@ def references(t: Array, plans: Sequence[tuple[float, Plan]]) -> Array:
 
 
 def episodes(flags: NDArray[np.bool_]) -> int:
-    """How often a sequence of booleans becomes true."""
+    """Number of times that a sequence (n,) of booleans becomes true."""
     return int(np.count_nonzero(np.diff(np.concatenate([[False], flags]).astype(np.int8)) == 1))
 
 
@@ -76,7 +76,7 @@ def deadline_left(arrived: bool, t: float, deadline: float) -> float | None:
 
 
 def exposure(t: Array, x: Array, mission: FlightMission, radars: Sequence[RadarTrack]) -> float:
-    """Time [s] spent in sight of at least one radar that is on."""
+    """Time [s] in sight of at least one radar that is on, of states x (n, 6) at times t (n,) [s]."""
     seen = np.zeros(len(t), dtype=bool)
     for radar in radars:
         seen |= radar.exposed(mission.terrain, t, x[:, :3])

@@ -1,4 +1,4 @@
-"""How well the velocity of a Lagrangian system was found: errors, convergence, Lyapunov functions of a run (Paper D).
+"""Figures of the velocity estimate of a Lagrangian system: errors, convergence, Lyapunov functions of a run (Paper D).
 
 With the truth (x, v) and an estimate (xi, eta), v^ = PT_{xi -> x} eta and Delta v = v - v^. Errors of position and
 velocity are given in the components of the manifold at the truth: a joint's angle and rate, a body rate, and [1/s]
@@ -42,7 +42,7 @@ class VelocityErrors:
     found: Array  # (m,) 1 where the estimator had an estimate, else 0
 
     @staticmethod
-    def of(recording: Recording, name: str, manifold: Manifold) -> VelocityErrors:
+    def from_recording(recording: Recording, name: str, manifold: Manifold) -> VelocityErrors:
         """The errors of one vehicle's run, whose state is (x, v)."""
         estimates = recording.agents[name].estimates
         t = np.array([estimate.t for estimate in estimates])
@@ -108,7 +108,7 @@ def errors_of(manifold: Manifold, truth: Array, estimate: Array) -> tuple[float,
 
 
 def rms(values: Array) -> float:
-    """The root of the mean square; NaN of nothing, as of a run that ended before it was to be judged."""
+    """Root of the mean square of values (n,); NaN of nothing, as of a run that ended before it was to be judged."""
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else math.nan
 
 
@@ -116,7 +116,7 @@ def lagrangian_summary(
     recording: Recording, name: str, manifold: Manifold, settled: float, seed: int, wall_seconds: float
 ) -> dict[str, Any]:
     """The flat summary of a run; ``velocity_rms`` and ``position_rms`` are those from ``settled`` [s] on."""
-    errors, truth = VelocityErrors.of(recording, name, manifold), recording.truths[name]
+    errors, truth = VelocityErrors.from_recording(recording, name, manifold), recording.truths[name]
     late = errors.after(settled)
     speeds = np.array([manifold.norm(row[: manifold.size], row[manifold.size :]) for row in truth])
     statuses = [estimate.status for estimate in recording.agents[name].estimates]
@@ -152,9 +152,10 @@ def angles_to_reference(recording: Recording, name: str, manifold: Manifold) -> 
 
 
 def tracking_figures(recording: Recording, name: str, manifold: Manifold, settled: float) -> dict[str, Any]:
-    """How well a reference attitude was kept: the root mean square of the angle to it from ``settled`` [s] on, and the
+    """Figures of a reference attitude that was tracked.
 
-    last time at which the angle was more than ``SETTLED``.
+    The root mean square of the angle to it from ``settled`` [s] on, and the last time at which the angle was more than
+    ``SETTLED``.
     """
     t, angle = recording.t, angles_to_reference(recording, name, manifold)
     above = np.flatnonzero(angle > SETTLED)

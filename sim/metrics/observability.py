@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.signals import Array
 
@@ -64,14 +65,14 @@ def empirical_gramian(
     the plant has for them, and how far. ``deviations`` are standard deviations of sensors' readings, 1 for a sensor
     that is not named. Readings that were lost in any of the replays are left out.
 
-    ValueError unless the deltas are positive and of components that there are, and the commands of one length.
+    ArgumentError unless the deltas are positive and of components that there are, and the commands of one length.
     """
     names, sensors = build().state_names(vehicle), build().sensor_sizes(vehicle)
     if not deltas or set(deltas) - set(names) or not all(0.0 < delta < math.inf for delta in deltas.values()):
-        raise ValueError(f"deltas = {dict(deltas)!r}; allowed: positive numbers for some of {list(names)}")
+        raise ArgumentError(f"deltas = {dict(deltas)!r}; allowed: positive numbers for some of {list(names)}")
     if len({len(u) for u in commands.values()}) != 1 or ticks < 1:
         lengths = {name: len(u) for name, u in commands.items()}
-        raise ValueError(f"commands of lengths {lengths}, ticks = {ticks}; allowed: one length, 1 tick or more")
+        raise ArgumentError(f"commands of lengths {lengths}, ticks = {ticks}; allowed: one length, 1 tick or more")
     slopes = []
     for name, delta in deltas.items():
         i = names.index(name)

@@ -36,9 +36,10 @@ def planner_share(begin: float, end: float, plans: Sequence[tuple[float, Plan]])
 
 
 def planner_status(recording: Recording) -> str:
-    """How a planner had no part in a run beyond its start, "" if all had: it never answered with a plan, answered the
-    first of three requests or more and no other, or only plans of the fallback planner were flown. Each such vehicle of
-    a fleet is named.
+    """Reason why a planner had no part in a run beyond its start, "" if all had.
+
+    It never answered with a plan, answered the first of three requests or more and no other, or only plans of the
+    fallback planner were flown. Each such vehicle of a fleet is named.
     """
     found = []
     for name, agent in recording.agents.items():

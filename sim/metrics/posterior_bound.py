@@ -24,6 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 _REGULAR = 1e-12  # least eigenvalue of an information with a diagonal of ones that is inverted
@@ -37,7 +38,7 @@ class BoundRecursion:
 
     def __init__(self, *, information: Array | None = None, covariance: Array | None = None) -> None:
         if (information is None) == (covariance is None):
-            raise ValueError("information and covariance; allowed: exactly one of the two")
+            raise ArgumentError("information and covariance; allowed: exactly one of the two")
         self._J, self._P = information, covariance
 
     @property
@@ -46,7 +47,7 @@ class BoundRecursion:
         return None if self._P is None else self._P.copy()
 
     def predict(self, F: Array, Q: Array) -> None:
-        """Over a transition of the Jacobian F (d, d), regular, with noise of the covariance Q (d, d)."""
+        """Carry it over a transition of the Jacobian F (d, d), regular, with noise of the covariance Q (d, d)."""
         if self._P is not None:
             P = F @ self._P @ F.T + Q
             self._P = 0.5 * (P + P.T)
@@ -93,7 +94,7 @@ class PosteriorBound:
 
     deviation: Array  # (n, m) standard deviations of the components at the samples; NaN where there is no bound
     judged: tuple[int, ...] = ()  # components by which the efficiency is judged
-    of: str = ""  # what they are: "position"
+    quantity: str = ""  # that these components are: "position"
     reason: str = ""  # why there is no bound at all
 
     @staticmethod
@@ -113,7 +114,7 @@ class PosteriorBound:
         if value is None:
             basis = f"none: over {span} the bound or the estimate is missing, or the bound is zero"
             return {"efficiency": None, "efficiency_basis": basis}
-        basis = f"root mean square error of {self.of} over {span}, over the posterior Cramér-Rao bound's"
+        basis = f"root mean square error of {self.quantity} over {span}, over the posterior Cramér-Rao bound's"
         return {"efficiency": value, "efficiency_basis": basis}
 
 

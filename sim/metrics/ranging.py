@@ -30,7 +30,7 @@ POSITION, HEADING = 0.3, 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Errors:
+class RangingErrors:
     """Errors of the estimates at the n samples of a run."""
 
     t: Array  # (n,) [s]
@@ -39,7 +39,7 @@ class Errors:
     found: NDArray[np.bool_]  # (n,) whether the estimator had an estimate
 
     @staticmethod
-    def of(recording: Recording, name: str, mission: RangingMission) -> Errors:
+    def from_recording(recording: Recording, name: str, mission: RangingMission) -> RangingErrors:
         """The errors of one robot's run."""
         truths, estimates = recording.truths[name], recording.agents[name].estimates
         difference, P = np.full((len(truths), 3), np.nan), np.full((len(truths), 3, 3), np.nan)
@@ -51,7 +51,7 @@ class Errors:
                 covariance = estimates[newest].covariance
                 if covariance is not None:
                     P[k] = covariance
-        return Errors(recording.t, difference, normalised_error_squared(difference, P), found)
+        return RangingErrors(recording.t, difference, normalised_error_squared(difference, P), found)
 
     @property
     def position(self) -> Array:
@@ -72,6 +72,7 @@ class Errors:
 
     @property
     def converged(self) -> bool:
+        """True if position and heading are within their limits over the last quarter."""
         return rms(self.position[self.last]) < POSITION and rms(self.heading[self.last]) < HEADING
 
     def last_above(self, position: float = POSITION, heading: float = HEADING) -> float:
@@ -81,7 +82,7 @@ class Errors:
 
 
 def rms(values: Array) -> float:
-    """The root of the mean square."""
+    """Root of the mean square of values (n,)."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
@@ -95,7 +96,7 @@ def ranging_summary(
     """
     t, agent = recording.t, recording.agents[name]
     path = recording.truths[name][:, :2]
-    errors = Errors.of(recording, name, mission)
+    errors = RangingErrors.from_recording(recording, name, mission)
     kinds = Counter(event.kind for event in recording.events if event.agent == name)
     converged, last = errors.converged, errors.last
     found = errors.last_above() if converged else math.inf

@@ -119,7 +119,7 @@ def _driven(before: Array, after: Array, h: float) -> Array:
 
 
 def _of_ranges(model: StagewiseModel, x: Array, rho: Array, outliers: float) -> Array:
-    """W (m, 4) of the rays that were read; that their variance depends on the range tells of it too."""
+    """W (m, 4) of the rays that were read; that their variance depends on the range adds information too."""
     from mathnavi.estimators.stagewise.ranging import RangingModel
 
     assert isinstance(model, RangingModel)
@@ -232,7 +232,7 @@ def lagrangian_bound(recording: Recording, name: str, truth: LagrangianMission) 
     return _bound(deviation, tuple(range(model.rows, model.size)), "the velocity")
 
 
-def _bound(deviation: Array, judged: tuple[int, ...], of: str) -> PosteriorBound:
+def _bound(deviation: Array, judged: tuple[int, ...], quantity: str) -> PosteriorBound:
     if np.isnan(deviation).all():
         return PosteriorBound.none("the readings never determine the whole state", len(deviation))
-    return PosteriorBound(deviation, judged, of)
+    return PosteriorBound(deviation, judged, quantity)

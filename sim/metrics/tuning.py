@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.protocols import Estimator, EstimatorPlugin
 from mathnavi.sim.interfaces.signals import Array, Measurement, Status
 
@@ -44,10 +45,10 @@ class ReplayedErrors:
     lost: int  # estimates that it says are lost
 
     def rms(self, begin: float) -> float:
-        """From ``begin`` [s] on; ValueError if there is nothing."""
+        """From ``begin`` [s] on; ArgumentError if there is nothing."""
         late = self.error[self.t >= begin]
         if not len(late):
-            raise ValueError(f"begin = {begin!r}; allowed: a time before the last call")
+            raise ArgumentError(f"begin = {begin!r}; allowed: a time before the last call")
         return float(np.sqrt(np.mean(np.square(late))))
 
     def below_from(self, limit: float) -> float | None:
@@ -125,10 +126,10 @@ def tuned(
 ) -> Tuning:
     """The errors with values of the grid in a field of ``config``: every other one and both ends, then those beside the
 
-    best of them. ValueError for an empty grid.
+    best of them. ArgumentError for an empty grid.
     """
     if not grid:
-        raise ValueError(f"grid = {grid!r}; allowed: at least one value of {field}")
+        raise ArgumentError(f"grid = {grid!r}; allowed: at least one value of {field}")
     errors: dict[int, float] = {}
 
     def attempt(places: Iterable[int]) -> None:

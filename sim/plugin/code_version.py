@@ -1,4 +1,4 @@
-"""Which code a result comes from: the version of the package and a digest of the sources as they are installed."""
+"""Code that a result comes from: the version of the package and a digest of the sources as they are installed."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.reading.files import MEBIBYTE, read_bytes
 
 PACKAGE = "mathnavi"
@@ -54,7 +55,7 @@ def _stranger(name: str) -> str:
         module = waiting.pop()
         places = _places(module)
         if module == name and not places:
-            raise ValueError(f"the plug-ins of module {name!r} come from no file; allowed: modules with sources")
+            raise ArgumentError(f"the plug-ins of module {name!r} come from no file; allowed: modules with sources")
         if module != name and places and _is_installed(places[0][1]) and (number := _version(module)):
             versions.add(f"{module} {number}")
             continue

@@ -29,22 +29,27 @@ class Leaf:
 
     @property
     def flag(self) -> str:
+        """The flag as it is given on the command line."""
         return flag_of(self.path)
 
     @property
     def positional(self) -> bool:
+        """True for a field that is given without a flag."""
         return tyro.conf.Positional in self.marks
 
     @cached_property
     def form(self) -> Form | None:
+        """How words become its value; None for a field without values."""
         return form_of(Annotated[(self.hint, *self.marks)] if self.marks else self.hint)
 
     @property
     def value_name(self) -> str:
+        """Name of its value in the help."""
         return self.form.name if self.form else "nothing"
 
     @property
     def help(self) -> str:
+        """Its documentation, on one line."""
         return " ".join(field_help(self.owner).get(self.name, "").split())
 
     @property

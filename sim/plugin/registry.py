@@ -47,7 +47,7 @@ class PluginSpec:
     config: Any
 
     @staticmethod
-    def of(plugin: Any, **fields: Any) -> PluginSpec:
+    def with_fields(plugin: Any, **fields: Any) -> PluginSpec:
         """A plug-in class with some fields of its configuration set."""
         return PluginSpec(plugin, plugin.Config(**fields))
 
@@ -84,7 +84,7 @@ def load(kind: str, name: str) -> Any:
         raise PluginError(f"{kind}: {name!r} is not known; {allowed_for(name, names(kind), f'or {_PLACE}')}")
     check_loaded(name)
     with failures_named(f"{kind}: {name!r} cannot be imported:", PluginError):
-        plugin = point.load() if point else _at(name)
+        plugin = point.load() if point else _at(kind, name)
     _check_class(kind, plugin, name)
     return plugin
 
@@ -215,9 +215,27 @@ def _frozen(config: type) -> bool:
     return parameters is not None and bool(parameters.frozen)
 
 
-def _at(name: str) -> Any:
-    module, _, attribute = name.partition(":")
-    return getattr(importlib.import_module(module), attribute)
+def _at(kind: str, place: str) -> Any:
+    """The class at "package.module:Class"; PluginError where there is no such module, or no such class in it."""
+    name, _, attribute = place.partition(":")
+    try:
+        module = importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name is None or not f"{name}.".startswith(f"{error.name}."):
+            raise  # the module is there, and another one that it imports is not
+        ending = f" (the module of {name} is {name.removesuffix('.py')})" if name.endswith(".py") else ""
+        raise PluginError(
+            f"{kind}: {place!r} cannot be imported: there is no module {error.name!r} in the present folder, and none "
+            f"is installed; allowed: {_PLACE}{ending}"
+        ) from None
+    if not hasattr(module, attribute):
+        found = getattr(module, "__file__", None) or name
+        own = [each for each, value in vars(module).items() if isinstance(value, type) and value.__module__ == name]
+        built = [each for each in own if hasattr(getattr(module, each), "build")]
+        raise PluginError(
+            f"{kind}: {place!r} cannot be imported: {found} has no {attribute}; {allowed_for(attribute, built)}"
+        )
+    return getattr(module, attribute)
 
 
 def _invoke(kind: str, spec: PluginSpec, method: str, mission: Any) -> Any:
@@ -227,8 +245,8 @@ def _invoke(kind: str, spec: PluginSpec, method: str, mission: Any) -> Any:
     """
     if wanted := _unfit(spec.plugin, mission):
         raise PluginError(
-            f"{kind}: {called(kind, spec.name)!r} is for a {wanted} and this scenario has a {type(mission).__name__}; "
-            f"allowed: {', '.join(_fitting(kind, mission))}, or package.module:Class"
+            f"{kind}: {called(kind, spec.name)!r} is for a {wanted}, and the mission is a {type(mission).__name__}; "
+            f"allowed: {', '.join([*_fitting(kind, mission), f'or {_PLACE}' if _fitting(kind, mission) else _PLACE])}"
         )
     with failures_named(f"{kind}: {called(kind, spec.name)!r}: {method}() failed:", PluginError):
         return getattr(spec.plugin, method)(spec.config, mission)

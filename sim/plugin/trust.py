@@ -1,4 +1,4 @@
-"""Which code a folder may name: a run's config.json is data, and data of a stranger runs nothing that he chose.
+"""Code that a folder may name: a run's config.json is data, and data of a stranger runs nothing that he chose.
 
 What is installed as an entry point is loaded, whether it is named by its name or by its place, "package.module:Class".
 Everything else that a folder names is loaded only within ``trusting()``, which ``--trust`` asks for.

@@ -55,7 +55,7 @@ class _Group:
 
     @property
     def outcome(self) -> str:
-        """How many records ended how, in words."""
+        """Numbers of records by how they ended, in words."""
         return ", ".join(f"{count} {ending}" for ending, count in sorted(self.endings.items()))
 
 

@@ -29,6 +29,7 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import ArgumentError, StoreError
 from mathnavi.sim.interfaces.reading.arrays import decoded_npz
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.groups import GROUPS, installed
@@ -68,29 +69,29 @@ def encoded(value: Any) -> Encoded:
 def decoded(coded: Encoded) -> Any:
     """The value that was encoded.
 
-    Raises ValueError for what is no such value, and ValueError or ImportError if a class is not there any more.
+    Raises StoreError for what is no such value, and StoreError or ImportError if a class is not there any more.
     """
     arrays: dict[str, Array] = {}
     if coded.arrays is not None:
-        arrays = decoded_npz(coded.arrays, "the arrays of a result", ValueError, kinds=_IN_A_BLOCK)
+        arrays = decoded_npz(coded.arrays, "the arrays of a result", StoreError, kinds=_IN_A_BLOCK)
     try:
         return _Reader(arrays, coded.timings).value(coded.tree)
     except (KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
-        raise ValueError(f"no result that was stored: {error!r}") from None
+        raise StoreError(f"no result that was stored: {error!r}") from None
 
 
 def place_of(kind: Any) -> str:
-    """The name "module:Name" under which a class or a function is found again; ValueError if it is not."""
+    """The name "module:Name" under which a class or a function is found again; ArgumentError if not."""
     module, name = getattr(kind, "__module__", ""), getattr(kind, "__qualname__", "")
     if module == "__main__":
-        raise ValueError(f"{name} lies in the script that runs; allowed: a module of its own")
+        raise ArgumentError(f"{name} lies in the script that runs; allowed: a module of its own")
     place = f"{module}:{name}"
     try:
         found = at_place(place)
     except (ImportError, AttributeError, ValueError):
         found = None
     if found is not kind:
-        raise ValueError(f"{kind!r} is not found at {place!r}; allowed: what stands in a module")
+        raise ArgumentError(f"{kind!r} is not found at {place!r}; allowed: what stands in a module")
     return place
 
 
@@ -178,12 +179,15 @@ class _Reader:
 
     def __init__(self, arrays: Mapping[str, Array], timings: Mapping[str, float | None]) -> None:
         self._arrays, self._timings = arrays, timings
+        self._classes: dict[str, Any] = {}  # by place
 
     def value(self, tree: Any) -> Any:
         if isinstance(tree, list):
             return [self.value(item) for item in tree]
         if not isinstance(tree, dict):
             return tree
+        if not any(name.startswith("$") for name in tree):
+            return {name: self.value(item) for name, item in tree.items()}
         match tree:
             case {"$tuple": items}:
                 return tuple(self.value(items))
@@ -197,7 +201,7 @@ class _Reader:
             case {"$array": [dtype, shape, items]}:
                 kind = np.dtype(dtype)
                 if kind.kind not in _AS_TEXT or len(items) > SMALL:
-                    raise ValueError(f"$array = {dtype!r}, {len(items)} elements; allowed: at most {SMALL} numbers")
+                    raise StoreError(f"$array = {dtype!r}, {len(items)} elements; allowed: at most {SMALL} numbers")
                 return np.array(self.value(items), dtype=kind).reshape(shape)
             case {"$block": [name, row]}:
                 return self._arrays[name][_row(row, len(self._arrays[name]))].copy()
@@ -210,14 +214,16 @@ class _Reader:
             case {"$enum": [place, name]}:
                 return _class_at(place, Enum)[name]
             case {"$class": place, "$fields": fields}:
-                return _class_at(place, object)(**{name: self.value(item) for name, item in fields.items()})
+                if place not in self._classes:
+                    self._classes[place] = _class_at(place, object)
+                return self._classes[place](**{name: self.value(item) for name, item in fields.items()})
         return {name: self.value(item) for name, item in tree.items()}
 
 
 def _row(row: Any, count: int) -> int:
     """``row`` if it is the number of one of ``count`` rows, else ValueError."""
     if type(row) is not int or not 0 <= row < count:
-        raise ValueError(f"$block row = {row!r}; allowed: a whole number from 0 to {count - 1}")
+        raise StoreError(f"$block row = {row!r}; allowed: a whole number from 0 to {count - 1}")
     return row
 
 
@@ -229,7 +235,7 @@ def _class_at(place: str, base: type) -> Any:
     """
     package = place.partition(":")[0].partition(".")[0]
     if not (is_trusted() or package in sys.modules or package in _installed_packages()):
-        raise ValueError(f"{place!r} is not installed; allowed: classes of mathnavi and of installed plug-ins")
+        raise StoreError(f"{place!r} is not installed; allowed: classes of mathnavi and of installed plug-ins")
     kind = at_place(place)
     holds_data = isinstance(kind, type) and (
         issubclass(kind, Enum)
@@ -237,7 +243,7 @@ def _class_at(place: str, base: type) -> Any:
         or (issubclass(kind, tuple) and hasattr(kind, "_fields"))
     )
     if not (holds_data and issubclass(kind, base)):
-        raise ValueError(f"{place!r} is no class of data; allowed: a dataclass, a NamedTuple or an Enum")
+        raise StoreError(f"{place!r} is no class of data; allowed: a dataclass, a NamedTuple or an Enum")
     return kind
 
 

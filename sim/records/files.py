@@ -1,4 +1,4 @@
-"""Values as JSON, and files of it."""
+"""Values as JSON, and JSON files."""
 
 from __future__ import annotations
 

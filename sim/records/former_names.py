@@ -1,4 +1,4 @@
-"""Where a module that an earlier version recorded is to be found now.
+"""Present places of modules that an earlier version recorded.
 
 Until version 0.1 the packages were called ``models``, ``sim``, ``controllers``, ``estimators`` and ``renders``. A run's
 config.json that was written then names its plug-ins and its drawing so: "controllers.flight.plugin:SafeFlight",

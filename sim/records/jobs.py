@@ -88,7 +88,7 @@ def add_job(connection: sqlite3.Connection, record: JobRecord, retried: bool) ->
 
 
 def job_statuses(connection: sqlite3.Connection) -> dict[str, str]:
-    """How every job ended, by its key."""
+    """End of every job, by its key."""
     known = connection.execute("SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = 'jobs'").fetchone()
     return dict(connection.execute("SELECT key, status FROM jobs").fetchall()) if known else {}
 

@@ -1,4 +1,4 @@
-"""Where the records of a store come from: what was computed, apart from the computing environment that it was made in.
+"""Origins of the records of a store: what was computed, apart from the computing environment that it was made in.
 
     environments(digest, description)           description is JSON: versions, processor, BLAS kernels by name
     origins(key, content, environment)          of each trial and job; content: hash of all but the environment

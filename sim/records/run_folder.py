@@ -168,7 +168,10 @@ def read_log(directory: str | Path, *, may_diverge: bool = False) -> RunLog:
     folder = existing_folder(directory)
     config, summary, events = _read_texts(folder)
     path = folder / ARRAYS
-    return RunLog(folder, config, summary, events, **_of_vehicle(_read_arrays(path), path, may_diverge))
+    log = RunLog(folder, config, summary, events, **_of_vehicle(_read_arrays(path), path, may_diverge))
+    if (folder / ARRAY_INDEX).is_file() and len(states := read_state_names(folder)) == 1:
+        _check_named(path, "", log.x, next(iter(states.values())))
+    return log
 
 
 def read_fleet(directory: str | Path) -> FleetLog:
@@ -187,6 +190,9 @@ def read_fleet(directory: str | Path) -> FleetLog:
         )
         for name in names
     }  # fmt: skip
+    states = read_state_names(folder) if (folder / ARRAY_INDEX).is_file() else {}
+    for name in states.keys() & vehicles.keys():
+        _check_named(path, f"{name}.", vehicles[name].x, states[name])
     return FleetLog(folder, config, summary, events, vehicles)
 
 
@@ -238,6 +244,14 @@ def _read_texts(folder: Path) -> tuple[dict[str, Any], dict[str, Any], tuple[Eve
     known = known_fields(RunDocument)
     config = {name: value for name, value in config.items() if value is not None or name not in known}
     return with_present_names(config), summary, _read_events(folder / EVENTS)
+
+
+def _check_named(path: Path, prefix: str, x: Array, names: Sequence[str]) -> None:
+    """RunFolderError for states (n, nx) of which log.json names another number: they are of another run."""
+    if x.shape[1] != len(names):
+        raise RunFolderError(
+            f"{path}: {prefix}truth.x has {x.shape[1]} states; allowed: {len(names)}, as {ARRAY_INDEX} beside it names"
+        )
 
 
 def _require(path: Path) -> None:

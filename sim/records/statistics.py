@@ -23,6 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betaincinv
 
+from mathnavi.sim.interfaces.errors import ArgumentError
+
 Array = NDArray[np.float64]
 
 
@@ -69,13 +71,13 @@ class Band:
 def rate(events: int, trials: int, confidence: float = 0.95) -> Proportion:
     """The rate of ``events`` in ``trials``.
 
-    ValueError unless 0 <= events <= trials, trials >= 1 and 0 < confidence < 1.
+    ArgumentError unless 0 <= events <= trials, trials >= 1 and 0 < confidence < 1.
     """
     _check_confidence(confidence)
     if trials < 1:
-        raise ValueError(f"trials = {trials!r}; allowed: a whole number >= 1")
+        raise ArgumentError(f"trials = {trials!r}; allowed: a whole number >= 1")
     if not 0 <= events <= trials:
-        raise ValueError(f"events = {events!r}; allowed: 0 to the number of trials, {trials}")
+        raise ArgumentError(f"events = {events!r}; allowed: 0 to the number of trials, {trials}")
     tail = 0.5 * (1.0 - confidence)
     low = float(betaincinv(events, trials - events + 1, tail)) if events > 0 else 0.0
     high, upper = (
@@ -95,7 +97,7 @@ def median_band(
     x = np.sort(checked_sample(values, "values", confidence))
     n = x.size
     if resamples < 1:
-        raise ValueError(f"resamples = {resamples!r}; allowed: a whole number >= 1")
+        raise ArgumentError(f"resamples = {resamples!r}; allowed: a whole number >= 1")
     if n == 1:
         return Band(float(x[0]), math.nan, math.nan, 1, confidence)
     tails = [0.5 * (1.0 - confidence), 0.5 * (1.0 + confidence)]
@@ -104,7 +106,7 @@ def median_band(
 
 
 def supported_band(values: Sequence[float] | Array, rng: np.random.Generator, confidence: float = 0.95) -> Band:
-    """``median_band``, but without limits where the sample is too small for any.
+    """``median_band`` of values (n,), but without limits where the sample is too small for any.
 
     All n values together span the median of what they are drawn from with probability 1 - 2^(1 - n) only; nothing
     within them can do so with a higher one. For 95 % it takes six.
@@ -118,9 +120,9 @@ def checked_sample(values: Sequence[float] | Array, name: str, confidence: float
     _check_confidence(confidence)
     x = np.asarray(values, dtype=np.float64)
     if x.ndim != 1 or x.size == 0:
-        raise ValueError(f"{name} have shape {x.shape}; allowed: (n,), n >= 1")
+        raise ArgumentError(f"{name} have shape {x.shape}; allowed: (n,), n >= 1")
     if np.isnan(x).any():
-        raise ValueError(f"{name}: {np.count_nonzero(np.isnan(x))} of {x.size} are NaN; allowed: numbers")
+        raise ArgumentError(f"{name}: {np.count_nonzero(np.isnan(x))} of {x.size} are NaN; allowed: numbers")
     return x
 
 
@@ -148,4 +150,4 @@ def _index(u: Array, n: int) -> NDArray[np.int64]:
 
 def _check_confidence(confidence: float) -> None:
     if not 0.0 < confidence < 1.0:
-        raise ValueError(f"confidence = {confidence!r}; allowed: between 0 and 1")
+        raise ArgumentError(f"confidence = {confidence!r}; allowed: between 0 and 1")

@@ -185,6 +185,7 @@ class Store:
         return store
 
     def close(self) -> None:
+        """Close the connection to the file."""
         self._connection.close()
 
     def __enter__(self) -> Store:
@@ -239,7 +240,7 @@ class Store:
             return [self._record(key, known.get(key, Origin())) for key in keys]
 
     def job_endings(self) -> dict[str, Ending]:
-        """How every job ended, by its key."""
+        """End of every job, by its key."""
         with self._reading():
             return {key: Ending(status, None) for key, status in job_statuses(self._connection).items()}
 

@@ -17,6 +17,7 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SUMMARY_GROUPS, label
 from mathnavi.sim.records.statistics import Band, Proportion, rate, supported_band
@@ -72,10 +73,10 @@ class Sweep:
 
     def __post_init__(self) -> None:
         if not self.records:
-            raise ValueError("records: none; allowed: at least one")
+            raise ArgumentError("records: none; allowed: at least one")
         known = {name for record in self.records for name in record.fields}
         if unknown := [name for name in self.varied if name not in known]:
-            raise ValueError(f"varied = {unknown[0]!r}; allowed: {', '.join(sorted(known))}")
+            raise ArgumentError(f"varied = {unknown[0]!r}; allowed: {', '.join(sorted(known))}")
 
     @cached_property
     def continuous(self) -> list[str]:
@@ -172,7 +173,7 @@ class Sweep:
 
 
 def planned_by_none(record: Record) -> bool:
-    """Whether the planner had no part in a trial, though the mission may have done what it should."""
+    """True if the planner had no part in a trial, though the mission may have done what it should."""
     return PLANNER_STATUS in record.summary
 
 

@@ -72,7 +72,7 @@ class ArmVelocity:
         config: ArmVelocityConfig, seed: int, controller: PluginSpec | None = None, estimator: PluginSpec | None = None
     ) -> ClosedLoop:
         """The closed loop of one seed. Raises ValueError for a model that is no mechanism of slides, hinges, balls."""
-        parts = Assembler.of(ArmVelocity, config, seed, controller, estimator)
+        parts = Assembler.for_scenario(ArmVelocity, config, seed, controller, estimator)
         model, real = _models(config)
         mission, truth = (
             LagrangianMission(MechanismSystem(each), config.reading, config.period, config.speed_max)

@@ -4,7 +4,7 @@
     random streams  one for each source of chance, in the order that the scenario lists
     faults          of every group of faults in the configuration, around planner, sensors and plant
     certificate     around the planner of a flight, unless its plug-in declares ``certified = False``, or a function
-                    in the place of ``Certified.of``
+                    in the place of ``Certified.for_mission``
     record          config.json: enough to build the same loop again, and to draw its run
 
 A scenario says the rest: its mission, its vehicle, its referee, its metrics and its task.
@@ -102,7 +102,7 @@ class Assembler:
     faults: tuple[Fault, ...]  # the groups of faults in the configuration
 
     @staticmethod
-    def of(
+    def for_scenario(
         scenario: Any, config: Any, seed: int, controller: PluginSpec | None, estimator: PluginSpec | None
     ) -> Assembler:
         """The assembler of a scenario's class, with the scenario's own plug-ins where none are given.
@@ -113,8 +113,8 @@ class Assembler:
         groups = (getattr(config, field.name) for field in dataclasses.fields(config))
         return Assembler(
             scenario, config, seed,
-            controller or PluginSpec.of(load("controllers", scenario.controller)),
-            estimator or PluginSpec.of(load("estimators", scenario.estimator)),
+            controller or PluginSpec.with_fields(load("controllers", scenario.controller)),
+            estimator or PluginSpec.with_fields(load("estimators", scenario.estimator)),
             RandomStreams(
                 generator(np.random.SeedSequence(seed), getattr(config, "redraw", ())), getattr(scenario, "streams", ())
             ),
@@ -136,9 +136,9 @@ class Assembler:
         estimator = self.observer(mission)
         planner, sensors = self.with_planner_faults(raw), self.sensors(mission, *others)
         if certified_flight is not None and getattr(self.config, "filter", False):
-            planner, tracker = filtered(planner, tracker, CommandFilter.of(certified_flight))
+            planner, tracker = filtered(planner, tracker, CommandFilter.for_mission(certified_flight))
         elif certified_flight is not None and (certified := getattr(self.controller.plugin, "certified", True)):
-            certify = certified if callable(certified) else Certified.of
+            certify = certified if callable(certified) else Certified.for_mission
             planner = certify(planner, certified_flight, tracker)
         return VehicleStack(sensors, estimator, planner, tracker, self.asked(mission))
 
@@ -151,7 +151,7 @@ class Assembler:
         """The certified planner's answer at the start; a controller without a certificate is held to it here too."""
         planner, tracker = checked_controller(self.controller, mission, TrackingBound)
         request = PlanRequest(0.0, 0.0, Estimate(0.0, flight.start_state), None)
-        return Certified.of(planner, flight, tracker).plan(request)
+        return Certified.for_mission(planner, flight, tracker).plan(request)
 
     def observer(self, mission: Any) -> Estimator:
         """The estimator alone; PluginError if it does not fit the mission."""
@@ -211,7 +211,7 @@ class Assembler:
         network: Network | None = None,
         task: Task | None = None,
     ) -> ClosedLoop:
-        """The closed loop, and what config.json holds of it.
+        """The closed loop, with its config.json.
 
         ``mission`` is the mission as it is recorded, a dataclass of ``mathnavi.sim.records.missions`` for one;
         ``resolved`` the configuration with all that was drawn, that given if nothing was; ``terrain`` its name, its
@@ -222,7 +222,7 @@ class Assembler:
         )
 
     def _record(self, mission: Any, resolved: Any, terrain: Mapping[str, Any] | None) -> dict[str, Any]:
-        """What config.json holds beside the versions."""
+        """Content of config.json beside the versions."""
         drawing = getattr(self.scenario, "drawing", None)
         place = f"{self.scenario.__module__}:{self.scenario.__qualname__}"
         configs = self.config, self.controller.config, self.estimator.config

@@ -101,7 +101,7 @@ class AttitudeTrackingScenario:
         estimator: PluginSpec | None = None,
     ) -> ClosedLoop:
         """The closed loop of one seed, from an attitude that is uniform among all."""
-        parts = Assembler.of(AttitudeTrackingScenario, config, seed, controller, estimator)
+        parts = Assembler.for_scenario(AttitudeTrackingScenario, config, seed, controller, estimator)
         mission = _mission(config)
         start = checked_speed(_drawn_start(config, parts.streams["draws"]), mission)
         stack = parts.stack(mission)

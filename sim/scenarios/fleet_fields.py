@@ -130,7 +130,7 @@ class Clocks:
 
 @configuration
 class FleetEndFields:
-    """Who flies from where to where over which ground."""
+    """Vehicles of a fleet, their starts and targets, and the ground below."""
 
     terrain: TerrainPlace = MissionFields.terrain
     """name of a terrain, or an .npz file"""
@@ -156,7 +156,7 @@ class FleetEndFields:
 
 @configuration
 class FleetFields(LimitFields, FleetEndFields):
-    """Who flies from where to where over which ground, within which bounds, and how they agree."""
+    """Vehicles of a fleet, their starts and targets, the ground, their bounds, and how they agree."""
 
     deadline_factor: DeadlineFactor = 1.5
     """gamma: the fleet's deadline over the longest of the first plans"""
@@ -211,7 +211,7 @@ class FleetFields(LimitFields, FleetEndFields):
                     raise FieldError(f"edge = {(one, other, weight)!r}; allowed: each pair of vehicles once")
                 edges[one, other] = weight
             try:
-                return Graph.of(self.names, edges).checked_connected()
+                return Graph.from_edges(self.names, edges).checked_connected()
             except ValueError as error:
                 raise FieldError(f"edge: {error}") from None
         if self.graph == "random":

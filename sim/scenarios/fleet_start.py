@@ -213,10 +213,10 @@ def _vehicle(
             f"controller = {parts.controller.name!r}: its planner has no length to go; allowed: one that has "
             "length_to_go(points), by which its vehicle knows when it can arrive"
         )
-    planner = Certified.of(parts.with_planner_faults(raw, streams), mission, tracker)
+    planner = Certified.for_mission(parts.with_planner_faults(raw, streams), mission, tracker)
     stored = _stored(name, planner, mission)
     estimate = ArrivalEstimate(raw.length_to_go, np.array(mission.target), mission.speed_max - tracker.bound.speed)
-    braking = braking_time(Certificate.of(mission, tracker.bound))
+    braking = braking_time(Certificate.for_mission(mission, tracker.bound))
     return StartedVehicle(mission, centre, planner, tracker, estimate, stored, braking)
 
 

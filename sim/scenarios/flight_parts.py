@@ -145,7 +145,7 @@ def certified_ends(
 
 def check_above_ground(name: str, point: Point, mission: FlightMission) -> None:
     """Raise MissionError for a point (x, y, z) [m] where the vehicle is not within the mission's map, or lower than
-    h_min above the ground below any part of it.
+    h_min above the ground below any of its parts.
     """
     terrain, (x, y, z) = mission.terrain, point
     if not terrain.contains(x, y):
@@ -244,7 +244,7 @@ def flight_task(
         return (float(np.square(acting).sum()) + len(names) * float(beta)) * (end.t - begin.t)
 
     def filters() -> dict[str, CommandFilter]:
-        return {name: CommandFilter.of(flight) for name, flight in flights.items()}
+        return {name: CommandFilter.for_mission(flight) for name, flight in flights.items()}
 
     commanded = dict.fromkeys(names, inputs)
     largest = len(names) * (acceleration_max**2 + float(beta))

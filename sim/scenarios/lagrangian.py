@@ -86,7 +86,7 @@ class LagrangianCase:
     requirements: tuple[Requirement, ...] = ()  # on them, beside that on the velocity error
     inputs: Inputs | None = None  # with their bounds, where there are any
     cost: StageCost | None = None  # for whoever commands the inputs; that of the velocity error if not given
-    cost_max: float | None = None  # of it, for a learner; speed_max^2, the error of no velocity, if not given
+    cost_max: float | None = None  # largest cost, for a learner; speed_max^2, the error of no velocity, if not given
     resolved: LagrangianFields | None = None  # fields as config.json holds them; those given if there are none
 
     @property
@@ -138,7 +138,7 @@ def _efficiency(
     bound: PosteriorBound, recording: Recording, case: LagrangianCase, settled: float
 ) -> dict[str, float | str | None]:
     """The efficiency of the velocity from ``settled`` [s] on, in components at the truth."""
-    errors = VelocityErrors.of(recording, case.vehicle, case.manifold)
+    errors = VelocityErrors.from_recording(recording, case.vehicle, case.manifold)
     newest = np.searchsorted(errors.t, recording.t + TIME_TOLERANCE, side="right") - 1
     window = slice(int(np.searchsorted(recording.t, settled - TIME_TOLERANCE)), None)
     return bound.figures(errors.components[newest], window, f"the run from {settled:g} s on")

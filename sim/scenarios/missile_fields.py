@@ -158,7 +158,7 @@ class MissileGuidanceConfig(ChanceFields):
     """[m/s]"""
     target_change: tuple[tuple[float, float, float, float], ...] = ()
     """TIME VX VY VZ [s, m/s]: a velocity that the target takes up later; may be given several times"""
-    target_told: Magnitude = 0.0
+    target_announcement_delay: Magnitude = 0.0
     """how long after the target has taken up a velocity the planner is informed of it [s]"""
     aspect_angle: Annotated[float, Degrees(-90.0, 90.0)] = -90.0
     """of the nose and the velocity at the target over the horizontal [deg]"""

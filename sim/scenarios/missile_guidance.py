@@ -64,7 +64,7 @@ class MissileGuidance:
         estimator: PluginSpec | None = None,
     ) -> ClosedLoop:
         """The closed loop of one seed. Raises MissionError for a mission that no first plan is found for."""
-        parts = Assembler.of(MissileGuidance, config, seed, controller, estimator)
+        parts = Assembler.for_scenario(MissileGuidance, config, seed, controller, estimator)
         frame = _frame(config)
         target = _target(config, frame)
         mission = _mission(config, target, frame)
@@ -147,7 +147,9 @@ def summarise(
 def _frame(config: MissileGuidanceConfig) -> MissionFrame:
     """The frame of the mission, in which no attitude is singular."""
     planar = config.dimension == "planar"
-    return MissionFrame.of(config.start_heading, config.start, config.target, config.aspect_angle, planar=planar)
+    return MissionFrame.for_flight(
+        config.start_heading, config.start, config.target, config.aspect_angle, planar=planar
+    )
 
 
 def _earth(point: Point, frame: MissionFrame) -> Place:
@@ -164,9 +166,9 @@ def _target(config: MissileGuidanceConfig, frame: MissionFrame) -> TargetMotion:
 
 def _messages(config: MissileGuidanceConfig, target: TargetMotion) -> list[Message]:
     """Messages to the planner: the legs of the target's motion that it does not know of at the start."""
-    known = config.target_told == 0.0 or not any(config.target_velocity)
+    known = config.target_announcement_delay == 0.0 or not any(config.target_velocity)
     legs = target.legs[1:] if known else target.legs
-    return [Message(leg.t + config.target_told, "target watch", "target", leg) for leg in legs]
+    return [Message(leg.t + config.target_announcement_delay, "target watch", "target", leg) for leg in legs]
 
 
 def _mission(config: MissileGuidanceConfig, motion: TargetMotion, frame: MissionFrame) -> MissileMission:
@@ -176,7 +178,7 @@ def _mission(config: MissileGuidanceConfig, motion: TargetMotion, frame: Mission
     heading = float(wrapped(math.radians(config.start_heading - frame.azimuth)))
     start = {"u": case.speed, "psi": -heading, "x_e": x_e, "y_e": y_e, "z_e": z_e}
     target = motion.legs[0]
-    if config.target_told > 0.0:  # until then it seems to stand still
+    if config.target_announcement_delay > 0.0:  # until then it seems to stand still
         target = Target(target.place)
     degree, noise, gust = math.radians(1.0), config.noise, config.gust
     return MissileMission(
@@ -212,7 +214,7 @@ def _plan_from_start(mission: MissileMission, controller: PluginSpec) -> Plan:
 
 
 def _reach(mission: MissileMission, controller: PluginSpec) -> str:
-    """How far a target that moves like this one may be on the line to it, by first plans nearer and farther."""
+    """Range of a target that moves like this one, on the line to it, by first plans nearer and farther."""
     start = mission.coordinates.place(mission.start_state)
     line = np.array(mission.target.place) - start
     distance = float(np.linalg.norm(line))

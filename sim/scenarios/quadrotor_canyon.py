@@ -100,7 +100,7 @@ class QuadrotorCanyon:
         ValueError for bounds that gusts and noise leave nothing of; PluginError for an estimator that the tracker
         cannot fly from; TerrainError for an unknown terrain; FileNotFoundError for a terrain file that is not there.
         """
-        parts = Assembler.of(QuadrotorCanyon, config, seed, controller, estimator)
+        parts = Assembler.for_scenario(QuadrotorCanyon, config, seed, controller, estimator)
         terrain = load_terrain(config.terrain)
         mission, first = _mission(config, terrain, parts)
         deadline = config.deadline_factor * first.t_end
@@ -154,7 +154,7 @@ def finished(flight: TrueQuadrotorFlight, body: MujocoPlant, t: float, truths: M
 
 
 def arrived(flight: TrueQuadrotorFlight, t: float, truths: Mapping[str, Array]) -> bool:
-    """The vehicle is at the target."""
+    """The vehicle is at the target; ``t`` [s], ``truths`` (13,) by vehicle."""
     mission = flight.mission.flight
     return math.dist(truths[VEHICLE][POSITION].tolist(), mission.target) <= mission.arrival_radius
 
@@ -229,7 +229,7 @@ def _task(flight: TrueQuadrotorFlight, body: MujocoPlant, controller: PluginSpec
     mission, beta = flight.mission, getattr(getattr(controller.config, "flight", None), "beta", None)
     if beta is None:
         return None
-    own = float(beta) / Similarity.of(mission.flight).scales[1] ** 2  # [m^2/s^4]
+    own = float(beta) / Similarity.for_mission(mission.flight).scales[1] ** 2  # [m^2/s^4]
     rotors = tuple(f"thrust_{rotor} [N]" for rotor in ROTORS)
     inputs = Inputs(rotors, np.zeros(ROTOR_COUNT), np.full(ROTOR_COUNT, mission.vehicle.thrust_max))
 

@@ -6,11 +6,11 @@ import dataclasses
 from dataclasses import field
 from typing import Annotated
 
-from annotated_types import Interval
+from annotated_types import Interval, Lt
 
 from mathnavi.models.quadrotor.dynamics import NOMINAL, Quadrotor
 from mathnavi.models.terrain.library import TerrainPlace
-from mathnavi.sim.interfaces.bounds import FINITE, PositiveFraction, configuration
+from mathnavi.sim.interfaces.bounds import FINITE, PositiveFraction, Within, configuration
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.scenarios.fault_fields import AerialFaults, Factor, Magnitude, PositiveMagnitude
 from mathnavi.sim.scenarios.flight_fields import (
@@ -23,12 +23,15 @@ from mathnavi.sim.scenarios.flight_fields import (
 )
 from mathnavi.sim.scenarios.redraw import ChanceFields
 
+_HEAVIEST = NOMINAL.thrust_max / NOMINAL.hover_thrust
+LiftedFactor = Annotated[Factor, Within(Lt(_HEAVIEST), allowed=f"< {_HEAVIEST:.4g}, which the rotors lift")]
+
 
 @configuration(prefix="mismatch.")
 class QuadrotorMismatch:
     """The true quadrotor over the declared one; the tracking bound allows for a tenth of mass and a quarter of drag."""
 
-    mass: Factor = 1.0
+    mass: LiftedFactor = 1.0
     """factor of the mass"""
     motor_lag: Factor = 1.0
     """factor of the time constant of the rotors"""
@@ -36,11 +39,6 @@ class QuadrotorMismatch:
     """factor of the drag"""
     rotor: Annotated[float, Interval(ge=0.1, le=1.0), FINITE] = 1.0
     """factor of what the front left rotor gives, as thrust and as moment"""
-
-    def __post_init__(self) -> None:
-        if NOMINAL.hover_thrust * self.mass >= NOMINAL.thrust_max:
-            most = NOMINAL.thrust_max / NOMINAL.hover_thrust
-            raise FieldError(f"mismatch.mass = {self.mass!r}; allowed: < {most:.4g}, which the rotors lift")
 
     @property
     def vehicle(self) -> Quadrotor:
@@ -75,7 +73,7 @@ class QuadrotorCanyonConfig(ChanceFields):
     speed_max: PositiveMagnitude = 14.0
     """v_max [m/s]"""
     acceleration_max: PositiveMagnitude = 2.5
-    """a_max [m/s^2]; plans use no more of it than the rotors have the moments for"""
+    """a_max [m/s^2]; plans use no more than the rotors have the moments for"""
     deadline_factor: DeadlineFactor = 1.5
     """gamma: the deadline over the duration of the first plan, which rests on the way over the plateau"""
     arrival_radius: PositiveMagnitude = 2.5

@@ -64,7 +64,7 @@ class RangeLocalisation:
         estimator: PluginSpec | None = None,
     ) -> ClosedLoop:
         """The closed loop of one seed. Raises MissionError for a start outside the wall or too near to it."""
-        parts = Assembler.of(RangeLocalisation, config, seed, controller, estimator)
+        parts = Assembler.for_scenario(RangeLocalisation, config, seed, controller, estimator)
         mission = _mission(config)
         start = config.start or _drawn_start(mission, parts)
         pose = _pose(start)
@@ -97,7 +97,7 @@ class RangeLocalisation:
 
 
 def finished(body: MujocoPlant, t: float, truths: Mapping[str, Array]) -> bool:
-    """The robot has touched the wall."""
+    """The robot has touched the wall; ``t`` [s], ``truths`` by vehicle."""
     return body.contacts(VEHICLE) > 0
 
 

@@ -19,7 +19,7 @@ class Requirement:
     most: float = math.inf
 
     def missed(self, summary: Mapping[str, Any]) -> str:
-        """What is wrong with the summary's figure, "" if nothing is. A figure that is no number meets nothing."""
+        """Fault of the summary's figure, "" if there is none. A figure that is no number meets nothing."""
         value, (name, unit) = summary[self.key], label(self.key)
         if value is None or math.isnan(value):
             return f"{name} is not known"

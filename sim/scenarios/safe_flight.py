@@ -79,7 +79,7 @@ class SafeFlight:
         TerrainError for an unknown terrain; ValueError for a radar, a hill or a target's path off the map;
         FileNotFoundError for a terrain file that is not there.
         """
-        parts = Assembler.of(SafeFlight, config, seed, controller, estimator)
+        parts = Assembler.for_scenario(SafeFlight, config, seed, controller, estimator)
         mission, first = _mission(config, parts)
         flight = _flight(config, mission, first)
         duration = longest_flight(

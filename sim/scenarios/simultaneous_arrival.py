@@ -71,7 +71,7 @@ class SimultaneousArrival:
         Raises MissionError for starts or slots below h_min, off the map or too close to each other, and where no plans
         can be stored that keep apart; FileNotFoundError for a terrain file that is not there.
         """
-        parts = Assembler.of(SimultaneousArrival, config, seed, controller, estimator)
+        parts = Assembler.for_scenario(SimultaneousArrival, config, seed, controller, estimator)
         charted, consensus = load_terrain(config.terrain), consensus_of(config)
         common = mission_but_ends(config, charted, parts.estimator, config.radars_at(0.0, charted))
         fleet = started_fleet(config, common, parts)
@@ -136,7 +136,7 @@ def finished(flight: FleetFlight, body: MujocoPlant, t: float, truths: Mapping[s
 
 
 def arrived(flight: FleetFlight, t: float, truths: Mapping[str, Array]) -> bool:
-    """All vehicles have been at their slots."""
+    """All vehicles have been at their slots; ``t`` [s], ``truths`` (6,) by vehicle."""
     flight.arrived.update(
         name
         for name, mission in flight.missions.items()

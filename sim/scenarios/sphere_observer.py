@@ -97,7 +97,7 @@ class SphereObserver:
         estimator: PluginSpec | None = None,
     ) -> ClosedLoop:
         """The closed loop of one seed. Raises ValueError for a start off the space."""
-        parts = Assembler.of(SphereObserver, config, seed, controller, estimator)
+        parts = Assembler.for_scenario(SphereObserver, config, seed, controller, estimator)
         mission = config_mission(config)
         stack, noise = parts.stack(mission), parts.streams["sensing"]
         start = checked_speed(_start(config, mission, parts.streams["draws"]), mission)

@@ -52,7 +52,7 @@ class Sample:
     estimates: Mapping[str, Estimate]
 
 
-class SafetyFilter(Protocol):
+class ProposalFilter(Protocol):
     """Filter of the commands to one vehicle."""
 
     hold: float  # [s] for which a proposed command is held, a whole number of the tracker's periods
@@ -63,7 +63,7 @@ class SafetyFilter(Protocol):
 
 
 class Outcome(StrEnum):
-    """How an episode ends."""
+    """End of an episode."""
 
     ARRIVED = "arrived"
     COMPLETED = "completed"  # of a mission without a target: the time is up
@@ -130,7 +130,7 @@ class Endurance:
     hold: float | None = None  # [s]
 
     def outcome(self, t: float, truths: Mapping[str, Array]) -> Outcome | None:
-        """How the mission has ended."""
+        """End of the mission."""
         return self.ends(t, truths)
 
     def potential(self, t: float, truths: Mapping[str, Array]) -> float:
@@ -162,7 +162,7 @@ class Task:
     cost: StageCost
     observed: tuple[str, ...] = ()  # of an estimate's ``extra``, what the vehicle cannot be commanded without
     mission: Mapping[str, Any] = field(default_factory=dict)  # fields that keep what was drawn of the mission
-    filters: Callable[[], Mapping[str, SafetyFilter]] | None = None  # makes one for each vehicle
+    filters: Callable[[], Mapping[str, ProposalFilter]] | None = None  # makes one for each vehicle
     proposals: Mapping[str, Inputs] = field(default_factory=dict)  # to these, by vehicle
     learning: LearningTerms | None = None  # None: no learner's terms are stated
 

@@ -77,7 +77,7 @@ class TextbookConfig:
     def _of_each_state(self, name: str) -> Array:
         states, given = self.observed.states, getattr(self, name)
         if given and (len(given) != len(states) or not all(map(math.isfinite, given))):
-            raise ValueError(f"{name} = {given!r}; allowed: {len(states)} finite numbers, of {', '.join(states)}")
+            raise FieldError(f"{name} = {given!r}; allowed: {len(states)} finite numbers, of {', '.join(states)}")
         return np.array(given or getattr(self.observed, name), dtype=np.float64)
 
     @property
@@ -116,7 +116,7 @@ class TextbookObserver:
         config: TextbookConfig, seed: int, controller: PluginSpec | None = None, estimator: PluginSpec | None = None
     ) -> ClosedLoop:
         """The closed loop of one seed. Raises ValueError for an observer that is not made for the system."""
-        parts = Assembler.of(TextbookObserver, config, seed, controller, estimator)
+        parts = Assembler.for_scenario(TextbookObserver, config, seed, controller, estimator)
         stack = parts.stack(config.mission)
         vehicle = OdeVehicle(config.observed, config.start_state, stack.sensors)
         plant = OdePlant({VEHICLE: vehicle}, TICK, parts.streams.root)
@@ -142,7 +142,7 @@ class TextbookObserver:
 
 
 def finished(plant: OdePlant, t: float, truths: Mapping[str, Array]) -> bool:
-    """The solution has escaped."""
+    """The solution has escaped; ``t`` [s], ``truths`` (n,) by vehicle."""
     return plant.escaped(VEHICLE) is not None
 
 

@@ -227,7 +227,7 @@ def plan_flight(
         check_above_ground("target", mission.target, mission)
         spec = plugin(controller) if isinstance(controller, str) else controller
         maker, tracker = checked_controller(spec, mission, TrackingBound)
-        planner = Certified.of(maker, mission, tracker)
+        planner = Certified.for_mission(maker, mission, tracker)
     first = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, x), None))
     if not first.ok:
         raise MissionError(f"no certified plan: {first.status.value}: {first.message}")

@@ -133,8 +133,8 @@ class PoseObserver:
 def feasible_set_bank(wall: Curve, angles: Sequence[float], **options: Any) -> PoseObserver:
     """The feasible-set bank (Definition C.9): a ``PoseObserver`` that finds the pose from anywhere within the wall.
 
-    Its first readings tell on which set FS_y the pose is; Kalman filters start on it, and those at odds with the rays
-    while the robot moves are dropped. Arguments, units and errors are those of ``PoseObserver``.
+    Its first readings determine on which set FS_y the pose is; Kalman filters start on it, and those at odds with the
+    rays while the robot moves are dropped. Arguments, units and errors are those of ``PoseObserver``.
     """
     return PoseObserver(wall, angles, method="feasible_set_bank", **options)
 

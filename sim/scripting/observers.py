@@ -55,7 +55,7 @@ class MotionEstimate:
 
     @property
     def covariance(self) -> Array | None:
-        """Of the state, from an observer that has one."""
+        """Covariance of the state, from an observer that has one."""
         return self.estimate.covariance
 
     def _table(self) -> tuple[str, list[Row]]:

@@ -1,4 +1,4 @@
-"""What a script asks for: a scenario, its plug-ins, and fields by mappings or by dotted names."""
+"""Requests of a script: a scenario, its plug-ins, and fields by mappings or by dotted names."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NAMED = tuple(kind for kind in vars(errors).values() if isinstance(kind, type) 
 
 @contextmanager
 def raising(kind: type[ValueError]) -> Iterator[None]:
-    """A ValueError of no more telling kind in here is raised as one of ``kind``."""
+    """A ValueError of no more specific kind in here is raised as one of ``kind``."""
     try:
         yield
     except ValueError as error:
@@ -118,4 +118,4 @@ def request(
 
 
 def _spec(kind: str, wanted: Any) -> PluginSpec:
-    return PluginSpec.of(load(kind, wanted) if isinstance(wanted, str) else wanted)
+    return PluginSpec.with_fields(load(kind, wanted) if isinstance(wanted, str) else wanted)

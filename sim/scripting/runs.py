@@ -102,7 +102,7 @@ class SweepResult:
 
     @property
     def failures(self) -> Proportion:
-        """How often the mission did not do what it should, or did not run to its end, with its confidence interval."""
+        """Share of missions that did not do what they should, or did not run to their end, with its interval."""
         return rate(sum(not record.success for record in self.records), len(self.records))
 
     @property
@@ -206,7 +206,7 @@ def _seed(seed: int) -> int:
 
 
 def _place(base: ScriptRequest, name: str) -> tuple[str, Any, str]:
-    """Of a field: which configuration of the request it lies in, that configuration, and its name there."""
+    """Place of a field: which configuration of the request it lies in, that configuration, and its name there."""
     prefix, _, rest = name.partition(".")
     if rest and prefix == "planner":
         return "controller", base.controller.config, rest
@@ -262,7 +262,7 @@ class StudyRun:
 
     @property
     def claims(self) -> Sequence[Claim]:
-        """What the study says of each claim: expected, measured, holds."""
+        """Verdicts of the study on its claims: expected, measured, holds."""
         return self.result.claims
 
     @property

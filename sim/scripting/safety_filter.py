@@ -86,7 +86,7 @@ class SafetyFilter:
 
     @property
     def bound(self) -> TrackingBound:
-        """How far from its plan the vehicle may be, by which the ground is raised."""
+        """Distance from its plan that the vehicle may have, by which the ground is raised."""
         return self._filter.bound
 
     def step(

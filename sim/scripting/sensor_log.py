@@ -19,7 +19,7 @@ from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.reading.tables import read_columns
 from mathnavi.sim.interfaces.short_tables import html_table, short_table, vector_text
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
-from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, checked_sensors, load
+from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, checked_sensors, load, of_stranger
 from mathnavi.sim.scripting.requests import configured, raising
 
 _PERIOD_FACTOR = 2.0  # between the period that an estimator is built for and the steps of a log
@@ -139,11 +139,11 @@ def estimate(method: str | PluginSpec | type[Any], mission: Any, log: SensorLog,
     its own. ``mission`` says what the estimator has to know of the vehicle and its sensors, as ``RangingMission(wall,
     angles, ...)`` does; its period has to be about that of the log.
 
-    Raises PluginError for a method that is not known or does not fit the mission, FieldError for a field or a value
-    that is not allowed, and LogError for a log without readings that the method needs, or with malformed ones.
+    Raises PluginError for a method that is not known, does not fit the mission or fails, FieldError for a field or a
+    value that is not allowed, and LogError for a log without readings that the method needs, or with malformed ones.
     """
     found = load("estimators", method) if isinstance(method, str) else method
-    spec = found if isinstance(found, PluginSpec) else PluginSpec.of(found)
+    spec = found if isinstance(found, PluginSpec) else PluginSpec.with_fields(found)
     spec = PluginSpec(spec.plugin, configured(spec.config, fields))
     with raising(FieldError):
         estimator = checked_estimator(spec, mission)
@@ -158,7 +158,8 @@ def estimate(method: str | PluginSpec | type[Any], mission: Any, log: SensorLog,
     for k, t in enumerate(log.t.tolist()):
         rows = ((sensor.name, log.readings[sensor.name][k]) for sensor in sensors)
         read = tuple(Measurement(each, t, row.copy()) for each, row in rows if not np.isnan(row).all())
-        found_at.append(estimator.update(t, read, commands[k]))
+        with of_stranger(spec.plugin, f"estimators: {name!r}: update() at {t:g} s failed:"):
+            found_at.append(estimator.update(t, read, commands[k]))
     return _history(name, found_at)
 
 

@@ -1,6 +1,6 @@
 """Directed search: a sampler proposes values, missions are flown there, and their figures are reported to it.
 
-    ask for a batch of values -> trials, flown where the store lacks them -> tell the sampler the figures, in order
+    ask for a batch of values -> trials, flown where the store lacks them -> give the sampler the figures, in order
 
 The sampler is Optuna's: TPE, the tree-structured Parzen estimator, CMA-ES, or independent draws. What it proposes
 follows from its seed and from the figures that it got, batch by batch: the same seed and batch make the same search,
@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator
 from mathnavi.sim.search.space import Choice, Dimension, Range, Values
 
@@ -56,12 +57,12 @@ def directed(
 
 
 def check_space(space: Sequence[Dimension], sampler: Sampler) -> None:
-    """Raise ValueError for a space that a sampler cannot search."""
+    """Raise ArgumentError for a space that a sampler cannot search."""
     if not space:
-        raise ValueError("over = nothing; allowed: at least one field to search over")
+        raise ArgumentError("over = nothing; allowed: at least one field to search over")
     ranges = sum(isinstance(dimension, Range) for dimension in space)
     if sampler == "cmaes" and ranges < 2:
-        raise ValueError(f"sampler = 'cmaes' over {ranges} numeric fields; allowed: two or more, or tpe")
+        raise ArgumentError(f"sampler = 'cmaes' over {ranges} numeric fields; allowed: two or more, or tpe")
 
 
 class _Proposals:

@@ -54,7 +54,7 @@ class Objective:
     largest: bool = False
 
     def cost(self, figure: float) -> float:
-        """What is minimised."""
+        """Cost that is minimised."""
         return -figure if self.largest else figure
 
     def reached(self, figure: float | None, limit: float | None) -> bool:

@@ -1,4 +1,4 @@
-"""How probable an event is that hardly any mission shows: multilevel splitting over the random streams of a scenario.
+"""Probability of an event that hardly any mission shows: multilevel splitting over the random streams of a scenario.
 
 A particle is a chain of redraws (``mathnavi.sim.scenarios.redraw``), the first of everything; the kernel appends one
 more, of a share drawn from ``SHARES``. The level is the figure of the mission. A mission that is refused is as far from
@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mathnavi.sim.interfaces.bounds import LARGEST_SEED
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.scenarios.redraw import Redraw, generator
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator
 from mathnavi.sim.search.space import Dimension, Values, drawn
@@ -77,9 +78,9 @@ def rare_event(
     """
     most = missions // repetitions
     if repetitions < 2:
-        raise ValueError(f"repetitions = {repetitions}; allowed: two or more, for their spread gives the interval")
+        raise ArgumentError(f"repetitions = {repetitions}; allowed: two or more, for their spread gives the interval")
     if most < particles:
-        raise ValueError(
+        raise ArgumentError(
             f"missions = {missions}; allowed: >= {particles * repetitions}, the particles of all repetitions"
         )
     objective = evaluator.objective

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from mathnavi.sim.interfaces.errors import ArgumentError
+
 Values = Mapping[str, Any]  # of the fields of a search, by name
 
 
@@ -22,9 +24,9 @@ class Range:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low <= self.high):
-            raise ValueError(f"{self.name} = {self.low!r}..{self.high!r}; allowed: finite numbers, LOW <= HIGH")
+            raise ArgumentError(f"{self.name} = {self.low!r}..{self.high!r}; allowed: finite numbers, LOW <= HIGH")
         if self.log and self.low <= 0:
-            raise ValueError(f"{self.name} = {self.low!r}..{self.high!r}; allowed on a logarithmic scale: LOW > 0")
+            raise ArgumentError(f"{self.name} = {self.low!r}..{self.high!r}; allowed on a logarithmic scale: LOW > 0")
 
     @property
     def whole(self) -> bool:

@@ -27,6 +27,8 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 from scipy.stats import t as student_t
 
+from mathnavi.sim.interfaces.errors import ArgumentError
+
 Particle = TypeVar("Particle")
 
 
@@ -68,11 +70,11 @@ def split(
     """One repetition of the algorithm.
 
     ``evaluate`` returns the levels of particles, ``killed`` is the least share of them that dies at a level. No more
-    than ``most`` evaluations are begun. ValueError for fewer than two particles and a share that kills none or all.
+    than ``most`` evaluations are begun. ArgumentError for fewer than two particles and a share that kills none or all.
     """
     kill = math.ceil(killed * particles)
     if not 1 <= kill < particles:
-        raise ValueError(f"particles = {particles}, killed = {killed}; allowed: at least one dies, and one is left")
+        raise ArgumentError(f"particles = {particles}, killed = {killed}; allowed: at least one dies, and one is left")
     alive = [prior.draw(rng) for _ in range(particles)]
     s = np.array(evaluate(alive), dtype=float)
     count, tried, kept, p = particles, 0, 0, 1.0
@@ -121,11 +123,11 @@ def mean_interval(estimates: Sequence[float], confidence: float = 0.95) -> Proba
     """The mean of unbiased estimates of a probability, from independent repetitions, and its interval.
 
     The estimates are skewed, nearly log-normal, so Student's interval is taken for the logarithm of their mean, p
-    exp(+- t s / (p sqrt(n))). Where every estimate is 0 nothing but 0 to 1 is said. ValueError for fewer than two.
+    exp(+- t s / (p sqrt(n))). Where every estimate is 0 nothing but 0 to 1 is said. ArgumentError for fewer than two.
     """
     n = len(estimates)
     if n < 2:
-        raise ValueError(f"estimates = {n}; allowed: two or more, for their spread gives the interval")
+        raise ArgumentError(f"estimates = {n}; allowed: two or more, for their spread gives the interval")
     mean = float(np.mean(estimates))
     if mean == 0.0:
         return ProbabilityInterval(0.0, 0.0, 1.0, n, confidence)

@@ -49,7 +49,7 @@ class OtherEnvironmentError(RefusedError):
     """A worker computes in another environment, so that its results agree with those of this one to rounding only."""
 
     @staticmethod
-    def of(words: str) -> OtherEnvironmentError:
+    def from_difference(words: str) -> OtherEnvironmentError:
         """The error for a difference between two environments in words."""
         return OtherEnvironmentError(
             f"a worker computes in another environment, {words}: its results would agree with those of this one to "
@@ -231,7 +231,7 @@ class _Child:
             os.killpg(self._process.pid, signal.SIGKILL)
 
     def discard(self) -> None:
-        """Kill it and what it has started, and leave nothing of it."""
+        """Kill the process and all that it has started."""
         self.kill()
         self._process.wait()
         self._opened.close()

@@ -21,6 +21,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.records.computing_environment import difference, environment
 from mathnavi.sim.sweep.child import OtherEnvironmentError, RefusedError, Worker, module_path
 from mathnavi.sim.sweep.task import Ended, Message, SweepTask
@@ -38,16 +39,16 @@ class LostError(RuntimeError):
 
 
 def check(address: str) -> None:
-    """ValueError if Dask is missing, or if no scheduler answers at ``address``."""
+    """ArgumentError if Dask is missing, or if no scheduler answers at ``address``."""
     try:
         with ThreadPoolExecutor(1) as aside:  # this thread may have an event loop of its own
             kind = aside.submit(asyncio.run, _kind(address, _dask())).result()
     except ModuleNotFoundError as error:
-        raise ValueError(f"cluster = {address!r}: {HOW_TO_INSTALL}") from error
+        raise ArgumentError(f"cluster = {address!r}: {HOW_TO_INSTALL}") from error
     except Exception as error:
-        raise ValueError(f"cluster = {address!r}: {str(error) or type(error).__name__}; {_ALLOWED}") from error
+        raise ArgumentError(f"cluster = {address!r}: {str(error) or type(error).__name__}; {_ALLOWED}") from error
     if kind != "Scheduler":
-        raise ValueError(f"cluster = {address!r} is a {kind}; {_ALLOWED}")
+        raise ArgumentError(f"cluster = {address!r} is a {kind}; {_ALLOWED}")
 
 
 def _dask() -> Any:
@@ -138,7 +139,7 @@ def execute(
     OtherEnvironmentError where the computing environment is not the one that is ``needed``, if one is.
     """
     if needed and (other := difference(needed)):
-        raise OtherEnvironmentError.of(other.replace("(here", "(there"))
+        raise OtherEnvironmentError.from_difference(other.replace("(here", "(there"))
     known = module_path()
     place = (folder if os.path.isdir(folder) else None, (*known, *(entry for entry in path if entry not in known)))
     dask_worker = _dask().get_worker()

@@ -16,6 +16,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from queue import Empty, SimpleQueue
 
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.records.computing_environment import difference, environment_digest
 from mathnavi.sim.records.jobs import JobRecord
 from mathnavi.sim.records.origins import Elsewhere
@@ -102,7 +103,7 @@ def run_jobs(
 
 @dataclass(frozen=True)
 class _Run:
-    """How the tasks that a store lacks are run."""
+    """Execution of the tasks that a store lacks."""
 
     workers: int
     cluster: str | None
@@ -114,9 +115,9 @@ class _Run:
 
     def __post_init__(self) -> None:
         if self.workers < 1:
-            raise ValueError(f"workers = {self.workers!r}; allowed: a whole number >= 1")
+            raise ArgumentError(f"workers = {self.workers!r}; allowed: a whole number >= 1")
         if self.timeout is not None and not (math.isfinite(self.timeout) and self.timeout > 0.0):
-            raise ValueError(f"timeout = {self.timeout!r}; allowed: a finite number of seconds > 0")
+            raise ArgumentError(f"timeout = {self.timeout!r}; allowed: a finite number of seconds > 0")
 
     def missing(
         self,
@@ -153,12 +154,12 @@ class Pool:
     """
 
     def __init__(self, workers: int = 1, cluster: str | None = None, mix_environments: bool = False) -> None:
-        """ValueError for fewer workers than one, and for the address of a cluster that does not answer.
+        """ArgumentError for fewer workers than one, and for the address of a cluster that does not answer.
 
         With ``mix_environments`` workers of the cluster may compute in another environment.
         """
         if workers < 1:
-            raise ValueError(f"workers = {workers!r}; allowed: a whole number >= 1")
+            raise ArgumentError(f"workers = {workers!r}; allowed: a whole number >= 1")
         self._backend = _backend(workers, cluster, mix_environments)
         self._running: set[str] = set()  # content hashes
 
@@ -238,7 +239,7 @@ class _Sweep:
         self._store.add(*ended, retried=self._retry)
         other = next((record.origin for record in ended if record.origin.digest != environment_digest()), None)
         if other is not None and not self._mix_environments:
-            raise OtherEnvironmentError.of(difference(other.environment))
+            raise OtherEnvironmentError.from_difference(difference(other.environment))
         new = [record for record in ended if record.origin.content in self._pending]
         self._pending.difference_update(record.origin.content for record in new)
         now = _counted(self._now, [Ending(record.status, record.success) for record in new])

@@ -2,7 +2,7 @@
 
 The key of a job is the hash of the function's place, the arguments and what is in files that they name, the seed, the
 installed sources and the environment, so a result in a store is that of this very call. A result is plain data,
-dataclasses of it, and arrays (``mathnavi.sim.records.encoding``). A duration is returned as a ``MeasuredTime``, which a
+their dataclasses, arrays (``mathnavi.sim.records.encoding``). A duration is returned as a ``MeasuredTime``, which a
 store keeps apart.
 """
 

@@ -1,4 +1,4 @@
-"""A task, the unit of work of a worker process: a trial or a job; and what a backend reports of it."""
+"""A task, the unit of work of a worker process: a trial or a job; and what a backend reports."""
 
 from __future__ import annotations
 

@@ -14,9 +14,10 @@ import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from mathnavi.sim.interfaces.bounds import LARGEST_SEED
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.fields import leaf, plain, with_fields
 from mathnavi.sim.interfaces.input_files import Digests, declared_inputs, named_plugins, run_inputs
 from mathnavi.sim.plugin.code_version import code_version
@@ -25,7 +26,9 @@ from mathnavi.sim.records.computing_environment import environment, in_environme
 from mathnavi.sim.records.figure_names import is_wall_clock
 from mathnavi.sim.records.origins import Origin
 from mathnavi.sim.records.store import Record, canonical_json
-from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
+
+if TYPE_CHECKING:  # the processes of a sweep import a scenario only where they fly it
+    from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ class Trial:
 
     def __post_init__(self) -> None:
         if not (isinstance(self.seed, int) and 0 <= self.seed <= LARGEST_SEED):
-            raise ValueError(f"seed = {self.seed!r}; allowed: a whole number from 0 to {LARGEST_SEED}")
+            raise ArgumentError(f"seed = {self.seed!r}; allowed: a whole number from 0 to {LARGEST_SEED}")
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -231,7 +234,7 @@ def _plugin(kind: str, name: str) -> Any:
     """A plug-in that another process can find too."""
     plugin = load(kind, name)
     if plugin.__module__ == "__main__":
-        raise ValueError(f"{kind}: {name!r} lies in the script that runs; allowed: one in a module of its own")
+        raise ArgumentError(f"{kind}: {name!r} lies in the script that runs; allowed: one in a module of its own")
     return plugin
 
 
@@ -242,5 +245,5 @@ def _function(name: str) -> Callable[[Any], Mapping[str, Any]]:
     try:
         function: Callable[[Any], Mapping[str, Any]] = getattr(importlib.import_module(module), attribute)
     except (ImportError, AttributeError, ValueError) as error:
-        raise ValueError(f"measure = {name!r}: {error}; allowed: package.module:function") from error
+        raise ArgumentError(f"measure = {name!r}: {error}; allowed: package.module:function") from error
     return function

@@ -14,7 +14,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Uniform:
-    """What a field is drawn from, both ends included."""
+    """Interval that a field is drawn from, both ends included."""
 
     name: str  # of the field
     low: Any

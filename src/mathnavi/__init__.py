@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from mathnavi.models.unicycle.mission import RangingMission
     from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
     from mathnavi.sim.interfaces.errors import (
+        ArgumentError,
         FieldError,
         LogError,
         MissionError,
@@ -132,6 +133,7 @@ _PLACES = {
     "PlanRequest": "sim.interfaces.signals",
     "Status": "sim.interfaces.signals",
     # errors, all of them ValueErrors
+    "ArgumentError": "sim.interfaces.errors",
     "FieldError": "sim.interfaces.errors",
     "LogError": "sim.interfaces.errors",
     "MissionError": "sim.interfaces.errors",
@@ -200,6 +202,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "Plan",
     "PlanRequest",
     "Status",
+    "ArgumentError",
     "FieldError",
     "LogError",
     "MissionError",

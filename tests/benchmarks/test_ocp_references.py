@@ -1,4 +1,4 @@
-"""The library's optima are those that two independent methods find; what is quick of it."""
+"""The library's optima are those that two independent methods find; the quick part."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ def short(tmp_path: Path, seeds: Sequence[int]) -> list[Trial]:
 
 
 def test_a_flights_time_is_counted_from_when_every_worker_may_have_flown_one() -> None:
-    course = Course.of([3.0, 4.0, 5.0, 6.0, 7.0, 7.0], 2, 8.0)
+    course = Course.from_ends([3.0, 4.0, 5.0, 6.0, 7.0, 7.0], 2, 8.0)
     assert (course.start, course.interval, course.whole) == (4.0, 0.75, 8.0)
 
 

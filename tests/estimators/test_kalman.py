@@ -184,8 +184,8 @@ def fixes_of(gust_scale: float, outlier: float) -> tuple[Kalman, list[float], fl
     g, u, deviations = np.zeros(3), np.zeros(3), []
     for k in range(3600):
         t = k / 60.0
-        off = np.array([outlier, 0.0, 0.0]) if k == 3000 else np.zeros(3)
-        fixes = [fix(t, x[:3] + off + rng.standard_normal(3))] if k % 6 == 0 else []
+        jump = np.array([outlier, 0.0, 0.0]) if k == 3000 else np.zeros(3)
+        fixes = [fix(t, x[:3] + jump + rng.standard_normal(3))] if k % 6 == 0 else []
         estimate = filter_.update(t, fixes, u)
         assert estimate.covariance is not None
         deviations.append(math.sqrt(estimate.covariance[0, 0]))

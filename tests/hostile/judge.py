@@ -2,7 +2,7 @@
 
 An input ends well if the command returns 0, 1 or 2 within ``LIMIT``, prints no traceback, says what is wrong in one
 line that names the culprit where it returns 2, runs no code that was not asked for, and changes nothing but what it was
-told to write.
+asked to write.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ PRECIOUS = (
     "work/precious.txt",
     "work/precious/letter.txt",
 )
-DEFAULT_OUT = "renders"  # where commands write that are not told where
+DEFAULT_OUT = "renders"  # where commands write without --out
 
 
 @dataclass(frozen=True)

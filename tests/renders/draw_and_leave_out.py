@@ -42,7 +42,7 @@ Arrays = dict[str, Array]
 
 @dataclass(frozen=True)
 class Vehicles:
-    """Which parts of a scene are drawn when, and which geoms are left out."""
+    """Parts of a scene, when they are drawn, and which geoms are left out."""
 
     scene: str
     moments: Mapping[str, float]  # by camera, a share of the run
@@ -53,7 +53,7 @@ class Vehicles:
 
 
 def body(model: Any, name: str) -> Array:
-    """Which geoms are those of a body."""
+    """Geoms of a body."""
     geoms: Array = model.geom_bodyid == model.body(name).id
     return geoms
 

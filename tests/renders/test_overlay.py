@@ -53,3 +53,14 @@ def test_a_flight_among_radars_says_what_they_bind(run: FlightRun) -> None:
 
 def test_at_its_end_a_flight_has_arrived(run: FlightRun) -> None:
     assert overlay(run, Frame(run.duration, "overview", 0.0, 0.0)).state == "arrived"
+
+
+def test_what_is_being_done_stays_in_its_panel() -> None:
+    def widest(state: str) -> int:
+        overlay = Overlay(["title"], [("TIME", "1 s", "")], state, (SceneElement.FLOWN,))
+        changed = (
+            np.abs(OverlayWriter(640, 360).write(GREY, overlay)[-180:-15, :320].astype(int) - 128).max(axis=-1) > 100
+        )
+        return int(np.nonzero(changed)[1].max())  # of the letters, which are white
+
+    assert widest("the mission did not do what it should, for a reason that takes a whole line") < 138

@@ -62,7 +62,7 @@ def test_everything_that_was_found_is_shown(study: StudyPage) -> None:
 
 
 def tones(source: str) -> list[str | None]:
-    """Of the headline, then of each verdict in the table of claims."""
+    """Tones of the headline, then of each verdict in the table of claims."""
     headline = next(attributes for tag, attributes in Page(source).attributes if tag == "p")
     verdicts = [attributes for tag, attributes in Page(source).attributes if tag == "span"]
     return [headline.get("class"), *(verdict.get("class") for verdict in verdicts if verdict.get("class") != "whole")]

@@ -1,4 +1,4 @@
-"""A sweep's page tells every rate with its limits, every median with its band and every failure, for any scenario."""
+"""A sweep's page shows every rate with its limits, every median with its band and every failure, for any scenario."""
 
 from __future__ import annotations
 

@@ -174,6 +174,7 @@ WRONG: dict[str, tuple[type[ValueError], str, Callable[[], object]]] = {
     "sample": (mn.FieldError, "foo is not a field", lambda: mn.study("consensus", foo=1)),
     "terrain of a study": (mn.FieldError, "not done on a terrain", lambda: mn.study("sphere", terrain="jacksboro")),
     "kind": (mn.FieldError, "kind = 'planes'", lambda: mn.available("planes")),
+    "argument": (mn.ArgumentError, "horizontal is -1", lambda: mn.load_terrain("plain").inflated(-1.0, 0.0)),
     "folder": (mn.RunFolderError, "nowhere", lambda: mn.load("nowhere")),
 }
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import mathnavi as mn
+from mathnavi.sim.interfaces.bounds import configuration
 from mathnavi.sim.interfaces.signals import Array
 
 WALL, ANGLES, DT = mn.ellipse(3.0, 2.0), (0.0, 1.5), 0.05
@@ -155,3 +156,21 @@ def test_a_plugin_with_fields_is_a_method_too() -> None:
         mn.plugin("range_iekf", timeout=0.01), MISSION, good(t=T + np.where(np.arange(60) > 30, 1.0, 0.0))
     )
     assert found.ok.all()
+
+
+def test_an_estimator_that_fails_is_named_with_the_time() -> None:
+    @configuration
+    class Fields:
+        pass
+
+    class Failing:
+        Config, period = Fields, 0.05
+        build = staticmethod(lambda config, mission: Failing())
+        sensors = staticmethod(lambda config, mission: ())
+        quality = staticmethod(lambda config, mission: 0.0)
+
+        def update(self, t: float, measurements: object, command: object) -> None:
+            raise IndexError("three inputs")
+
+    with pytest.raises(mn.PluginError, match=r"Failing'?: update\(\) at 0 s failed: IndexError: three inputs"):
+        mn.estimate(Failing, MISSION, good())

@@ -31,9 +31,9 @@ INFINITY = 1e30
 _SLOW = 1e-3  # below this length [m/s, m/s^2] a ball constraint is far from active and has no direction
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def clearance_rows(unknowns: Array, data: ProblemData, programme: QuadraticProgramme) -> None:
-    """Clearance, soft: z - H(x, y) >= floor at the clearance points, the first rows."""
+    """Clearance [m], soft: z - H(x, y) >= floor at the clearance points, the first rows."""
     start, _, base, weights, climbs, terrain, _, _, _, packed = data
     rows, upper, lower = programme.rows, programme.upper, programme.lower
     n, count = weights.shape[1], weights.shape[0] - 2
@@ -51,7 +51,7 @@ def clearance_rows(unknowns: Array, data: ProblemData, programme: QuadraticProgr
         upper[size + q] = INFINITY
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def ball_rows(
     unknowns: Array,
     data: ProblemData,
@@ -103,7 +103,8 @@ def ball_rows(
             for axis in range(3):
                 rows[row, 3 * j + axis] = lengths[j] * v[axis] / length
         rows[row, 3 * n] = -v[2] / length
-        end_curvature = np.zeros((3, 3))
+        end_curvature = np.empty((3, 3))
+        end_curvature[:] = 0.0
         add_norm_hessian(end_curvature, v, length, multipliers[2 * n])
         for a in range(3):
             for b in range(3):
@@ -116,7 +117,7 @@ def ball_rows(
     return row + 1
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def end_rows(
     unknowns: Array, data: ProblemData, terminal_position: Array, row: int, programme: QuadraticProgramme
 ) -> None:

@@ -12,7 +12,7 @@ from mathnavi.sim.interfaces.signals import Array
 _SMALLEST_PIVOT = 1e-6  # far below CLIMB_WEIGHT, the smallest entry of the Hessian's diagonal
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def add_norm_hessian(block: Array, v: Array, length: float, multiplier: float) -> None:
     """Add the Hessian of multiplier * |v|, v (3,) of the given length, to a ``block`` (3, 3), if multiplier > 0."""
     if multiplier > 0.0:
@@ -22,7 +22,7 @@ def add_norm_hessian(block: Array, v: Array, length: float, multiplier: float) -
             block[a, a] += multiplier / length
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def add_curvature(hessian: Array, clipped: Array, weights: Array, strength: float, curvature: Array) -> bool:
     """Add strength * ``curvature`` (3, 3) in the point sum_j weights_j a_j: its convex part to the Hessian.
 
@@ -50,7 +50,7 @@ def add_curvature(hessian: Array, clipped: Array, weights: Array, strength: floa
     return is_clipped
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def convexify(hessian: Array, clipped: Array) -> bool:
     """Add as much of ``clipped`` (all, half, a quarter or nothing) as the Hessian stays positive definite with.
 
@@ -70,7 +70,7 @@ def convexify(hessian: Array, clipped: Array) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _is_positive_definite(matrix: Array) -> bool:
     """True if Cholesky's factorisation of a symmetric matrix (m, m) exists, its pivots clear of rounding."""
     size = matrix.shape[0]
@@ -89,10 +89,13 @@ def _is_positive_definite(matrix: Array) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _positive_part(matrix: Array) -> None:
     """Replace a symmetric 3 x 3 matrix by its nearest positive semidefinite one (Jacobi rotations)."""
-    vectors = np.eye(3)
+    vectors = np.empty((3, 3))
+    for a in range(3):
+        for b in range(3):
+            vectors[a, b] = 1.0 if a == b else 0.0
     for _ in range(12):
         if abs(matrix[0, 1]) + abs(matrix[0, 2]) + abs(matrix[1, 2]) < 1e-14:
             break

@@ -20,7 +20,7 @@ from mathnavi.sim.interfaces.signals import Array
 _SUFFICIENT, _SHORTEST = 1e-4, 1e-3  # of the line search: share of the promised decrease, length of a step
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def project(unknowns: Array, data: ProblemData, out: Array) -> None:
     """Fill ``out`` (3n + 1,) with unknowns near the given ones that keep all bounds of speed, acceleration, manoeuvre.
 
@@ -49,7 +49,7 @@ def project(unknowns: Array, data: ProblemData, out: Array) -> None:
     out[3 * n] = min(max(unknowns[3 * n], v[2] - rise, 0.0), v[2] + rise, v_max)
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _model_decrease(step: Array, programme: QuadraticProgramme, soft: int) -> float:
     """Decrease of the quadratic programme's objective from d = 0 to ``step``; its first ``soft`` rows are soft."""
     hessian, gradient, rows, upper, lower = programme
@@ -100,9 +100,11 @@ def search(
     data, programme = ProblemData(*known), QuadraticProgramme(*quadratic)
     decrease = penalty * violation + _model_decrease(step, programme, soft)
     merit = cost + penalty * violation
-    length = 1.0
+    length, trial = 1.0, np.empty(step.shape[0])
     while True:
-        project(unknowns + length * step, data, out)
+        for k in range(step.shape[0]):
+            trial[k] = unknowns[k] + length * step[k]
+        project(trial, data, out)
         cost = objective(out, data)
         violation = end_violation(out, data, terminal_position)
         if cost + penalty * violation <= merit - _SUFFICIENT * length * max(decrease, 0.0):

@@ -51,9 +51,10 @@ def linearise(
     lengths, weights = data.lengths, data.weights
     hessian = programme.hessian
     n = weights.shape[1]
-    clipped = np.zeros((3 * n + 1, 3 * n + 1))
-    curvatures = np.zeros((n, 3, 3))  # the Lagrangian's curvature in v_2 ... v_N
-    hessian[:] = 0.0
+    clipped = np.empty((3 * n + 1, 3 * n + 1))  # np.zeros takes longer to compile
+    curvatures = np.empty((n, 3, 3))  # the Lagrangian's curvature in v_2 ... v_N
+    hessian[:] = clipped[:] = 0.0
+    curvatures[:] = 0.0
     programme.rows[:] = 0.0
     _own_terms(unknowns, data, programme)
     clearance_rows(unknowns, data, programme)
@@ -75,7 +76,7 @@ def linearise(
     return is_exact
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _own_terms(unknowns: Array, data: ProblemData, programme: QuadraticProgramme) -> None:
     """Fill the quadratic cost of each unknown by itself, and its bounds."""
     lengths, packed = data.lengths, data.packed
@@ -92,7 +93,7 @@ def _own_terms(unknowns: Array, data: ProblemData, programme: QuadraticProgramme
     upper[3 * n], lower[3 * n] = v_max - climb, -climb
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _terminal_terms(unknowns: Array, data: ProblemData, programme: QuadraticProgramme, clipped: Array) -> bool:
     """The length to go that is desired; terminal cost and the target approaching controls of Definition A.1, soft.
 

@@ -29,7 +29,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 @njit(cache=True, nogil=True)
 def objective(unknowns: Array, data: ProblemData) -> float:
-    """Cost of unknowns U (3n + 1,), with the soft penalties of the problem.
+    """Cost of unknowns U (3n + 1,) [m/s^2, m/s], with the soft penalties of the problem.
 
     ``data.base`` (Q,), ``data.weights`` (Q, n), ``data.climbs`` (Q,) place the Q points: the clearance points first,
     then the last node, then one last arc's length beyond it.
@@ -67,7 +67,7 @@ def objective(unknowns: Array, data: ProblemData) -> float:
     return float(cost)
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def end_violation(unknowns: Array, data: ProblemData, terminal_position: Array) -> float:
     """Largest violation [m] of the conditions at the ends.
 

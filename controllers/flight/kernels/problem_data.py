@@ -52,7 +52,7 @@ class QuadraticProgramme(NamedTuple):
     lower: Array  # (3n + 1 + m,)
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def position(out: Array, start: Array, unknowns: Array, s: float, c: Array, climb: float) -> None:
     """Fill ``out`` (3,) [m] with p = p_1 + s v_1 + sum_j c_j a_j + climb w e_z; s, climb [s] and c (n,) [s^2]."""
     n = c.shape[0]

@@ -34,7 +34,7 @@ _CRUISE, _DESCENT = int(FlightPhase.CRUISE), int(FlightPhase.DESCENT)
 
 
 class Limits(NamedTuple):
-    """What a certificate asks of a path, over ground that is raised by the tracking bound."""
+    """Requirements of a certificate on a path, over ground that is raised by the tracking bound."""
 
     z: Array  # (rows, cols) [m]
     spacing: float  # [m]
@@ -246,14 +246,14 @@ def _within(u: Array, v: Array, speed_max: float, limits: Limits) -> Array:
     return c
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _periods(size: float, a_max: float, h: float) -> tuple[float, float]:
     """Duration [s] of a_max in a change of the velocity by ``size`` [m/s], and the rest [m/s] for one more period."""
     n = math.floor(size / (a_max * h))
     return n * h, max(size - n * a_max * h, 0.0)
 
 
-@njit(cache=True, nogil=True)
+@njit(inner=True, nogil=True)
 def _arc_margin(limits: Limits, p: Array, v: Array, a: Array, duration: float) -> float:
     """Least clearance beyond h_min [m] of an arc, or its room at the edge of the map if that is negative."""
     room = np.inf

@@ -21,13 +21,13 @@ from mathnavi.controllers.ocp.methods.redistribution import redistribute
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import GIVEN_NODES
 from mathnavi.controllers.ocp.residual import RESIDUAL
-from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing
 from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.structure import linear_controls
 from mathnavi.sim.interfaces.signals import Array
 
 _NODES, _ROUNDS = 60, 5  # of the redistribution
-_HOPELESS = (Outcome.UNBOUNDED, Outcome.OVERDETERMINED, Outcome.NOT_FINITE)  # whatever the method
+_HOPELESS = (SolverOutcome.UNBOUNDED, SolverOutcome.OVERDETERMINED, SolverOutcome.NOT_FINITE)  # whatever the method
 
 
 def automatic(
@@ -65,7 +65,7 @@ def automatic(
         return solve(problem, nodes, tolerance=within, **given)
     within = TOLERANCE if tolerance is None else tolerance
     first = hp(problem, tolerance=within, **given)
-    if first.status is Outcome.OPTIMAL:
+    if first.status is SolverOutcome.OPTIMAL:
         return _named(first, f"hp, for {_reason(problem)}: {first.message}")
     if first.status in _HOPELESS:
         return first
@@ -86,7 +86,7 @@ def _named(solution: Solution, message: str) -> Solution:
 
 
 def _reason(problem: ProblemFunctions) -> str:
-    """What hp refinement is good for in this problem."""
+    """Reason for hp refinement in this problem."""
     bounded = np.isfinite(problem.control_bounds.lower) | np.isfinite(problem.control_bounds.upper)
     linear = [name for name, is_linear in zip(problem.controls, linear_controls(problem), strict=True) if is_linear]
     if linear:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from mathnavi.controllers.ocp.solution import Outcome, ReplayResult, Solution
+from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
 
 WORSE = 3.0
 """times the uniform solution's, a figure is worse: what a third fewer nodes cost a method of fourth order"""
@@ -35,7 +35,7 @@ def gated(adaptive: Solution, uniform: Solution, method: str, tolerance: float) 
         reason = f"{method}: replays with a {'; a '.join(worse)}"
     else:
         return dataclasses.replace(adaptive, method=method, timing=timing)
-    return dataclasses.replace(uniform, status=Outcome.REFUSED, message=reason, method=method, timing=timing)
+    return dataclasses.replace(uniform, status=SolverOutcome.REFUSED, message=reason, method=method, timing=timing)
 
 
 def worse_figures(adaptive: ReplayResult, uniform: ReplayResult, tolerance: float) -> list[str]:

@@ -27,7 +27,7 @@ from mathnavi.controllers.ocp.methods.hp_mesh import TINY, VIOLATION, HpMesh, in
 from mathnavi.controllers.ocp.nlp import SHORTEST_ARC
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.replay import check_tolerance, replayed
-from mathnavi.controllers.ocp.solution import Outcome, Solution, Timing
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing
 from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
 from mathnavi.controllers.ocp.structure import Structure, linear_controls, structure, without_structure
 from mathnavi.controllers.ocp.suboptimality import suboptimality
@@ -54,7 +54,7 @@ _ROUNDING = 1e-9  # relative change of J that the solver's own tolerance leaves
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """What a round solves: a mesh, its structure and the smoothing of free controls."""
+    """Programme of a round: a mesh, its structure and the smoothing of free controls."""
 
     mesh: HpMesh
     structure: Structure
@@ -73,7 +73,7 @@ class _Plan:
         return unwound(made.solve(guess, self.mesh.grid, parameters, arcs))
 
     def added(self, solution: Solution) -> float:
-        """What the smoothing adds to J: J is at most as much above its least value."""
+        """Bound on what the smoothing adds to J: J is at most as much above its least value."""
         u = solution.u / solution.problem.control_scale
         return float(self.weights(solution.problem) @ control_variations(solution.scheme, u).sum(axis=0))
 
@@ -145,7 +145,7 @@ def hp(
             mesh = meshed(current, own, errors, allowed, most_nodes, hard=plan.every)
             following = _Plan(mesh, own, rho, plan.every)
         else:
-            mesh = HpMesh.of(current).with_boundaries(seen.boundaries, most_nodes)
+            mesh = HpMesh.from_solution(current).with_boundaries(seen.boundaries, most_nodes)
             following = _Plan(mesh, seen, rho, plan.every)
         found, following, smooth_start = _next(problem, following, current, parameters, options)
         failures += int(not smooth_start)
@@ -173,10 +173,10 @@ def _explained(
     failed: Solution, problem: ProblemFunctions, guess: Solution | None, parameters: Array | None, options: Options
 ) -> Solution:
     """A failed solution; an infeasible one with the constraints that cannot hold together, found without arcs."""
-    if failed.status is not Outcome.INFEASIBLE:
+    if failed.status is not SolverOutcome.INFEASIBLE:
         return failed
     plain = solve(problem, failed.nodes, guess=guess, parameters=parameters, options=options)
-    return plain if plain.status is Outcome.INFEASIBLE else failed
+    return plain if plain.status is SolverOutcome.INFEASIBLE else failed
 
 
 def _first(
@@ -212,7 +212,7 @@ def _next(
     True if the first try was enough.
     """
     timing, weight, without = Timing(), _SMOOTHING * abs(current.cost), without_structure(problem)
-    last = HpMesh.of(current)
+    last = HpMesh.from_solution(current)
     nodes = last.with_boundaries(following.structure.boundaries, len(current.grid))
     tries = (
         following,

@@ -32,7 +32,7 @@ _KEPT = 0.4  # of an interval's width that a node keeps from a boundary
 
 
 @dataclass(frozen=True, eq=False)
-class Errors:
+class IntervalErrors:
     """Errors (N - 1,) of each interval."""
 
     own: Array  # the larger of its scaled defect and its relative share in the error of J
@@ -52,7 +52,7 @@ class HpMesh:
     counts: Integers  # (N - 1,)
 
     @staticmethod
-    def of(solution: Solution) -> HpMesh:
+    def from_solution(solution: Solution) -> HpMesh:
         """The mesh of a solution by Radau collocation, its nodes where the solution has put them."""
         return HpMesh(solution.grid, np.broadcast_to(point_counts(solution.scheme), solution.nodes - 1))
 
@@ -69,7 +69,7 @@ class HpMesh:
         return VariableRadauIIA(tuple(self.counts.tolist()))
 
     def with_boundaries(self, boundaries: Array, most_nodes: int) -> HpMesh:
-        """The mesh with a node at each boundary, see the function of this name; points as there were in the middle."""
+        """The mesh with a node at each boundary (k,) of ]0, 1[, see the function; points as were in the middle."""
         grid = with_boundaries(self.grid, boundaries, most_nodes)
         middles = 0.5 * (grid.nodes[1:] + grid.nodes[:-1])
         return HpMesh(grid, self.counts[np.searchsorted(self.grid.nodes, middles, side="right") - 1])
@@ -79,18 +79,18 @@ class HpMesh:
         return np.array_equal(self.counts, other.counts)
 
 
-def interval_errors(solution: Solution, found: Defects) -> Errors:
+def interval_errors(solution: Solution, found: Defects) -> IntervalErrors:
     """Errors of the intervals of a solution, from its defects."""
     scale = max(abs(solution.cost), TINY)
     after = np.vstack([solution.costates[1:], solution.costates[-1:]]) * solution.problem.state_scale
     with np.errstate(invalid="ignore"):
         share = np.abs((found.states * after).sum(axis=1) + found.cost) / scale
     own = np.maximum(np.abs(found.states).max(axis=1), share)
-    return Errors(np.where(np.isnan(own), np.inf, own), found.path)
+    return IntervalErrors(np.where(np.isnan(own), np.inf, own), found.path)
 
 
 def meshed(
-    solution: Solution, structure: Structure, errors: Errors, allowed: float, most_nodes: int, *, hard: bool
+    solution: Solution, structure: Structure, errors: IntervalErrors, allowed: float, most_nodes: int, *, hard: bool
 ) -> HpMesh:
     """Mesh of the next round, with the boundaries of a structure among its nodes.
 
@@ -106,7 +106,7 @@ def meshed(
         most_nodes: limit of the number of nodes.
         hard: True if a solve failed before: the mesh grows more slowly.
     """
-    mesh = HpMesh.of(solution)
+    mesh = HpMesh.from_solution(solution)
     counts, nodes, widths = mesh.counts, mesh.grid.nodes, mesh.grid.widths
     each = allowed / len(widths)
     large, violated = errors.own > each, errors.path > VIOLATION * allowed
@@ -146,7 +146,7 @@ def meshed(
 
 
 def _degrees(
-    counts: Integers, decays: Array, errors: Errors, each: float, large: NDArray[np.bool_], *, both: bool
+    counts: Integers, decays: Array, errors: IntervalErrors, each: float, large: NDArray[np.bool_], *, both: bool
 ) -> tuple[Integers, NDArray[np.bool_]]:
     """Numbers of points (N - 1,) of the next round, and which intervals (N - 1,) these make accurate enough.
 
@@ -191,7 +191,7 @@ def _without_idle(nodes: Array, own: Array, parts: Integers, counts: Integers, e
 
 
 def with_boundaries(grid: Grid, boundaries: Array, most_nodes: int) -> Grid:
-    """The grid with a node at each boundary, in the place of those that are too near or, in all, too many."""
+    """The grid with a node at each boundary (k,) in ]0, 1[, in place of those too near or, in all, too many."""
     if not len(boundaries):
         return grid
     nodes = grid.nodes[1:-1]

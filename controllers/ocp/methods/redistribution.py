@@ -14,7 +14,7 @@ from mathnavi.controllers.ocp.methods.gate import gated
 from mathnavi.controllers.ocp.monitors import CURVATURE, Monitor
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import GIVEN_NODES, replayed
-from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.sim.interfaces.errors import ProblemError
@@ -57,14 +57,14 @@ def redistribute(
         raise ProblemError(f"rounds = {rounds!r}; allowed: a whole number >= 1")
     made = transcription(problem, scheme, nodes, FIXED, options)
     first = replayed(made.solve(guess, uniform(nodes), parameters), tolerance)
-    if not (first.solved or first.status is Outcome.LIMIT):
+    if not (first.solved or first.status is SolverOutcome.LIMIT):
         return first
     current = first  # even one that did not converge shows where the next grid has to be dense
     for _ in range(rounds):
         following = made.solve(current, redistributed(current, nodes, monitor), parameters)
         spent = dataclasses.replace(following.timing, build_ms=0.0)  # it is the same programme
         current = dataclasses.replace(following, timing=spent + current.timing)
-        if not (current.solved or current.status is Outcome.LIMIT):
+        if not (current.solved or current.status is SolverOutcome.LIMIT):
             break
     return gated(replayed(current, tolerance), first, f"redistribution, {monitor.name}", tolerance)
 

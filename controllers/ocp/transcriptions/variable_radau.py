@@ -133,7 +133,7 @@ def interval_integral_weights(scheme: Scheme, to: Array) -> Array:
 
 
 def located_weights(scheme: Scheme, interval: Integers, fraction: Array, *, integral: bool = False) -> Array:
-    """Weights (n, k) of an interval's values at its points in the value at a fraction (n,) of it, or the integral."""
+    """Weights (n, k) of an interval's values at its points in that at a fraction (n,) of it, or the integral."""
     own_weights = integral_weights if integral else weights
     if not isinstance(scheme, VariableRadauIIA):
         return own_weights(scheme.points, fraction)
@@ -154,11 +154,11 @@ def repeated(scheme: Scheme, values: Array) -> Array:
     return found
 
 
-def _by_intervals(scheme: Scheme, of: Callable[[tuple[float, ...]], Array]) -> Array:
+def _by_intervals(scheme: Scheme, weights_at: Callable[[tuple[float, ...]], Array]) -> Array:
     if not isinstance(scheme, VariableRadauIIA):
-        return of(scheme.points)[None]
+        return weights_at(scheme.points)[None]
     own = np.array(scheme.counts)
-    tables = {k: of(radau(k)) for k in sorted(set(scheme.counts))}
+    tables = {k: weights_at(radau(k)) for k in sorted(set(scheme.counts))}
     found = np.zeros((len(own), len(tables[int(own[0])]), len(scheme.points)))
     for k, table in tables.items():
         found[own == k, :, :k] = table

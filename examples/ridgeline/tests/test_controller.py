@@ -47,7 +47,7 @@ def seconds_seen(plan: Plan, wanted: FlightMission, radar: Radar) -> int:
 @pytest.mark.parametrize(("terrain", "separation"), [("jacksboro", (0.3, 0.5)), ("tian_shan", (0.5, 0.7))])
 def test_a_mission_drawn_from_a_seed_arrives_in_time(terrain: str, separation: tuple[float, float]) -> None:
     config = SafeFlight.Config(terrain, drawn_separation=separation)
-    outcome = SafeFlight.build(config, seed=1, controller=PluginSpec.of(Roadmap)).run()
+    outcome = SafeFlight.build(config, seed=1, controller=PluginSpec.with_fields(Roadmap)).run()
     assert outcome.success
     assert outcome.summary["plans_rejected"] == outcome.summary["solver_failures"] == 0
 
@@ -63,7 +63,7 @@ def test_first_plans_between_places_near_the_ground_are_certified_and_hardly_lon
         drawn = dataclasses.replace(drawn, start=ends[0], target=ends[1])
         _, plan = first_plan(drawn)
         assert plan.ok, plan.message
-        assert Certificate.of(drawn, tracking_bound(BANDWIDTH, drawn)).check(plan) is None
+        assert Certificate.for_mission(drawn, tracking_bound(BANDWIDTH, drawn)).check(plan) is None
         longer.append(plan.t_end / (math.dist(*ends) / drawn.speed_max + drawn.speed_max / drawn.acceleration_max))
     assert max(longer) < 1.3
 

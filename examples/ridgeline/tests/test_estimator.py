@@ -50,7 +50,7 @@ def test_in_flight_it_is_better_than_the_full_state_sensor_and_the_tracking_boun
     deviation = {}
     for name, estimator in (("full", load("estimators", "full_state")), ("own", AlphaBetaGamma)):
         outcome = SafeFlight.build(
-            noisy, seed=3, controller=PluginSpec.of(Roadmap), estimator=PluginSpec.of(estimator)
+            noisy, seed=3, controller=PluginSpec.with_fields(Roadmap), estimator=PluginSpec.with_fields(estimator)
         ).run()
         assert outcome.success
         assert outcome.summary["tracking_breaches"] == 0

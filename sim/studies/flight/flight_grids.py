@@ -78,13 +78,13 @@ GRIDS = (
     HorizonGrid(13, 40.0, 1.35, "#b8860b"),
 )
 ROUGH = {"noise.position": 5.0, "noise.position_rate": 10.0, "faults.gust_rms": 1.5}
-SOME = {"faults.solver_failure_rate": 0.3, "faults.corrupted_plan_rate": 0.1, "faults.late_plan_rate": 0.1}
+MODERATE_FAULTS = {"faults.solver_failure_rate": 0.3, "faults.corrupted_plan_rate": 0.1, "faults.late_plan_rate": 0.1}
 FAULTS: dict[str, dict[str, Any]] = {
     "30 % of the solves fail": {"fields": {"faults.solver_failure_rate": 0.3}},
     "90 % of the solves fail": {"fields": {"faults.solver_failure_rate": 0.9}},
     "corrupted and late plans": {"fields": {"faults.corrupted_plan_rate": 0.3, "faults.late_plan_rate": 0.3}},
     "kalman, gusts": {"estimator": "kalman", "fields": ROUGH},
-    "everything": {"estimator": "kalman", "fields": ROUGH | SOME},
+    "everything": {"estimator": "kalman", "fields": ROUGH | MODERATE_FAULTS},
 }
 
 

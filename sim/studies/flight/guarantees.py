@@ -30,6 +30,7 @@ from mathnavi.renders.figures import STYLE
 from mathnavi.renders.statistics_figures import SERIES
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.interfaces.bounds import Count, configuration
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.protocols import Planner
 from mathnavi.sim.interfaces.signals import Plan, PlanRequest
 from mathnavi.sim.metrics.flight import flown_clearance
@@ -155,7 +156,7 @@ class Guarantees:
 
 
 def _flights(setup: Setup, seeds: Sequence[int]) -> Callable[[int, str, str, Mapping[str, Any]], Trial]:
-    """The trial of a seed, a condition, a planner and a setting of it, between the ends drawn for the seed."""
+    """The trial of a seed, a condition, a planner and one of its settings, between the ends drawn for the seed."""
     drawn = dict(
         zip(seeds, setup.compute(mission_ends, [MissionToDraw(setup.place, k, IN_GUSTS) for k in seeds]), strict=True)
     )
@@ -232,7 +233,7 @@ class TimedPlanner:
 def planning_ms(mission: Trial, content: str) -> MeasuredTime:
     """A job: mean CPU time [ms] of a planner's calls at the beginning of a mission; ``content`` is its hash."""
     if mission.content != content:
-        raise ValueError(f"trial {content} is now {mission.content}; allowed: sources and files as they were")
+        raise ArgumentError(f"trial {content} is now {mission.content}; allowed: sources and files as they were")
     loop = mission.build()
     agent = loop.agents[VEHICLE]
     planner = TimedPlanner(agent.planner)

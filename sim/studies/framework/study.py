@@ -26,7 +26,7 @@ from mathnavi.models.terrain.library import load_terrain
 from mathnavi.renders.page import number
 from mathnavi.renders.study_report import StudyPage, Table, report
 from mathnavi.renders.terrain_view import Track
-from mathnavi.sim.interfaces.errors import PluginError, TerrainError
+from mathnavi.sim.interfaces.errors import ArgumentError, PluginError, TerrainError
 from mathnavi.sim.interfaces.writing import write_together
 from mathnavi.sim.plugin.registry import of_stranger
 from mathnavi.sim.records.claims import Claim
@@ -165,7 +165,7 @@ def logged_run(mission: Trial, content: str) -> RunResult:
     Left out are processor and wall-clock times, and the solver's, which no other run repeats, and the scene.
     """
     if mission.content != content:
-        raise ValueError(f"trial {content} is now {mission.content}; allowed: sources and files as they were")
+        raise ArgumentError(f"trial {content} is now {mission.content}; allowed: sources and files as they were")
     outcome = mission.flown()
     agents = {
         name: replace(agent, solve_ms=[], plans=[(t, replace(plan, solve_ms=np.nan)) for t, plan in agent.plans])
@@ -246,8 +246,9 @@ def write_result(
     ground = None if setup.terrain is None else setup.ground
     folder.mkdir(parents=True, exist_ok=True)
     picture = io.BytesIO()
+    findings.figure.draw_without_rendering()
+    findings.figure.set_layout_engine(None)  # everything has its place now, in the picture and on the page
     findings.figure.savefig(picture, format="png", dpi=150, facecolor="white")
-    findings.figure.set_layout_engine("none")  # everything has its place now, and the page shows it there
     page = StudyPage(
         name=name,
         title=title if ground is None else f"{title}, {ground.name}",

@@ -162,7 +162,7 @@ def _row(
     }
 
 
-def _of(
+def _figure_of_problems(
     rows: Sequence[Mapping[str, Any]], monitor: str, rounds: int, figure: str, scheme: Scheme = HERMITE_SIMPSON
 ) -> Array:
     """The figure of every problem, in order."""
@@ -180,12 +180,12 @@ def _mean(ratios: Array) -> float:
 def _means(rows: Sequence[Mapping[str, Any]], scheme: Scheme) -> dict[str, float]:
     """Geometric mean of the control errors' ratio to uniform, after all redistributions, by monitor function."""
     others = [monitor.name for monitor in MONITORS if monitor is not UNIFORM]
-    return {name: _mean(_of(rows, name, max(ROUNDS), "control_error_ratio", scheme)) for name in others}
+    return {name: _mean(_figure_of_problems(rows, name, max(ROUNDS), "control_error_ratio", scheme)) for name in others}
 
 
 def _claim(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Claim:
     others = [monitor for monitor in MONITORS if monitor is not UNIFORM]
-    every = np.array([_of(rows, m.name, max(ROUNDS), "control_error_ratio") for m in others])
+    every = np.array([_figure_of_problems(rows, m.name, max(ROUNDS), "control_error_ratio") for m in others])
     ranked = np.nan_to_num(every, nan=np.inf)
     first = int(((ranked.argmin(axis=0) == 0) & np.isfinite(ranked[0])).sum())
     by_monitor = ", ".join(f"{name} {mean:.2f}" for name, mean in _means(rows, HERMITE_SIMPSON).items())
@@ -218,8 +218,8 @@ def _table(rows: Sequence[Mapping[str, Any]], scheme: Scheme) -> Table:
     cells = []
     for monitor in MONITORS:
         for rounds in ROUNDS:
-            error = _of(rows, monitor.name, rounds, "control_error_ratio", scheme)
-            miss = _of(rows, monitor.name, rounds, "replay_miss_ratio", scheme)
+            error = _figure_of_problems(rows, monitor.name, rounds, "control_error_ratio", scheme)
+            miss = _figure_of_problems(rows, monitor.name, rounds, "replay_miss_ratio", scheme)
             miss = miss[np.isfinite(miss)]
             shown = [_mean(error), float(np.nan_to_num(error, nan=np.inf).max())]
             shown += [_mean(miss), float(miss.max())] if len(miss) else [math.nan, math.nan]
@@ -238,7 +238,7 @@ def _figure(rows: Sequence[Mapping[str, Any]], names: Sequence[str], nodes: int)
     of_panels += [(RADAU, each, max(ROUNDS)) for each in shown]
     for letter, (scheme, (what, key), rounds) in zip("abcdef", of_panels, strict=True):
         values, errors = (
-            np.array([_of(rows, monitor, rounds, name, scheme) for monitor in monitors]).T
+            np.array([_figure_of_problems(rows, monitor, rounds, name, scheme) for monitor in monitors]).T
             for name in (key, "control_error_ratio")
         )
         texts = [
@@ -248,7 +248,7 @@ def _figure(rows: Sequence[Mapping[str, Any]], names: Sequence[str], nodes: int)
             ]
             for row in np.stack([values, errors], axis=-1)
         ]
-        by = f"{scheme.name}, " if scheme is RADAU else ""
+        by = "Radau, " if scheme is RADAU else ""
         panels[f"({letter}) {by}{what}, {rounds} redistribution{'s' * (rounds > 1)}"] = values, texts
     with matplotlib.rc_context(STYLE):
         figure = canvas(10.2, 3.2 + 0.9 * len(names))
@@ -265,7 +265,8 @@ def _figure(rows: Sequence[Mapping[str, Any]], names: Sequence[str], nodes: int)
         bar.set_label(f"ratio to uniform nodes, N = {nodes}")
         bar.outline.set_visible(False)
         words = (
-            f"blue: better than uniform nodes, red: worse; {NO_MISS}: none to compare with, as the dynamics are linear"
+            f"(a) to (d): {HERMITE_SIMPSON.name}; (e), (f): {RADAU.name}. Blue: better than uniform nodes, red: worse\n"
+            f"{NO_MISS}: none to compare with, as the dynamics are linear"
         )
         figure.supxlabel(words, size=8.5)
     return figure

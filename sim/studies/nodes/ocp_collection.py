@@ -18,7 +18,7 @@ from typing import Any
 
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
-from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
@@ -33,14 +33,14 @@ def solved_by_name(name: str) -> dict[str, Any]:
 
 
 def row(name: str, solution: Solution) -> dict[str, Any]:
-    """What a solution says of itself, beside the known optimum of its problem."""
+    """Figures of a solution beside the known optimum of its problem."""
     known, replay = PROBLEMS[name], solution.replay
     error = known.error(solution.cost)
     error_replayed = known.error(replay.cost) if replay is not None else math.nan
     figures = replay.figures if replay is not None else {}
     accurate = bool(figures) and all(value <= solution.tolerance for value in figures.values())
     reached = error <= known.precision and error_replayed <= known.precision
-    said = solution.status is Outcome.OPTIMAL
+    said = solution.status is SolverOutcome.OPTIMAL
     better = (known.optimum - known.value(solution.cost)) * known.sign / abs(known.optimum - known.origin)
     lie = ""
     if said and not accurate:
@@ -96,7 +96,7 @@ def table(rows: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def claims(rows: Sequence[Mapping[str, Any]]) -> tuple[Claim, Claim]:
-    """Whether every optimum is reached, and whether every status is true."""
+    """Claims that every optimum is reached, and that every status is true."""
     missed = [each["problem"] for each in rows if not each["reached"]]
     lies = [f"{each['problem']} ({each['lie']})" for each in rows if each["lie"]]
     whole = len(rows) >= max(FEWEST, len(PROBLEMS))

@@ -30,7 +30,7 @@ from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.library import PROBLEMS, KnownOptimum
 from mathnavi.controllers.ocp.residual import RESIDUAL
-from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
 from mathnavi.renders.figures import STYLE, canvas
 from mathnavi.renders.study_report import Table
@@ -139,7 +139,7 @@ def attempts(name: str, nodes: int, exhaustive: bool) -> list[dict[str, Any]]:
 
 def _row(name: str, method: str, solution: Solution) -> dict[str, Any]:
     known, replay = PROBLEMS[name], solution.replay
-    passed = solution.status in (Outcome.OPTIMAL, Outcome.CONVERGED) and replay is not None
+    passed = solution.status in (SolverOutcome.OPTIMAL, SolverOutcome.CONVERGED) and replay is not None
     error = known.error(solution.cost)
     error_replayed = known.error(replay.cost) if replay is not None else math.nan
     intervals, inside = solution.nodes - 1, solution.scheme.interior

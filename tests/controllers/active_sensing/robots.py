@@ -50,7 +50,7 @@ class Flight:
 
     @property
     def kinds(self) -> list[str]:
-        """Of the events."""
+        """Kinds of the events."""
         return [kind for _, kind in self.events]
 
     def clearance(self, curve: Curve) -> float:

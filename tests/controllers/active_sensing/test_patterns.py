@@ -62,7 +62,7 @@ def test_the_nominal_path_is_flown_whatever_the_estimator_says(mode: str) -> Non
 
 
 @pytest.mark.parametrize("mode", ["active", "singular-value", "random"])
-def test_where_a_mode_looks_nothing_is_nominal_but_the_start(mode: str) -> None:
+def test_where_a_mode_searches_nothing_is_nominal_but_the_start(mode: str) -> None:
     nominal = ActiveSensing.nominal_path(ActiveSensing.Config(mode=mode), mission(), START)
     np.testing.assert_array_equal(nominal, START[None, :])
 

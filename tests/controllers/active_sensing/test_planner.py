@@ -19,7 +19,7 @@ def asked(covariance: Array | None, x: Array = START, status: Status = Status.OK
 
 
 def believed(covariance: Array | None, deviation: float) -> Belief:
-    """Of a first estimate."""
+    """Belief of a first estimate."""
     return BeliefFromEstimates(deviation, 1.0).update(PlanRequest(0.0, 0.0, Estimate(0.0, START, covariance), None))
 
 

@@ -23,7 +23,7 @@ def test_every_mode_is_a_pattern_or_a_criterion() -> None:
 
 @pytest.mark.parametrize("mode", get_args(ModeName))
 def test_every_mode_builds(mode: str) -> None:
-    planner, tracker = checked_controller(PluginSpec.of(ActiveSensing, mode=mode), mission())
+    planner, tracker = checked_controller(PluginSpec.with_fields(ActiveSensing, mode=mode), mission())
     assert planner.period == pytest.approx(0.2)
     assert tracker.period == mission().period
 

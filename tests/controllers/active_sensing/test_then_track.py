@@ -58,7 +58,7 @@ def test_when_the_estimate_degrades_it_explores_again(worse: str) -> None:
 
     flight = fly(built(task, **PATH), task, START, 10.0, believing)
     switches = [(t, kind) for t, kind in flight.events if kind != "blind"]
-    assert [kind for _, kind in switches] == ["tracking", "exciting", "tracking"]
+    assert [kind for _, kind in switches] == ["tracking", "exploring", "tracking"]
     assert switches[1][0] == pytest.approx(4.0)
     assert switches[2][0] == pytest.approx(6.0)
 
@@ -73,7 +73,7 @@ def test_after_an_estimate_that_jumps_it_explores_for_a_second_and_joins_the_pat
     task, jump = mission(), np.array([1.2, 0.2, 0.0])
     believing = lambda t, truth: Estimate(t, truth + (jump if t >= 5.0 else 0.0), 1e-6 * np.eye(3))  # noqa: E731
     flight = fly(built(task, **PATH), task, START, 12.0, believing)
-    assert flight.kinds == ["tracking", "exciting", "tracking"]
+    assert flight.kinds == ["tracking", "exploring", "tracking"]
     assert flight.events[1][0] == pytest.approx(5.0)
 
 

@@ -1,4 +1,4 @@
-"""Plans in free space, and how far apart they are by looking often."""
+"""Plans in free space, and how far apart they are at dense samples."""
 
 from __future__ import annotations
 

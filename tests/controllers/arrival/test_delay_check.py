@@ -137,7 +137,7 @@ def test_who_does_not_fly_what_it_committed_to_says_so() -> None:
 
 def test_an_old_trajectory_replaces_no_new_one_and_what_cannot_be_is_ignored() -> None:
     v0 = rules(2, np.random.default_rng(0))["v0"]
-    trajectory = PlannedTrajectory.of(hover(np.array([0.0, 9.0, 0.0])))
+    trajectory = PlannedTrajectory.from_plan(hover(np.array([0.0, 9.0, 0.0])))
     for id, committed in ((3, False), (2, True), (1, True), (1, False)):
         v0.exchange(1.0, [Message(1.0, "v1", TOPIC, Published(id, trajectory, committed))])
     assert {id: each.committed for id, each in v0._stored["v1"].items()} == {2: True, 3: False}
@@ -154,7 +154,7 @@ def test_a_joined_trajectory_follows_one_and_then_the_other() -> None:
     before = to_rest(np.zeros(6), np.array([10.0, 0.0, 0.0]), 2.0, 0.0)
     for start in (1.0, 2.0, 3.0, 4.0, 6.0):
         after = to_rest(state_at(before, start), np.array([0.0, 20.0, 0.0]), 3.0, start)
-        both = joined(PlannedTrajectory.of(before), PlannedTrajectory.of(after))
+        both = joined(PlannedTrajectory.from_plan(before), PlannedTrajectory.from_plan(after))
         for t in np.linspace(0.0, 14.0, 57):
             expected = state_at(before if t < start else after, t)[:3]
             np.testing.assert_allclose(state_on(both.t, both.x, both.u, t)[:3], expected, atol=1e-9)

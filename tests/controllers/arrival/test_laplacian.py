@@ -63,7 +63,7 @@ def test_with_loss_and_delay_all_stay_within_the_starts(
 
 
 def test_compared_with_itself_then_it_keeps_the_average_and_is_unstable_beyond_the_bound() -> None:
-    graph = Graph.of(NAMES[:4], {("a", "b"): 1.0, ("b", "c"): 2.0, ("b", "d"): 0.5})
+    graph = Graph.from_edges(NAMES[:4], {("a", "b"): 1.0, ("b", "c"): 2.0, ("b", "d"): 0.5})
     s = 0.05 / (graph.eigenvalues[-1] * H)
     bound = math.pi / (2.0 * s * graph.eigenvalues[-1])
     last = {}

@@ -351,10 +351,10 @@ def test_a_start_that_is_not_separated_names_who_how_far_and_what_is_allowed() -
 def test_a_plan_faster_than_allowed_brings_its_own_speed_into_the_zone() -> None:
     zone = Zone(10.0, bound=1.0, speed_max=50.0, clock_error=0.01)
     slow, fast = (
-        PlannedTrajectory.of(hover(lane(0))),
-        PlannedTrajectory.of(straight((0.0, 13.5, 0.0), (100.0, 0.0, 0.0), 1.0)),
+        PlannedTrajectory.from_plan(hover(lane(0))),
+        PlannedTrajectory.from_plan(straight((0.0, 13.5, 0.0), (100.0, 0.0, 0.0), 1.0)),
     )
     assert zone.required == zone.between(slow, slow) == pytest.approx(13.0)
     assert zone.between(slow, fast) == zone.between(fast, slow) == pytest.approx(14.0)
     assert not zone.kept(slow, fast, 0.0)
-    assert zone.kept(slow, PlannedTrajectory.of(hover(np.array([0.0, 13.5, 0.0]))), 0.0)
+    assert zone.kept(slow, PlannedTrajectory.from_plan(hover(np.array([0.0, 13.5, 0.0]))), 0.0)

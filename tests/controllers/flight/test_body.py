@@ -81,8 +81,8 @@ def test_a_centre_that_is_high_above_the_ground_below_it_may_still_touch_a_wall(
     mission, plan = along(WALL - 1.2, 60.0, 50.0, ground)
     assert contacts(ground, plan) > 0
     point = dataclasses.replace(mission, reach=0.0)
-    assert Certificate.of(point, EXACT).check(plan) is None  # of a mere point it would be safe
-    refusal = Certificate.of(mission, EXACT).check(plan)
+    assert Certificate.for_mission(point, EXACT).check(plan) is None  # of a mere point it would be safe
+    refusal = Certificate.for_mission(mission, EXACT).check(plan)
     assert refusal is not None
     assert refusal.status is FlightStatus.LOW_CLEARANCE
     assert not mn.certify(plan, ground)
@@ -114,7 +114,7 @@ def test_a_certified_body_touches_nothing_whatever_its_size(
         start, target = tuple(plan.x[0, :3].tolist()), tuple(plan.x[-1, :3].tolist())
         mission = dataclasses.replace(mission, terrain=ground, start=start, target=target)
     mission = dataclasses.replace(mission, reach=reach)
-    if Certificate.of(mission, TrackingBound(error, error, 0.0, 0.0)).check(plan) is not None:
+    if Certificate.for_mission(mission, TrackingBound(error, error, 0.0, 0.0)).check(plan) is not None:
         return
     for offset in error * np.array([[1.0, 0.0, -1.0], [-1.0, 0.0, -1.0], [0.0, 1.0, -1.0], [0.0, -1.0, -1.0]]):
         displaced = dataclasses.replace(plan, x=plan.x + np.concatenate([offset, np.zeros(3)]))
@@ -126,13 +126,13 @@ def test_a_certified_body_touches_nothing_whatever_its_size(
 
 def test_far_from_the_wall_the_body_costs_nothing() -> None:
     mission, plan = along(10.0, 60.0, 50.0, walled())
-    assert Certificate.of(mission, EXACT).check(plan) is None
+    assert Certificate.for_mission(mission, EXACT).check(plan) is None
 
 
 def test_a_least_clearance_below_the_hull_is_refused_with_both_numbers() -> None:
     mission, _ = along(10.0, 60.0, 0.3, walled())
     with pytest.raises(FieldError, match=r"clearance_min = 0\.3 m; allowed: >= 0\.5 m"):
-        Certificate.of(mission, EXACT)
+        Certificate.for_mission(mission, EXACT)
     with pytest.raises(MissionError, match=r"clearance_min = 0\.3; allowed: >= reach = 0\.5"):
         mn.certify(along(10.0, 60.0, 0.3, walled())[1], walled(), clearance_min=0.3)
     for config in (SafeFlightConfig, SimultaneousArrivalConfig):
@@ -152,12 +152,12 @@ def test_an_end_from_which_the_body_leaves_the_map_is_refused(x: float) -> None:
 def test_a_body_whose_reach_is_in_the_terrain_still_keeps_from_the_edge() -> None:
     mission, plan = along(0.3, 60.0, 0.0, walled())
     raised = dataclasses.replace(mission, reach=0.335, reach_in_terrain=True)
-    refusal = Certificate.of(raised, EXACT).check(plan)
+    refusal = Certificate.for_mission(raised, EXACT).check(plan)
     assert refusal is not None
     assert refusal.status is FlightStatus.OFF_MAP
 
 
 def test_a_magnified_mission_has_a_magnified_body() -> None:
     mission, _ = along(10.0, 60.0, 50.0, walled())
-    similarity = Similarity.of(mission)
+    similarity = Similarity.for_mission(mission)
     assert similarity.mission(mission).reach == pytest.approx(similarity.length * mission.reach)

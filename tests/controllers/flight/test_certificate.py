@@ -31,7 +31,7 @@ def mission() -> FlightMission:
 
 @pytest.fixture(scope="module")
 def certificate(mission: FlightMission) -> Certificate:
-    return Certificate.of(mission, BOUND)
+    return Certificate.for_mission(mission, BOUND)
 
 
 @pytest.fixture(scope="module")
@@ -164,7 +164,7 @@ def test_the_bounds_left_to_a_plan_are_the_missions_less_the_trackers(
 )
 def test_a_tracker_that_needs_everything_is_refused(name: str, bound: TrackingBound, mission: FlightMission) -> None:
     with pytest.raises(ValueError, match=f"{name} = .* leaves nothing"):
-        Certificate.of(mission, bound)
+        Certificate.for_mission(mission, bound)
 
 
 def test_a_pass_is_the_first_breakpoint_at_the_target(certificate: Certificate, good: Plan) -> None:
@@ -273,7 +273,7 @@ def test_a_plan_along_the_edge_of_the_map_leaves_the_tracker_room(mission: Fligh
         x = inside if side == "west" else mission.terrain.width - inside
         ends = [flight.above(mission.terrain, (x, y), 300.0) for y in (1500.0, 9000.0)]
         edge = dataclasses.replace(mission, start=ends[0], target=ends[1])
-        certificate = Certificate.of(edge, bound)
+        certificate = Certificate.for_mission(edge, bound)
         arcs = ArcList.begin(0.0, flight.at_rest(edge.start))
         complete_by(arcs, certificate)
         refusal = certificate.check(arcs.plan(0.0, 0.0))

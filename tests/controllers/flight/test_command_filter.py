@@ -34,7 +34,7 @@ def filter_of(task: FlightMission, candidates: int = 32) -> CommandFilter:
 
 def certificate_of(task: FlightMission) -> Certificate:
     bound = tracking_bound(BANDWIDTH, task)
-    return Certificate.of(task, bound, CriticallyDamped(H, BANDWIDTH, bound).held)
+    return Certificate.for_mission(task, bound, CriticallyDamped(H, BANDWIDTH, bound).held)
 
 
 def random_commands(rng: np.random.Generator, steps: int, longest: float = 60.0) -> Array:

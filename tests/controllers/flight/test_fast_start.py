@@ -21,7 +21,7 @@ from tests import flight
 
 BOUND = TrackingBound(2.0, 3.0, 0.0, 0.0)
 MISSION = dataclasses.replace(flight.mission(), speed_max=100.0, acceleration_max=20.0)
-CERTIFICATE = Certificate.of(MISSION, BOUND)
+CERTIFICATE = Certificate.for_mission(MISSION, BOUND)
 STOP = 100.0 / 20.0  # [s] v_max / a_max
 NORTH_EAST = np.array([1.0, 1.0, 0.0]) / math.sqrt(2.0)
 

@@ -25,7 +25,7 @@ PERIOD = 1.0 / 60.0  # [s] of the commands
 MISSION = flight.mission()
 BOUND = tracking_bound(0.8, MISSION)
 TRACKER = CriticallyDamped(PERIOD, 0.8, BOUND)
-CERTIFICATE = Certificate.of(MISSION, BOUND, TRACKER.held)
+CERTIFICATE = Certificate.for_mission(MISSION, BOUND, TRACKER.held)
 
 
 def pulses(count: int, acceleration: float, length: float) -> Plan:
@@ -48,8 +48,8 @@ def flown_lag(plan: Plan, tracker: CriticallyDamped, duration: float, finer: int
         u = tracker.command(t, Estimate(t, x), plan)
         for j in range(1, finer + 1):
             s = j * tracker.period / finer
-            off = flow(x, u, s)[:3] - state_at(plan, t + s)[:3]
-            greatest = max(greatest, float(np.linalg.norm(off)))
+            error = flow(x, u, s)[:3] - state_at(plan, t + s)[:3]
+            greatest = max(greatest, float(np.linalg.norm(error)))
         x = flow(x, u, tracker.period)
     return greatest
 
@@ -113,7 +113,7 @@ def test_a_lag_is_carried_from_plan_to_plan() -> None:
 @pytest.mark.parametrize("nodes", [7, 13])
 def test_the_planners_own_plans_are_trackable(nodes: int) -> None:
     planner, _ = FlightController.build(FlightConfig(nodes=nodes), MISSION)
-    certificate = Certificate.of(MISSION, BOUND, TRACKER.held)
+    certificate = Certificate.for_mission(MISSION, BOUND, TRACKER.held)
     fallback = StopAndHover(certificate, planner.period)
     held = TRACKER.held
     assert held is not None

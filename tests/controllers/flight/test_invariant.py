@@ -38,7 +38,7 @@ DT = 1.0 / 30.0  # [s] tick of the vehicle without MuJoCo
 MISSION = flight.mission(control_period=DT)
 BOUND = tracking_bound(0.8, MISSION)
 HELD = CriticallyDamped(DT, 0.8, BOUND).held
-CERTIFICATE = Certificate.of(MISSION, BOUND, HELD)
+CERTIFICATE = Certificate.for_mission(MISSION, BOUND, HELD)
 
 
 def detour(request: PlanRequest, way: Callable[[ArcList], None]) -> Plan:
@@ -294,7 +294,7 @@ def test_whatever_its_size_and_the_shape_of_its_map_no_part_of_the_vehicle_is_lo
     ]
     mission = FlightMission(terrain, ends[0], ends[1], reach + over, control_period=DT, reach=reach)
     bound = tracking_bound(0.8, mission)
-    certificate = Certificate.of(mission, bound)
+    certificate = Certificate.for_mission(mission, bound)
     planner, _ = FlightController.build(FlightConfig(nodes=7, margin=0.0), mission)
     wrapped = Certified(
         Scripted(planner, script), partial(StopAndHover, period=planner.period), certificate, bound, 1.3

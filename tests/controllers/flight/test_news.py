@@ -34,7 +34,7 @@ from tests import flight
 DT = 1.0 / 30.0  # [s] tick of the vehicle without MuJoCo
 MISSION = flight.mission(control_period=DT)
 BOUND = tracking_bound(0.8, MISSION)
-CERTIFICATE = Certificate.of(MISSION, BOUND)
+CERTIFICATE = Certificate.for_mission(MISSION, BOUND)
 FACTOR = 1.3
 
 

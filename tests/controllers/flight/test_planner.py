@@ -19,7 +19,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from tests import flight
 
 MISSION = flight.mission()
-CERTIFICATE = Certificate.of(MISSION, tracking_bound(0.8, MISSION))
+CERTIFICATE = Certificate.for_mission(MISSION, tracking_bound(0.8, MISSION))
 CONFIGS = {
     "uniform": FlightConfig(),
     "stretched": FlightConfig(horizon=40.0, stretch=1.2),

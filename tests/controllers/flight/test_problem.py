@@ -35,7 +35,7 @@ def looked_at(p: Parameters, start: Array, accelerations: Array, climb: float) -
 
 
 @given(lengths=lengths_of_arcs, seed=st.integers(0, 2**32 - 1))
-def test_the_stencil_looks_where_the_motion_leads(lengths: tuple[float, ...], seed: int) -> None:
+def test_the_samples_lie_where_the_motion_leads(lengths: tuple[float, ...], seed: int) -> None:
     rng = np.random.default_rng(seed)
     p = parameters(lengths)
     start = np.concatenate([rng.uniform(-1e4, 1e4, 3), rng.uniform(-200.0, 200.0, 3)])

@@ -45,7 +45,7 @@ def arrival(
 ) -> tuple[float, list[Plan]]:
     """When a vehicle on its plans arrives [s], which is asked for ``asked(t)`` from the second request on."""
     raw, tracker = FlightController.build(config, MISSION)
-    certificate = Certificate.of(MISSION, tracker.bound)
+    certificate = Certificate.for_mission(MISSION, tracker.bound)
     planner = Certified(
         FailsFrom(raw, fails_from), partial(StopAndHover, period=raw.period), certificate, tracker.bound, 4.0
     )
@@ -141,7 +141,7 @@ def test_no_phase_of_a_plan_passes_the_target_before_the_assured_time(beside: tu
     mission = dataclasses.replace(mission, target=tuple(target), start=tuple(np.add(target, (*beside, -250.0))))
     planner, tracker = FlightController.build(SCHEDULE, mission)
     assured, current = 250.0, None
-    braking = braking_time(Certificate.of(mission, tracker.bound))
+    braking = braking_time(Certificate.for_mission(mission, tracker.bound))
     for t in np.arange(0.0, 100.0, planner.period):
         start = t if current is None else t + planner.period
         x = flight.at_rest(mission.start) if current is None else state_at(current, t)

@@ -20,7 +20,7 @@ ROUGH = {
 
 
 def summary(**fields: Any) -> dict[str, Any]:
-    """Of a flight in CasADi's virtual machine, named with two underscores for a dot."""
+    """Summary of a flight in CasADi's virtual machine, named with two underscores for a dot."""
     named = {name.replace("__", "."): value for name, value in fields.items()}
     outcome = trial("missile-guidance", 0, fields={"case": "SM2", "planner.backend": "fatrop", **named}).build().run()
     return dict(outcome.summary)
@@ -71,7 +71,7 @@ def test_in_space_pitch_and_yaw_planners_meet_a_target_that_moves_across() -> No
 def test_the_same_seed_gives_the_same_flight() -> None:
     config = MissileGuidanceConfig(case="FAST")
     one, other = (
-        MissileGuidance.build(config, 3, PluginSpec.of(MissileController, backend="fatrop")).run().arrays
+        MissileGuidance.build(config, 3, PluginSpec.with_fields(MissileController, backend="fatrop")).run().arrays
         for _ in range(2)
     )
     for name, array in one.items():

@@ -35,7 +35,7 @@ def test_a_missile_with_late_thrusters_hits(fields: dict[str, Any]) -> None:
 
 
 def test_a_delay_that_is_not_declared_is_an_honest_miss() -> None:
-    found = summary(actuator__delay=0.15, actuator__declared_delay=0.0)
+    found = summary(actuator__delay=0.15, actuator__declared_delay=0.0, planner__replan_period=0.5)
     assert not found["hit"]
     assert found["miss_m"] > 10.0
 

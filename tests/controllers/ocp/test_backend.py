@@ -15,7 +15,7 @@ from mathnavi.controllers.ocp.nlp import programme
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.missile import missile
-from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
@@ -99,7 +99,7 @@ def test_numbers_that_are_not_finite_are_refused(backend: Backend, value: float)
     x_0, known = np.ones(nlp.x.numel()), np.ones(nlp.p.numel())
     x_0[3] = value
     answer = solver.solve(x_0, known)
-    assert answer.status is Outcome.NOT_FINITE
+    assert answer.status is SolverOutcome.NOT_FINITE
     assert not answer.ok
 
 
@@ -128,7 +128,7 @@ def test_a_solve_that_does_not_return_is_ended_and_the_next_one_is_as_ever() -> 
     before = good.solve()
     assert before.solved
     lost = transcription(growing(5.0), MultipleShooting(1), 6, options=options).solve()
-    assert lost.status is Outcome.LIMIT
+    assert lost.status is SolverOutcome.LIMIT
     assert lost.message == "fatrop did not return within 0.1 s of CPU time"
     after = good.solve()
     np.testing.assert_array_equal(after.x, before.x)
@@ -149,7 +149,7 @@ def test_a_solver_whose_process_was_killed_says_so_and_starts_another() -> None:
     PROCESS._child.kill()
     PROCESS._child.wait()
     lost = made.solve()
-    assert lost.status is Outcome.FAILED
+    assert lost.status is SolverOutcome.FAILED
     assert "its process ended with -9" in lost.message
     assert made.solve().solved
 
@@ -170,7 +170,7 @@ def test_an_interrupted_solve_leaves_no_answer_behind(monkeypatch: pytest.Monkey
 
 def test_ipopt_keeps_its_limit_of_time() -> None:
     found = transcription(missile("SM2"), MultipleShooting(1), NODES, options=Options(seconds=1e-6)).solve()
-    assert found.status is Outcome.LIMIT
+    assert found.status is SolverOutcome.LIMIT
     assert found.message == "Maximum_CpuTime_Exceeded"
 
 

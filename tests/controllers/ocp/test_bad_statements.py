@@ -21,7 +21,7 @@ from mathnavi.controllers.ocp.methods.redistribution import redistribute
 from mathnavi.controllers.ocp.methods.refinement import refine
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.sim.interfaces.errors import ProblemError
@@ -189,7 +189,7 @@ def test_dynamics_that_are_not_finite_name_the_state_and_the_time(rate: Callable
     ocp.dynamics(x, rate(x, u, ocp.t))
     ocp.start(x, 0.0)
     failed = ocp.solve(5)
-    assert failed.status is Outcome.NOT_FINITE
+    assert failed.status is SolverOutcome.NOT_FINITE
     assert named in failed.message
 
 
@@ -206,7 +206,7 @@ def test_a_cost_or_a_constraint_that_is_not_finite_is_named() -> None:
         ocp.start(x, 0.0)
         say(ocp, x)
         failed = ocp.solve(5)
-        assert failed.status is Outcome.NOT_FINITE
+        assert failed.status is SolverOutcome.NOT_FINITE
         assert named in failed.message
 
 

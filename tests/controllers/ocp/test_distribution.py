@@ -25,7 +25,7 @@ from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.controllers.ocp.residual import local_errors
-from mathnavi.controllers.ocp.solution import Outcome, ReplayResult, Solution
+from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
@@ -54,7 +54,7 @@ def test_example_b1_is_the_equidistant_receding_horizon(epsilon: float, step: fl
 def test_equidistribution_in_the_programme_gives_every_interval_the_same_share(measure: Monitor) -> None:
     epsilon = 0.01 if measure is ARCLENGTH else 1e3
     solution = distribute(missile("FAST"), 15, Equidistributed(measure, epsilon))
-    assert solution.status is Outcome.OPTIMAL
+    assert solution.status is SolverOutcome.OPTIMAL
     scale = solution.problem.state_scale
     D, chords = solution.grid.widths * 14.0, np.diff(solution.x, axis=0) / scale
     if measure is ARCLENGTH:
@@ -75,7 +75,7 @@ def test_the_uniform_monitor_in_the_programme_is_the_uniform_grid() -> None:
 
 def test_example_b2_puts_its_share_of_nodes_in_front_with_equal_steps() -> None:
     solution = distribute(missile("FAST"), 15, FrontLoaded(share_of_nodes=0.5, share_of_time=0.4))
-    assert solution.status is Outcome.OPTIMAL
+    assert solution.status is SolverOutcome.OPTIMAL
     widths = solution.grid.widths
     assert widths[:7].sum() <= 0.4 + 1e-7
     assert np.ptp(widths[:7]) < 1e-7
@@ -88,7 +88,7 @@ def test_free_nodes_are_exploited_and_refused(distribution: Free | FrontLoaded, 
     problem = missile("SM2")
     even = solve(problem, 20, scheme=scheme)
     solution = distribute(problem, 20, distribution, scheme=scheme)
-    assert solution.status is Outcome.REFUSED
+    assert solution.status is SolverOutcome.REFUSED
     assert solution.solved
     assert solution.cost == pytest.approx(even.cost, abs=1e-9)
     assert np.allclose(solution.grid.nodes, even.grid.nodes)
@@ -111,7 +111,7 @@ def test_functional_minimisation_evens_the_shares_out() -> None:
 def test_one_redistribution_of_the_fast_missile_is_far_more_accurate(measure: Monitor) -> None:
     problem = missile("FAST")
     even, moved = solve(problem, 15), redistribute(problem, 15, measure)
-    assert moved.status is Outcome.OPTIMAL
+    assert moved.status is SolverOutcome.OPTIMAL
     assert even.replay is not None
     assert moved.replay is not None
     assert moved.replay.miss < 0.1 * even.replay.miss
@@ -120,7 +120,7 @@ def test_one_redistribution_of_the_fast_missile_is_far_more_accurate(measure: Mo
 def test_a_monitor_of_ones_own_takes_the_nodes_where_it_wants_them() -> None:
     early = Monitor("early", lambda solution, tau, epsilon: np.exp(-3.0 * tau), None, epsilon=1.0)
     solution = redistribute(missile("SM2"), 20, early)
-    grid = solution.grid.widths if solution.status is Outcome.OPTIMAL else None
+    grid = solution.grid.widths if solution.status is SolverOutcome.OPTIMAL else None
     assert grid is None or (np.diff(grid) > 0.0).all()
     with pytest.raises(ValueError, match="'early' has no measure"):
         Equidistributed(early)
@@ -128,7 +128,7 @@ def test_a_monitor_of_ones_own_takes_the_nodes_where_it_wants_them() -> None:
 
 def test_refinement_stops_at_its_tolerance_and_says_so() -> None:
     solution = refine(missile("SM2"), tolerance=1e-4)
-    assert solution.status is Outcome.OPTIMAL
+    assert solution.status is SolverOutcome.OPTIMAL
     assert local_errors(solution).max() <= 1e-4
     assert solution.message.startswith("local error at most")
     assert solution.cost == pytest.approx(11.541173, abs=1e-4)
@@ -137,14 +137,14 @@ def test_refinement_stops_at_its_tolerance_and_says_so() -> None:
 def test_refinement_that_runs_out_of_nodes_says_so() -> None:
     solution = refine(missile("SM2"), 6, most_nodes=11, tolerance=1e-9)
     assert solution.nodes <= 11
-    assert "local error still" in solution.message or solution.status is Outcome.REFUSED
+    assert "local error still" in solution.message or solution.status is SolverOutcome.REFUSED
 
 
 def test_the_gate_prefers_the_uniform_solution_to_a_failed_one() -> None:
     even = solve(missile("SM2"), 20)
     failed = transcription(missile("SM2"), HermiteSimpson(), 20).solve(parameters=np.empty(0))
-    answer = gated(dataclasses.replace(failed, status=Outcome.LIMIT, message="stopped"), even, "any", 1e-6)
-    assert answer.status is Outcome.REFUSED
+    answer = gated(dataclasses.replace(failed, status=SolverOutcome.LIMIT, message="stopped"), even, "any", 1e-6)
+    assert answer.status is SolverOutcome.REFUSED
     assert "stopped" in answer.message
 
 

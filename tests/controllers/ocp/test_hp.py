@@ -12,7 +12,7 @@ from mathnavi.controllers.ocp.methods.hp import hp
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
-from mathnavi.controllers.ocp.solution import Outcome
+from mathnavi.controllers.ocp.solution import SolverOutcome
 from tests.controllers.ocp.test_arcs import to_rest
 
 KINDS = (
@@ -32,7 +32,7 @@ KINDS = (
 def test_the_cost_and_its_replay_are_those_of_the_literature(name: str) -> None:
     known = PROBLEMS[name]
     found = hp(known.problem())
-    assert found.status is Outcome.OPTIMAL, found.message
+    assert found.status is SolverOutcome.OPTIMAL, found.message
     assert found.replay is not None
     assert known.error(found.cost) <= known.precision
     assert known.error(found.replay.cost) <= known.precision
@@ -50,7 +50,7 @@ def test_a_singular_arc_does_not_ring() -> None:
 
 def test_too_few_nodes_are_not_called_optimal() -> None:
     found = hp(PROBLEMS["hypersensitive, short"].problem(), 5)
-    assert found.status is Outcome.CONVERGED
+    assert found.status is SolverOutcome.CONVERGED
     assert found.nodes <= 5
     assert "not within 1e-06" in found.message
 
@@ -58,7 +58,7 @@ def test_too_few_nodes_are_not_called_optimal() -> None:
 def test_a_tolerance_is_reached_with_no_more_nodes_than_it_needs() -> None:
     problem = PROBLEMS["hypersensitive, short"].problem()
     loose, tight = (hp(problem, tolerance=tolerance) for tolerance in (1e-3, 1e-7))
-    assert loose.status is tight.status is Outcome.OPTIMAL
+    assert loose.status is tight.status is SolverOutcome.OPTIMAL
     assert loose.nodes < tight.nodes
 
 

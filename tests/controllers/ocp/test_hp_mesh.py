@@ -9,7 +9,7 @@ import pytest
 
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.methods.hp import hp
-from mathnavi.controllers.ocp.methods.hp_mesh import HIGHEST_COUNT, Errors, HpMesh, _decays, meshed
+from mathnavi.controllers.ocp.methods.hp_mesh import HIGHEST_COUNT, HpMesh, IntervalErrors, _decays, meshed
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.structure import without_structure
@@ -30,7 +30,7 @@ def switching() -> Solution:
 
 
 def next_mesh(solution: Solution, own: dict[int, float], path: dict[int, float] | None = None) -> HpMesh:
-    errors = Errors(np.full(NODES - 1, 0.5 * EACH), np.zeros(NODES - 1))
+    errors = IntervalErrors(np.full(NODES - 1, 0.5 * EACH), np.zeros(NODES - 1))
     for i, value in own.items():
         errors.own[i] = value
     for i, value in (path or {}).items():

@@ -8,7 +8,7 @@ import pytest
 from mathnavi.controllers.ocp.methods.by_name import Method
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
-from mathnavi.controllers.ocp.solution import Outcome
+from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
@@ -32,7 +32,7 @@ def sledge(T: float | None = 1.0) -> tuple[OptimalControlProblem, ca.SX, ca.SX, 
 
 def message(ocp: OptimalControlProblem, scheme: Scheme | None = None) -> str:
     found = ocp.solve(8) if scheme is None else solve(ocp.functions(), 4, scheme=scheme)
-    assert found.status is Outcome.INFEASIBLE, found.status
+    assert found.status is SolverOutcome.INFEASIBLE, found.status
     return found.message
 
 
@@ -50,7 +50,7 @@ def test_every_method_names_what_cannot_hold(method: Method) -> None:
     ocp, x, _, _ = sledge()
     ocp.end(x, 5.0)
     found = ocp.solve(method=method)
-    assert found.status is Outcome.INFEASIBLE
+    assert found.status is SolverOutcome.INFEASIBLE
     assert "end of x (violated by 4.5): cannot hold with " in found.message
 
 

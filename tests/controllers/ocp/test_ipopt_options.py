@@ -9,7 +9,7 @@ import pytest
 
 from mathnavi.controllers.ocp.backend import Options
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
-from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.sim.interfaces.errors import FieldError
 
 
@@ -37,7 +37,7 @@ def test_another_solver_of_the_same_programme_finds_the_same(options: dict[str, 
 def test_the_log_has_a_line_for_each_iteration(method: str, tmp_path: Path) -> None:
     log = tmp_path / "ipopt.log"
     found = solved(method, log=str(log))
-    assert found.status in (Outcome.OPTIMAL, Outcome.CONVERGED)
+    assert found.status in (SolverOutcome.OPTIMAL, SolverOutcome.CONVERGED)
     assert "Number of Iterations" in log.read_text()
     if method == "direct":
         assert f"Number of Iterations....: {found.iterations}" in log.read_text()
@@ -52,7 +52,7 @@ def test_iterations_are_printed_on_request(capfd: pytest.CaptureFixture[str]) ->
 
 def test_a_linear_solver_that_is_not_there_is_a_status() -> None:
     failed = solved(linear_solver="ma27")
-    assert failed.status is Outcome.FAILED
+    assert failed.status is SolverOutcome.FAILED
     assert "linear_solver = 'ma27' is not in this build of IPOPT" in failed.message
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
-from mathnavi.controllers.ocp.solution import Outcome
+from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.sim.interfaces.errors import ProblemError
 
 Begin = Callable[[OptimalControlProblem], Any]
@@ -137,7 +137,7 @@ def test_a_phase_whose_duration_nothing_limits_is_unbounded() -> None:
     problem, _, b = cut(lambda a: a.duration(0.5), lambda b: b.free_duration(guess=1.0))
     b.statement.terminal = -b.statement.final_time
     found = problem.solve()
-    assert {found.status, found["a"].status, found["b"].status} == {Outcome.UNBOUNDED}
+    assert {found.status, found["a"].status, found["b"].status} == {SolverOutcome.UNBOUNDED}
     assert not found.ok
     assert "b.duration ends at 1e+09 s, its default upper limit" in found.message
 

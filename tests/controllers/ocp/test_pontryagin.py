@@ -11,7 +11,7 @@ import pytest
 
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.multipliers import NamedValues
-from mathnavi.controllers.ocp.pontryagin import PontryaginCheck, Verdict, check_pontryagin
+from mathnavi.controllers.ocp.pontryagin import ConditionVerdict, PontryaginCheck, check_pontryagin
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.bryson_denham import bryson_denham
 from mathnavi.controllers.ocp.problems.double_integrator import double_integrator_time
@@ -44,7 +44,7 @@ def test_a_control_that_switches_follows_the_sign_of_its_switching_function(sche
     found = check_pontryagin(solve(double_integrator_time(), 31, scheme=scheme))
     assert found.holds
     assert not found.not_judged
-    assert found["duration"].verdict is Verdict.HOLDS
+    assert found["duration"].verdict is ConditionVerdict.HOLDS
     assert found["stationarity"].residual < 1e-6
     assert found["minimum"].residual < 1e-6
 

@@ -12,7 +12,7 @@ from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import replayed
-from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 
@@ -118,5 +118,5 @@ def test_a_failed_solve_has_no_replay() -> None:
     ocp.start(x, 0.0)
     ocp.end(x, 5.0)
     solution = solve(ocp.functions(), 11)
-    assert solution.status is Outcome.INFEASIBLE
+    assert solution.status is SolverOutcome.INFEASIBLE
     assert solution.replay is None

@@ -11,7 +11,7 @@ from mathnavi.controllers.ocp.problems.double_integrator import double_integrato
 from mathnavi.controllers.ocp.problems.hypersensitive import hypersensitive_short
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.residual import RESIDUAL, cost_errors, local_errors
-from mathnavi.controllers.ocp.solution import Outcome
+from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
 from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
@@ -47,7 +47,7 @@ def test_redistribution_by_it_goes_where_the_layers_are() -> None:
 def test_it_finds_layers_a_thousandth_of_the_time_wide() -> None:
     known = PROBLEMS["hypersensitive"]
     solution = redistribute(known.problem(), 60, RESIDUAL, rounds=10)
-    assert solution.status is Outcome.OPTIMAL
+    assert solution.status is SolverOutcome.OPTIMAL
     assert known.error(solution.cost) <= known.tolerance
     assert known.error(solve(known.problem(), 60).cost) > 1.0
 

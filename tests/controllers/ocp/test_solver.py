@@ -12,7 +12,7 @@ from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.missile import missile
-from mathnavi.controllers.ocp.solution import Outcome
+from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
@@ -36,7 +36,7 @@ def reaching(end: float) -> ProblemFunctions:
 def test_boundary_conditions_out_of_reach_are_a_status(backend: str) -> None:
     options = Options(backend=backend)  # type: ignore[arg-type]
     failed = solve(reaching(5.0), 11, scheme=SHOOTING, options=options)
-    assert failed.status in (Outcome.INFEASIBLE, Outcome.FAILED, Outcome.LIMIT)
+    assert failed.status in (SolverOutcome.INFEASIBLE, SolverOutcome.FAILED, SolverOutcome.LIMIT)
     assert not failed.solved
     assert failed.message
 
@@ -50,7 +50,7 @@ def test_dynamics_that_are_not_finite_are_a_status(backend: str, capfd: pytest.C
     ocp.dynamics(x, ca.sqrt(x - 1.0) + u)
     ocp.start(x, 0.0)
     failed = solve(ocp.functions(), 11, scheme=SHOOTING, options=Options(backend=backend))  # type: ignore[arg-type]
-    assert failed.status in (Outcome.NOT_FINITE, Outcome.FAILED)
+    assert failed.status in (SolverOutcome.NOT_FINITE, SolverOutcome.FAILED)
     assert "casadi" not in failed.message
     assert "NaN" not in "".join(capfd.readouterr())
 
@@ -65,14 +65,14 @@ def test_a_parameter_that_is_not_finite_is_a_status() -> None:
     ocp.start(x, 0.0)
     ocp.end(x, 1.0)
     problem = ocp.functions()
-    assert solve(problem, 5, parameters=np.array([np.nan])).status is Outcome.NOT_FINITE
+    assert solve(problem, 5, parameters=np.array([np.nan])).status is SolverOutcome.NOT_FINITE
     assert solve(problem, 5, parameters=problem.values(k=2.0)).cost == pytest.approx(0.25)
     with pytest.raises(ValueError, match=r"parameters: shape \(2,\)"):
         solve(problem, 5, parameters=np.array([1.0, 2.0]))
 
 
 def test_a_limit_of_iterations_is_a_status() -> None:
-    assert solve(missile("SM"), 20, options=Options(iterations=2)).status is Outcome.LIMIT
+    assert solve(missile("SM"), 20, options=Options(iterations=2)).status is SolverOutcome.LIMIT
 
 
 def test_both_backends_find_the_same_optimum() -> None:

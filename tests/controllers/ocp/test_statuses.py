@@ -15,7 +15,7 @@ from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.goddard import goddard
 from mathnavi.controllers.ocp.replay import GIVEN_NODES, judged
-from mathnavi.controllers.ocp.solution import Outcome, ReplayResult, Solution
+from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
 from mathnavi.sim.interfaces.errors import ProblemError
 
 
@@ -30,7 +30,7 @@ def integrator(lower: float = -1.0, upper: float = 1.0) -> tuple[OptimalControlP
 
 def test_a_programme_that_is_solved_is_not_yet_a_solution() -> None:
     coarse = solve(goddard(), 10)
-    assert coarse.status is Outcome.CONVERGED
+    assert coarse.status is SolverOutcome.CONVERGED
     assert coarse.solved
     assert not coarse.ok
     assert coarse.replay is not None
@@ -47,7 +47,7 @@ def solution() -> Solution:
 
 def test_the_tolerance_is_the_callers() -> None:
     found = solution()
-    assert found.status is Outcome.OPTIMAL
+    assert found.status is SolverOutcome.OPTIMAL
     replay = ReplayResult(2e-4, 0.0, 0.3, 0.0, found.cost, found.x[-1], by_intervals=False)
     found = dataclasses.replace(found, replay=replay)
     assert judged(found, 1e-3).ok  # however far the parabolas left their bounds: what is flown does not
@@ -65,7 +65,7 @@ def test_one_figure_is_enough_to_lose_the_status(figure: str, value: float) -> N
     found = solution()
     assert found.replay is not None
     worse = judged(dataclasses.replace(found, replay=dataclasses.replace(found.replay, **{figure: value})), 1e-3)
-    assert worse.status is Outcome.CONVERGED
+    assert worse.status is SolverOutcome.CONVERGED
     assert figure.replace("_", " ") in worse.message
 
 
@@ -74,7 +74,7 @@ def test_a_refused_solution_is_one_where_the_uniform_grid_is_accurate() -> None:
     assert even.replay is not None
     moved = dataclasses.replace(even, replay=dataclasses.replace(even.replay, miss=1.0))
     refused = gated(moved, even, "moved", 1e-3)
-    assert refused.status is Outcome.REFUSED
+    assert refused.status is SolverOutcome.REFUSED
     assert refused.ok
     assert not gated(moved, judged(even, 1e-300), "moved", 1e-300).ok
 
@@ -83,7 +83,7 @@ def test_a_small_error_is_not_refused() -> None:
     even = solution()
     assert even.replay is not None
     moved = dataclasses.replace(even, replay=dataclasses.replace(even.replay, miss=3e-7))
-    assert gated(moved, even, "moved", 1e-6).status is Outcome.OPTIMAL
+    assert gated(moved, even, "moved", 1e-6).status is SolverOutcome.OPTIMAL
 
 
 def longest(upper: float | None) -> OptimalControlProblem:
@@ -95,10 +95,10 @@ def longest(upper: float | None) -> OptimalControlProblem:
 
 def test_a_final_time_at_a_limit_that_nobody_stated_is_no_solution() -> None:
     found = longest(None).solve(5)
-    assert found.status is Outcome.UNBOUNDED
+    assert found.status is SolverOutcome.UNBOUNDED
     assert not found.ok
     assert found.message == "T ends at 1e+09 s, its default upper limit; state one, or a cost that bounds it"
-    assert longest(5.0).solve(5).status is Outcome.OPTIMAL
+    assert longest(5.0).solve(5).status is SolverOutcome.OPTIMAL
 
 
 def test_nor_is_a_phase_that_lasts_as_long_as_nobody_said() -> None:
@@ -127,7 +127,7 @@ def test_a_final_time_that_has_not_yet_come_to_its_limit_runs_away() -> None:
     ocp.minimise(running=u**2)
     ocp.end(x, 1.0)
     found = ocp.solve(5)
-    assert found.status is Outcome.UNBOUNDED
+    assert found.status is SolverOutcome.UNBOUNDED
     assert found.message.startswith("T ")
 
 
@@ -136,7 +136,7 @@ def test_variables_that_run_away_are_named() -> None:
     ocp.duration(1.0)
     ocp.minimise(terminal=-x)
     found = ocp.solve(5)
-    assert found.status is Outcome.UNBOUNDED
+    assert found.status is SolverOutcome.UNBOUNDED
     assert "x runs to " in found.message
     assert "u runs to " in found.message
 
@@ -148,7 +148,7 @@ def test_a_state_that_runs_away_by_itself_is_named() -> None:
     ocp.dynamics(x, 0.0)
     ocp.minimise(terminal=-x)
     found = ocp.solve(5)
-    assert found.status is Outcome.UNBOUNDED
+    assert found.status is SolverOutcome.UNBOUNDED
     assert found.message.startswith("x runs to ")
 
 
@@ -156,7 +156,7 @@ def test_a_large_value_that_is_meant_is_a_solution() -> None:
     ocp, x, _ = integrator(-1e12, 1e12)
     ocp.duration(1.0)
     ocp.minimise(terminal=-x / 1e12)
-    assert ocp.solve(5).status is not Outcome.UNBOUNDED
+    assert ocp.solve(5).status is not SolverOutcome.UNBOUNDED
 
 
 @pytest.mark.parametrize(
@@ -175,6 +175,6 @@ def test_a_derivative_that_is_not_finite_is_named(rate: Callable[[ca.SX], ca.SX]
     ocp.start(x, 1.0)
     ocp.end(x, -1.0)
     solution = ocp.solve(9)
-    assert solution.status is Outcome.NOT_FINITE
+    assert solution.status is SolverOutcome.NOT_FINITE
     assert solution.message.startswith("the derivative of the dynamics of x by x is not finite at t = 2 s of the ")
     assert found in solution.message

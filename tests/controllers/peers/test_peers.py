@@ -8,24 +8,30 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.controllers.flight import spline
 from mathnavi.controllers.flight.certificate import Certificate
 from mathnavi.controllers.flight.plugin import planner
-from mathnavi.controllers.flight.spline import surface
 from mathnavi.controllers.flight.tracker import tracking_bound
 from mathnavi.controllers.peers.barrier import BarrierConfig, BarrierFlight, cover, funnel_slope
-from mathnavi.controllers.peers.barrier_kernels import barrier, filtered
+from mathnavi.controllers.peers.barrier_kernels import BarrierShape, barrier, filtered
 from mathnavi.controllers.peers.commitment import least_effort, refusal
 from mathnavi.controllers.peers.faster import Faster, FasterConfig
 from mathnavi.controllers.peers.gatekeeper import Gatekeeper, GatekeeperConfig
 from mathnavi.models.aerial.dynamics import flow, state_at
 from mathnavi.models.aerial.plan_status import FlightPhase
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.protocols import Planner
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from tests import flight
 
 MISSION = flight.mission()
 BOUND = tracking_bound(0.8, MISSION)
-CERTIFICATE = Certificate.of(MISSION, BOUND)
+CERTIFICATE = Certificate.for_mission(MISSION, BOUND)
+
+
+@njit
+def surface(c: Array, u: float, v: float) -> tuple[float, float, float]:
+    return spline.surface(c, u, v)
 
 
 class Straight:
@@ -156,13 +162,14 @@ def test_the_funnel_clears_the_ground_and_ends_near_the_target() -> None:
 def test_the_barriers_derivatives_are_those_of_its_value() -> None:
     terrain = MISSION.terrain
     c, funnel = cover(terrain, 200.0), np.array([9000.0, 9000.0, 300.0, 0.4, 10.0])
+    shape = BarrierShape(c, terrain.spacing, 50.0, funnel)
     v, dt = np.array([120.0, -60.0, 30.0]), 1e-3
     used = set()
     for p in ([4000.0, 5000.0, 2300.0], [8600.0, 9300.0, 2300.0]):
-        h, rate, gradient, bend = barrier(c, terrain.spacing, 50.0, funnel, np.array(p), v)
-        before, after = (barrier(c, terrain.spacing, 50.0, funnel, p + s * dt * v, v)[0] for s in (-1.0, 1.0))
+        h, rate, gradient, second_derivative = barrier(shape, np.array(p), v)
+        before, after = (barrier(shape, p + s * dt * v, v)[0] for s in (-1.0, 1.0))
         assert rate == pytest.approx((after - before) / (2.0 * dt), rel=1e-4)
-        assert bend == pytest.approx((after - 2.0 * h + before) / dt**2, rel=1e-2, abs=1e-2)
+        assert second_derivative == pytest.approx((after - 2.0 * h + before) / dt**2, rel=1e-2, abs=1e-2)
         assert rate == pytest.approx(gradient @ v)
         used.add(h == pytest.approx(p[2] - surface(c, p[1] / terrain.spacing, p[0] / terrain.spacing)[0] - 50.0))
     assert used == {True, False}, "both barriers were tried"

@@ -33,7 +33,7 @@ def mission_flown(true: Quadrotor = NOMINAL, gust: DeclaredGusts | None = None) 
     mission, sensing, gusting = QuadrotorMission(flight), *np.random.default_rng(5).spawn(2)
     raw, tracker = QuadrotorFlight.build(QuadrotorConfig(), mission)
     bound = tracker.bound  # type: ignore[attr-defined]
-    certificate = Certificate.of(flight, bound)
+    certificate = Certificate.for_mission(flight, bound)
     planner = Certified(raw, partial(StopAndHover, period=raw.period), certificate, bound, flight.deadline_factor)
     config = QuadrotorState.Config()
     setup = VehicleSetup(mission.start_state, QuadrotorState.sensors(config, mission), drive=RotorDrive(true))

@@ -48,7 +48,7 @@ def test_a_plan_magnified_is_a_plan_and_shrunk_again_the_same(length: float, tim
 
 def test_a_mission_becomes_one_at_the_speed_of_the_thesis() -> None:
     mission = flight_mission(hills(), (40.0, 50.0), (350.0, 340.0))
-    similarity = Similarity.of(mission)
+    similarity = Similarity.for_mission(mission)
     magnified = similarity.mission(mission)
     assert magnified.speed_max == pytest.approx(300.0)
     assert Recorder.period / similarity.time == pytest.approx(0.5)

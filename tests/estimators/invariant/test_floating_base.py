@@ -113,7 +113,7 @@ def test_other_systems_are_refused_in_one_line() -> None:
 def test_the_state_at_the_start_is_the_mission_s_wherever_the_imu_is_mounted() -> None:
     model = mujoco.MjModel.from_xml_string(FLYING)
     mission = LagrangianMission(MechanismSystem(model))
-    assert FloatingBase.of(model).offset.any()
+    assert FloatingBase.from_model(model).offset.any()
     estimate = FloatingBaseIekf.build(FloatingBaseIekfConfig(), mission).update(0.0, (), np.zeros(2))
     np.testing.assert_allclose(estimate.x, mission.start_state, atol=1e-12)
     assert estimate.status is Status.INITIALISING

@@ -40,7 +40,7 @@ def test_an_error_of_any_size_propagates_linearly(size: float, seed: int) -> Non
 
 
 def test_a_body_that_falls_and_one_that_rests_move_as_they_do() -> None:
-    X, still = SE23.of(np.eye(3), np.array([1.0, 0.0, 0.0]), np.zeros(3)), np.zeros(3)
+    X, still = SE23.from_parts(np.eye(3), np.array([1.0, 0.0, 0.0]), np.zeros(3)), np.zeros(3)
     falls, _ = propagation(X, still, still, FALL, 0.5)
     np.testing.assert_allclose(falls[:3, 3:].T, [[1.0, 0.0, -0.5 * G], [0.5, 0.0, -0.125 * G]])
     rests, _ = propagation(X, still, np.array([0.0, 0.0, G]), FALL, 0.5)
@@ -53,7 +53,7 @@ def flown(
     """Estimates at each fix with the true element (5, 5) there, which begins off the stated start by Exp(start)."""
     rng, quality, period = np.random.default_rng(seed), MISSION.inertial, round(0.1 / dt)
     estimator, x = InertialIekf.build(config, MISSION), MISSION.start_state
-    X = SE23.of(rotation(x[3:7]), x[VELOCITY], x[:3]) @ SE23.exp(start)
+    X = SE23.from_parts(rotation(x[3:7]), x[VELOCITY], x[:3]) @ SE23.exp(start)
     rate, estimates = np.zeros(3), []
     for k in range(round(seconds / dt) + 1):
         t, noise = k * dt, rng.standard_normal(9)

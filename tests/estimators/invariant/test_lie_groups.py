@@ -98,7 +98,7 @@ def test_a_quaternion_leads_to_its_rotation(seed: int, size: float) -> None:
 @given(seed=SEEDS)
 def test_a_pose_is_the_element_of_its_own(seed: int) -> None:
     pose = np.random.default_rng(seed).uniform([-5.0, -5.0, -3.1], [5.0, 5.0, 3.1])
-    np.testing.assert_allclose(SE2.pose(SE2.of(pose)), pose, atol=1e-12)
+    np.testing.assert_allclose(SE2.pose(SE2.from_pose(pose)), pose, atol=1e-12)
 
 
 @given(seed=SEEDS)

@@ -26,12 +26,12 @@ def rank_under(outputs: RangeOutputs, x: Array, u: tuple[float, float], order: i
 
 def flags(distance_known: bool) -> ControlAffineSystem:
     system = camera_and_flags(distance_known)
-    return ControlAffineSystem.of(system.f, system.h, len(system.states), len(system.inputs))
+    return ControlAffineSystem.from_functions(system.f, system.h, len(system.states), len(system.inputs))
 
 
 def test_a_linear_system_has_the_rank_of_its_observability_matrix() -> None:
     A, C = np.diag([1.0, 2.0, 2.0]) + np.eye(3, k=1), np.array([[1.0, 0.0, 0.0]])
-    system = ControlAffineSystem.of(lambda x, u: casadi.DM(A) @ x, lambda x, u: casadi.DM(C) @ x, 3, 1)
+    system = ControlAffineSystem.from_functions(lambda x, u: casadi.DM(A) @ x, lambda x, u: casadi.DM(C) @ x, 3, 1)
     for order in range(3):
         matrix = np.vstack([C @ np.linalg.matrix_power(A, k) for k in range(order + 1)])
         found = codistribution(system, [system.drift], order)
@@ -116,9 +116,9 @@ def test_singular_values_of_what_is_not_defined_are_not_finite() -> None:
 
 def test_bad_arguments_are_refused() -> None:
     with pytest.raises(ValueError, match="not affine"):
-        ControlAffineSystem.of(lambda x, u: u * u, lambda x, u: x, 1, 1)
+        ControlAffineSystem.from_functions(lambda x, u: u * u, lambda x, u: x, 1, 1)
     with pytest.raises(ValueError, match="depends on it"):
-        ControlAffineSystem.of(lambda x, u: x, lambda x, u: x + u, 1, 1)
+        ControlAffineSystem.from_functions(lambda x, u: x, lambda x, u: x + u, 1, 1)
     system = range_system(THESIS)
     for fields, order in (([], 1), ([system.drift], -1)):
         with pytest.raises(ValueError, match="allowed: an order >= 0 and a field or more"):

@@ -1,4 +1,4 @@
-"""Output flows tell feasible states apart as soon as the robot moves, and only then (Proposition C.1)."""
+"""Output flows distinguish feasible states as soon as the robot moves, and only then (Proposition C.1)."""
 
 from __future__ import annotations
 

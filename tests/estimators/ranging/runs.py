@@ -61,7 +61,7 @@ def errors(task: RangingMission, run: Run) -> Array:
 
 
 def nees(task: RangingMission, run: Run) -> float:
-    """Of the last estimate."""
+    """NEES of the last estimate."""
     step, estimate = run[-1]
     assert estimate.covariance is not None
     error = task.difference(estimate.x, step.truth)

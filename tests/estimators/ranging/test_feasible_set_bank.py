@@ -109,7 +109,7 @@ def test_until_one_hypothesis_is_twice_as_likely_as_all_others_it_is_initialisin
     assert estimates[9].covariance is not None
 
 
-def test_a_robot_that_is_carried_away_is_found_again_and_the_status_tells() -> None:
+def test_a_robot_that_is_carried_away_is_found_again_and_the_status_shows_it() -> None:
     task, rng = mission(), np.random.default_rng(3)
     before = list(driven(task, STARTS[0], 3.0, rng=rng))
     after = [dataclasses.replace(step, t=step.t + 3.0) for step in driven(task, STARTS[1], 4.0, rng=rng)][1:]
@@ -163,7 +163,7 @@ def test_where_the_start_is_known_it_is_one_filter_that_stays_on_the_truth() -> 
 
 
 def test_the_bias_of_odometry_is_found() -> None:
-    """With it the heading would be off by 2 % of what was turned, and no range would tell while there are none."""
+    """With it the heading would be off by 2 % of what was turned, and no range would show it while there are none."""
     task = mission("4")
     steps = list(driven(task, STARTS[0], 14.0, rng=np.random.default_rng(0)))
     blind = [with_ranges(step, lambda ranges: np.full_like(ranges, np.nan)) for step in steps[1000:]]

@@ -42,7 +42,7 @@ def drive(kind: Any, task: RangingMission, seconds: float, ranges: Array | None 
 
 def in_its_own_axes(x: Array, P: Array) -> Array:
     R = np.eye(3)
-    R[:2, :2] = SE2.of(x)[:2, :2]
+    R[:2, :2] = SE2.from_pose(x)[:2, :2]
     axes: Array = R.T @ P @ R
     return axes
 
@@ -58,7 +58,7 @@ def test_poses_that_are_carried_by_odometry_are_gaussian_on_the_group_with_the_c
     """A heading known to .6 rad bends the cloud of positions into a banana, of which the logarithm is Gaussian."""
     task, rng = task_from((0.0, 0.0, 0.0)), np.random.default_rng(0)
     x, P = drive(RangeIekf, task, 8.0)
-    X, moved = SE2.of(x), SE2.exp(8.0 * np.array([U[0], 0.0, U[1]]))
+    X, moved = SE2.from_pose(x), SE2.exp(8.0 * np.array([U[0], 0.0, U[1]]))
     starts = np.array([0.05, 0.05, 0.6]) * rng.standard_normal((4000, 3))
     errors = np.array([SE2.log(np.linalg.inv(X) @ SE2.exp(xi) @ moved) for xi in starts])
     np.testing.assert_allclose(np.cov(errors.T), in_its_own_axes(x, P), rtol=0.1, atol=0.02)
@@ -77,7 +77,7 @@ def test_after_a_drive_by_odometry_ranges_leave_less_error_than_in_coordinates_a
         found = []
         for seed in range(30):
             truth = np.array(start) + np.array([0.05, 0.05, 0.3]) * np.random.default_rng(seed).standard_normal(3)
-            at_end = SE2.pose(SE2.of(truth) @ SE2.exp(5.0 * np.array([U[0], 0.0, U[1]])))
+            at_end = SE2.pose(SE2.from_pose(truth) @ SE2.exp(5.0 * np.array([U[0], 0.0, U[1]])))
             x, P = drive(kind, task, 5.0, room.ranges(at_end, task.alpha)[0])
             error = task.difference(x, at_end)
             found.append((np.linalg.norm(error[:2]), error @ np.linalg.solve(P, error)))

@@ -124,7 +124,7 @@ def test_the_step_is_stable_where_an_explicit_one_is_not() -> None:
 
 
 def rank(alpha: Array, z: Array, rho: Array, rho_dot: Array, u: tuple[float, float]) -> int:
-    """Of [J_v; J_q], which is that of H."""
+    """Rank of [J_v; J_q], which is that of H."""
     _, H, _, _ = descent(FIELD.table, alpha, z, rho, rho_dot, np.array(u), (1.0, 1.0))
     return int(np.linalg.matrix_rank(H, hermitian=True))
 

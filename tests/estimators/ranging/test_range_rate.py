@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mathnavi.estimators.ranging.range_rate import Window, check_window, savitzky_golay, spread
+from mathnavi.estimators.ranging.range_rate import FitWindow, check_window, savitzky_golay, spread
 from mathnavi.estimators.ranging.range_rate_kernels import centre_fit, innovated, measured
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.kernels import integrate
@@ -93,7 +93,7 @@ def test_a_robot_that_is_elsewhere_sees_it_in_the_innovation() -> None:
 
 
 def test_a_window_holds_the_last_readings_and_the_inputs_between_them() -> None:
-    window = Window(5, 1)
+    window = FitWindow(5, 1)
     for k in range(9):
         window.push(np.array([float(k)]), np.array([float(k), -float(k)]))
         assert window.has_centre is (k >= 2)

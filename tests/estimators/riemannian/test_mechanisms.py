@@ -91,7 +91,7 @@ def test_with_encoders_it_is_a_hundred_times_better_than_differences(two_link: R
 
 @pytest.mark.parametrize("jump", [0.5, 3.0])
 def test_readings_that_jump_are_refused(two_link: Run, jump: float) -> None:
-    """Joints know no injectivity radius that would tell them."""
+    """Joints have no injectivity radius that would show it."""
     steady, wild = two_link.x.copy(), two_link.x.copy()
     wild[200:1000:100] += jump
     mission = LagrangianMission(MechanismSystem(two_link.model), speed_max=10.0)

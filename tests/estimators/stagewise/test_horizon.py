@@ -12,18 +12,18 @@ from mathnavi.estimators.moving_horizon import MovingHorizonConfig, MovingHorizo
 from mathnavi.estimators.stagewise.flight import FlightModel
 from mathnavi.estimators.stagewise.horizon import MovingHorizon
 from mathnavi.estimators.stagewise.horizon_programme import HorizonProgramme
-from mathnavi.estimators.stagewise.model import Stage
+from mathnavi.estimators.stagewise.model import SmootherStage
 from mathnavi.estimators.stagewise.smoother import rauch_tung_striebel
-from mathnavi.models.nlp_solver import NlpReport, Outcome
+from mathnavi.models.nlp_solver import NlpReport, SolverOutcome
 from mathnavi.sim.interfaces.signals import Measurement, Status
 from tests.estimators.stagewise.test_smoother import FLIGHT, fixes, ranged
 
 
 @pytest.mark.parametrize("stages", [2, 6])
 def test_of_a_linear_model_it_is_the_kalman_filter_whatever_its_length(stages: int) -> None:
-    model = FlightModel.of(KalmanConfig(), FLIGHT)
+    model = FlightModel.from_config(KalmanConfig(), FLIGHT)
     horizon = MovingHorizon(model, stages, 1, slope=1e9)
-    taken: list[Stage] = []
+    taken: list[SmootherStage] = []
     for k, stage in enumerate(fixes(20)):
         horizon.add(stage)
         taken.append(stage)
@@ -35,7 +35,7 @@ def test_of_a_linear_model_it_is_the_kalman_filter_whatever_its_length(stages: i
 
 def test_the_limits_of_the_mission_hold() -> None:
     """Fixes that run away ask for a gust that is not declared, of a filter without limits."""
-    model = FlightModel.of(KalmanConfig(), FLIGHT)
+    model = FlightModel.from_config(KalmanConfig(), FLIGHT)
     horizon, limit = MovingHorizon(model, 6, 1, slope=1e9), FLIGHT.gust.limit
     for stage in runaway(20):
         horizon.add(stage)
@@ -44,9 +44,11 @@ def test_the_limits_of_the_mission_hold() -> None:
     assert np.abs(rauch_tung_striebel(model, runaway(20), 1e-300).x[-1][6:]).max() > limit
 
 
-def runaway(n: int) -> list[Stage]:
+def runaway(n: int) -> list[SmootherStage]:
     """Fixes that accelerate by 60 m/s^2."""
-    return [Stage(stage.t, stage.inputs, tuple(y + 30.0 * stage.t**2 for y in stage.readings)) for stage in fixes(n)]
+    return [
+        SmootherStage(stage.t, stage.inputs, tuple(y + 30.0 * stage.t**2 for y in stage.readings)) for stage in fixes(n)
+    ]
 
 
 def test_fatrop_finds_what_the_closed_form_finds_where_no_limit_is_active(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -77,7 +79,7 @@ def test_an_outlier_moves_it_by_less_than_a_filter_without_a_gate() -> None:
         horizon = MovingHorizon(model, 8, 1, slope)
         for k, stage in enumerate(stages):
             readings = tuple(y + np.array([0.0, 2.0, 0.0]) * (k % 7 == 3) for y in stage.readings)
-            horizon.add(Stage(stage.t, stage.inputs, readings))
+            horizon.add(SmootherStage(stage.t, stage.inputs, readings))
         errors[slope] = float(np.linalg.norm(horizon.x[:2] - truth[-1, :2]))
     assert errors[1.5] < 0.3 * errors[1e9]
 
@@ -90,7 +92,7 @@ def test_a_solver_that_fails_is_a_status_and_the_estimate_is_the_prediction(monk
     assert good.status is Status.OK
 
     def fails(self: Any) -> NlpReport:
-        return NlpReport(Outcome.FAILED, "the solver gave up", None)
+        return NlpReport(SolverOutcome.FAILED, "the solver gave up", None)
 
     monkeypatch.setattr("mathnavi.models.nlp_solver.NlpSolver.solve", fails)
     monkeypatch.setattr(FlightModel, "limits", lambda self, x: (-np.full(9, 1e-9), np.full(9, 1e-9)))

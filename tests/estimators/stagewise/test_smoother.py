@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 
 from mathnavi.estimators.kalman import KalmanConfig
 from mathnavi.estimators.stagewise.flight import FlightModel
-from mathnavi.estimators.stagewise.model import Stage, advanced, residuals
+from mathnavi.estimators.stagewise.model import SmootherStage, advanced, residuals
 from mathnavi.estimators.stagewise.ranging import RangingModel
 from mathnavi.estimators.stagewise.smoother import batch_least_squares, rauch_tung_striebel, square_root
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
@@ -25,18 +25,20 @@ FLIGHT = FlightMission(
 GATE = 1e-9
 
 
-def fixes(n: int = 40) -> list[Stage]:
+def fixes(n: int = 40) -> list[SmootherStage]:
     """Fixes of a flight that sways, every second stage without one."""
     rng = np.random.default_rng(2)
     u = np.array([0.5, -0.3, 0.1])
     return [
-        Stage(0.1 * k, ((0.1, u),) if k else (), (FLIGHT.start + 2.0 * rng.standard_normal(3),) if k % 2 == 0 else ())
+        SmootherStage(
+            0.1 * k, ((0.1, u),) if k else (), (FLIGHT.start + 2.0 * rng.standard_normal(3),) if k % 2 == 0 else ()
+        )
         for k in range(n)
     ]
 
 
 def test_of_a_linear_model_the_smoother_is_that_of_filterpy() -> None:
-    model, stages = FlightModel.of(KalmanConfig(), FLIGHT), fixes()
+    model, stages = FlightModel.from_config(KalmanConfig(), FLIGHT), fixes()
     found = rauch_tung_striebel(model, stages, GATE)
     kalman = KalmanFilter(9, 3)
     kalman.x, kalman.P = model.start(None)
@@ -58,20 +60,22 @@ def test_of_a_linear_model_the_smoother_is_that_of_filterpy() -> None:
         np.testing.assert_allclose(found.P[k], P[k], atol=1e-9)
 
 
-def moved(stage: Stage, u: Array) -> Array:
-    """What the input alone does by the time of a stage: without it the model is x' = F x."""
+def moved(stage: SmootherStage, u: Array) -> Array:
+    """Effect of the input alone by the time of a stage: without it the model is x' = F x."""
     u = np.array([0.5, -0.3, 0.1])
     return np.concatenate([0.5 * u * stage.t**2, u * stage.t, np.zeros(3)])
 
 
 def test_of_a_linear_model_batch_least_squares_is_the_smoother() -> None:
-    model, stages = FlightModel.of(KalmanConfig(), FLIGHT), fixes()
+    model, stages = FlightModel.from_config(KalmanConfig(), FLIGHT), fixes()
     smoothed, batch = rauch_tung_striebel(model, stages, GATE), batch_least_squares(model, stages, GATE)
     assert batch.converged
     np.testing.assert_allclose(np.array(batch.x), np.array(smoothed.x), atol=1e-6)
 
 
-def ranged(rng: np.random.Generator, n: int = 150, relative: float = 0.02) -> tuple[RangingModel, list[Stage], Array]:
+def ranged(
+    rng: np.random.Generator, n: int = 150, relative: float = 0.02
+) -> tuple[RangingModel, list[SmootherStage], Array]:
     """A robot that drives a bow, from a start that is known roughly."""
     truth = np.array([0.6, -0.3, 0.8])
     start = truth + 0.1 * rng.standard_normal(3)
@@ -84,7 +88,7 @@ def ranged(rng: np.random.Generator, n: int = 150, relative: float = 0.02) -> tu
         exact, _ = mission.curve.ranges(truth, mission.alpha)
         read = exact * (1.0 + relative * rng.standard_normal(3)) + 0.02 * rng.standard_normal(3)
         measured = 1.02 * u + np.array([0.2, 0.3]) * rng.standard_normal(2)
-        stages.append(Stage(0.01 * k, ((0.01, measured),) if k else (), (read,)))
+        stages.append(SmootherStage(0.01 * k, ((0.01, measured),) if k else (), (read,)))
         poses.append(truth)
         truth = mission.flow(truth, u, 0.01)
     return RangingModel(mission), stages, np.array(poses)
@@ -107,11 +111,11 @@ def test_a_smoother_is_nearer_to_the_truth_than_its_filter_and_batch_least_squar
 
 
 def test_an_outlier_is_not_used() -> None:
-    model, stages = FlightModel.of(KalmanConfig(), FLIGHT), fixes()
+    model, stages = FlightModel.from_config(KalmanConfig(), FLIGHT), fixes()
     spoilt = list(stages)
-    spoilt[20] = Stage(stages[20].t, stages[20].inputs, (stages[20].readings[0] + 500.0,))
+    spoilt[20] = SmootherStage(stages[20].t, stages[20].inputs, (stages[20].readings[0] + 500.0,))
     without = list(stages)
-    without[20] = Stage(stages[20].t, stages[20].inputs, ())
+    without[20] = SmootherStage(stages[20].t, stages[20].inputs, ())
     np.testing.assert_allclose(
         rauch_tung_striebel(model, spoilt, GATE).x, rauch_tung_striebel(model, without, GATE).x, atol=1e-9
     )

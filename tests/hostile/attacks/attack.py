@@ -1,4 +1,4 @@
-"""What attacks share: good command lines, and copies of good files."""
+"""Common part of attacks: good command lines, and copies of good files."""
 
 from __future__ import annotations
 

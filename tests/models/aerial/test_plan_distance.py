@@ -1,4 +1,4 @@
-"""The least distance of two plans is that of looking often, never above it, and exact where one can tell by hand."""
+"""The least distance of two plans is that of dense samples, never above it, and exact where it is known by hand."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_it_is_never_above_sampling_and_below_by_no_more_than_the_motion_in_betw
     least = least_distance(a, b, t)
     times, distances = sampled_distances(a, b, t, 2000)
     sampled = float(distances.min())
-    speed = PlannedTrajectory.of(a).speed + PlannedTrajectory.of(b).speed
+    speed = PlannedTrajectory.from_plan(a).speed + PlannedTrajectory.from_plan(b).speed
     assert least <= sampled * (1.0 + 1e-6) + 1e-12 * scale
     # A jump into rest at the end, which these plans make, is not in position.
     assert least >= sampled - 0.5 * speed * float(np.diff(times).max(initial=0.0)) - 1e-9 * scale
@@ -92,7 +92,7 @@ def test_one_that_has_ended_stays_where_it_rests_and_is_met_there() -> None:
     assert least_distance(short, late, 1000.0) == pytest.approx(50.0)  # both rest for ever
 
 
-def test_before_its_start_a_plan_stands_where_it_begins_unless_one_looks_from_then_on() -> None:
+def test_before_its_start_a_plan_stands_where_it_begins_unless_the_distance_is_taken_from_then_on() -> None:
     waits = straight((0.0, 0.0, 0.0), (0.0, 50.0, 0.0), 10.0, t=20.0)
     passes = straight((-100.0, 0.0, 0.0), (10.0, 0.0, 0.0), 100.0)  # at the origin at 10 s
     assert least_distance(waits, passes, 0.0) < 1e-9
@@ -131,7 +131,7 @@ def test_what_is_no_plan_is_refused_by_name() -> None:
 
 def test_a_trajectory_is_its_own() -> None:
     plan = straight((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0)
-    held = PlannedTrajectory.of(plan)
+    held = PlannedTrajectory.from_plan(plan)
     plan.x[:] = 7.0
     assert held.x[0, 3] == 1.0
     assert not held.x.flags.writeable

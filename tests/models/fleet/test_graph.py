@@ -18,7 +18,7 @@ N = 8
 
 
 def weights(**entries: float) -> np.ndarray:
-    """Of a line a, b, c with some entries changed, ab=2.0 for one."""
+    """Weights of a line a, b, c with some entries changed, ab=2.0 for one."""
     a = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
     for at, value in entries.items():
         a["abc".index(at[0]), "abc".index(at[1])] = value
@@ -61,7 +61,7 @@ def test_the_named_graphs_have_the_eigenvalues_of_the_textbooks() -> None:
 
 
 def test_a_vehicle_knows_its_own_links_only() -> None:
-    graph = Graph.of(ABC, {("a", "b"): 2.0, ("c", "b"): 0.5})
+    graph = Graph.from_edges(ABC, {("a", "b"): 2.0, ("c", "b"): 0.5})
     assert graph.node("b", 2.0, 90.0).weights == {"a": 2.0, "c": 0.5}
     assert graph.node("b").valency == 2.5
     assert (graph.node("b", 2.0, 90.0).planning_period, graph.node("b", 2.0, 90.0).deadline) == (2.0, 90.0)
@@ -111,7 +111,7 @@ def test_other_mistakes_are_refused() -> None:
     with pytest.raises(ValueError, match="name = 'z'; allowed: a, b, c"):
         Graph.line(ABC).neighbours("z")
     with pytest.raises(ValueError, match="name = 'z'; allowed: a, b, c"):
-        Graph.of(ABC, {("a", "z"): 1.0})
+        Graph.from_edges(ABC, {("a", "z"): 1.0})
     with pytest.raises(ValueError, match=r"chance = 1\.5"):
         Graph.random_connected(ABC, 1.5, rng)
     with pytest.raises(ValueError, match=r"least weight = 0\.0"):
@@ -120,7 +120,7 @@ def test_other_mistakes_are_refused() -> None:
 
 # ---- switching
 
-AB, BC = Graph.of(ABC, {("a", "b"): 2.0}), Graph.of(ABC, {("b", "c"): 1.0})
+AB, BC = Graph.from_edges(ABC, {("a", "b"): 2.0}), Graph.from_edges(ABC, {("b", "c"): 1.0})
 
 
 def test_each_graph_of_a_switching_one_holds_from_its_own_time_on() -> None:

@@ -35,7 +35,7 @@ class Moving:
 
 def test_the_imu_reads_what_mujoco_s_gyro_and_accelerometer_read() -> None:
     model, rng = build_model("quadruped"), np.random.default_rng(0)
-    base, data = FloatingBase.of(model), mujoco.MjData(model)
+    base, data = FloatingBase.from_model(model), mujoco.MjData(model)
     data.qpos[3:7] = rng.standard_normal(4)
     data.qpos[2], data.qvel[:] = 2.0, rng.standard_normal(model.nv)
     mujoco.mj_normalizeQuat(model, data.qpos)
@@ -51,7 +51,7 @@ def test_the_imu_reads_what_mujoco_s_gyro_and_accelerometer_read() -> None:
 
 def test_a_foot_s_switch_is_closed_on_the_ground_only() -> None:
     model = build_model("quadruped")
-    switches = FootSwitches(FloatingBase.of(model), 1e3)
+    switches = FootSwitches(FloatingBase.from_model(model), 1e3)
     x = np.concatenate([model.qpos0, np.zeros(model.nv)])
     for height, expected in ((0.5, [0.0] * 4), (0.36, [1.0] * 4)):
         x[2] = height
@@ -92,4 +92,4 @@ def test_a_base_without_its_imu_is_refused(site: str, more: str, sensors: str, m
 
 def test_a_fixed_base_is_refused() -> None:
     with pytest.raises(FieldError, match="0 free joints; allowed for floating_base_iekf"):
-        FloatingBase.of(build_model("two-link"))
+        FloatingBase.from_model(build_model("two-link"))

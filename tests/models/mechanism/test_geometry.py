@@ -81,8 +81,8 @@ def test_exp_and_log_err_by_the_fourth_order_and_transport_by_the_third(joints: 
     w /= np.linalg.norm(w)
     for share in (0.2, 0.1):
         q, v = along(manifold, p, share * w)
-        carried_off = (manifold.transport(p, q, share * w) - v) / share
-        differences = manifold.coordinates(q, manifold.exp(p, share * w)), manifold.log(p, q) - share * w, carried_off
+        carried_error = (manifold.transport(p, q, share * w) - v) / share
+        differences = manifold.coordinates(q, manifold.exp(p, share * w)), manifold.log(p, q) - share * w, carried_error
         errors.append([np.abs(each).max() for each in differences])
     (exp, log, transport), (exp_half, log_half, transport_half) = errors
     assert max(exp_half / exp, log_half / log) < 2.0**-3.3
@@ -214,10 +214,10 @@ def test_a_full_pose_is_rounded_as_encoders_are() -> None:
     manifold = MechanismManifold(model)
     p = somewhere(manifold, model, rng)
     rounded = manifold.rounded(p, 14)
-    off = np.abs(manifold.coordinates(p, rounded))
-    assert (off[:3] <= 0.5 / 2.0**14).all()
-    assert (off[3:] <= 2.0 * np.pi / 2.0**14).all()
-    assert off.all()
+    error = np.abs(manifold.coordinates(p, rounded))
+    assert (error[:3] <= 0.5 / 2.0**14).all()
+    assert (error[3:] <= 2.0 * np.pi / 2.0**14).all()
+    assert error.all()
     np.testing.assert_array_equal(manifold.check(rounded), rounded)
 
 

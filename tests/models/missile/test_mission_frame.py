@@ -17,7 +17,7 @@ START = (0.0, 0.0, 10.0)
 @pytest.mark.parametrize("aspect", [-90.0, -30.0, 0.0])
 def test_every_direction_of_a_flight_is_off_the_singular_axis(heading: int, course: int, aspect: float) -> None:
     c = math.radians(course)
-    frame = MissionFrame.of(heading, START, (700 * math.cos(c), 700 * math.sin(c), 0.0), aspect, planar=False)
+    frame = MissionFrame.for_flight(heading, START, (700 * math.cos(c), 700 * math.sin(c), 0.0), aspect, planar=False)
     h, a = math.radians(heading), math.radians(aspect)
     nose = frame.axes @ (math.cos(h), math.sin(h), 0.0)
     end = frame.axes @ (math.cos(a), 0.0, math.sin(a))
@@ -27,12 +27,12 @@ def test_every_direction_of_a_flight_is_off_the_singular_axis(heading: int, cour
 
 
 def test_the_world_is_kept_where_it_is_good_enough() -> None:
-    assert MissionFrame.of(40.0, START, (700.0, 150.0, 0.0), -90.0, planar=False) == MissionFrame(0)
+    assert MissionFrame.for_flight(40.0, START, (700.0, 150.0, 0.0), -90.0, planar=False) == MissionFrame(0)
     assert MissionFrame(0).turned((1.0, 2.0, 3.0)) == (1.0, 2.0, 3.0)
 
 
 def test_a_planar_flight_turns_by_half_a_turn_or_not_at_all() -> None:
-    frame = MissionFrame.of(180.0, START, (-700.0, 0.0, 0.0), -90.0, planar=True)
+    frame = MissionFrame.for_flight(180.0, START, (-700.0, 0.0, 0.0), -90.0, planar=True)
     assert frame == MissionFrame(180)
     assert frame.turned((-700.0, 0.0, 5.0)) == (700.0, 0.0, 5.0)
     np.testing.assert_allclose(frame.axes @ frame.axes.T, np.eye(3), atol=1e-12)

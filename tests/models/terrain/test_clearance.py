@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.kernels import arc_clearance, height_at
+from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 SPACING = 100.0
@@ -201,7 +202,8 @@ def test_height_interpolates_the_triangles_and_is_nan_off_the_map() -> None:
     x, y = np.random.default_rng(2).uniform(0.0, 1.0, (2, 500)) * [[terrain.width], [terrain.depth]]
     np.testing.assert_allclose(terrain.height(x, y), ground(terrain, x, y), atol=1e-10)
     assert terrain.height(800.0, 600.0) == pytest.approx(terrain.z[-1, -1], abs=1e-10)
-    assert height_at(terrain.z, terrain.spacing, 800.0, 600.0) == terrain.height(800.0, 600.0)
+    height_of = njit(lambda z, spacing, x, y: height_at(z, spacing, x, y))
+    assert height_of(terrain.z, terrain.spacing, 800.0, 600.0) == terrain.height(800.0, 600.0)
     outside = terrain.height([-1e-9, 800.1, 0.0, math.nan], [0.0, 0.0, 600.1, 0.0])
     assert np.isnan(outside).all()
 

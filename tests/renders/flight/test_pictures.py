@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator, Sequence
 from pathlib import Path
 
 import av
 import numpy as np
 import pytest
-from PIL import Image
 
 from mathnavi.renders import video
+from mathnavi.renders.film import Frame
 from mathnavi.renders.flight.run_data import FlightRun
+from mathnavi.renders.palette import Picture
 from mathnavi.renders.relief import relief, resampled
-from mathnavi.renders.video import write_still, write_video
+from mathnavi.renders.video import VIDEO_SAMPLES, write_video
 from tests.renders.drawn import differing, draw_apart, draw_here, drawn_apart, needs_opengl
 from tests.renders.synthetic import ridges
 
@@ -54,30 +56,29 @@ def test_vehicle_is_where_it_should_be_and_nothing_else_moves_with_it(run_dir: P
 
 
 @needs_opengl
-@pytest.mark.usefixtures("drawing_apart")
-def test_video_has_the_size_rate_and_length_asked_for(run_dir: Path, tmp_path: Path) -> None:
-    path = write_video(run_dir, path=tmp_path / "short.mp4", width=160, height=90, fps=2, progress=False)
+def test_video_has_the_size_rate_and_length_asked_for_and_the_same_pictures_whichever_process_draws_them(
+    run_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shots: list[tuple[Frame, Picture]] = []
+
+    def recorded(directory: Path, frames: Sequence[Frame], *size: int) -> Generator[Picture]:
+        for shot in zip(frames, draw_apart(directory, frames, *size), strict=True):
+            shots.append(shot)
+            yield shot[1]
+
+    monkeypatch.setattr(video, "draw", recorded)
+    path = write_video(run_dir, path=tmp_path / "short.mp4", width=160, height=90, fps=1, progress=False)
     assert [file.name for file in tmp_path.iterdir()] == ["short.mp4"]
     with av.open(str(path)) as container:
         stream = container.streams.video[0]
         pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
         assert stream.codec_context.name == "h264"
         assert (stream.width, stream.height) == (160, 90)
-        assert stream.average_rate == 2
-    assert 15 * 2 <= len(pictures) <= 25 * 2
+        assert stream.average_rate == 1
+    assert 15 <= len(pictures) <= 25
     assert min(picture.std() for picture in pictures) > 10.0
-
-
-@needs_opengl
-def test_still_is_the_same_picture_whichever_process_draws_it(
-    run_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    stills = []
-    for how in (draw_apart, draw_here):
-        monkeypatch.setattr(video, "draw", how)
-        stills.append(np.asarray(Image.open(write_still(run_dir, "top", tmp_path / "top.png", width=320, height=180))))
-    assert stills[0].shape == (180, 320, 3)
-    np.testing.assert_array_equal(*stills)
+    here = draw_here(run_dir, [frame for frame, _ in shots[::4]], 160, 90, VIDEO_SAMPLES)
+    np.testing.assert_array_equal(list(here), [picture for _, picture in shots[::4]])
 
 
 def test_odd_sizes_and_missing_runs_are_refused_before_anything_is_written(run_dir: Path, tmp_path: Path) -> None:
@@ -90,7 +91,5 @@ def test_odd_sizes_and_missing_runs_are_refused_before_anything_is_written(run_d
 
 @needs_opengl
 def test_failure_of_the_process_that_draws_is_reported_in_its_own_words(run: FlightRun, tmp_path: Path) -> None:
-    from mathnavi.renders.film import Frame
-
     with pytest.raises(RuntimeError, match="does not exist"):
         next(iter(draw_apart(tmp_path / "gone", [Frame(0.0, "top", 0.0, 0.0)], 64, 36, 0)))

@@ -6,16 +6,14 @@ import json
 import math
 import re
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mathnavi.renders import figures
-from mathnavi.renders.flight.report import report
 from mathnavi.renders.flight.run_data import FlightRun
-from mathnavi.renders.page import inline_svg
+from mathnavi.renders.page import inline_svg, quantity
 from mathnavi.renders.report import write_report
 from mathnavi.sim.interfaces.signals import Event
 from mathnavi.sim.records.figure_names import label
@@ -53,23 +51,6 @@ def test_report_shows_the_flight_the_first_plan_and_the_radars_over_the_terrain(
     assert "Radars weigh on the optimised part of a plan only" in Page(source).text
 
 
-def test_figures_have_sensible_digits_and_unknown_ones_a_dash(run: FlightRun, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("MUJOCO_GL", "disable")
-    summary = dict(run.summary) | {
-        "arrival_time_s": 276.43333, "tracking_error_max_m": 3e-10, "solve_ms_mean": math.nan, "solve_ms_p50": 0.28123,
-        "path_length_m": 76211.3, "deadline_s": None,
-    }  # fmt: skip
-    cells = re.findall(
-        r"<tr><th[^>]*>([^<]*)</th><td[^>]*>([^<]*)</td>", report(replace(run, log=replace(run.log, summary=summary)))
-    )
-    shown = dict(cells)
-    assert shown["arrival time"] == "276.4 s"
-    assert shown["tracking error max"] == "&lt; 0.001 m"
-    assert shown["solve time mean"] == shown["deadline"] == "–"
-    assert shown["solve time p50"] == "0.28 ms"
-    assert shown["path length"] == "76,211 m"
-
-
 def test_a_radar_warning_is_given_in_words() -> None:
     assert described(Event(1.0, "vehicle", "message", "radar from radar warning")) == ("radar on", "")
     assert described(Event(1.0, "vehicle", "plan-rejected", "why")) == ("plan rejected", "why")
@@ -88,24 +69,32 @@ def test_every_picture_is_described_and_identifiers_are_unique(source: str) -> N
     check_identifiers(source)
 
 
-def test_report_says_so_when_the_vehicle_did_not_arrive(
+def test_without_opengl_the_report_of_a_vehicle_that_did_not_arrive_says_so_and_how_to_install_it(
     run_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("MUJOCO_GL", "disable")  # pictures take long and do not matter here
+    """Figures have sensible digits, and unknown ones a dash."""
+    monkeypatch.setenv("MUJOCO_GL", "disable")
     copy = shutil.copytree(run_dir, tmp_path / "run")
     summary = json.loads((copy / "summary.json").read_text())
-    summary |= {"arrived": False, "arrival_time_s": None, "min_clearance_m": -3.0, "ground_contacts": 1}
+    summary |= {
+        "arrived": False, "arrival_time_s": None, "min_clearance_m": -3.0, "ground_contacts": 1,
+        "tracking_error_max_m": 3e-10, "solve_ms_mean": None, "solve_ms_p50": 0.28123,
+        "path_length_m": 76211.3, "deadline_s": 276.43333,
+    }  # fmt: skip
     (copy / "summary.json").write_text(json.dumps(summary))
     text = write_report(copy).read_text(encoding="utf-8")
-    assert "did not arrive, and came too close to the ground" in text
-
-
-def test_without_opengl_the_report_is_written_and_says_how_to_install_it(
-    run_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("MUJOCO_GL", "disable")
-    text = write_report(shutil.copytree(run_dir, tmp_path / "run")).read_text(encoding="utf-8")
     assert "libosmesa6" in text
+    assert "did not arrive, and came too close to the ground" in text
+    shown = dict(re.findall(r"<tr><th[^>]*>([^<]*)</th><td[^>]*>([^<]*)</td>", text))
+    assert shown["deadline"] == "276.4 s"
+    assert shown["tracking error max"] == "&lt; 0.001 m"
+    assert shown["solve time mean"] == shown["arrival time"] == "–"
+    assert shown["solve time p50"] == "0.28 ms"
+    assert shown["path length"] == "76,211 m"
+
+
+def test_a_figure_that_is_no_number_has_a_dash() -> None:
+    assert quantity("solve_ms_mean", math.nan) == "–"
 
 
 def test_report_of_a_missing_run_is_refused(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -37,6 +38,7 @@ MODEL = """
     <camera name="pier" pos="5 -12 4" xyaxes="1 0 0 0 0.3 1" fovy="60"/>
     <camera name="../../../out" pos="0 0 9"/>
     <body name="cart/hull" pos="0 0 1">
+      <camera name="cart/bow" pos="1 0 0" xyaxes="0 -1 0 0 0 1"/>
       <joint name="cart/x" type="slide" axis="1 0 0"/>
       <geom type="box" size="0.6 0.4 0.3" material="red" mass="1"/>
       <geom type="mesh" mesh="keel" pos="0 0 0.3" mass="0.1"/>
@@ -88,7 +90,12 @@ def test_the_scene_holds_every_shape_and_where_it_was(folder: Path) -> None:
     ahead = run.scene.plans["cart"].ahead(1.5)
     assert ahead is not None
     np.testing.assert_allclose(ahead[:, 0], [5.5, 11.0])
-    assert drawing_of(folder).cameras == (*SCENE_CAMERAS, "pier", BOARD)  # no camera whose name would lead elsewhere
+    assert drawing_of(folder).cameras == (
+        *SCENE_CAMERAS,
+        "pier",
+        "cart-bow",
+        BOARD,
+    )
 
 
 @needs_opengl
@@ -157,3 +164,60 @@ def test_the_tour_covers_the_run(folder: Path) -> None:
     assert times == sorted(times)
     assert (times[0], times[-1]) == (0.0, run.duration)
     assert {frame.camera for frame in frames} == {"fixed", "track"}
+
+
+@needs_opengl
+def test_the_light_shines_on_the_middle_so_that_shadows_fall_there(folder: Path) -> None:
+    from mathnavi.renders.generic.scene import GenericScene
+
+    with GenericScene(load_run(folder), 320, 180) as scene:
+        scene.draw(0.0, "fixed")
+        towards = scene.model.stat.center - scene.stage.data.light_xpos[0]
+        direction = scene.stage.data.light_xdir[0]
+        assert np.linalg.norm(np.cross(towards, direction)) < 1e-6 * np.linalg.norm(towards)
+
+
+@needs_opengl
+def test_what_is_drawn_beside_the_scene_casts_no_shadow(folder: Path) -> None:
+    from mathnavi.renders.generic.scene import GenericScene
+
+    with GenericScene(load_run(folder), 320, 180) as scene:
+        scene.draw(1.5, "fixed")
+        drawn = scene.stage._renderer.scene
+        added = [g for g in drawn.geoms[: drawn.ngeom] if g.objtype != mujoco.mjtObj.mjOBJ_GEOM]
+        assert len(added) > 3  # path, plan and ghost
+        assert {g.category for g in added} == {int(mujoco.mjtCatBit.mjCAT_DECOR)}
+
+
+def test_figures_of_a_scenario_stand_in_its_summary(folder: Path, tmp_path: Path) -> None:
+    write_run(tmp_path, CONFIG, {"arrived": True, "collisions": 3, "seed": 2}, recording(moved()))
+    write_report(tmp_path)
+    source, _ = checked_report(tmp_path)
+    assert "collisions" in source[source.index("Summary") : source.index("Do it again")]
+    assert "collisions" not in source[source.index("<footer") :]
+
+
+def test_a_report_shows_no_cost_of_plans_that_state_none(folder: Path, tmp_path: Path) -> None:
+    record = recording(moved())
+    for cost, shown in ((np.nan, False), (3.0, True)):
+        agent = record.agents["cart"]
+        agent.plans[:] = [(t, dataclasses.replace(plan, cost=cost)) for t, plan in agent.plans]
+        write_run(tmp_path, CONFIG, {"arrived": True}, record)
+        write_report(tmp_path)
+        assert ("The objective of the plan" in checked_report(tmp_path)[0]) is shown
+
+
+def test_a_report_says_how_a_run_of_code_that_is_not_installed_is_repeated(folder: Path, tmp_path: Path) -> None:
+    write_run(tmp_path, CONFIG, {"arrived": True}, recording(moved()))
+    write_report(tmp_path)
+    assert "--trust" in checked_report(tmp_path)[0]
+
+
+def test_the_log_of_another_run_is_refused(folder: Path, tmp_path: Path) -> None:
+    write_run(tmp_path, CONFIG, {"arrived": True}, recording(moved()))
+    with np.load(tmp_path / "log.npz") as log:
+        arrays = dict(log)
+    arrays["truth.x"] = arrays["truth.x"][:, :2]
+    np.savez(tmp_path / "log.npz", **arrays)
+    with pytest.raises(RunFolderError, match=r"truth\.x has 2 states; allowed: 4, as log\.json beside it names"):
+        load_run(tmp_path)

@@ -34,7 +34,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("lagrangian")
     for name, (scenario, fields) in MADE.items():
         scenario.build(scenario.Config(**fields), 3).run().write(folder / name)
-    differences = PluginSpec.of(load("estimators", "filtered_differences"))
+    differences = PluginSpec.with_fields(load("estimators", "filtered_differences"))
     SphereObserver.build(SphereObserver.Config(**SHORT), 3, estimator=differences).run().write(folder / "differences")
     return {name: folder / name for name in (*MADE, "differences")}
 

@@ -1,4 +1,4 @@
-"""A video shows all of a run, in slow motion while the velocity is found, and tells what happened."""
+"""A video shows all of a run, in slow motion while the velocity is found, and shows what happened."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ def test_the_world_has_z_up_and_the_path_ends_on_the_target(missile_run: Missile
     assert end.miss == pytest.approx(missile_run.log.summary["miss_m"], abs=1e-9)
 
 
-def test_between_two_looks_it_is_between_their_places(missile_run: MissileRun) -> None:
+def test_between_two_control_steps_it_is_between_their_places(missile_run: MissileRun) -> None:
     i, t = 100, missile_run.t
     np.testing.assert_allclose(missile_run.joints(float(t[i])), missile_run.log.x[i], atol=1e-12)
     middle = missile_run.joints(float(0.5 * (t[i] + t[i + 1])))

@@ -1,4 +1,4 @@
-"""The video of a dive shows the whole flight, slows down at its end, and tells what happens."""
+"""The video of a dive shows the whole flight, slows down at its end, and shows what happens."""
 
 from __future__ import annotations
 

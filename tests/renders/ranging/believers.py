@@ -21,7 +21,7 @@ from mathnavi.sim.scenarios.ranging_fields import RangingNoise
 from tests.localisation import Reckoning, run
 
 SILENT = 0.1  # [s] at first
-OFF = np.array([-1.2, 0.6, 1.0])  # [m, m, rad] at first
+FIRST_ERROR = np.array([-1.2, 0.6, 1.0])  # [m, m, rad] at first
 CALM = 0.3  # [s] in which that falls to a third
 START = (1.8, -0.4, 60.0)  # [m, m, deg]
 ELSEWHERE = np.array([[-2.4, 0.3, 1.0], [-1.3, 0.6, 0.0], [-0.5, -0.8, 0.0]])  # the other hypotheses
@@ -62,7 +62,7 @@ class Believer:
         if self._config.kind == "silent":
             raise RuntimeError("it does not know")
         error = math.exp(-t / CALM)
-        x = estimate.x + error * OFF
+        x = estimate.x + error * FIRST_ERROR
         status = Status.INITIALISING if t < SILENT - 1e-9 else Status.OK
         estimate = replace(estimate, x=x, covariance=None, status=status)
         if self._config.kind == "bank":
@@ -85,4 +85,6 @@ def believed(kind: str = "bank", duration: float = 4.0, **fields: object) -> Run
     """A run with faultless wheels from a start that is known exactly."""
     noise = RangingNoise(odometry_noise=(0.0, 0.0), odometry_bias=0.0, dropout=0.1)
     start = {"start": START, "start_known": True, "start_error": (0.0, 0.0, 0.0)}
-    return run(estimator=PluginSpec.of(Believer, kind=kind), duration=duration, **{"noise": noise, **start, **fields})
+    return run(
+        estimator=PluginSpec.with_fields(Believer, kind=kind), duration=duration, **{"noise": noise, **start, **fields}
+    )

@@ -16,7 +16,7 @@ from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.ranging.drawing import drawing
 from mathnavi.renders.ranging.run_data import RangingRun, load_run
 from mathnavi.sim.interfaces.signals import Status
-from tests.renders.ranging.believers import CALM, ELSEWHERE, LOSS, LOWEST, OFF, SILENT, START
+from tests.renders.ranging.believers import CALM, ELSEWHERE, FIRST_ERROR, LOSS, LOWEST, SILENT, START
 
 
 def test_the_mission_is_what_was_driven_in(bank_run: RangingRun, observer_run: RangingRun) -> None:
@@ -32,11 +32,11 @@ def test_the_mission_is_what_was_driven_in(bank_run: RangingRun, observer_run: R
 
 def test_errors_are_those_of_the_estimates(bank_run: RangingRun) -> None:
     t = bank_run.beliefs.t
-    expected = np.exp(-t / CALM)[:, None] * OFF
+    expected = np.exp(-t / CALM)[:, None] * FIRST_ERROR
     np.testing.assert_allclose(bank_run.difference, expected, atol=1e-3)
     np.testing.assert_allclose(bank_run.position_error, np.hypot(expected[:, 0], expected[:, 1]), atol=1e-3)
     np.testing.assert_allclose(bank_run.heading_error, expected[:, 2], atol=1e-3)
-    assert bank_run.found == pytest.approx(CALM * math.log(OFF[2] / 0.2), abs=0.02)  # the heading is the last
+    assert bank_run.found == pytest.approx(CALM * math.log(FIRST_ERROR[2] / 0.2), abs=0.02)  # the heading is the last
     assert bank_run.log.summary["convergence_time_s"] == pytest.approx(bank_run.found, abs=0.011)
 
 

@@ -1,4 +1,4 @@
-"""The video of a robot that finds itself shows the whole run, slowly while it is decided, and tells what happens."""
+"""The video of a robot that finds itself shows the whole run, slowly while it is decided, and shows what happens."""
 
 from __future__ import annotations
 

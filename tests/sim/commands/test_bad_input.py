@@ -85,8 +85,8 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         ("--planner.horizon -3", ["--planner.horizon", "-3.0", "> 0"]),
         ("--planner.grid-nodes 2", ["--planner.grid-nodes", "2", "3 to 513"]),
         ("--planner.backend snopt", ["--planner.backend", "snopt", "condensed", "ipopt", "fatrop"]),
-        ("--radar 5000 6000 0 2", ["--radar", "radius", "0.0", "above 0"]),
-        ("--radar 5000 6000 -9 2", ["--radar", "radius", "-9.0", "above 0"]),
+        ("--radar 5000 6000 0 2", ["--radar", "radius", "0.0", "> 0"]),
+        ("--radar 5000 6000 -9 2", ["--radar", "radius", "-9.0", "> 0"]),
         ("--radar 5000 -6000 900 2", ["--radar", "-6000.0", "0 to 12000"]),
         ("--radar 5000 6000 900", ["--radar", "5000 6000 900", "4 values"]),
         ("--faults.solver-failure-rate 1.5", ["--faults.solver-failure-rate", "1.5", ">= 0 and <= 1"]),
@@ -263,7 +263,7 @@ def test_a_controller_that_builds_the_wrong_thing_is_named(
     name = tmp_path.name  # another one for every test
     (tmp_path / f"{name}.py").write_text(PLUGIN.format(body=body))
     monkeypatch.syspath_prepend(tmp_path)
-    part = PluginSpec.of(load("controllers", f"{name}:Mine"))
+    part = PluginSpec.with_fields(load("controllers", f"{name}:Mine"))
     with pytest.raises(ValueError, match=f"controllers: '{name}:Mine': build") as info:
         checked_controller(part, flight_mission(), TrackingBound)
     for word in expected:
@@ -298,7 +298,7 @@ def test_an_estimator_that_builds_the_wrong_thing_is_named() -> None:
         Config = FullStateConfig
         build = sensors = quality = staticmethod(lambda config, mission: None)
 
-    part = PluginSpec.of(Wrong)
+    part = PluginSpec.with_fields(Wrong)
     for check, expected in (
         (checked_estimator, "the estimator None without period [s] and update()"),
         (checked_sensors, "None; allowed: a tuple of sensors"),

@@ -360,6 +360,25 @@ def test_a_reader_that_has_seen_enough_is_no_error() -> None:
     assert command.returncode == 141
 
 
+def test_a_reader_that_leaves_a_table_unread_is_no_error(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w", encoding="utf-8") as nobody:
+        monkeypatch.setattr(sys, "stdout", nobody)
+        assert main(["list", "terrains"]) == 141
+    assert not capsys.readouterr().err
+
+
+def test_help_names_no_default_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (("terrain", "import"), ("run", "safe-flight"), ("view",)):
+        assert main([*words, "--help"]) == 0
+        shown = " ".join(capsys.readouterr().out.split())
+        assert "default: None" not in shown
+        assert "default: False" in shown
+
+
 def test_the_package_run_as_a_module_is_the_command_line() -> None:
     def printed(*words: str) -> str:
         done = subprocess.run([sys.executable, "-m", "mathnavi", *words], capture_output=True, text=True, check=True)

@@ -68,7 +68,7 @@ def studies(tmp_path: Path) -> Side:
 
 
 def rows(left: Path, right: Path, title: str) -> dict[str, Any]:
-    """Of a table of the comparison, by the first cell that names a row."""
+    """Rows of a table of the comparison, by the first cell that names a row."""
     table = next(table for table in compare(left, right).tables if table.title.startswith(title))
     where = table.columns.index("figure") if "figure" in table.columns else 0
     return {str(row[where]): dict(zip(table.columns, row, strict=True)) for row in table.rows}

@@ -52,7 +52,7 @@ def test_every_flag_of_a_plugin_is_completed_and_no_other(kind: str, name: str) 
 
 @pytest.fixture(scope="module")
 def described() -> dict[str, Description]:
-    """What the index says of every command's options, found by one process."""
+    """Index of every command's options, found by one process."""
     return dict(zip(PLACES, describe([(COMMAND, EntryPoint(place, place, "")) for place in PLACES]), strict=True))
 
 

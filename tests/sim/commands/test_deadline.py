@@ -60,7 +60,9 @@ def test_what_does_not_end_is_ended(module: str, function: str, capfd: pytest.Ca
 
 
 @pytest.mark.parametrize(("function", "code", "name"), [("abort", 134, "SIGABRT"), ("crash", 139, "SIGSEGV")])
-def test_a_crash_is_told(module: str, function: str, code: int, name: str, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_crash_is_reported(
+    module: str, function: str, code: int, name: str, capfd: pytest.CaptureFixture[str]
+) -> None:
     assert watch(f"{module}:{function}", ["run"], 60.0) == code
     (line,) = capfd.readouterr().err.splitlines()
     assert f"was killed by {name}, in " in line

@@ -75,7 +75,7 @@ def test_a_run_is_estimated_the_same_again(words: Sequence[str], tmp_path: Path)
     assert_same_run(tmp_path / "dive", tmp_path / "again")
 
 
-def test_readings_between_looks_and_plans_under_certificate_are_the_same_again(
+def test_readings_between_control_steps_and_plans_under_certificate_are_the_same_again(
     mission: tuple[str, ...], tmp_path: Path
 ) -> None:
     words = ("--estimator", "kalman", "--noise.position", "2", "--noise.position-rate", "15", "--faults.dropout-rate")

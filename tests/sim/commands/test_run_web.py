@@ -36,7 +36,7 @@ def request(*words: str) -> RunRequest:
 
 
 def asked(url: str, posted: object = None) -> Any:
-    """What a server answers."""
+    """Answer of a server."""
     data = None if posted is None else json.dumps(posted).encode()
     headers = {"Content-Type": "application/json"}
     with urllib.request.urlopen(urllib.request.Request(url, data, headers), timeout=60.0) as answer:

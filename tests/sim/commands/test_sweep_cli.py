@@ -245,7 +245,7 @@ def test_a_map_under_another_name_is_the_same_map(
 
 
 @pytest.mark.usefixtures("trials_here")
-def test_trials_of_another_environment_are_told_apart_and_mixed_on_request(
+def test_trials_of_another_environment_are_kept_apart_and_mixed_on_request(
     path: Path, capsys: pytest.CaptureFixture[str], elsewhere: Callable[[str], None]
 ) -> None:
     words = (COIN, "--store", str(path), "--trials", "2")

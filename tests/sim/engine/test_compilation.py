@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import sys
+import types
 from typing import Any
 
-import numba
 import pytest
 
 from mathnavi.sim.engine import compilation
+from mathnavi.sim.interfaces import compiled
 
 
 class Process:
-    """What stands in for a process that was started."""
+    """Stand-in for a process that was started."""
 
     def __init__(self, started: list[Process], command: list[str], **options: Any) -> None:
         self.command, self.ended = command, list[str]()
@@ -25,20 +26,30 @@ class Process:
         self.ended.append("wait")
 
 
-def test_one_process_helps_once_a_kernel_of_the_package_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+class Kernel:
+    """What stands in for a kernel; counts how often it was compiled."""
+
+    def __init__(self) -> None:
+        self.compiled: list[tuple[Any, ...]] = []
+
+    def compile(self, arguments: tuple[Any, ...]) -> None:
+        self.compiled.append(arguments)
+
+
+@pytest.mark.parametrize("missing", [True, False])
+def test_a_second_process_compiles_its_share_if_a_kernel_is_missing(
+    missing: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     started: list[Process] = []
+    own, helped = Kernel(), Kernel()
+    lists = types.SimpleNamespace(OWN=((own, (1,)),), HELPED=((helped, (2,)),))
+    monkeypatch.setitem(sys.modules, "helper", lists)
+    monkeypatch.setattr(compilation.os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(compiled, "any_missing", lambda kernels: missing and len(kernels) == 2)
     monkeypatch.setattr(compilation.subprocess, "Popen", lambda *given, **options: Process(started, *given, **options))
-
-    def compile_one() -> None:
-        numba.njit(lambda x: x).compile((numba.float64,))
-
-    with compilation.compiled_ahead(f"{__name__}s", "helper"):
-        compile_one()
-    assert not started
-    with compilation.compiled_ahead(__name__.rpartition(".")[0], "helper"):
-        assert not started
-        compile_one()
-        compile_one()
+    compilation.compile_in_two("helper")
+    assert own.compiled == [(1,)] * missing
+    assert not helped.compiled
     assert [(each.command, each.ended) for each in started] == [
-        ([sys.executable, "-P", "-m", "helper"], ["kill", "wait"])
-    ]
+        ([sys.executable, "-P", "-m", "helper"], ["wait", "kill", "wait"])
+    ] * missing

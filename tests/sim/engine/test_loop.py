@@ -365,7 +365,7 @@ def test_the_loop_steps_and_logs_at_the_common_rate_of_its_parts(estimator: int,
     assert len(agent.estimator.calls) == 150 // estimator + 1  # type: ignore[attr-defined]
 
 
-def test_how_often_the_loop_looks_does_not_change_what_is_flown() -> None:
+def test_the_control_rate_does_not_change_what_is_flown() -> None:
     dt = DT / 5
     seldom, often = (
         simulate(
@@ -378,7 +378,7 @@ def test_how_often_the_loop_looks_does_not_change_what_is_flown() -> None:
     np.testing.assert_array_equal(seldom.truths["vehicle"], often.truths["vehicle"][::5])
 
 
-def test_a_duration_that_ends_between_two_looks_is_kept() -> None:
+def test_a_duration_that_ends_between_two_control_steps_is_kept() -> None:
     agent = Agent(ReadsState(0.5), Answers(there_and_stop), Follows(0.5))
     assert simulate(flight.PointMass(START, DT), {"vehicle": agent}, 1.2).t.tolist() == pytest.approx([0, 0.5, 1, 1.2])
 
@@ -442,7 +442,7 @@ def test_the_commands_of_a_flight_given_from_outside_lead_the_same_way() -> None
     assert not again.tracker.flown
 
 
-def test_a_flight_can_be_handed_over_from_one_look_to_the_next() -> None:
+def test_a_flight_can_be_handed_over_from_one_control_step_to_the_next() -> None:
     given = Flight(messages=[Message(0.0, "tower", "news", 1.0)])
     agent = Agent(given.estimator, given.planner, given.tracker, messages=given.messages)
     loop = Loop(given.plant, {"vehicle": agent}, 1.0)

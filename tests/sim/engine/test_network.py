@@ -25,7 +25,7 @@ NAMES = ("a", "b", "c")
 
 
 def outbox(network: Network, count: int) -> None:
-    """a tells b a number every tenth of a second."""
+    """a sends b a number every tenth of a second."""
     for k in range(count):
         network.send(Message(0.1 * k, "a", "number", k), "b", 0.1 * k)
 

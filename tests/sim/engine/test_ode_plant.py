@@ -21,7 +21,7 @@ U = np.array([0.3])
 
 
 class Notes:
-    """A sensor that tells when, and at which state, it is read."""
+    """A sensor whose reading is the time and the state at which it is read."""
 
     name, size = "notes", 2
 
@@ -80,7 +80,7 @@ def test_sensors_are_read_when_they_fall_due() -> None:
         np.testing.assert_allclose(reading.value, KRENER_ISIDORI.flow(x, U, reading.t), atol=1e-8)
 
 
-def test_a_sensor_without_a_rate_is_read_at_every_look() -> None:
+def test_a_sensor_without_a_rate_is_read_at_every_control_step() -> None:
     found = readings(plant_of(KRENER_ISIDORI, Notes(None)), 3, 6)
     assert [reading.t for reading in found] == [0.0, 6 * TICK, 12 * TICK]
 

@@ -296,7 +296,7 @@ def test_a_bounce_between_two_samples_is_found_at_its_tick(terrain: HeightField)
     assert ends < 12
 
 
-def test_a_step_that_begins_between_two_looks_loses_no_reading(terrain: HeightField) -> None:
+def test_a_step_that_begins_between_two_control_steps_loses_no_reading(terrain: HeightField) -> None:
     plant = plant_of(terrain, uav=VehicleSetup(HIGH, (PositionSensor(rate=60.0),)))
     plant.sense("uav")
     plant.step({}, 2)

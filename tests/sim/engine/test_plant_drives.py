@@ -26,7 +26,7 @@ class Sensing:
 
     sensor: str
     rate: float | None = None
-    name: str = "looking"
+    name: str = "at_control_step"
     size: int = 1
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:

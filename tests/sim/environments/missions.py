@@ -37,7 +37,7 @@ def hills() -> str:
 
 
 def fields(scenario: str) -> Mapping[str, Any]:
-    """Of a mission that takes little to build."""
+    """Fields of a mission that takes little to build."""
     flight = {"terrain": hills(), "target": (7000.0, 3000.0, 800.0)}
     return {
         "safe-flight": {**flight, "start": (3000.0, 3000.0, 800.0), "noise": {"position": 2.0}},

@@ -11,11 +11,12 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+from numba import typeof
 from numba.core import config
 from numba.core.dispatcher import Dispatcher
 
 import mathnavi
-from mathnavi.sim.interfaces.compiled import kernel_digest, njit
+from mathnavi.sim.interfaces.compiled import any_missing, compile_all, kernel_digest, njit
 from tests.one_name import FOLDERS
 
 ROOT = Path(mathnavi.__file__).parent
@@ -144,3 +145,31 @@ def test_every_kernel_has_a_digest_and_is_kept() -> None:
                 assert len(kernel_digest(kernel)) == 64
                 kernels += type(kernel._cache).__name__ == "KernelCache"
     assert kernels > 150
+
+
+INNER = CALLEE.replace("cache=True", "inner=True")
+
+
+def test_an_inner_kernel_is_kept_with_its_callers_only(folder: Path, tmp_path: Path) -> None:
+    modules = written(tmp_path / "one", INNER)
+    assert called(modules) == 5.0
+    assert [file.name.split("-")[0] for file in folder.iterdir()] == ["kernel_caller.outer"]
+    again = written(tmp_path / "two", INNER)
+    assert called(again) == 5.0
+    assert hits(again[1].outer) == 1
+    assert not again[0].inner.signatures
+    assert called(written(tmp_path / "three", INNER.replace("FACTOR, SIGNS = 2.0", "FACTOR, SIGNS = 3.0"))) == 8.0
+
+
+def test_python_cannot_call_an_inner_kernel(tmp_path: Path) -> None:
+    callee, _ = written(tmp_path / "one", INNER)
+    with pytest.raises(TypeError, match="called from Python; allowed: a call by a kernel"):
+        callee.inner(1.0)
+
+
+def test_kernels_are_missing_until_they_are_compiled(tmp_path: Path) -> None:
+    _, caller = written(tmp_path / "one", INNER)
+    pair = typeof(sys.modules["kernel_callee"].Pair(a=3.0, b=1.0))
+    assert any_missing([(caller.outer, (pair,))])
+    compile_all([(caller.outer, (pair,))])
+    assert not any_missing([(caller.outer, (pair,))])

@@ -32,7 +32,7 @@ def fall(offset: float, period: float, count: int = 60) -> tuple[Array, Array]:
 
 
 @given(offset=st.floats(-5.0, 5.0), period=st.sampled_from([0.004, 0.02, 0.1]))
-def test_the_miss_does_not_depend_on_where_the_looks_fall(offset: float, period: float) -> None:
+def test_the_miss_does_not_depend_on_where_the_samples_fall(offset: float, period: float) -> None:
     t, joints = fall(offset, period)
     found = closest_approach(t, joints, PLANAR, TargetMotion.along((700.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
     assert found.miss == pytest.approx(abs(offset), abs=1e-6)

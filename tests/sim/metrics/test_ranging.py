@@ -10,7 +10,7 @@ import pytest
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.interfaces.signals import Array, Estimate, Status
-from mathnavi.sim.metrics.ranging import Errors, ranging_summary, rms
+from mathnavi.sim.metrics.ranging import RangingErrors, ranging_summary, rms
 from mathnavi.sim.records.figure_names import SUMMARY_GROUPS, is_wall_clock, label
 from tests.localisation import run
 from tests.unicycle import STANDARD
@@ -101,7 +101,7 @@ def test_times_in_a_status_are_counted() -> None:
 def test_an_old_estimate_is_compared_with_what_is_true_now() -> None:
     log = recording(step_at(0.0, 0.0, 0.0), every=50)
     log.truths["robot"][:, 0] += 0.01 * log.t
-    errors = Errors.of(log, "robot", MISSION)
+    errors = RangingErrors.from_recording(log, "robot", MISSION)
     assert errors.position[49] == pytest.approx(0.01 * 4.9)
     assert errors.position[50] == pytest.approx(0.01 * 5.0)
 
@@ -123,7 +123,7 @@ def test_lost_ranges_are_those_that_did_not_arrive() -> None:
 
 
 def test_the_last_instant_above_takes_other_limits_too() -> None:
-    errors = Errors.of(recording(step_at(6.0, 0.2, 0.1)), "robot", MISSION)
+    errors = RangingErrors.from_recording(recording(step_at(6.0, 0.2, 0.1)), "robot", MISSION)
     assert errors.last_above() == 0.0
     assert errors.last_above(0.15, np.inf) == pytest.approx(5.9)
     assert rms(np.array([3.0, 4.0])) == pytest.approx(np.sqrt(12.5))

@@ -172,3 +172,25 @@ def test_a_terrain_that_is_not_there_is_named(
     points = [EntryPoint("strange", value, library.GROUP)]
     monkeypatch.setattr(library, "_installed", lambda: points)
     assert "strange" in refused("terrain", "show", "strange")
+
+
+def test_a_place_without_a_plugin_says_what_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    filling = {"at_import": "", "at_configuration": "pass", "at_build": "pass"}
+    Path("stairs.py").write_text(CLASS.format(**filling), encoding="utf-8")
+    Path("halves.py").write_text("x = (", encoding="utf-8")
+    Path("needing.py").write_text("import nothing_of_that_name", encoding="utf-8")
+    said = {
+        "stairs:Mien": f"{tmp_path / 'stairs.py'} has no Mien; did you mean Mine? allowed: Mine",
+        "stairs.py:Mine": "no module 'stairs.py' in the present folder, and none is installed; allowed: "
+        "package.module:Class (the module of stairs.py is stairs)",
+        "stars:Mine": "there is no module 'stars' in the present folder",
+        "halves:Mine": "SyntaxError: '(' was never closed (halves.py, line 1)\n",
+        "needing:Mine": f"No module named 'nothing_of_that_name' ({tmp_path / 'needing.py'}:1)",
+    }
+    for place, expected in said.items():
+        assert main(["run", "textbook-observer", "--controller", place]) == 2
+        assert expected in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""The environment of a result tells versions and processors apart, and nothing else."""
+"""The environment of a result distinguishes versions and processors, and nothing else."""
 
 from __future__ import annotations
 

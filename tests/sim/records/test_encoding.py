@@ -44,7 +44,7 @@ def there_and_back(value: Any) -> Any:
 
 
 def same(a: Any, b: Any) -> bool:
-    """Of the same types and, of numbers, the same bits; one NaN is as another."""
+    """True if both have the same types and, of numbers, the same bits; one NaN is as another."""
     if type(a) is not type(b):
         return False
     if isinstance(a, float):

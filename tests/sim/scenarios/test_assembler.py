@@ -134,14 +134,14 @@ def test_a_fault_out_of_range_is_named_by_the_field_that_holds_it() -> None:
 
 def test_a_plant_without_disturbances_is_left_as_it_is() -> None:
     loop = MissileGuidance.build(MissileGuidanceConfig(), 0)
-    parts = Assembler.of(MissileGuidance, MissileGuidanceConfig(), 0, None, None)
+    parts = Assembler.for_scenario(MissileGuidance, MissileGuidanceConfig(), 0, None, None)
     assert parts.disturbed(loop.plant, 1.0, mass=1.0) is loop.plant
 
 
 @pytest.mark.parametrize("scenario", names("scenarios"))
 def test_a_scenario_says_its_name_its_drawing_and_its_streams(scenario: str) -> None:
     plugin = load("scenarios", scenario)
-    parts = Assembler.of(plugin, plugin.Config(), 0, None, None)
+    parts = Assembler.for_scenario(plugin, plugin.Config(), 0, None, None)
     assert plugin.name == scenario
     assert plugin.drawing.startswith("mathnavi.renders.")
     assert len(set(getattr(plugin, "streams", ()))) == len(getattr(plugin, "streams", ()))

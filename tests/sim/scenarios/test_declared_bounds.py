@@ -43,7 +43,7 @@ def test_a_bound_that_is_declared_is_kept_or_its_loss_announced(
     faults: AerialFaults, estimator: Any, noise: float, seed: int
 ) -> None:
     config = SafeFlight.Config(terrain="jacksboro", **ENDS, noise=FlightNoise(position=noise), faults=faults)
-    plugin = PluginSpec.of(FullState if isinstance(estimator, FullStateConfig) else Kalman)
+    plugin = PluginSpec.with_fields(FullState if isinstance(estimator, FullStateConfig) else Kalman)
     try:
         closed_loop = SafeFlight.build(config, seed, estimator=dataclasses.replace(plugin, config=estimator))
     except ValueError:

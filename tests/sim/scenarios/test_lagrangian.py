@@ -94,7 +94,7 @@ def test_without_readings_the_estimate_is_lost_and_finite() -> None:
 @pytest.mark.parametrize("estimator", ["riemannian_observer", "high_gain", "lagrangian_ekf", "filtered_differences"])
 def test_readings_that_jump_leave_it_finite(estimator: str) -> None:
     config = SphereObserverConfig(**SHORT, reading=PositionQuality(noise=0.01, jump=0.02, jump_size=1.0))
-    outcome = SphereObserver.build(config, 0, estimator=PluginSpec.of(load("estimators", estimator))).run()
+    outcome = SphereObserver.build(config, 0, estimator=PluginSpec.with_fields(load("estimators", estimator))).run()
     assert np.isfinite(outcome.arrays["estimate.x"]).all()
     assert outcome.summary["velocity_rms"] < 1.0
 
@@ -144,7 +144,7 @@ def test_opposite_states_are_infinitely_off() -> None:
 
 def test_v_is_w_at_the_truth_and_both_fall() -> None:
     outcome = flown(reading=PositionQuality())
-    errors = VelocityErrors.of(outcome.recording, VEHICLE, Attitude())
+    errors = VelocityErrors.from_recording(outcome.recording, VEHICLE, Attitude())
     V, W = errors.V(100.0), errors.W(100.0)
     assert V[0] == pytest.approx(W[0])
     assert V[-1] < 1e-4 * V[0]

@@ -49,7 +49,7 @@ def test_undisturbed_it_hits_as_planned(calm: RunResult) -> None:
     assert summary["saturated_s"] == summary["inputs_clipped"] == summary["late_plans"] == 0
 
 
-def test_the_flight_ends_with_the_look_that_finds_the_target_passed(calm: RunResult) -> None:
+def test_the_flight_ends_with_the_sample_that_finds_the_target_passed(calm: RunResult) -> None:
     heights = calm.recording.truths["missile"][:, 1]
     assert heights[-1] <= 0.0 < heights[-2]
 
@@ -79,7 +79,9 @@ def test_what_is_not_as_declared_matters(calm: RunResult) -> None:
 
 
 def test_a_moving_target_is_hit_if_it_is_announced_and_missed_if_not() -> None:
-    known, expected, blind = (fly(target_velocity=(20.0, 0.0, 0.0), target_told=when) for when in (0.0, 2.0, 1e3))
+    known, expected, blind = (
+        fly(target_velocity=(20.0, 0.0, 0.0), target_announcement_delay=when) for when in (0.0, 2.0, 1e3)
+    )
     assert known.success
     assert expected.success
     assert "message" in kinds(expected)
@@ -109,7 +111,7 @@ def test_thrusters_at_their_limit_are_reported_and_counted() -> None:
 
 def test_a_filter_makes_noisy_readings_usable() -> None:
     noise = MissileNoise(position=1.0, velocity=0.5, angle=0.5, rate=0.5, dropout_rate=0.2)
-    raw, filtered = fly(noise=noise), fly(noise=noise, estimator=PluginSpec.of(MissileKalman))
+    raw, filtered = fly(noise=noise), fly(noise=noise, estimator=PluginSpec.with_fields(MissileKalman))
     assert filtered.success
     assert filtered.summary["inputs_clipped"] == 0 < raw.summary["inputs_clipped"]
     assert filtered.summary["cost"] < 0.5 * raw.summary["cost"]
@@ -128,7 +130,7 @@ def test_the_same_seed_gives_the_same_log_and_another_one_another() -> None:
         "gust": MissileGust(force_rms=200.0, torque_rms=10.0),
         "faults": MissileFaults(solver_failure_rate=0.3, late_plan_rate=0.3),
     }
-    one, again, other = (fly(seed, estimator=PluginSpec.of(MissileKalman), **fields) for seed in (3, 3, 4))
+    one, again, other = (fly(seed, estimator=PluginSpec.with_fields(MissileKalman), **fields) for seed in (3, 3, 4))
     for name, values in one.arrays.items():
         np.testing.assert_array_equal(values, again.arrays[name])
     assert not np.array_equal(one.arrays["truth.x"][:500], other.arrays["truth.x"][:500])
@@ -176,7 +178,7 @@ def test_what_leads_out_of_the_plane_is_refused_there_and_not_in_space(expected:
         ("aspect_angle", lambda: MissileGuidanceConfig(aspect_angle=-100.0)),
         ("start_heading", lambda: MissileGuidanceConfig(dimension="spatial", start_heading=190.0)),
         ("target_change", lambda: MissileGuidanceConfig(target_change=((-1.0, 0.0, 0.0, 0.0),))),
-        ("target_told", lambda: MissileGuidanceConfig(target_told=-1.0)),
+        ("target_announcement_delay", lambda: MissileGuidanceConfig(target_announcement_delay=-1.0)),
         ("control_rate", lambda: MissileGuidanceConfig(control_rate=300.0)),
         ("miss_allowed", lambda: MissileGuidanceConfig(miss_allowed=0.0)),
         ("mismatch.mass", lambda: MissileMismatch(mass=0.0)),
@@ -210,8 +212,8 @@ def test_a_missile_that_hits_the_ground_short_says_so() -> None:
 
 @pytest.mark.parametrize("heading", [90.0, -135.0, 180.0])
 def test_any_heading_is_flown(heading: float) -> None:
-    outcome = fly(controller=PluginSpec.of(MissileController, backend="fatrop"), dimension="spatial", case="FAST",
-                  start_heading=heading)  # fmt: skip
+    outcome = fly(controller=PluginSpec.with_fields(MissileController, backend="fatrop"), dimension="spatial",
+                  case="FAST", start_heading=heading)  # fmt: skip
     assert outcome.success, outcome.summary
     assert outcome.summary["miss_m"] < 0.05
     assert abs(outcome.config["mission"]["start"][6]) < math.radians(81.0)

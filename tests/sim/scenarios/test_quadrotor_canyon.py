@@ -109,7 +109,7 @@ def test_an_estimator_of_something_else_is_refused() -> None:
     """full_state hands on all thirteen states, which no tracker takes."""
     config = QuadrotorCanyonConfig(**SHORT)
     with pytest.raises(ValueError, match=r"estimator = 'full_state': .*allowed: 6 finite numbers"):
-        QuadrotorCanyon.build(config, 0, estimator=PluginSpec.of(load("estimators", "full_state")))
+        QuadrotorCanyon.build(config, 0, estimator=PluginSpec.with_fields(load("estimators", "full_state")))
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def kinds(outcome: RunResult) -> list[str]:
 
 
 def build(seed: int, controller: PluginSpec | None = None, **fields: Any) -> Any:
-    parts = controller or PluginSpec.of(Pattern), PluginSpec.of(DeadReckoner)
+    parts = controller or PluginSpec.with_fields(Pattern), PluginSpec.with_fields(DeadReckoner)
     return RangeLocalisation.build(RangeLocalisationConfig(**fields), seed, *parts)
 
 
@@ -100,7 +100,7 @@ def test_drawn_starts_keep_the_margin_and_differ() -> None:
 
 @dataclass(frozen=True)
 class Cautious:
-    """A pattern that tells where it leads."""
+    """A pattern that states where it leads."""
 
     Config = PatternConfig
 
@@ -116,7 +116,7 @@ class Cautious:
 
 
 def test_where_a_controller_tells_its_path_starts_whose_path_keeps_the_margin_are_drawn() -> None:
-    part = PluginSpec.of(Cautious, speed=0.8, cycle=0.0)
+    part = PluginSpec.with_fields(Cautious, speed=0.8, cycle=0.0)
     for seed in range(12):
         start = np.array(build(seed, part).config["mission"]["start"])
         path = Cautious.nominal_path(part.config, RangingMission(STANDARD, (0.0,)), start)
@@ -125,7 +125,7 @@ def test_where_a_controller_tells_its_path_starts_whose_path_keeps_the_margin_ar
 
 def test_a_path_that_fits_nowhere_is_refused() -> None:
     with pytest.raises(ValueError, match=r"margin = 0.3: .*1000 starts.*Cautious.*allowed"):
-        build(0, PluginSpec.of(Cautious, speed=5.0, cycle=0.0))
+        build(0, PluginSpec.with_fields(Cautious, speed=5.0, cycle=0.0))
 
 
 def test_the_known_start_errs_as_declared_and_within_the_wall() -> None:
@@ -141,7 +141,7 @@ def test_the_known_start_errs_as_declared_and_within_the_wall() -> None:
 
 
 def test_touching_the_wall_ends_the_run_as_a_failure() -> None:
-    outcome = run(controller=PluginSpec.of(Pattern, cycle=0.0), **KNOWN_START, noise=SILENT)
+    outcome = run(controller=PluginSpec.with_fields(Pattern, cycle=0.0), **KNOWN_START, noise=SILENT)
     assert not outcome.success
     (contact,) = [event for event in outcome.recording.events if event.kind == "contact"]
     assert re.fullmatch(r"touches wall_\d+ at \[-?\d\.\d, -?\d\.\d\] with 0\.\d m/s", contact.message)
@@ -179,8 +179,8 @@ def test_true_errors_may_be_others_than_the_declared_ones() -> None:
 
 
 def test_outliers_need_not_be_declared() -> None:
-    some = RangingMismatch(outliers=0.4)
-    outcome = run(duration=3.0, noise=dataclasses.replace(SILENT, outliers=0.1), mismatch=some, **KNOWN_START)
+    mismatch = RangingMismatch(outliers=0.4)
+    outcome = run(duration=3.0, noise=dataclasses.replace(SILENT, outliers=0.1), mismatch=mismatch, **KNOWN_START)
     rho = np.array([STANDARD.ranges(x[:3], np.radians([-60.0, 60.0]))[0] for x in outcome.arrays["truth.x"]])
     assert np.mean(np.abs(outcome.arrays["measurement.ranges"] - rho) > 1e-6) == pytest.approx(0.5, abs=0.08)
     assert outcome.config["mission"]["ranging"]["outliers"] == 0.1

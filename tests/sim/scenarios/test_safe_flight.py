@@ -43,7 +43,10 @@ def config(terrain: str, **fields: Any) -> SafeFlightConfig:
 def flown(
     terrain: str, seed: int = 0, controller: str = "flight", estimator: str = "full_state", **fields: Any
 ) -> RunResult:
-    parts = PluginSpec.of(load("controllers", controller)), PluginSpec.of(load("estimators", estimator))
+    parts = (
+        PluginSpec.with_fields(load("controllers", controller)),
+        PluginSpec.with_fields(load("estimators", estimator)),
+    )
     return SafeFlight.build(config(terrain, **fields), seed, *parts).run()
 
 
@@ -437,9 +440,9 @@ class Diving:
 
 def test_behind_the_filter_any_controller_keeps_the_bounds_and_one_that_recovers_arrives(terrain: str) -> None:
     fields = {"target": NEAR, "deadline_factor": 3.0}
-    bare = SafeFlight.build(config(terrain, **fields), 1, PluginSpec.of(Diving)).run()
+    bare = SafeFlight.build(config(terrain, **fields), 1, PluginSpec.with_fields(Diving)).run()
     assert bare.summary["ground_contacts"] > 0
-    run = SafeFlight.build(config(terrain, **fields, filter=True), 1, PluginSpec.of(Diving)).run()
+    run = SafeFlight.build(config(terrain, **fields, filter=True), 1, PluginSpec.with_fields(Diving)).run()
     assert run.success
     assert run.summary["ground_contacts"] == run.summary["guarantee_lost"] == 0
     assert run.summary["min_clearance_m"] >= H_MIN

@@ -45,7 +45,7 @@ def test_they_arrive_at_one_time_and_keep_apart(terrain: str, graph: str) -> Non
 
 
 def test_the_average_asks_some_for_more_than_they_can_and_costs_no_safety(terrain: str) -> None:
-    """Half the fleet would have to be faster than the least time that (A.12) tells."""
+    """Half the fleet would have to be faster than the least time that (A.12) gives."""
     outcome = flown(terrain, consensus="laplacian")
     assert outcome.summary["arrived"]
     assert outcome.summary["spread_s"] > 5.0 / 3.0

@@ -43,7 +43,9 @@ def test_the_same_seed_gives_the_same_log_and_another_one_another() -> None:
 
 
 def test_the_observer_of_example_2_2_converges_at_its_rate() -> None:
-    outcome = run(estimator=PluginSpec.of(Example22, alpha=6.0, beta=5.0), duration=8.0)  # poles -2, -3, and -1 of x_3
+    outcome = run(
+        estimator=PluginSpec.with_fields(Example22, alpha=6.0, beta=5.0), duration=8.0
+    )  # poles -2, -3, and -1 of x_3
     assert outcome.success
     assert outcome.summary["decay_rate_per_s"] == pytest.approx(1.0, rel=0.15)
 
@@ -60,7 +62,7 @@ def test_an_escape_ends_the_run_and_is_no_success() -> None:
 
 
 def test_an_estimate_that_leads_away_is_no_success() -> None:
-    printed = PluginSpec.of(KazantzisKravaris, form="printed")
+    printed = PluginSpec.with_fields(KazantzisKravaris, form="printed")
     outcome = run(system="kazantzis-kravaris", estimator=printed, duration=4.0)
     assert not outcome.success
     assert outcome.summary["error_end"] > 3.0 * outcome.summary["error_start"]
@@ -107,7 +109,7 @@ def test_a_run_leaves_what_every_run_leaves_and_can_be_run_again(tmp_path: Path)
         (("--planner.constant", "1", "2"), "--planner.constant = (1.0, 2.0); allowed: one number for each of u [-]"),
         (("--estimator", "output_injection"), "--system = 'example-2-2'; allowed with this observer: krener-isidori"),
         (("--estimator", "kazantzis_kravaris"), "--system = 'example-2-2'; allowed: one without inputs"),
-        (("--estimator", "kalman"), "is for a FlightMission and this scenario has a TextbookMission"),
+        (("--estimator", "kalman"), "is for a FlightMission, and the mission is a TextbookMission"),
     ],
 )
 def test_bad_input_is_one_line_that_names_the_flag(

@@ -11,7 +11,7 @@ import pytest
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.problem import KNOWN
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
-from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.sim.studies.nodes.ocp_collection import FEWEST, claims, row, solved_by_name, table
 
 ENERGY = "double integrator, energy"
@@ -21,7 +21,7 @@ ENERGY = "double integrator, energy"
 def solution() -> Solution:
     """An accurate solution of a smooth problem."""
     found = solve(PROBLEMS[ENERGY].problem(), 10, tolerance=1e-6)
-    assert found.status is Outcome.OPTIMAL
+    assert found.status is SolverOutcome.OPTIMAL
     return found
 
 
@@ -65,10 +65,12 @@ def test_optimal_lies_where_it_is_better_than_the_optimum(solution: Solution) ->
 
 
 def test_what_is_right_and_not_called_optimal_is_a_lie(solution: Solution) -> None:
-    assert row(ENERGY, dataclasses.replace(solution, status=Outcome.REFUSED))["lie"] == "REFUSED, but it is right"
-    wrong = dataclasses.replace(solution, status=Outcome.REFUSED, cost=7.0)
+    assert row(ENERGY, dataclasses.replace(solution, status=SolverOutcome.REFUSED))["lie"] == "REFUSED, but it is right"
+    wrong = dataclasses.replace(solution, status=SolverOutcome.REFUSED, cost=7.0)
     assert row(ENERGY, wrong)["lie"] == ""
-    assert row(ENERGY, with_replay(dataclasses.replace(solution, status=Outcome.CONVERGED), miss=1e-3))["lie"] == ""
+    assert (
+        row(ENERGY, with_replay(dataclasses.replace(solution, status=SolverOutcome.CONVERGED), miss=1e-3))["lie"] == ""
+    )
 
 
 def test_the_claims_are_about_the_whole_collection(solution: Solution) -> None:
@@ -84,5 +86,7 @@ def test_the_claims_are_about_the_whole_collection(solution: Solution) -> None:
 
 
 def test_the_table_names_a_lie(solution: Solution) -> None:
-    cells = table([row(ENERGY, solution), row(ENERGY, dataclasses.replace(solution, status=Outcome.REFUSED))]).rows
+    cells = table(
+        [row(ENERGY, solution), row(ENERGY, dataclasses.replace(solution, status=SolverOutcome.REFUSED))]
+    ).rows
     assert [cell[8] for cell in cells] == ["optimal", "refused (lie)"]

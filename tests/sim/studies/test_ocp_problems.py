@@ -10,7 +10,7 @@ import pytest
 
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
-from mathnavi.controllers.ocp.solution import Outcome
+from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.sim.studies.nodes.ocp_problems import (
     ADAPTIVE,
     COMPARED,
@@ -36,7 +36,7 @@ def attempt(**other: Any) -> dict[str, Any]:
 def test_a_solution_that_the_gate_refused_has_reached_nothing() -> None:
     solution = solve(PROBLEMS[ENERGY].problem(), 10)
     assert _row(ENERGY, "refinement", solution)["reached"] is True
-    refused = dataclasses.replace(solution, status=Outcome.REFUSED)
+    refused = dataclasses.replace(solution, status=SolverOutcome.REFUSED)
     assert _row(ENERGY, "refinement", refused)["reached"] is False
 
 

@@ -35,7 +35,7 @@ FEW_MISHAPS: dict[str, Any] = {"raise_at": (1,), "segfault_at": (2,), "hang_at":
 def dask() -> Iterator[Any]:
     """Two workers in processes of their own; a trial that costs one of them is not tried again."""
     with (
-        dask_config.set({"distributed.scheduler.allowed-failures": 0}),
+        dask_config.set({"distributed.scheduler.allowed-failures": 0, "distributed.worker.profile.enabled": False}),
         distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, silence_logs=50
         ) as made,
@@ -163,6 +163,7 @@ def test_a_trial_that_costs_its_worker_is_recorded_as_crashed(dask: Any, tmp_pat
         while not list(marks.iterdir()):
             time.sleep(0.05)
         for worker in dask.workers.values():
+            worker.close_gracefully()  # nobody needs another in its place: this is the last test of the cluster
             os.kill(worker.pid, signal.SIGKILL)
 
     threading.Thread(target=kill_workers, daemon=True).start()

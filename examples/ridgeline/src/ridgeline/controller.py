@@ -41,7 +41,7 @@ class RoadmapConfig:
     margin: NonNegative = 15.0
     """what a leg keeps above h_min [m]"""
     period: Positive = 2.5
-    """between two looks at what has turned out otherwise [s]"""
+    """between two checks of what has turned out otherwise [s]"""
     bandwidth: Positive = 0.8
     """of the tracker [rad/s]"""
 
@@ -111,5 +111,5 @@ class Roadmap:
     @staticmethod
     def build(config: RoadmapConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
         bound = tracking_bound(config.bandwidth, mission)
-        planner = RoadmapPlanner(config, Certificate.of(mission, bound), mission.knowledge)
+        planner = RoadmapPlanner(config, Certificate.for_mission(mission, bound), mission.knowledge)
         return planner, CriticallyDamped(mission.control_period, config.bandwidth, bound)

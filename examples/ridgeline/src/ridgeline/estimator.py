@@ -63,7 +63,7 @@ class AlphaBetaGamma:
 
     @staticmethod
     def sensors(config: AlphaBetaGammaConfig, mission: FlightMission) -> tuple[PositionSensor, ...]:
-        """What the vehicle has to carry for this estimator."""
+        """Sensors that the vehicle has to carry for this estimator."""
         return (PositionSensor(mission.position_noise, mission.position_rate),)
 
     @staticmethod

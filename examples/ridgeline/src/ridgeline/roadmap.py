@@ -28,7 +28,7 @@ BORDER = 0.02  # of the map's side that no column stands in
 
 @dataclass(frozen=True)
 class Air:
-    """What there is to fly through."""
+    """Free space to fly through."""
 
     terrain: HeightField
     radars: tuple[Radar, ...]

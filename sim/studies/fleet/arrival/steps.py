@@ -66,7 +66,7 @@ def one_step(change: ArrivalChange) -> ArrivalStep | None:
     flight = FlightConfig(nodes=NODES)
     planner, _ = FlightController.build(flight, mission)
     assert isinstance(planner, RecedingHorizon)
-    certificate = Certificate.of(mission, tracking_bound(flight.bandwidth, mission))
+    certificate = Certificate.for_mission(mission, tracking_bound(flight.bandwidth, mission))
     current: Plan | None = None
     t, x = 0.0, np.array([*mission.start, 0.0, 0.0, 0.0])
     count = int(rng.integers(*_STEPS))

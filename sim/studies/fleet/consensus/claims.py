@@ -43,8 +43,8 @@ def claims(
     links = switching.least >= (1.0 - WITHIN) * switching.reference
     links &= halves.rate >= (1.0 - WITHIN) * halves.reference and min(f.rate for f in loss) > 0.0
     above = max(found.above for found in rates.values())
-    moved, drawn = abs(off_average(outliers[ROUNDS[0]])), abs(off_average(everybody))
-    finest = abs(off_average(outliers[ROUNDS[-1]]))
+    moved, drawn = abs(distance_to_average(outliers[ROUNDS[0]])), abs(distance_to_average(everybody))
+    finest = abs(distance_to_average(outliers[ROUNDS[-1]]))
     return [
         Claim(
             "fleet.laplacian", "target", "The error decays at the algebraic connectivity on every kind of graph; "
@@ -69,7 +69,7 @@ def claims(
             bool(near and above <= 1e-9),
         ),
         Claim(
-            "A.outlier-keeps-value", "printed", "An outlier that tells the average of its neighbours keeps the graph "
+            "A.outlier-keeps-value", "printed", "An outlier that sends the average of its neighbours keeps the graph "
             "connected without affecting the consensus value.", "A.8.3",
             f"the others agree on their own average, to {KEPT:.0%} of what the outlier would move it by",
             f"moved by {moved:.2f} s where taking part moves it by {drawn:.1f} s ({moved / drawn:.1%}), for it lags "
@@ -88,6 +88,6 @@ def span(values: Sequence[float], form: str) -> str:
     return f"{min(values):{form}} to {max(values):{form}}"
 
 
-def off_average(found: OutlierFound) -> float:
+def distance_to_average(found: OutlierFound) -> float:
     """[s] of the others' agreement from their own average, in the first period in which the outlier follows."""
     return float(found.agreed[1] - found.others[1])

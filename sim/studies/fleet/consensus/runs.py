@@ -182,7 +182,7 @@ def over_links(case: LinkCase) -> LinkFound:
         graph, memory, reference = _alternating((line, ring, complete), _STAY), 1.5 * H, line.algebraic_connectivity
     elif case.name == "matchings":
         pairs = [(names[k], names[(k + 1) % case.n]) for k in range(case.n)]
-        halves = tuple(Graph.of(names, dict.fromkeys(pairs[k::2], 1.0)) for k in range(2))
+        halves = tuple(Graph.from_edges(names, dict.fromkeys(pairs[k::2], 1.0)) for k in range(2))
         graph, memory = _alternating(halves, 2), 1.5 * H
         reference = 0.5 * ring.algebraic_connectivity  # of the mean of the two
         stay = 4

@@ -16,7 +16,7 @@ from annotated_types import Le
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.interfaces.bounds import Condition, Count, Within, configuration
 from mathnavi.sim.studies.fleet.consensus import claims, figure
-from mathnavi.sim.studies.fleet.consensus.claims import ROUNDS, off_average, span
+from mathnavi.sim.studies.fleet.consensus.claims import ROUNDS, distance_to_average, span
 from mathnavi.sim.studies.fleet.consensus.exchange import KINDS
 from mathnavi.sim.studies.fleet.consensus.following import (
     ClockCase,
@@ -107,7 +107,7 @@ class ConsensusStudy:
         everybody, outliers = done["outlier"][0], dict(zip(ROUNDS, done["outlier"][1:], strict=True))
         return StudyResult(
             summary=(
-                "Each vehicle holds one number, tells it to its neighbours once a round and moves it by (A.10) scaled "
+                "Each vehicle holds one number, sends it to its neighbours once a round and moves it by (A.10) scaled "
                 "by s; rates are over s. Starts are the slowest mode and a tenth of noise for rates.",
             ),
             rows=[
@@ -125,7 +125,7 @@ class ConsensusStudy:
             caption="(a) Measured decay of the disagreement against the algebraic connectivity. (b) A delay below and "
             "above pi / (2 s lambda_n) on every link; solid: compared with a vehicle's own value then, dashed: now. "
             "(c) Links that change or lose messages; dashed: what they are held against. (d) An outlier in the middle "
-            "of a line tells the average of its neighbours; dotted: the average of the others' own numbers.",
+            "of a line sends the average of its neighbours; dotted: the average of the others' own numbers.",
             claims=claims.claims(rates, late, over, everybody, outliers),
         )  # fmt: skip
 
@@ -168,8 +168,8 @@ def _tables(
               [(case.name, f"{f.first:.2f}", f"{f.last:.2g}", f"{f.allowed:.2g}") for case, f in clocks.items()]),
         Table("An outlier in the middle of a line of 8, second planning period", ("rounds", "the others agree off "
               "their own average by [s]", "all apart at the end [s]"),
-              [(f"{ROUNDS[0]}, it takes part", f"{off_average(everybody):+.4f}", f"{everybody.spread[1]:.1e}"),
-               *((f"{rounds}, it follows", f"{off_average(f):+.4f}", f"{f.spread[1]:.1e}")
+              [(f"{ROUNDS[0]}, it takes part", f"{distance_to_average(everybody):+.4f}", f"{everybody.spread[1]:.1e}"),
+               *((f"{rounds}, it follows", f"{distance_to_average(f):+.4f}", f"{f.spread[1]:.1e}")
                  for rounds, f in outliers.items())]),
     )  # fmt: skip
 

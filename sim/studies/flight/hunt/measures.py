@@ -1,4 +1,4 @@
-"""What a mission violated first, when, and whether an event had announced it."""
+"""First violation of a mission, its time, and whether an event had announced it."""
 
 from __future__ import annotations
 

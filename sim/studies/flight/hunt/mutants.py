@@ -38,8 +38,8 @@ def _certified(
     certificate: type[Certificate] = Certificate,
     kind: type[Certified] = Certified,
 ) -> Certified:
-    """The planner behind a certificate, as ``Certified.of`` makes it, with the classes that are given."""
-    sound = Certificate.of(mission, tracker.bound, tracker.held)
+    """The planner behind a certificate, as ``Certified.for_mission`` makes it, with the classes that are given."""
+    sound = Certificate.for_mission(mission, tracker.bound, tracker.held)
     made = certificate(**{entry.name: getattr(sound, entry.name) for entry in dataclasses.fields(sound)})
     fallback = partial(StopAndHover, period=planner.period)
     worst = mission.quality.worst(mission.gust)

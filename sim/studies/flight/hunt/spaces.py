@@ -1,4 +1,4 @@
-"""Where the study ``hunt`` searches: for each hunt a scenario, the fields that are searched over, and its trials.
+"""Search spaces of the study ``hunt``: for each hunt a scenario, the fields that are searched over, and its trials.
 
 All missions are short, in canyons of 640 m and over level ground. What is searched over are noise and gusts as
 declared to the controller, faults, bounds, ends, heights, seeds and what changes on the way; for the mutants also the

@@ -1,4 +1,4 @@
-"""How near estimators come to the posterior Cramér-Rao bound, and the price of an update."""
+"""Distance of estimators to the posterior Cramér-Rao bound, and the price of an update."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from mathnavi.sim.studies.introduction.bounds.runs import (
 
 NEAR = 1.15  # times the bound, which counts as reached
 CHANCE = 3.0  # standard errors
-FEWEST = 5  # runs that tell a standard error
+FEWEST = 5  # runs that a standard error needs
 COLOURS = ("#0d5fa8", "#e07b00", "#0f9472", "#7a4fb5", "#8a6d1f", "#6b7a8c")
 UNITS = {"mechanism": "rad/s"}  # of the errors; else m
 DISTURBED = ("ranges", "flight", "missile")  # scenarios with process noise
@@ -54,7 +54,7 @@ class Efficiency:
     scenario: str
     estimator: str
     value: float  # root of the sum of squared errors over that of their bounds
-    standard_error: float  # of it, by the jackknife over runs; infinite of too few
+    standard_error: float  # of the efficiency, by the jackknife over runs; infinite of too few
     ok: float  # share of the estimates with the status OK
     cost: float  # [us] an update
     t: Array  # (m,) [s] middles of the pieces of a run

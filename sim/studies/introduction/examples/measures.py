@@ -34,7 +34,7 @@ def in_coordinates(outcome: RunResult) -> dict[str, Any]:
     """Measure T(x^) - T(x) against d/dt (z - x~) = A (z - x~), with the T and the A of the observer."""
     fields = outcome.config["estimator"]["fields"]
     system = SYSTEMS[outcome.config["fields"]["system"]]
-    immersion = Immersion.of(system, tuple(fields["poles"]), fields.get("order", 1))
+    immersion = Immersion.for_system(system, tuple(fields["poles"]), fields.get("order", 1))
     T = of_numbers(immersion.T, len(system.states))
     t, x_hat, x = estimates(outcome)
     error = np.array([T(one) - T(other) for one, other in zip(x_hat, x, strict=True)])

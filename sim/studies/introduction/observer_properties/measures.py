@@ -78,7 +78,7 @@ class OnTruth:
 
 
 def ranging_drift(started: OnTruth) -> float:
-    """The largest error [m, rad] within a second; what a scenario tells exactly it also says to be certain."""
+    """The largest error [m, rad] within a second; what a scenario gives exactly it also declares certain."""
     case = MapCase("ellipse", 0.0, STANDARD, "2s")
     start = drawn_start(STANDARD, np.random.default_rng(started.seed))
     known = KnownStart((float(start[0]), float(start[1]), float(start[2])), UNSURE)

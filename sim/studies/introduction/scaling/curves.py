@@ -1,4 +1,4 @@
-"""What grows, in which sizes, and what each size costs: CPU time and memory of one process.
+"""Quantities that grow, their sizes, and the cost of each size: CPU time and memory of one process.
 
 Each measurement is a job of its own. It does its work once in the smallest size, so that kernels are loaded and
 caches are warm, and then in the size that is asked for.
@@ -34,7 +34,7 @@ from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.studies.introduction.scaling.memory import PeakMemory
 from mathnavi.sim.studies.ranging.observability.maps import STANDARD
 from mathnavi.sim.studies.ranging.range_convergence.costs import START
-from mathnavi.sim.studies.ranging.range_convergence.runs import noisy_run, told_mission
+from mathnavi.sim.studies.ranging.range_convergence.runs import declared_mission, noisy_run
 from mathnavi.sim.sweep.trial import Trial, trial
 
 GROUND = "tian_shan"
@@ -44,7 +44,7 @@ UPDATES = 200  # of an estimator
 
 @dataclass(frozen=True)
 class Measured:
-    """What one size costs."""
+    """Cost of one size."""
 
     cost: MeasuredTime  # in the unit of the curve
     memory: MeasuredTime  # [MB] that the process grew by at most; NaN where the system does not say
@@ -60,8 +60,8 @@ class SizedCase:
 
 
 @dataclass(frozen=True)
-class Curve:
-    """How a cost grows with a size.
+class ScalingCurve:
+    """Growth of a cost with a size.
 
     ``cost(made(size, seed))`` is the cost; what ``made`` takes does not count. Up to ``limit`` it serves; ``today`` is
     the size that is ordinary now.
@@ -164,7 +164,7 @@ class _Replay:
 
 def _bank(count: int, seed: int) -> _Replay:
     """The bank, none of whose hypotheses is dropped."""
-    mission = told_mission(STANDARD, "2s")
+    mission = declared_mission(STANDARD, "2s")
     readings = noisy_run(mission, np.array(START), UPDATES * mission.period, np.random.default_rng(seed)).readings
     plugin = load("estimators", "feasible_set_bank")
     config = plugin.Config(hypotheses=count, candidates=max(300, 4 * count), lowest=-1e300)
@@ -209,20 +209,22 @@ def _updating(replay: _Replay) -> float:
 
 
 SIDES = (129, 257, 513, 1025, 2049)
-CURVES: dict[str, Curve] = {
-    "replan": Curve(
+CURVES: dict[str, ScalingCurve] = {
+    "replan": ScalingCurve(
         "nodes of a plan", "ms a replan", (7, 13, 25, 49, 97), 13, 1e3 * 5.0 / 3.0, "a period", _planned, _replan
     ),
-    "map, built": Curve("nodes of a map's side", "s to build", SIDES, 257, 60.0, "a minute", _over_map, _building),
-    "map, flown": Curve(
+    "map, built": ScalingCurve(
+        "nodes of a map's side", "s to build", SIDES, 257, 60.0, "a minute", _over_map, _building
+    ),
+    "map, flown": ScalingCurve(
         "nodes of a map's side", "CPU s a second", SIDES, 257, 1.0, "real time", _loop_over_map, _flying
     ),
-    "radars": Curve("radars", "s to build", (1, 4, 16, 64), 4, 60.0, "a minute", _under_radars, _building),
-    "fleet": Curve(
+    "radars": ScalingCurve("radars", "s to build", (1, 4, 16, 64), 4, 60.0, "a minute", _under_radars, _building),
+    "fleet": ScalingCurve(
         "vehicles", "CPU s a second", (4, 8, 16, 32, 64, 128, 256), 16, 1.0, "real time on a core", _fleet, _flying
     ),
-    "bank": Curve("hypotheses", "µs an update", (16, 64, 256, 1024), 16, 1e4, "100 Hz", _bank, _updating),
-    "observer": Curve("joints", "µs an update", (2, 4, 8, 16, 32), 8, 1e3, "1 kHz", _observer, _updating),
+    "bank": ScalingCurve("hypotheses", "µs an update", (16, 64, 256, 1024), 16, 1e4, "100 Hz", _bank, _updating),
+    "observer": ScalingCurve("joints", "µs an update", (2, 4, 8, 16, 32), 8, 1e3, "1 kHz", _observer, _updating),
 }
 """by name"""
 
@@ -236,7 +238,7 @@ def exponent(sizes: Sequence[int], costs: Sequence[float]) -> float:
     return float(np.polyfit(x, y, 1)[0])
 
 
-def serves_up_to(curve: Curve, sizes: Sequence[int], costs: Sequence[float]) -> float:
+def serves_up_to(curve: ScalingCurve, sizes: Sequence[int], costs: Sequence[float]) -> float:
     """Times today's size at which the limit is met, by the fit through the largest size.
 
     Infinite where that is more than a billion times.

@@ -19,8 +19,8 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.introduction.scaling.curves import (
     CURVES,
-    Curve,
     Measured,
+    ScalingCurve,
     SizedCase,
     exponent,
     measured,
@@ -56,7 +56,7 @@ class Growth:
     """A curve as it was measured."""
 
     name: str
-    curve: Curve
+    curve: ScalingCurve
     sizes: tuple[int, ...]
     costs: tuple[float, ...]  # medians
     memory: tuple[float, ...]  # [MB] medians
@@ -72,7 +72,7 @@ class Growth:
 
 
 class Scaling:
-    """How time and memory grow."""
+    """Growth of time and memory."""
 
     Config = ScalingConfig
     quick = ScalingConfig(repetitions=1, sizes=2, trials=10, workers=1, cluster=False)

@@ -39,7 +39,7 @@ class SweepCase:
 
 @dataclass(frozen=True)
 class SweepRate:
-    """How fast a sweep went."""
+    """Rate of a sweep."""
 
     workers: int
     delay: float | None  # [s]

@@ -45,8 +45,8 @@ def _each(name: str, fields: Mapping[str, Any]) -> tuple[Kind, ...]:
 
 OPEN_LOOP = Kind("as modelled, open-loop, 1 kHz", {"control_rate": 1000.0}, "open-loop")
 HEAVIER_KINDS, ROUGH_KINDS = _each("mass and inertia +10 %", HEAVIER), _each("and force -5 %, gust", ROUGH)
-TOWARDS = Kind("target at +30 m/s", {"target_velocity": (30.0, 0.0, 0.0)}, period=None)
-AWAY = Kind("target at -30 m/s", {"target_velocity": (-30.0, 0.0, 0.0)}, period=None)
+APPROACHING = Kind("target at +30 m/s", {"target_velocity": (30.0, 0.0, 0.0)}, period=None)
+RECEDING = Kind("target at -30 m/s", {"target_velocity": (-30.0, 0.0, 0.0)}, period=None)
 ACROSS = {"dimension": "spatial", "target": (700.0, 150.0, 0.0)}
 TURNED = {"dimension": "spatial", "start_heading": 40.0}
 JOINT = {"planner.spatial": "joint"}
@@ -60,18 +60,18 @@ DECOUPLED = {  # pitch and yaw planners together, and the same flight as one pro
         Kind("in space, 40° off, one problem", {**TURNED, **JOINT}, period=None),
     ),
 }
-WITHOUT_LEAD = Kind("target at +30 m/s, without lead", {**TOWARDS.fields, "planner.lead": False}, period=None)
-CLAIMED = (OPEN_LOOP, *HEAVIER_KINDS, *ROUGH_KINDS, TOWARDS, AWAY, WITHOUT_LEAD)  # what the claims are about
+WITHOUT_LEAD = Kind("target at +30 m/s, without lead", {**APPROACHING.fields, "planner.lead": False}, period=None)
+CLAIMED = (OPEN_LOOP, *HEAVIER_KINDS, *ROUGH_KINDS, APPROACHING, RECEDING, WITHOUT_LEAD)  # what the claims are about
 KINDS = (
     OPEN_LOOP,
     *HEAVIER_KINDS,
     *ROUGH_KINDS,
     Kind("the same, planned again", ROUGH, period=None),
-    TOWARDS,
-    AWAY,
+    APPROACHING,
+    RECEDING,
     WITHOUT_LEAD,
-    Kind("target turns at 2 s, announced .5 s late", {"target_change": ((2.0, 20.0, 0.0, 0.0),), "target_told": 0.5},
-         period=None),
+    Kind("target turns at 2 s, announced .5 s late",
+         {"target_change": ((2.0, 20.0, 0.0, 0.0),), "target_announcement_delay": 0.5}, period=None),
     Kind("normal force limited to 2.5 kN", {"actuator.normal": 2500.0}, period=None),
     Kind("target 4 km away", {"target": (4000.0, 0.0, 0.0)}, period=None),
     Kind("thrusters 20 ms late, which is not declared", {"actuator.delay": 0.02, "actuator.declared_delay": 0.0},

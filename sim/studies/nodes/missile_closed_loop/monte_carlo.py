@@ -40,7 +40,7 @@ def drawn_trial(number: int) -> Trial:
         "target": (between(600.0, 1200.0), between(-400.0, 400.0), 0.0),
         "target_velocity": velocity(),
         "target_change": (turn,),
-        "target_told": 0.2,
+        "target_announcement_delay": 0.2,
         "mismatch.mass": between(0.9, 1.1),
         "mismatch.inertia": between(0.9, 1.1),
         "mismatch.force": between(0.95, 1.05),

@@ -32,17 +32,17 @@ from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.nodes.missile_closed_loop.flights import (
+    APPROACHING,
     AUTOPILOTS,
-    AWAY,
     CASES,
     DECOUPLED,
     HEAVIER_KINDS,
     OPEN_LOOP,
     OTHERS,
     PAIRS,
+    RECEDING,
     ROUGH,
     ROUGH_KINDS,
-    TOWARDS,
     VEHICLE,
     WITHOUT_LEAD,
     Kind,
@@ -53,7 +53,7 @@ from mathnavi.sim.studies.nodes.missile_closed_loop.monte_carlo import drawn_cla
 from mathnavi.sim.sweep.trial import trial
 
 DRAWN_KIND = Kind(DRAWN, period=None, seeded=True)
-REPLANNED: tuple[Mapping[str, Any], ...] = ({}, ROUGH, TOWARDS.fields)  # flights whose replans are timed
+REPLANNED: tuple[Mapping[str, Any], ...] = ({}, ROUGH, APPROACHING.fields)  # flights whose replans are timed
 
 
 @configuration
@@ -164,7 +164,7 @@ def _claims(
     compiled = backend.endswith("compiled")
     both = f", {ours / np.percentile(replans['ipopt-compiled']['ms'], 95):.2f} of IPOPT compiled" if compiled else ""
     miss, _ = _worst(records, OPEN_LOOP)
-    moving, _ = _worst(records, TOWARDS, AWAY)
+    moving, _ = _worst(records, APPROACHING, RECEDING)
     blind, _ = _worst(records, WITHOUT_LEAD)
     linearised, regulated = (
         _worst(records, *(kind for kind in (*HEAVIER_KINDS, *ROUGH_KINDS) if kind.autopilot == autopilot))

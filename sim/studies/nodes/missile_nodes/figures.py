@@ -29,7 +29,7 @@ class PlannedPath:
     replay: ReplayResult
 
     @staticmethod
-    def of(solution: Solution) -> PlannedPath:
+    def from_solution(solution: Solution) -> PlannedPath:
         """The path of a solution that was replayed."""
         assert solution.replay is not None
         return PlannedPath(solution.x, solution.state(np.linspace(0.0, solution.duration, 400)), solution.replay)

@@ -27,7 +27,7 @@ from mathnavi.controllers.ocp.methods.redistribution import redistribute, redist
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, Monitor
 from mathnavi.controllers.ocp.problems.missile import OPTIMA, missile
 from mathnavi.controllers.ocp.replay import replayed
-from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
@@ -58,7 +58,7 @@ EVERY_FIGURE = 1e-8
 class GateVerdict:
     """The status of a solution after the replay gate."""
 
-    status: Outcome
+    status: SolverOutcome
     message: str
 
 
@@ -290,7 +290,7 @@ def _targets(
         Claim(
             "missile.gate", "target", "An optimiser that may move the nodes freely hides its error, and is found out.",
             "B.3", "forward Euler with free nodes, SM2, N = 20: refused by the replay gate", f"{gate.message}",
-            gate.status is Outcome.REFUSED,
+            gate.status is SolverOutcome.REFUSED,
         )
     )  # fmt: skip
     return claims
@@ -340,7 +340,9 @@ def paths_of_figure_b_5(case: str) -> tuple[PlannedPath, PlannedPath]:
     problem, n = missile(case), 50
     even = solve(problem, n)
     programme = transcription(problem, HermiteSimpson(), n, Equidistributed(PATH))
-    return PlannedPath.of(even), PlannedPath.of(replayed(programme.solve(even, redistributed(even, n, PATH))))
+    return PlannedPath.from_solution(even), PlannedPath.from_solution(
+        replayed(programme.solve(even, redistributed(even, n, PATH)))
+    )
 
 
 def _densities(even: PlannedPath, adaptive: PlannedPath) -> str:

@@ -21,7 +21,7 @@ from mathnavi.controllers.active_sensing.policies import path
 from mathnavi.controllers.active_sensing.then_track import ReferencePath
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.metrics.ranging import Errors, rms
+from mathnavi.sim.metrics.ranging import RangingErrors, rms
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.range_localisation import VEHICLE
 from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig, WallFields
@@ -147,9 +147,9 @@ def tracked(outcome: RunResult) -> dict[str, Any]:
     }
 
 
-def _errors(outcome: RunResult) -> Errors:
+def _errors(outcome: RunResult) -> RangingErrors:
     """Modulo the wall's symmetry, which is all that a mission says of them."""
-    return Errors.of(outcome.recording, VEHICLE, RangingMission(WALL, (0.0,)))
+    return RangingErrors.from_recording(outcome.recording, VEHICLE, RangingMission(WALL, (0.0,)))
 
 
 def _kept(outcome: RunResult) -> slice:

@@ -38,7 +38,7 @@ SEARCHED: tuple[ModeName, ...] = ("active", "random")  # modes that the best seq
 
 
 class KnownPoseProblem(NamedTuple):
-    """What the bound depends on, and when the pose counts as found."""
+    """Data that the bound depends on, and the errors at which the pose counts as found."""
 
     wall: WallTable
     sensors: RangeSensors

@@ -16,7 +16,7 @@ from mathnavi.models.field.curve import Curve
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.interfaces.signals import Array, Estimate, Status
-from mathnavi.sim.metrics.ranging import HEADING, POSITION, Errors
+from mathnavi.sim.metrics.ranging import HEADING, POSITION, RangingErrors
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.range_localisation import VEHICLE
 from mathnavi.sim.sweep.trial import Trial, trial
@@ -60,7 +60,7 @@ def honesty(outcome: RunResult) -> dict[str, Any]:
     """
     recording, record = outcome.recording, outcome.config["mission"]
     mission = RangingMission(Curve(tuple(map(tuple, record["coefficients"])), record["field"]), (0.0,))
-    errors = Errors.of(recording, VEHICLE, mission)
+    errors = RangingErrors.from_recording(recording, VEHICLE, mission)
     last, (known, sure) = errors.last, _known(outcome, recording.t)
     beyond = (errors.position > POSITION) | (errors.heading > HEADING)
     nees = errors.nees[last][known[last]]
@@ -73,7 +73,7 @@ def honesty(outcome: RunResult) -> dict[str, Any]:
 
 
 def _known(outcome: RunResult, t: Array) -> tuple[Flags, Flags]:
-    """Whether the newest estimate at each time (n,) [s] has the status OK, and whether it is sure besides."""
+    """Masks (n,) of the times [s] whose newest estimate has the status OK, and of those where it is sure besides."""
     estimates = outcome.recording.agents[VEHICLE].estimates
     newest = np.searchsorted([estimate.t for estimate in estimates], t + TIME_TOLERANCE, side="right") - 1
     known = np.array([k >= 0 and estimates[k].status is Status.OK for k in newest], dtype=bool)
@@ -84,7 +84,7 @@ def _known(outcome: RunResult, t: Array) -> tuple[Flags, Flags]:
 
 
 def _is_sure(estimate: Estimate) -> bool:
-    """Whether two standard deviations are within the limits of an estimate that has converged."""
+    """True if two standard deviations are within the limits of an estimate that has converged."""
     P = estimate.covariance
     if P is None:
         return True

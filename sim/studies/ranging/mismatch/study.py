@@ -1,6 +1,6 @@
 """Errors that were not declared: whether the bank of feasible poses finds the pose, or says that it cannot.
 
-More range noise, outliers, odometry of another scale and wheels that slip, none of it declared, and a wall that is
+More range noise, outliers, odometry of another scale and wheels that slip, none of them declared, and a wall that is
 nearly round, beside runs that are as declared.
 """
 

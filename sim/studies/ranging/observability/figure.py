@@ -41,7 +41,7 @@ ESTIMATOR_COLOURS = {"observer": "#0d5fa8", "EKF": "#e07b00"}
 
 
 @dataclass(frozen=True)
-class Series:
+class MeasuredSeries:
     """A line of a family: shares, one for each of its walls."""
 
     label: str
@@ -56,7 +56,7 @@ class Family:
 
     title: str
     xlabel: str
-    series: Sequence[Series]
+    series: Sequence[MeasuredSeries]
     walls: Sequence[Curve]
     ticks: Sequence[str]  # what the walls are called
     rays: Sequence[Sequence[float]]  # [deg] drawn in each wall
@@ -147,7 +147,7 @@ def _along(flow: Axes, outputs: RangeOutputs, x_0: Array, points: Array, motions
     flow.set(
         xlabel="along the feasible curve, from the true start [m, rad]",
         ylabel=f"difference of the output flow in {AHEAD:g} s [m]",
-        title="(b) any motion tells them apart",
+        title="(b) any motion distinguishes them",
     )
     flow.legend(fontsize=8.5, loc="upper center", ncols=2, columnspacing=1.2, handlelength=1.4)
 

@@ -27,6 +27,7 @@ from mathnavi.models.field.curve import Coefficients, Curve, ellipse
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.patterns import figure_eight
 from mathnavi.models.unicycle.quality import RangeQuality
+from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.convergence import LAST
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
@@ -140,14 +141,14 @@ def driven_path() -> Array:
 
 
 def drawn_start(curve: Curve, rng: np.random.Generator) -> Array:
-    """A pose (3,) from which the figure of eight keeps the margin; ValueError if there seems to be none."""
+    """A pose (3,) from which the figure of eight keeps the margin; ArgumentError if there seems to be none."""
     for _ in range(10_000):
         x = curve.draw(rng, MARGIN)
         c, s = math.cos(x[2]), math.sin(x[2])
         places = x[:2] + driven_path()[:, :2] @ np.array([[c, s], [-s, c]])
         if all(curve.contains(place, MARGIN) for place in places):
             return x
-    raise ValueError(f"{curve.name}: no figure of eight keeps {MARGIN} m from the wall; allowed: a larger field")
+    raise ArgumentError(f"{curve.name}: no figure of eight keeps {MARGIN} m from the wall; allowed: a larger field")
 
 
 @cache
@@ -190,7 +191,7 @@ class NearAttempt:
 def found_exactly(attempt: NearAttempt) -> bool:
     """Tell whether the pose is found to 1 mm and 1 mrad, from most of the first estimates.
 
-    One alone may happen to be as near as that on the feasible set, where it stays if nothing tells its states apart.
+    One alone may happen to be as near as that on the feasible set, where it stays if nothing distinguishes its states.
     """
     case, rng = attempt.case, np.random.default_rng(attempt.seed)
     start, u = drawn_start(case.curve, rng), driving if attempt.drives else standing

@@ -57,7 +57,7 @@ class PropositionTrial:
 
     singleton: bool  # FS_y, OF and a neighbourhood have the state alone in common
     weakly_observable: bool  # small-time, under that input
-    others: int  # states that the input tells apart from it nowhere
+    others: int  # states that the input distinguishes from it nowhere
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def flags_ranks(poses: int) -> list[FlagsRank]:
     rows = []
     for known in (True, False):
         textbook = camera_and_flags(known)
-        system = ControlAffineSystem.of(textbook.f, textbook.h, len(textbook.states), len(textbook.inputs))
+        system = ControlAffineSystem.from_functions(textbook.f, textbook.h, len(textbook.states), len(textbook.inputs))
         for u in ((0.0, 0.0), (0.0, 0.6), (0.3, 0.0), (0.3, 0.6)):
             for order in (1, 2):
                 differentials = codistribution(system, [system.held(u)], order)

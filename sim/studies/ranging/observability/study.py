@@ -1,6 +1,6 @@
 """Observability of Paper C, measured: what is feasible, what separates it, and how the map decides convergence.
 
-Feasible sets and output flows (Definitions C.9 to C.11, Proposition C.1), states that nothing tells apart, standing
+Feasible sets and output flows (Definitions C.9 to C.11, Proposition C.1), states that nothing distinguishes, standing
 still, Example C.2, empirical Gramians of scenarios, and the question that the thesis leaves open (3.2): the relation
 between the given environmental map and the global convergence of the observer.
 """
@@ -18,7 +18,7 @@ from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.ranging.observability.claims import MapKey, ObservabilityResults, claims
-from mathnavi.sim.studies.ranging.observability.figure import ESTIMATOR_COLOURS, Family, Series, figure
+from mathnavi.sim.studies.ranging.observability.figure import ESTIMATOR_COLOURS, Family, MeasuredSeries, figure
 from mathnavi.sim.studies.ranging.observability.gramians import GRAMIANS, observability_gramian
 from mathnavi.sim.studies.ranging.observability.maps import (
     FAMILIES,
@@ -82,7 +82,7 @@ class ObservabilityConfig:
 
 
 class Observability:
-    """Feasible states, what tells them apart, and how the map decides global convergence (Paper C)."""
+    """Feasible states, what distinguishes them, and how the map decides global convergence (Paper C)."""
 
     Config = ObservabilityConfig
     quick = ObservabilityConfig(starts=4, walls=3, states=3, places=12, headings=1)
@@ -130,7 +130,7 @@ class Observability:
                 [region.drawn(done["region", k]) for k, region in enumerate(regions)],
             ),
             caption="(a) The feasible set of the thesis' start with sensors at -90° and -45° (dashed), coloured by "
-            "what tells its states apart; ticks are headings. (b) The same along the branch of the true start, for "
+            "what distinguishes its states; ticks are headings. (b) The same along the branch of the true start, for "
             "four inputs. (c) to (f) Shares of starts that find the true state, with 95 % limits of Clopper and "
             "Pearson; 2s are sensors at ±60°. (g) to (i) By the place of the first estimate, for one run.",
             claims=claims(evidence),
@@ -213,7 +213,7 @@ def _families(cases: Sequence[MapCase], maps: Mapping[MapKey, Proportion]) -> li
         own = [case for case in cases if case.family == name]
         sets: tuple[str | None, ...] = (None,) if name == "sensors" else tuple(dict.fromkeys(c.sensors for c in own))
         series = [
-            Series(
+            MeasuredSeries(
                 estimator if sensors is None or len(sets) == 1 else f"{estimator}, {sensors}",
                 ESTIMATOR_COLOURS[estimator],
                 sensors == "2t",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from mathnavi.estimators.ranging.bank_kernels import (
@@ -23,21 +25,30 @@ from mathnavi.sim.interfaces.signals import Array
 _KLD = (0.05, 2.33)  # epsilon and z, which decide nothing where the number of particles stays
 
 
+class RecordedReadings(NamedTuple):
+    """Readings and inputs of a run."""
+
+    z: Array  # (n, l) [m] ranges
+    u: Array  # (n, 2) [m/s, rad/s] inputs
+    dt: float  # [s] from one to the next
+
+
+class Quality(NamedTuple):
+    """Noise of a robot's motion and sensors."""
+
+    W: Array  # (2,) variances of the odometry
+    sensors: RaySensors
+    noise: NoiseSums
+    innovations: Innovations
+
+
 @njit(cache=True, nogil=True)
 def bank_updates(
-    bank: Hypotheses,
-    z: Array,
-    u: Array,
-    W: Array,
-    wall: WallShape,
-    sensors: RaySensors,
-    noise: NoiseSums,
-    scoring: Scoring,
-    innovations: Innovations,
-    symmetry: Symmetry,
-    dt: float,
+    bank: Hypotheses, run: RecordedReadings, wall: WallShape, quality: Quality, scoring: Scoring, symmetry: Symmetry
 ) -> int:
-    """Hypotheses, in place, over ranges z (n, l) and inputs u (n, 2); returns n."""
+    """Update hypotheses, in place, by all n readings of a run; returns n."""
+    z, u, dt = run
+    W, sensors, noise, innovations = quality
     best = 0
     for k in range(len(z)):
         predict_each(bank, u[k], W, wall, dt, np.ones(2))

@@ -28,8 +28,13 @@ from mathnavi.estimators.ranging.unscented import RangeUkf
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.interfaces.signals import Array, Measurement
 from mathnavi.sim.studies.ranging.observability.maps import STANDARD
-from mathnavi.sim.studies.ranging.range_convergence.cost_kernels import bank_updates, particle_updates
-from mathnavi.sim.studies.ranging.range_convergence.runs import noisy_run, told_mission
+from mathnavi.sim.studies.ranging.range_convergence.cost_kernels import (
+    Quality,
+    RecordedReadings,
+    bank_updates,
+    particle_updates,
+)
+from mathnavi.sim.studies.ranging.range_convergence.runs import declared_mission, noisy_run
 
 START = (1.0, 0.2, 0.5 * math.pi)  # from where the figure of eight stays within the standard field
 
@@ -56,7 +61,7 @@ class Readings:
 
 def read(sensors: str, seconds: float, rng: np.random.Generator) -> Readings:
     """Draw readings with a set of ``SENSORS``, by name, and the standard noise."""
-    mission = told_mission(STANDARD, sensors)
+    mission = declared_mission(STANDARD, sensors)
     readings = noisy_run(mission, np.array(START), seconds, rng).readings[1:]
     return Readings(mission, *(np.array([pair[k].value for pair in readings]) for k in (0, 1)))
 
@@ -107,13 +112,12 @@ def _bank(readings: Readings, count: int, lowest: float, twin: float) -> Callabl
     poses = made.extra["hypotheses"][np.isfinite(made.extra["scores"])][:count]
     hypotheses = no_hypotheses(len(poses), mission.sensors, WINDOW)
     hypotheses.x[:, :3], hypotheses.P[:], hypotheses.score[:] = poses, model.covariance(config.deviation), 0.0
-    z, u, sensors = readings.ranges[n:], readings.inputs[n:], model.sensors(chi_square_gate(config.gate))
+    run = RecordedReadings(readings.ranges[n:], readings.inputs[n:], period)
     noise, innovations = declared_noise(mission.ranging.outliers), no_innovations(mission.sensors)
+    quality = Quality(model.W, model.sensors(chi_square_gate(config.gate)), noise, innovations)
     scoring = Scoring(config.forgetting, _MEMORY, lowest, twin)
     symmetry = (mission.curve.symmetry, *mission.curve.centre)
-    return lambda: int(
-        bank_updates(hypotheses, z, u, model.W, model.wall, sensors, noise, scoring, innovations, symmetry, period)
-    )
+    return lambda: int(bank_updates(hypotheses, run, model.wall, quality, scoring, symmetry))
 
 
 def _particles(readings: Readings) -> Callable[[], int]:

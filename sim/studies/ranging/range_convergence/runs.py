@@ -65,7 +65,7 @@ class EstimatorResult:
     rays: float  # that it is of, their mean
 
 
-def told_mission(curve: Curve, sensors: str) -> RangingMission:
+def declared_mission(curve: Curve, sensors: str) -> RangingMission:
     """Mission with the standard noise, and an unknown start."""
     noise, angles = RangingNoise(), tuple(math.radians(angle) for angle in SENSORS[sensors])
     return RangingMission(curve, angles, noise.ranging(), noise.odometry(_SLIP))
@@ -89,7 +89,7 @@ def noisy_run(mission: RangingMission, start: Array, seconds: float, rng: np.ran
 def estimator_results(asked: RangeRun) -> dict[str, EstimatorResult]:
     """Run each of the estimators over the readings; the same seed is the same run."""
     rng = np.random.default_rng(asked.seed)
-    start, mission = drawn_start(asked.curve, rng), told_mission(asked.curve, asked.sensors)
+    start, mission = drawn_start(asked.curve, rng), declared_mission(asked.curve, asked.sensors)
     run = noisy_run(mission, start, asked.seconds, rng)
     near = start + NEAR * rng.standard_normal(3)
     return {name: _found(name, run, near, asked.seed) for name in asked.estimators}

@@ -38,7 +38,7 @@ class LockResults:
     """Results from which the claims are evaluated."""
 
     identities: Sequence[Identities]
-    start_off: Array  # (3,) [rad] z(0) as printed less Psi(x(0))
+    start_error: Array  # (3,) [rad] z(0) as printed less Psi(x(0))
     thesis: Mapping[tuple[str, FeedForward], Sequence[RunErrors]]  # by motion, at the printed gains, without noise
     noisy: Mapping[tuple[str, ObserverGains], Sequence[RunErrors]]  # by motion
     true_start: Mapping[FeedForward, RunErrors]  # from z(0) = Psi(x(0)), without noise
@@ -122,7 +122,7 @@ def _as_printed(e: LockResults) -> Claim:
 
 
 def _printed(e: LockResults) -> list[Claim]:
-    error = float(np.abs(e.start_off).max())
+    error = float(np.abs(e.start_error).max())
     best = min(MOVING, key=lambda motion: median(e.thesis[motion, "none"]))
     worst_of_truth = e.true_start["none"]
     ours = ", ".join(f"{name} {e.true_start[name].worst:.0e}" for name in FEED_FORWARDS)

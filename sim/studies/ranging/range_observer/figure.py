@@ -27,7 +27,7 @@ from mathnavi.sim.studies.ranging.range_observer.observer_run import ObserverRun
 from mathnavi.sim.studies.ranging.range_observer.runs import MOTIONS, START
 
 TRUTH = hexadecimal(COLOURS[SceneElement.DRIVEN])
-OF: Mapping[FeedForward, str] = {
+COLOUR: Mapping[FeedForward, str] = {
     "none": hexadecimal(COLOURS[SceneElement.HYPOTHESIS]),
     "s": hexadecimal(COLOURS[SceneElement.ESTIMATE]),
     "rho_dot": hexadecimal(COLOURS[SceneElement.RAY]),
@@ -79,7 +79,7 @@ def _components(panels: Sequence[Axes], runs: Mapping[FeedForward, ObserverRun])
     for k, (axes, name) in enumerate(zip(panels, PARTS, strict=True)):
         for feedforward, width in zip(PAIR, (1.6, 2.6), strict=True):
             run = runs[feedforward]
-            axes.plot(run.t, run.z[:, k], color=OF[feedforward], lw=width)
+            axes.plot(run.t, run.z[:, k], color=COLOUR[feedforward], lw=width)
         run = runs["s"]
         axes.plot(run.t, run.z_true[:, k], color=TRUTH, lw=1.4, ls=(0, (4, 2)))
         axes.set(xlabel="time [s]", xlim=(0.0, run.t[-1]))
@@ -90,7 +90,7 @@ def _components(panels: Sequence[Axes], runs: Mapping[FeedForward, ObserverRun])
 
 
 def _legend(axes: Axes, columns: int) -> None:
-    kinds = (("truth", TRUTH, (0, (4, 2))), ("as printed", OF["none"], "-"), ("feed-forward s", OF["s"], "-"))
+    kinds = (("truth", TRUTH, (0, (4, 2))), ("as printed", COLOUR["none"], "-"), ("feed-forward s", COLOUR["s"], "-"))
     for name, colour, style in kinds:
         axes.plot([], [], color=colour, ls=style, lw=2.0, label=name)
     axes.legend(fontsize=8, ncols=columns, loc="upper left", columnspacing=1.0, handlelength=1.8, borderaxespad=0.1)
@@ -106,8 +106,8 @@ def _field(axes: Axes, runs: Mapping[FeedForward, ObserverRun], *, noisy: bool) 
         axes.plot([START[0], end[0]], [START[1], end[1]], color=hexadecimal(COLOURS[SceneElement.RAY]), lw=0.9)
     for feedforward, width in zip(PAIR, (1.1, 1.5), strict=True):
         run = runs[feedforward]
-        axes.plot(run.x[:, 0], run.x[:, 1], color=OF[feedforward], lw=width, zorder=3)
-        axes.plot(*run.x[0, :2], "o", ms=4.5, color=OF[feedforward], zorder=5)
+        axes.plot(run.x[:, 0], run.x[:, 1], color=COLOUR[feedforward], lw=width, zorder=3)
+        axes.plot(*run.x[0, :2], "o", ms=4.5, color=COLOUR[feedforward], zorder=5)
     axes.plot(first.truth[:, 0], first.truth[:, 1], color=TRUTH, lw=1.8, ls=(0, (4, 2)), zorder=4)
     axes.fill(*outline(START).T, facecolor="white", edgecolor=INK, lw=1.1, zorder=6)
     least = first.truth[np.argmin(first.truth[:, 0])]
@@ -115,10 +115,10 @@ def _field(axes: Axes, runs: Mapping[FeedForward, ObserverRun], *, noisy: bool) 
     halo = [patheffects.withStroke(linewidth=2.6, foreground="#f3f5f6")]
     labels = [
         ("truth, and around it s" if noisy else "truth, and on it s", least, (-8, 0), "right", INK),
-        ("as printed", astray, (-4, 12), "right", OF["none"]),
+        ("as printed", astray, (-4, 12), "right", COLOUR["none"]),
     ]
     if not noisy:
-        labels.append(("first estimate", runs["s"].x[0], (-2, 12), "center", OF["s"]))
+        labels.append(("first estimate", runs["s"].x[0], (-2, 12), "center", COLOUR["s"]))
     for text, place, offset, side, colour in labels:
         axes.annotate(text, (place[0], place[1]), offset, textcoords="offset points", ha=side, va="center",
                       color=colour, fontsize=8.5, zorder=7, path_effects=halo)  # fmt: skip
@@ -138,7 +138,7 @@ def _errors(axes: Axes, runs: Mapping[FeedForward, ObserverRun], name: str, titl
     errors = {feedforward: np.maximum(getattr(run, name), LEAST) for feedforward, run in runs.items()}
     t = runs["s"].t
     for feedforward, error in errors.items():
-        axes.plot(t, error, color=OF[feedforward], lw=1.5)
+        axes.plot(t, error, color=COLOUR[feedforward], lw=1.5)
     _log(axes, (1e-15, 30.0))
     _at_the_end(axes, errors, t)
     axes.set(xlabel="time [s]", title=title)
@@ -152,7 +152,7 @@ def _at_the_end(axes: Axes, errors: Mapping[FeedForward, Array], t: Array) -> No
     for feedforward in order:
         level = min(float(np.log10(np.median(errors[feedforward][-len(t) // 8 :]))), last - least)
         axes.annotate(NAMES[feedforward], (1.0, 10.0**level), (4, 0), xycoords=("axes fraction", "data"), va="center",
-                      textcoords="offset points", color=OF[feedforward], annotation_clip=False)  # fmt: skip
+                      textcoords="offset points", color=COLOUR[feedforward], annotation_clip=False)  # fmt: skip
         last = level
 
 
@@ -167,8 +167,8 @@ def _values(axes: Axes, runs: Mapping[FeedForward, ObserverRun]) -> None:
     for feedforward in PAIR:
         run = runs[feedforward]
         V, Q = run.value[:, 0], np.sqrt(2.0 * run.value[:, 1])
-        axes.plot(run.t, np.maximum(V, LEAST), color=OF[feedforward], lw=1.5)
-        axes.plot(run.t, np.maximum(Q, LEAST), color=OF[feedforward], lw=1.1, ls=":")
+        axes.plot(run.t, np.maximum(V, LEAST), color=COLOUR[feedforward], lw=1.5)
+        axes.plot(run.t, np.maximum(Q, LEAST), color=COLOUR[feedforward], lw=1.1, ls=":")
     for label, style in (("$V_\\rho$ [m²]", "-"), ("|Q| [m²/s]", ":")):
         axes.plot([], [], color=INK, ls=style, lw=1.4, label=label)
     _log(axes, (1e-15, 1e4))
@@ -184,8 +184,8 @@ def _values(axes: Axes, runs: Mapping[FeedForward, ObserverRun]) -> None:
 def _plane(axes: Axes, runs: Mapping[FeedForward, ObserverRun]) -> None:
     for feedforward in PAIR:
         run = runs[feedforward]
-        axes.plot(run.z[:, 0], run.z[:, 1], color=OF[feedforward], lw=1.2)
-        axes.plot(*run.z[0, :2], "o", ms=4.5, color=OF[feedforward])
+        axes.plot(run.z[:, 0], run.z[:, 1], color=COLOUR[feedforward], lw=1.2)
+        axes.plot(*run.z[0, :2], "o", ms=4.5, color=COLOUR[feedforward])
     truth = runs["s"].z_true
     axes.plot(truth[:, 0], truth[:, 1], color=TRUTH, lw=1.6, ls=(0, (4, 2)))
     axes.plot(*truth[0, :2], "o", ms=4.5, color=TRUTH)
@@ -195,8 +195,8 @@ def _plane(axes: Axes, runs: Mapping[FeedForward, ObserverRun]) -> None:
 
 def _noise(axes: Axes, runs: Mapping[FeedForward, ObserverRun]) -> None:
     for feedforward, run in runs.items():
-        axes.plot(run.t, run.position, color=OF[feedforward], lw=1.5)
-        axes.plot(run.t, np.abs(run.error[:, 2]), color=OF[feedforward], lw=0.9, ls=":")
+        axes.plot(run.t, run.position, color=COLOUR[feedforward], lw=1.5)
+        axes.plot(run.t, np.abs(run.error[:, 2]), color=COLOUR[feedforward], lw=0.9, ls=":")
     for label, style in (("position [m]", "-"), ("heading [rad]", ":")):
         axes.plot([], [], color=INK, ls=style, lw=1.4, label=label)
     _log(axes, (1e-4, 30.0))

@@ -29,7 +29,7 @@ class ObserverRun:
     z_true: Array  # (n, l + 1) without jumps
     value: Array  # (n, 2) V_rho and |Q|^2 / 2
     error: Array  # (n, 3) x less its truth, modulo the symmetry of the wall
-    off_z: Array  # (n, l + 1) z likewise
+    error_z: Array  # (n, l + 1) z likewise
 
     @property
     def position(self) -> Array:
@@ -40,7 +40,7 @@ class ObserverRun:
     @property
     def in_z(self) -> Array:
         """(n,) [rad] the root mean square of the errors of the components of z."""
-        size: Array = np.sqrt(np.square(self.off_z).mean(axis=1))
+        size: Array = np.sqrt(np.square(self.error_z).mean(axis=1))
         return size
 
     @property
@@ -61,7 +61,7 @@ class RunErrors:
     relative_heading: float  # over that of phi
 
     @staticmethod
-    def of(run: ObserverRun) -> RunErrors:
+    def from_run(run: ObserverRun) -> RunErrors:
         """The errors of a run."""
         last, truth = run.last, run.truth
         position, heading = rms(run.position[last]), rms(run.error[last, 2])

@@ -130,7 +130,7 @@ def shown_run(asked: ThesisRun) -> ObserverRun:
 
 def thesis_verdict(asked: ThesisRun) -> RunErrors:
     """Errors of the observer over the last quarter of a run from the thesis' start."""
-    return RunErrors.of(from_thesis_start(asked))
+    return RunErrors.from_run(from_thesis_start(asked))
 
 
 def drawn_verdicts(asked: DrawnRun) -> list[RunErrors]:
@@ -138,7 +138,7 @@ def drawn_verdicts(asked: DrawnRun) -> list[RunErrors]:
     start = drawn_start(STANDARD, np.random.default_rng(asked.seed))
     mission = mission_with(asked.sensors, RangeQuality(), start, asked.period)
     run = exact_run(mission, start, DRIVES[asked.drive], float(asked.seconds))
-    return [RunErrors.of(follow(run, ObserverGains("none", k, k).config())) for k in asked.gains]
+    return [RunErrors.from_run(follow(run, ObserverGains("none", k, k).config())) for k in asked.gains]
 
 
 def averaged(asked: ThesisRun) -> tuple[float, float]:

@@ -142,7 +142,7 @@ def _evidence(done: Mapping[Any, list[Any]]) -> LockResults:
     psi = np.append(STANDARD.ranges(START, np.radians(SENSORS["2t"]))[1], START[2])
     return LockResults(
         identities=[one for group in done["identities",] for one in group],
-        start_off=wrapped(PRINTED_START - psi),
+        start_error=wrapped(PRINTED_START - psi),
         thesis={key[1:]: group for key, group in done.items() if key[0] == "thesis"},
         noisy={key[1:]: group for key, group in done.items() if key[0] == "noisy"},
         true_start={key[1]: group[0] for key, group in done.items() if key[0] == "true start"},

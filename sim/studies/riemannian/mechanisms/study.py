@@ -175,7 +175,7 @@ def claims(e: MechanismResults) -> list[Claim]:
     helped_too = ", ".join(f"{name} {number(ratio)}" for name, ratio in with_disturbance.items())
     return [
         Claim(
-            "riemannian.mechanisms", "target", "Encoders tell joint velocities better by the observer.", "D.1, D.6",
+            "riemannian.mechanisms", "target", "Encoders give joint velocities better by the observer.", "D.1, D.6",
             f"exact model: at least {LEAST['two-link']:g} times below the best Butterworth for two joints, "
             f"{LEAST['seven-joint']:g} for seven",
             ", ".join(f"{name} {e.ratio(name):.0f} times ({_error_text(e, name)})" for name in LEAST if name in e.own),

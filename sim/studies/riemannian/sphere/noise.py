@@ -170,7 +170,7 @@ class NoiseResults:
     settled: Mapping[str, Mapping[float, Sequence[float]]]  # [s] by estimator and speed, a value for each seed
 
     @staticmethod
-    def of(
+    def from_runs(
         tunings: Mapping[str, Tuning],
         found: Sequence[Mapping[str, tuple[float, float]]],
         late: Mapping[float, Sequence[Mapping[str, float]]],
@@ -202,7 +202,7 @@ def noise_claim(noise: NoiseResults) -> Claim:
     )
     plain = noise.plain[DIFFERENCES].median / noise.plain[OBSERVER].median
     return Claim(
-        "riemannian.noise", "target", "Noisy attitudes tell the body rate better by the observer.", "D.1",
+        "riemannian.noise", "target", "Noisy attitudes give the body rate better by the observer.", "D.1",
         "error at least 2500 times below that of differences, and 10 times below the better Butterworth filter's",
         f"{ratios[0]:.0f} times, and {ratios[1]:.0f} times below {better}: {noise.errors[OBSERVER].median:.4f} rad/s; "
         f"{noise.times(BUTTERWORTH):.0f} times below the best of a sweep of cutoffs ({noise.setting(BUTTERWORTH)} Hz); "

@@ -106,7 +106,7 @@ def cart_pendulum(gains: str, seconds: float) -> Trial:
 def mechanism_errors(outcome: RunResult) -> dict[str, Any]:
     """A measure: errors every ``KEPT`` s."""
     manifold = MechanismSystem(build_model(outcome.config["fields"]["mechanism"], name=MECHANISM)).manifold
-    errors = VelocityErrors.of(outcome.recording, MECHANISM, manifold)
+    errors = VelocityErrors.from_recording(outcome.recording, MECHANISM, manifold)
     every = max(1, round(KEPT / float(errors.t[1] - errors.t[0])))
     kept = {"t": errors.t, "theta": errors.position, "speed_error": errors.norm}
     return {name: values[::every].tolist() for name, values in kept.items()}
@@ -115,7 +115,7 @@ def mechanism_errors(outcome: RunResult) -> dict[str, Any]:
 # ---- MuJoCo's ball joint
 
 
-def off_geodesic(seed: int) -> float:
+def distance_to_geodesic(seed: int) -> float:
     """[rad] by how much, at most over 5 s, a free body in MuJoCo is turned from the geodesic that it starts on."""
     rng, attitude = np.random.default_rng(seed), Attitude()
     start, axis = sphere(3).draw(rng), rng.standard_normal(3)

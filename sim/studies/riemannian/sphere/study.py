@@ -39,7 +39,7 @@ from mathnavi.sim.studies.riemannian.sphere.noise import (
     settling,
     swept,
 )
-from mathnavi.sim.studies.riemannian.sphere.runs import ContinuousRun, cart_pendulum, flown, off_geodesic
+from mathnavi.sim.studies.riemannian.sphere.runs import ContinuousRun, cart_pendulum, distance_to_geodesic, flown
 
 SPACES = ("S^3", "H^2")
 GAINS = ("printed", "repaired")
@@ -87,7 +87,7 @@ class Sphere:
         for n in DIMENSIONS:
             for kappa in CURVATURES:
                 jobs.add("identities", residuals, [IdentityCase(n, kappa, seed) for seed in range(config.points)])
-        jobs.add("bodies", off_geodesic, range(config.bodies))
+        jobs.add("bodies", distance_to_geodesic, range(config.bodies))
         done = jobs.done(setup)
         carts = setup.fly([cart_pendulum(gains, min(10.0, config.seconds)) for gains in GAINS])
         runs = {(space, gains): done[space, gains][0] for space in SPACES for gains in GAINS}
@@ -215,7 +215,7 @@ def _noise(config: SphereConfig, setup: Setup, tunings: Mapping[str, Tuning], lo
         runs = [Tumbling(seed, min(SETTLING, longest), speed) for seed in range((config.noisy + 1) // 2)]
         jobs.add(speed, settling, [EstimatedRun(run, own) for run in runs])
     done = jobs.done(setup)
-    return NoiseResults.of(tunings, done["errors"], {speed: done[speed] for speed in speeds})
+    return NoiseResults.from_runs(tunings, done["errors"], {speed: done[speed] for speed in speeds})
 
 
 def _worst(found: Sequence[Mapping[str, float]]) -> dict[str, float]:

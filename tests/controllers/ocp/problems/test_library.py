@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from mathnavi.controllers.ocp import problems
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.library import MISSILES, PROBLEMS, Kind, KnownOptimum
-from mathnavi.controllers.ocp.solution import Outcome
+from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.sim.interfaces.signals import Array
 
 ALL = PROBLEMS | MISSILES
@@ -52,7 +52,7 @@ def test_every_kind_of_control_is_in_the_library() -> None:
 @pytest.mark.parametrize("name", QUICK)
 def test_a_problem_is_solved_by_its_name(name: str) -> None:
     solution, known = OptimalControlProblem(name).solve(), PROBLEMS[name]
-    assert solution.status is Outcome.OPTIMAL
+    assert solution.status is SolverOutcome.OPTIMAL
     assert solution.replay is not None
     assert known.error(solution.cost) <= known.precision
     assert known.error(solution.replay.cost) <= known.precision

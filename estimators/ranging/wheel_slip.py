@@ -4,7 +4,7 @@ The robot's speed and turn rate follow those of the wheels, u, with a lag T, as 
 
     T u_robot' = u - u_robot,        d = u - u_robot,
 
-so that odometry is off by about d. How much the wheels really slip the bank learns (``bank_kernels``); d tells when. The
+so that odometry is off by about d. How much wheels slip the bank learns (``bank_kernels``); d says when they do. The
 process noise of slip has weights, of mean one, for the place by d_1 and for the heading by d_2 / c_phi,
 
     w_i = (2 |d_i|^2 + e^2) / (mean (d_1^2 + (d_2 / c_phi)^2) + e^2),

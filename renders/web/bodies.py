@@ -108,7 +108,8 @@ def ghosts(
 def _shrunk(vertices: Array) -> Array:
     """Corners (n, 3) [m] drawn together towards the middle of the box around them."""
     middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
-    return middle + GHOST_SIZE * (vertices - middle)
+    drawn: Array = middle + GHOST_SIZE * (vertices - middle)
+    return drawn
 
 
 def motions_of(t: Array, pos: Array, quat: Array, bodies: Collection[int], prefix: str) -> dict[str, Motion]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mathnavi.renders import opengl, page
+from mathnavi.renders import opengl
 from mathnavi.renders.lagrangian import figures
 from mathnavi.renders.lagrangian.names import with_unit
 from mathnavi.renders.lagrangian.report import report
@@ -26,19 +26,16 @@ def no_scene(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_report_stands_alone_and_shows_every_figure(
     folders: dict[str, Path], runs: dict[str, LagrangianRun]
 ) -> None:
-    _, shown = checked_report(folders["tracking"])
-    assert opengl.HOW_TO_INSTALL in shown.text
-    assert "Velocity found" in shown.text
+    _, page = checked_report(folders["tracking"])
+    assert opengl.HOW_TO_INSTALL in page.text
+    assert "Velocity found" in page.text
     for title in ("Velocity: at the start", "Errors: at the start", "Inputs, and the innovation"):
-        assert title in shown.words
-    assert "angle to the reference, RMS once settled" in shown.words
-    assert "Lyapunov functions: at the start" in shown.words
+        assert title in page.words
+    assert "angle to the reference, RMS once settled" in page.words
+    assert "Lyapunov functions: at the start" in page.words
 
 
-def test_only_the_observer_has_lyapunov_functions(
-    runs: dict[str, LagrangianRun], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(page, "inline_svg", lambda figure, name, alt: page.Markup("<svg></svg>"))  # captions matter
+def test_only_the_observer_has_lyapunov_functions(runs: dict[str, LagrangianRun]) -> None:
     words = Page(report(runs["differences"])).words
     assert "Velocity: at the start" in words
     assert "Lyapunov functions: at the start" not in words

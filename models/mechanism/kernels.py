@@ -44,7 +44,7 @@ class Mechanism(NamedTuple):
     balls: NDArray[np.int64]  # where ball joints have their first velocity
 
 
-@inner_njit
+@inner_njit()
 def contiguous(a: Array, size: int) -> Array:
     """Copy a (size,) into a contiguous array, as C expects it.
 
@@ -97,7 +97,7 @@ def bias(at: Mechanism, v: Array) -> Array:
     return c
 
 
-@inner_njit
+@inner_njit()
 def solve_mass(at: Mechanism, c: Array) -> Array:
     """Solve M w = c (nv,) for w (nv,), at the current configuration."""
     w = np.empty(len(c))

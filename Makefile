@@ -88,7 +88,7 @@ opengl: | .venv/bin/pip
 
 # A change of pyproject.toml, a new entry point for one, installs again.
 .venv/.installed: pyproject.toml | .venv/bin/pip
-	@echo "Installing mathnavi and what it needs into .venv: 1.3 GB on disk, one to five minutes"
+	@echo "Installing mathnavi and what it needs into .venv: 1.5 GB on disk, one to five minutes"
 	$(INSTALL:--quiet=) --editable .
 	@touch $@
 

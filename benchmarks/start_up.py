@@ -4,9 +4,10 @@
 
 *Cold* is the first time after an installation: no module has been compiled to byte code (``PYTHONPYCACHEPREFIX`` points
 to an empty folder, so those of the libraries count too), and with ``--drop`` the cache of files in memory is emptied.
-*Warm* is every later time. With ``--before`` the same commands of an earlier commit, checked out into a folder of its
-own, run in turns with those of this tree, in the same environment; numba's compiled kernels are those of either tree,
-made before anything is measured.
+*Warm* is every later time. The compiled kernels of numba are those of either tree, made before anything is measured;
+but for the flight there is also *first*: a warm one with an empty folder of kernels. With ``--before`` the same
+commands of an earlier commit, checked out into a folder of its own, run in turns with those of this tree, in the same
+environment. The load of the machine, which makes times longer, stands beside the table.
 """
 
 from __future__ import annotations
@@ -48,10 +49,11 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     ),
 }
 # fmt: on
-WANTED = {"--help": 0.3, "list": 0.5}  # [s] at most, warm
+WANTED = {("--help", "warm"): 0.3, ("list", "warm"): 0.5, (FLIGHT, "warm"): 1.2, (FLIGHT, "first"): 8.0}  # [s] at most
 
 Tree = Literal["here", "before"]
-State = Literal["cold", "warm"]
+State = Literal["cold", "warm", "first"]
+STATES: tuple[State, ...] = ("cold", "warm", "first")
 
 
 @configuration
@@ -86,6 +88,7 @@ class StartUp:
     before: str  # the commit, "" for none
     wall: dict[Case, list[float]] = field(default_factory=dict)  # [s]
     cpu: dict[Case, list[float]] = field(default_factory=dict)  # [s] of all threads and children
+    load: list[float] = field(default_factory=list)  # processes that ran or wanted to, on average, before each
 
     @property
     def title(self) -> str:
@@ -103,12 +106,13 @@ class StartUp:
         ]  # fmt: skip
 
     def show(self, console: Console) -> None:
-        shown = Table(title="medians [s]")
+        load = f"; load {np.median(self.load):.1f} on {os.cpu_count()} cores" if self.load else ""
+        shown = Table(title=f"medians [s]{load}")
         for k, heading in enumerate(("command", "state", "tree", "wall", "CPU", "wanted")):
             shown.add_column(heading, justify="right" if 3 <= k <= 4 else "left")
         for case in self.wall:
             wall, cpu = (float(np.median(times[case])) for times in (self.wall, self.cpu))
-            limit = WANTED.get(case.command) if (case.tree, case.state) == ("here", "warm") else None
+            limit = WANTED.get((case.command, case.state)) if case.tree == "here" else None
             wanted = "" if limit is None else f"< {limit:g} {'yes' if wall < limit else 'NO'}"
             name = self.before if case.tree == "before" else "this"
             shown.add_row(case.command, case.state, name, f"{wall:.2f}", f"{cpu:.2f}", wanted)
@@ -119,7 +123,7 @@ class StartUp:
             {"tree": case.tree, "command": case.command, "state": case.state, "wall_s": wall, "cpu_s": self.cpu[case]}
             for case, wall in self.wall.items()
         ]
-        return {"before": self.before, "starts": rows}
+        return {"before": self.before, "load": self.load, "starts": rows}
 
 
 def run(arguments: Arguments, console: Console) -> StartUp:
@@ -130,15 +134,17 @@ def run(arguments: Arguments, console: Console) -> StartUp:
         for tree in trees.values():  # kernels are compiled, and files are in memory
             for name in commands:
                 start(tree, COMMANDS[name], Path(folder))
-        total = arguments.repetitions * len(commands) * 2 * len(trees)
+        states = {name: STATES if name == FLIGHT else STATES[:2] for name in commands}
+        total = arguments.repetitions * sum(map(len, states.values())) * len(trees)
         with progress(console, "starting", total) as report:
             done = 0
             for _ in range(arguments.repetitions):
                 for name in commands:
-                    for state in ("cold", "warm"):
+                    for state in states[name]:
                         for kind, tree in trees.items():
                             report(done, f"{name}, {state}")
-                            wall, cpu = start(tree, COMMANDS[name], Path(folder), state == "cold", arguments.drop)
+                            found.load.append(os.getloadavg()[0])
+                            wall, cpu = start(tree, COMMANDS[name], Path(folder), state, arguments.drop)
                             case = Case(kind, name, state)
                             found.wall.setdefault(case, []).append(wall)
                             found.cpu.setdefault(case, []).append(cpu)
@@ -147,14 +153,15 @@ def run(arguments: Arguments, console: Console) -> StartUp:
 
 
 def start(
-    tree: Path, words: tuple[str, ...], folder: Path, cold: bool = False, drop: bool = False
+    tree: Path, words: tuple[str, ...], folder: Path, state: State = "warm", drop: bool = False
 ) -> tuple[float, float]:
     """Wall clock and CPU time [s] of a command of a tree; RuntimeError if it fails."""
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
-        environment = {**os.environ, **({"PYTHONPYCACHEPREFIX": scratch} if cold else {})}
+        empty = {"cold": ["PYTHONPYCACHEPREFIX"], "first": ["NUMBA_CACHE_DIR"], "warm": []}[state]
+        environment = {**os.environ, **dict.fromkeys(empty, scratch)}
         if words[0] == "run" and "--help" not in words:
             words = (*words, "--out", f"{scratch}/run")
-        if cold and drop:
+        if state == "cold" and drop:
             drop_files()
         before, began = os.times(), time.perf_counter()
         done = subprocess.run(

@@ -102,7 +102,7 @@ class OverlayWriter:
         Returns:
             (height, width, 3) another picture.
         """
-        canvas = Image.fromarray(picture).convert("RGBA")
+        canvas = Image.fromarray(picture)
         layer = Image.new("RGBA", canvas.size, (0, 0, 0, 0))
         draw = ImageDraw.Draw(layer)
         if self._brief:
@@ -117,7 +117,8 @@ class OverlayWriter:
         self._annotation(draw, annotation)
         for label in labels:  # last, so that nothing covers them
             self._label(draw, label)
-        return np.asarray(Image.alpha_composite(canvas, layer).convert("RGB"))
+        canvas.paste(layer, mask=layer)
+        return np.asarray(canvas)
 
     def _px(self, n: float) -> int:
         return max(1, round(n * self._unit))

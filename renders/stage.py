@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from types import TracebackType
 from typing import Any, Self
@@ -74,11 +75,16 @@ class Stage:
         self._glow = glow
         self._camera = mujoco.MjvCamera()
         self._options = mujoco.MjvOption()
-        self._renderer: Any = mujoco.Renderer(model, height, width, max_geom=MAX_GEOMS)
+
+    @cached_property
+    def _renderer(self) -> Any:
+        """MuJoCo's renderer, begun with the first picture: before it the process may fork."""
+        return mujoco.Renderer(self.model, self.height, self.width, max_geom=MAX_GEOMS)
 
     def close(self) -> None:
         """Free the renderer."""
-        self._renderer.close()
+        if "_renderer" in self.__dict__:
+            self._renderer.close()
 
     @property
     def unit(self) -> float:
@@ -112,6 +118,7 @@ class Stage:
         flags = self._renderer.scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
         flags[mujoco.mjtRndFlag.mjRND_FOG] = fog
+        flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = not fog
 
     def end(self, *, sky: bool) -> Picture:
         """The picture; with ``sky``, which needs fog, it is blue above the horizon."""
@@ -121,17 +128,26 @@ class Stage:
         return picture
 
     def _clear_sky(self, picture: Picture) -> None:
-        """Blue above the horizon: MuJoCo's fog covers its own sky wholly, so the sky is what has exactly its colour."""
+        """Blue above the horizon, below it the colour of the fog.
+
+        The sky is what nothing was drawn on, and what the fog covers wholly. (MuJoCo's own sky, which would be drawn
+        behind all of the picture, is not needed.)
+        """
         _, forward, up = self.eye()
         rows = (1.0 - (2.0 * np.arange(picture.shape[0]) + 1.0) / picture.shape[0]) * self.tangent()
         sight = forward + rows[:, None] * up
         sine = sight[:, 2] / np.linalg.norm(sight, axis=1)
-        above = picture[: np.count_nonzero(sine > 0.0)]
-        clear = (np.clip(sine[: len(above)] / 0.5, 0.0, 1.0) ** 0.8)[:, None]
+        horizon = np.count_nonzero(sine > 0.0)
+        clear = (np.clip(sine[:horizon] / 0.5, 0.0, 1.0) ** 0.8)[:, None]
         colours = (255.0 * (np.array(HORIZON) * (1.0 - clear) + np.array(ZENITH) * clear)).astype(np.uint8)
         haze = np.round(255.0 * np.array(HORIZON)).astype(np.uint8)
-        sky = ((above >= haze - 1) & (above <= haze + 1)).all(axis=-1)
-        above[sky] = np.broadcast_to(colours[:, None], above.shape)[sky]
+        red, green, blue = np.moveaxis(picture, -1, 0)  # by channel: much faster than by pixel
+        empty = (red | green | blue) == 0
+        hazy = [channel[:horizon] - (haze[k] - 1) <= 2 for k, channel in enumerate((red, green, blue))]  # of unsigned
+        sky = empty[:horizon] | (hazy[0] & hazy[1] & hazy[2])
+        for k, channel in enumerate((red, green, blue)):
+            np.copyto(channel[:horizon], colours[:, k, None], where=sky)
+            np.copyto(channel[horizon:], haze[k], where=empty[horizon:])
 
     # ---- where things are in the picture
 

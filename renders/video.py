@@ -8,11 +8,12 @@ from __future__ import annotations
 import io
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Generator, Iterable, Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from dataclasses import astuple
 from pathlib import Path
 from typing import IO, Literal
@@ -143,50 +144,63 @@ def draw(directory: Path, frames: Sequence[Frame], width: int, height: int, samp
         "directory": str(directory.resolve()), "trusted": is_trusted(), "width": width, "height": height,
         "samples": samples,
     }  # fmt: skip
+    # What draws with a graphics card must not fork.
+    forks, starts = (count, 1) if environment["MUJOCO_GL"] == "osmesa" else (1, count)
     with ExitStack() as stack:
         crew = [
-            stack.enter_context(_Artist(job | {"frames": [astuple(frame) for frame in frames[k::count]]}, environment))
-            for k in range(count)
+            stack.enter_context(
+                _Artists(job | {"frames": [astuple(frame) for frame in frames[k::starts]]}, forks, environment)
+            )
+            for k in range(starts)
         ]
         for k in range(len(frames)):
-            yield np.frombuffer(crew[k % count].read(3 * width * height), np.uint8).reshape(height, width, 3)
+            data = crew[k % starts].read(k // starts % forks, 3 * width * height)
+            yield np.frombuffer(data, np.uint8).reshape(height, width, 3)
 
 
-class _Artist:
-    """A process that draws; it ends with the context."""
+class _Artists:
+    """A process that draws, and those that it forks; they end with the context."""
 
-    def __init__(self, job: dict[str, object], environment: dict[str, str]) -> None:
-        self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
+    def __init__(self, job: dict[str, object], count: int, environment: dict[str, str]) -> None:
+        self._errors: list[IO[bytes]] = [tempfile.TemporaryFile() for _ in range(count)]  # noqa: SIM115
+        pipes = [os.pipe() for _ in range(count)]
+        self._pictures = [os.fdopen(read, "rb") for read, _ in pipes]
+        outputs, errors = [write for _, write in pipes], [file.fileno() for file in self._errors]
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-c", START, *filter(None, sys.path)],
             stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._errors,
+            stdout=subprocess.DEVNULL,
+            stderr=self._errors[0],
             env=environment,
+            pass_fds=(*outputs, *errors),
+            process_group=0,
         )
+        for output in outputs:
+            os.close(output)
         assert self._process.stdin is not None
-        self._process.stdin.write(json.dumps(job).encode())
+        self._process.stdin.write(json.dumps(job | {"outputs": outputs, "errors": errors}).encode())
         self._process.stdin.close()
 
-    def __enter__(self) -> _Artist:
+    def __enter__(self) -> _Artists:
         return self
 
     def __exit__(self, *_: object) -> None:
-        assert self._process.stdout is not None
-        self._process.stdout.close()
-        self._process.terminate()
+        for pictures in self._pictures:
+            pictures.close()
+        with suppress(ProcessLookupError):  # they have all ended
+            os.killpg(self._process.pid, signal.SIGTERM)
         self._process.wait()
-        self._errors.close()
+        for errors in self._errors:
+            errors.close()
 
-    def read(self, size: int) -> bytes:
-        assert self._process.stdout is not None
-        data = self._process.stdout.read(size)
+    def read(self, artist: int, size: int) -> bytes:
+        """So many bytes of an artist's pictures; RuntimeError with its last line of error where it has ended."""
+        data = self._pictures[artist].read(size)
         if len(data) == size:
             return data
-        self._process.wait()
-        self._errors.seek(0)
-        lines = self._errors.read().decode(errors="replace").strip().splitlines() or ["it gave no reason"]
-        raise RuntimeError(f"the process that draws ended with status {self._process.returncode}: {lines[-1]}")
+        self._errors[artist].seek(0)
+        lines = self._errors[artist].read().decode(errors="replace").strip().splitlines() or ["it gave no reason"]
+        raise RuntimeError(f"the process that draws ended: {lines[-1]}")
 
 
 def _check_codec(codec: str) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import ctypes.util
+import gc
 import importlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from functools import partial
 
 import pytest
@@ -84,6 +85,17 @@ LONG = ("test_studies.py", "test_wheel.py", "test_examples.py", "test_gallery_sc
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The longest tests first, so that none of them is what one worker ends with while the others are idle."""
     items.sort(key=lambda item: item.path.name not in LONG)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Keep all tests and libraries out of the garbage collector, which would go through them again and again."""
+    gc.disable()
+    collected = yield
+    gc.collect()
+    gc.freeze()
+    gc.enable()
+    return collected
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

@@ -31,8 +31,9 @@ def _array(dimensions: int, readonly: bool = False) -> Any:
 
 
 ONE, TWO, THREE = (_array(dimensions) for dimensions in (1, 2, 3))
-DATA = types.Tuple((ONE, ONE, ONE, TWO, ONE, TWO, TWO, THREE, ONE, ONE))  # ProblemData
-PROGRAMME = types.Tuple((TWO, ONE, TWO, ONE, ONE))  # QuadraticProgramme
+_tuple: Any = types.Tuple  # which has no types itself
+DATA = _tuple((ONE, ONE, ONE, TWO, ONE, TWO, TWO, THREE, ONE, ONE))  # ProblemData
+PROGRAMME = _tuple((TWO, ONE, TWO, ONE, ONE))  # QuadraticProgramme
 GROUND = (_array(2, readonly=True), float64)
 PLAN = (_array(1, readonly=True), _array(2, readonly=True), _array(2, readonly=True))  # times, states and inputs
 HELPED: tuple[Signature, ...] = (

@@ -220,8 +220,8 @@ class Certificate:
         edge = np.array([self.terrain.width, self.terrain.depth])
         p, v, duration = plan.x[:, :3], plan.x[:, 3:], np.diff(plan.t)
         for axis in range(2):
-            along = (each.copy() for each in (p[:-1, axis], v[:-1, axis], plan.u[:, axis]))  # one type, compiled once
-            least, greatest = _extent(*along, duration)
+            # Copies are of one type, whether the plan is read-only or not: the kernel is compiled once.
+            least, greatest = _extent(p[:-1, axis].copy(), v[:-1, axis].copy(), plan.u[:, axis].copy(), duration)
             room = min(least, edge[axis] - greatest)
             if room < self.border:
                 return Refusal(

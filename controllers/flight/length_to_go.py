@@ -13,13 +13,13 @@ import math
 import numpy as np
 
 from mathnavi.controllers.flight.spline import surface, surface_curvature, volume
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import Array
 
 TARGET_LENGTH = 50.0  # [m] l: within it the distance to the target is rounded off
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def length_to_go(
     ground: Array, ratio: Array, scales: Array, x: float, y: float, z: float, gradient: Array, hessian: Array
 ) -> float:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import spline_filter
 
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -24,7 +24,7 @@ def knots(count: int) -> list[float]:
     return [float(k) for k in range(-3, count + 3)]
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _basis(f: float) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
     """Values, first and second derivatives of the four cubic basis functions at the fraction f of a cell."""
     g = 1.0 - f
@@ -39,7 +39,7 @@ def _basis(f: float) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float,
     return value, first, second
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _cell(u: float, nodes: int) -> tuple[int, float, float]:
     """Cell and fraction of the coordinate u clipped to [0, nodes - 1], and the derivative of the clipping (1 or 0)."""
     if u <= 0.0:
@@ -50,7 +50,7 @@ def _cell(u: float, nodes: int) -> tuple[int, float, float]:
     return i, u - i, 1.0
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def surface(c: Array, u: float, v: float) -> tuple[float, float, float]:
     """Spline over (row u, column v): value and derivatives with respect to u and v."""
     i, fu, hu = _cell(u, c.shape[0] - 2)
@@ -69,7 +69,7 @@ def surface(c: Array, u: float, v: float) -> tuple[float, float, float]:
     return value, hu * slope_u, hv * slope_v
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def surface_curvature(c: Array, u: float, v: float) -> tuple[float, float, float]:
     """Second derivatives uu, uv, vv of ``surface`` with coefficients c (m + 2, n + 2) at u, v in nodes."""
     i, fu, hu = _cell(u, c.shape[0] - 2)
@@ -86,7 +86,7 @@ def surface_curvature(c: Array, u: float, v: float) -> tuple[float, float, float
     return hu * uu, hu * hv * uv, hv * vv
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def volume(c: Array, u: float, v: float, w: float, gradient: Array, hessian: Array) -> float:
     """Spline over (layer u, row v, column w): value; fills the gradient (3,) and the Hessian (3, 3)."""
     i, fu, hu = _cell(u, c.shape[0] - 2)

@@ -16,8 +16,8 @@ The joints' velocities are those of another plug-in, to which the base's pose is
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -61,7 +61,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 JointObserverName = Literal["riemannian_observer", "momentum_observer", "filtered_differences"]
 
 _SLIPS_FOR = 0.05  # [s] over which a foot's slip stays the same
-_OBSERVERS = {
+_OBSERVERS: Mapping[str, Any] = {
     "riemannian_observer": RiemannianObserver,
     "momentum_observer": MomentumObserver,
     "filtered_differences": FilteredDifferences,

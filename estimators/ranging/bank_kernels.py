@@ -19,7 +19,9 @@ each innovation's variance,
 ends where they are as good as white again (Robbins and Monro, 1951), delta keeping it low where they are. The process
 noise that a hypothesis adds to its pose and to the scale of its odometry has the intensity q - q_0 [m^2/s], none below,
 
-    P <- P + max(q - q_0, 0) dt diag(1, 1, c_phi^2, c_b^2),   q between a least and a most value.
+    P <- P + max(q - q_0, 0) dt diag(w_1, w_1, w_2 c_phi^2, c_b^2),   q between a least and a most value,
+
+and weights w of mean one that are greater while the wheels change their speed (``wheel_slip``).
 """
 
 from __future__ import annotations
@@ -40,7 +42,10 @@ from mathnavi.sim.interfaces.signals import Array, Integers
 LEAST_SLIP, MOST_SLIP = 2e-7, 0.03
 """[m^2/s] bounds of q"""
 
-_BY_HEADING, _BY_SCALE = 8.0, 1.0  # [rad/m], [1/m] c_phi, c_b
+BY_HEADING = 8.0
+"""[rad/m] c_phi"""
+
+_BY_SCALE = 1.0  # [1/m] c_b
 _GRIP = 2e-6  # [m^2/s] q_0
 _ADAPTATION = 0.15  # eta
 _LEAK = 0.02  # delta
@@ -90,18 +95,18 @@ def no_hypotheses(count: int, rays: int, window: int) -> Hypotheses:
 
 
 @njit(cache=True, nogil=True)
-def predict_each(bank: Hypotheses, u: Array, W: Array, wall: WallShape, dt: float) -> None:
+def predict_each(bank: Hypotheses, u: Array, W: Array, wall: WallShape, dt: float, weights: Array) -> None:
     """Predict every hypothesis that is alive, in place, over dt [s] under a reading u (2,) of variances W (2,); see
-    ``predict``.
+    ``predict``. The process noise of slip of place and heading has the ``weights`` w (2,).
     """
     for k in range(len(bank.score)):
         if math.isnan(bank.score[k]):
             continue
         P, q = bank.P[k], max(bank.slip[k] - _GRIP, 0.0) * dt
         predict(bank.x[k], P, u, W, wall, dt)
-        P[0, 0] += q
-        P[1, 1] += q
-        P[2, 2] += q * _BY_HEADING**2
+        P[0, 0] += q * weights[0]
+        P[1, 1] += q * weights[0]
+        P[2, 2] += q * weights[1] * BY_HEADING**2
         P[3, 3] += q * _BY_SCALE**2
 
 

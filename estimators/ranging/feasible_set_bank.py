@@ -45,6 +45,7 @@ from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, pr
 from mathnavi.estimators.ranging.kalman_kernels import no_innovations
 from mathnavi.estimators.ranging.model import RangeModel, chi_square_gate
 from mathnavi.estimators.ranging.noise_kernels import WINDOW, declared_noise, noise_of
+from mathnavi.estimators.ranging.wheel_slip import SlipWeight
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
@@ -132,6 +133,7 @@ class FeasibleSetBank:
         self._inputs = np.zeros((config.readings, 2))  # over the periods that ended with them
         self._calls = 0
         self._t = 0.0  # [s] of the hypotheses
+        self._slip_weight = SlipWeight()
         if mission.start is not None:
             self._bank.x[0], self._bank.P[0] = self._model.start()
             self._bank.score[0] = 0.0
@@ -177,7 +179,14 @@ class FeasibleSetBank:
         nis = np.full(2, np.nan)
         if self._is_alive:
             if t > self._t:
-                predict_each(self._bank, u, self._model.W, self._model.wall, t - self._t)
+                predict_each(
+                    self._bank,
+                    u,
+                    self._model.W,
+                    self._model.wall,
+                    t - self._t,
+                    self._slip_weight.update(u, t - self._t),
+                )
             if not np.isnan(rho).all():
                 nis = self._condition(rho)
         if not (self._is_alive and self._is_believed):

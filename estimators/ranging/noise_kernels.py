@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 WINDOW = 9
@@ -54,7 +54,7 @@ def noise_of(sums: NoiseSums) -> tuple[float, float]:
     return math.sqrt(variance), min(max(sums.outliers[0] / sums.outliers[1], _LEAST_OUTLIERS), _MOST_OUTLIERS)
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def remember(recent: Array, count: Integers, residual: Array, variance: Array) -> None:
     """Append a residual (l,) [m], NaN where a ray read nothing, over the declared deviation to those of each ray.
 
@@ -69,7 +69,7 @@ def remember(recent: Array, count: Integers, residual: Array, variance: Array) -
         count[i] += 1
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def learn_noise(
     sums: NoiseSums, recent: Array, count: Integers, residual: Array, variance: Array, longest: float
 ) -> None:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mathnavi.models.unicycle.kernels import wrapped
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 _EMPTY = -1
@@ -51,7 +51,7 @@ def kld_bound(k: int, epsilon: float, z: float) -> float:
     return (k - 1) / (2.0 * epsilon) * (1.0 - ninths + math.sqrt(ninths) * z) ** 3
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def occupied_cells(x: Array, cells: Cells) -> tuple[Integers, Integers]:
     """Occupied cells of states x (n, 4): the cell (n,) of each and the coordinates (k, 3) of the k cells."""
     table, cell = _table(len(x)), np.empty(len(x), np.int64)
@@ -130,7 +130,7 @@ def fold(x: Array, heading: float, symmetry: int, c_1: float, c_2: float) -> Non
             x[n, 2] = wrapped(x[n, 2] + turns * sector)
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _connected(coordinates: Integers, cells: Cells) -> Integers:
     """Parents (k,) of the forest, a tree of which is a set of cells that are connected."""
     k = len(coordinates)
@@ -150,7 +150,7 @@ def _connected(coordinates: Integers, cells: Cells) -> Integers:
     return parent
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _root(parent: Integers, a: int) -> int:
     while parent[a] != a:
         parent[a] = parent[parent[a]]
@@ -172,7 +172,7 @@ def _key(i: int, j: int, h: int) -> int:
     return ((i + _OFFSET) * 2 * _OFFSET + (j + _OFFSET)) * 2 * _OFFSET + h
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _slot(table: Integers, i: int, j: int, h: int) -> int:
     """Place of a cell in the table, or the free place that it would take."""
     mask, key = len(table) - 1, _key(i, j, h)

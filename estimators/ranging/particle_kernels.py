@@ -26,7 +26,7 @@ from mathnavi.estimators.ranging.kalman_kernels import RaySensors, step_within
 from mathnavi.estimators.ranging.particle_clusters import Cells, Clusters, difference, kld_bound, occupied_cells
 from mathnavi.models.field.kernels import WallShape, cast_ray, is_inside
 from mathnavi.models.unicycle.kernels import integrate, wrapped
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 _SCALE_TIME = 3.0  # [s] correlation time of b: particles that all have the same one could find no other
@@ -139,7 +139,7 @@ def resample(
     return after
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _regularise(
     after: Array,
     clusters: Clusters,
@@ -178,7 +178,7 @@ def _regularise(
         after[n, 3] += d[3]
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _cholesky(C: Array) -> Array:
     """Lower factor (4, 4) of a covariance that may be singular."""
     A = np.zeros((4, 4))
@@ -194,7 +194,7 @@ def _cholesky(C: Array) -> Array:
     return A
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _distinct(cell: Integers, chosen: Integers) -> int:
     """Number of different values of ``cell`` (n,) among those ``chosen`` (m,)."""
     seen = np.zeros(cell.max() + 1, np.bool_)

@@ -23,7 +23,7 @@ import numpy as np
 
 from mathnavi.models.field.kernels import WallShape, cast_ray, is_inside
 from mathnavi.models.unicycle.kernels import wrapped
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import Array
 
 DistanceGrid = tuple[Array, float, float, float, float]
@@ -77,7 +77,7 @@ def _distance(grid: DistanceGrid, x: float, y: float) -> float:
     return float(values[int(u + 0.5), int(v + 0.5)])
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _refuting(grid: DistanceGrid, tests: Tests, ends: int, box: Array) -> int:
     """Index of the test that refutes the box, beginning with its own; -1 where none does."""
     rows, outliers, limit = tests
@@ -106,7 +106,7 @@ def _refuting(grid: DistanceGrid, tests: Tests, ends: int, box: Array) -> int:
     return -1
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _fitted(grid: DistanceGrid, rows: Array, start: Array) -> Array:
     """Pose (3,) near ``start`` from which the ends of the rays ``rows`` are nearest to the wall, by Gauss-Newton."""
     pose, cell = start[:3].copy(), grid[3]
@@ -159,7 +159,7 @@ def explains(wall: WallShape, rays: Array, outliers: int, limit: float, pose: Ar
     return True
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _is_near(poses: Array, count: int, x: Array, h: float, w: float, radius: float, angle: float) -> bool:
     """True if the box of half-widths h [m], w [rad] about x is within ``radius`` [m], ``angle`` [rad] of one pose."""
     for k in range(count):

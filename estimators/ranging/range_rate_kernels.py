@@ -9,7 +9,7 @@ import numpy as np
 from mathnavi.estimators.ranging.observer_kernels import kept_within
 from mathnavi.models.field.kernels import WallShape, cast_ray, cast_rays, range_gradient
 from mathnavi.models.unicycle.kernels import integrate
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import Array
 
 _FAR = 4.0  # root mean squares of the residuals: what is further off the polynomial is an outlier
@@ -107,12 +107,12 @@ def innovated(
     return readings
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _tau(j: int, n: int) -> float:
     return (j - n // 2) / (n // 2)
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _polynomial(a: Array, tau: float) -> float:
     value = 0.0
     for k in range(len(a) - 1, -1, -1):
@@ -120,7 +120,7 @@ def _polynomial(a: Array, tau: float) -> float:
     return value
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _is_enough(samples: Array, terms: int) -> bool:
     """True if a quarter of either half is there, and enough for so many terms."""
     m = len(samples) // 2

@@ -31,7 +31,7 @@ import numpy as np
 
 from mathnavi.models.aerial.kernels import arc_at
 from mathnavi.sim.interfaces.checks import check
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array, Plan
 
@@ -103,7 +103,7 @@ def clear(plan_a: Plan | PlannedTrajectory, plan_b: Plan | PlannedTrajectory, di
     return bool(_least_squared(a.t, a.x, a.u, b.t, b.x, b.u, float(t), squared) >= squared)
 
 
-@njit(inner=True, nogil=True, error_model="numpy")
+@inner_njit(nogil=True, error_model="numpy")
 def _dot(a: Vector, b: Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
@@ -128,7 +128,7 @@ def _motion(breaks: Array, x: Array, u: Array, k: int, t: float) -> tuple[Vector
     return p, (v[0] + s * a[0], v[1] + s * a[1], v[2] + s * a[2]), a
 
 
-@njit(inner=True, nogil=True, error_model="numpy")
+@inner_njit(nogil=True, error_model="numpy")
 def _box_squared(C: Vector, B: Vector, A: Vector) -> float:
     """Squared distance of zero from the box around the hull of C + B s + A s^2, 0 <= s <= 1."""
     total = 0.0
@@ -147,7 +147,7 @@ def _rate(C: Vector, B: Vector, A: Vector, s: float) -> tuple[float, float]:
     return _dot(delta, slope), _dot(slope, slope) + 2.0 * _dot(A, delta)
 
 
-@njit(inner=True, nogil=True, error_model="numpy")
+@inner_njit(nogil=True, error_model="numpy")
 def _least_where_rising(C: Vector, B: Vector, A: Vector, low: float, high: float) -> float:
     """Least |Delta|^2 on [low, high], where g rises: at the one root of g, or at an end."""
     here, there = _at(C, B, A, low), _at(C, B, A, high)
@@ -172,7 +172,7 @@ def _least_where_rising(C: Vector, B: Vector, A: Vector, low: float, high: float
     return min(least, _dot(met, met))
 
 
-@njit(inner=True, nogil=True, error_model="numpy")
+@inner_njit(nogil=True, error_model="numpy")
 def _least_on_interval(C: Vector, B: Vector, A: Vector) -> float:
     """Least |C + B s + A s^2|^2 over 0 <= s <= 1."""
     c0, c1, c2 = _dot(B, B) + 2.0 * _dot(C, A), 6.0 * _dot(A, B), 6.0 * _dot(A, A)  # of g'

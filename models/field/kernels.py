@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import Array
 
 _STEPS = 60  # bisections at most; Newton needs three
@@ -76,7 +76,7 @@ def is_inside(coefficients: Array, polyline: Array, x: float, y: float) -> bool:
     return inside
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def cast_ray(coefficients: Array, polyline: Array, x: float, y: float, beta: float) -> tuple[float, float]:
     """Cast a ray from (x, y) [m] along ``beta`` [rad]: its length rho [m] and where it ends, s in [0, 2 pi); see (C.4).
 
@@ -133,7 +133,7 @@ def range_gradient(coefficients: Array, s: float, rho: float, beta: float) -> tu
     return -ty / along, tx / along, rho * (ty * ey + tx * ex) / along
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _to_circle(coefficients: Array, x: float, y: float) -> tuple[float, float]:
     """(xi, eta) with (x, y) = a_1 xi + b_1 eta: the ellipse becomes the unit circle."""
     ax, bx, ay, by = coefficients[1, 0], coefficients[1, 1], coefficients[1, 2], coefficients[1, 3]
@@ -141,7 +141,7 @@ def _to_circle(coefficients: Array, x: float, y: float) -> tuple[float, float]:
     return (by * x - bx * y) / area, (ax * y - ay * x) / area
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _ellipse_ray(coefficients: Array, x: float, y: float, ex: float, ey: float) -> tuple[float, float]:
     px, py = _to_circle(coefficients, x - coefficients[0, 0], y - coefficients[0, 2])
     dx, dy = _to_circle(coefficients, ex, ey)

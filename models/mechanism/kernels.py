@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.models.mechanism.mujoco_functions import ADDRESS, INTEGER, NUMBER, function
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import Array
 
 kinematics = function("mj_kinematics", ADDRESS, ADDRESS)
@@ -44,7 +44,7 @@ class Mechanism(NamedTuple):
     balls: NDArray[np.int64]  # where ball joints have their first velocity
 
 
-@njit(inner=True)
+@inner_njit
 def contiguous(a: Array, size: int) -> Array:
     """Copy a (size,) into a contiguous array, as C expects it.
 
@@ -97,7 +97,7 @@ def bias(at: Mechanism, v: Array) -> Array:
     return c
 
 
-@njit(inner=True)
+@inner_njit
 def solve_mass(at: Mechanism, c: Array) -> Array:
     """Solve M w = c (nv,) for w (nv,), at the current configuration."""
     w = np.empty(len(c))

@@ -58,6 +58,13 @@ class Raster:
     south: float = 0.0  # coordinates of the south-west node, in the unit of the steps
     west: float = 0.0
 
+    @property
+    def reach(self) -> str:
+        """West, south, east and north in words, in the unit of the steps."""
+        rows, columns = self.z.shape
+        north, east = self.south + (rows - 1) * self.step_north, self.west + (columns - 1) * self.step_east
+        return f"west {self.west:.10g}, south {self.south:.10g} to east {east:.10g}, north {north:.10g}"
+
 
 @configuration
 class MapDocument:

@@ -70,7 +70,7 @@ def _filled(raster: Raster) -> Raster:
     if left:
         raise TerrainError(
             f"{raster.name}: {left} voids are more than {REACH} nodes from any height and cannot be filled; "
-            "--crop keeps a part without"
+            f"--crop keeps a part without; the file reaches from {raster.reach}"
         )
     count = int(void.sum())
     note = f"{count} of {void.size} heights ({100.0 * count / void.size:.2g} %) were void and filled from those around"

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import Array
 
 Booleans = NDArray[np.bool_]
@@ -43,7 +43,7 @@ class Arc(NamedTuple):
     duration: float  # [s]
 
 
-@njit(inner=True, error_model="numpy")
+@inner_njit(error_model="numpy")
 def _triangle(z: Array, x: float, y: float) -> tuple[int, int, float, float]:
     """Cell (i, j) and slope (g_x, g_y) [m per cell] of the triangle under the point (x, y) [cells].
 
@@ -56,13 +56,13 @@ def _triangle(z: Array, x: float, y: float) -> tuple[int, int, float, float]:
     return i, j, z[j + 1, i + 1] - z[j + 1, i], z[j + 1, i] - z[j, i]
 
 
-@njit(inner=True, error_model="numpy")
+@inner_njit(error_model="numpy")
 def _last(nodes: int, spacing: float) -> float:
     """The far border [cells]: nodes - 1, rounded as x / spacing is for a point x [m] on the border."""
     return ((nodes - 1) * spacing) / spacing
 
 
-@njit(inner=True, error_model="numpy")
+@inner_njit(error_model="numpy")
 def surface_at(z: Array, spacing: float, x: float, y: float) -> tuple[float, float, float]:
     """Height [m] and gradient (dH/dx, dH/dy) of the ground z (rows, cols) [m] at (x, y) [m]; NaN off the map."""
     x_cells = x / spacing
@@ -74,7 +74,7 @@ def surface_at(z: Array, spacing: float, x: float, y: float) -> tuple[float, flo
     return height, slope_x / spacing, slope_y / spacing
 
 
-@njit(inner=True, error_model="numpy")
+@inner_njit(error_model="numpy")
 def height_at(z: Array, spacing: float, x: float, y: float) -> float:
     """Height [m] of the ground z (rows, cols) [m] at (x, y) [m]; NaN off the map."""
     height, _, _ = surface_at(z, spacing, x, y)
@@ -90,7 +90,7 @@ def surface(z: Array, spacing: float, x: Array, y: Array) -> Array:
     return result
 
 
-@njit(inner=True, error_model="numpy")
+@inner_njit(error_model="numpy")
 def _vertex_time(b: float, a: float, duration: float) -> float:
     """Time of the vertex of c + b t + a t^2, clipped to [0, duration]; ``duration`` if there is none."""
     if a == 0.0:
@@ -98,7 +98,7 @@ def _vertex_time(b: float, a: float, duration: float) -> float:
     return min(max(-b / (2.0 * a), 0.0), duration)
 
 
-@njit(inner=True, error_model="numpy")
+@inner_njit(error_model="numpy")
 def _crossing_times(times: Array, count: int, c: float, b: float, a: float, duration: float) -> int:
     """Append to ``times``, in order, the times in [0, duration] at which f(t) = c + b t + a t^2 is an integer.
 
@@ -136,7 +136,7 @@ def _crossing_times(times: Array, count: int, c: float, b: float, a: float, dura
     return count
 
 
-@njit(inner=True, error_model="numpy")
+@inner_njit(error_model="numpy")
 def _crossing_bound(c: float, b: float, a: float, duration: float) -> int:
     """An upper bound of the number of times that ``_crossing_times`` appends."""
     vertex = _vertex_time(b, a, duration)
@@ -145,7 +145,7 @@ def _crossing_bound(c: float, b: float, a: float, duration: float) -> int:
     return int(abs(f_vertex - c)) + int(abs(f_end - f_vertex)) + 4
 
 
-@njit(inner=True, error_model="numpy")
+@inner_njit(error_model="numpy")
 def _stays_within(c: float, b: float, a: float, duration: float, limit: float) -> bool:
     """True if 0 <= c + b t + a t^2 <= limit over all of [0, duration]."""
     vertex = _vertex_time(b, a, duration)
@@ -154,7 +154,7 @@ def _stays_within(c: float, b: float, a: float, duration: float, limit: float) -
     return min(c, f_vertex, f_end) >= 0.0 and max(c, f_vertex, f_end) <= limit
 
 
-@njit(inner=True, error_model="numpy")
+@inner_njit(error_model="numpy")
 def _least_clearance(z: Array, spacing: float, arc: Arc, stop_below: float) -> float:
     """``arc_clearance``, which may return early with any clearance of the arc that is less than ``stop_below``."""
     px, py, pz, vx, vy, vz, ax, ay, az, duration = arc

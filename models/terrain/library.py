@@ -71,8 +71,9 @@ def load_terrain(name_or_path: str | Path) -> HeightField:
     path = Path(name_or_path)
     if path.suffix == ".npz":
         return _read(path.resolve(), path.stat().st_mtime_ns) if path.is_file() else read_npz(path)
+    how = ", which mathnavi terrain import makes of a .tif, .hgt or .png"
     raise TerrainError(
-        f"terrain = {str(name_or_path)!r}: not known; {allowed_for(name, terrain_names(), 'or an .npz')}"
+        f"terrain = {str(name_or_path)!r}: not known; {allowed_for(name, terrain_names(), f'or an .npz{how}')}"
     )
 
 

@@ -44,7 +44,7 @@ class MechanismScene(Staged):
     """A context manager, see ``Staged``."""
 
     def __init__(self, run: LagrangianRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
-        self.run, self._fine = run, samples > 0
+        self.run = run
         assert run.mechanism is not None
         spec = build_spec(run.mechanism)
         spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
@@ -70,35 +70,19 @@ class MechanismScene(Staged):
         self._scale = (TURNING if run.is_ball else ARROW) * self._size / max(float(np.max(speeds)), 1e-9)
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
-        """The picture at time ``t`` [s].
-
-        Ghosts should cast no shadow: nearly where what they are ghosts of is, theirs would spot it. MuJoCo has all cast
-        theirs or none, so what they change in a picture without shadows is added to one without ghosts; in a video, the
-        pictures of which are many, that is not worth its time.
-        """
+        """The picture at time ``t`` [s]."""
         stage = self.stage
         stage.look(self._view, OPTICS, GROUPS)
         stage.data.qpos[:] = self.run.position(t)
-        if not self._fine:
-            return self._picture(t, shadows=True, ghosts=True)
-        shaded, with_ghosts, bare = (
-            self._picture(t, shadows=shadows, ghosts=ghosts).astype(np.int16)
-            for shadows, ghosts in ((True, False), (False, True), (False, False))
-        )
-        blended: Picture = np.clip(shaded + with_ghosts - bare, 0, 255).astype(np.uint8)
-        return blended
+        stage.begin(fog=False, shadows=True)
+        self._add_path(t)
+        self._add_arrow(self.run.log.x[self.run.index(t)], SceneElement.TRUE_VELOCITY, THIN, 1.0)
+        self._add_ghosts(t)
+        return stage.end(sky=False)
 
     def labels(self, t: float, camera: str) -> list[Label]:
         """Nothing is named: the legend says what there is."""
         return []
-
-    def _picture(self, t: float, *, shadows: bool, ghosts: bool) -> Picture:
-        self.stage.begin(fog=False, shadows=shadows)
-        self._add_path(t)
-        self._add_arrow(self.run.log.x[self.run.index(t)], SceneElement.TRUE_VELOCITY, THIN, 1.0)
-        if ghosts:
-            self._add_ghosts(t)
-        return self.stage.end(sky=False)
 
     def _add_ghosts(self, t: float) -> None:
         """Add ghosts of the reference and of the estimate, with the estimated velocity."""

@@ -17,6 +17,7 @@ from mathnavi.sim.engine.scene_record import FIELD, MESH, PLANE, shapes
 from mathnavi.sim.interfaces.signals import Array
 
 GHOST_OPACITY = 0.42
+GHOST_SIZE = 0.95
 FLOOR_COLOUR: Colour = (0.86, 0.88, 0.90)
 MOST_SWEPT = 40  # poses of a motion
 MOST_NODES = 257  # along the longer side of a field
@@ -90,15 +91,24 @@ def body_surfaces(
 def ghosts(
     surfaces: Collection[Surface], motions: Mapping[str, str], part: SceneElement, layer: Layer
 ) -> list[Surface]:
-    """Copies of the surfaces that move, on other motions, in the colour of a part and see-through."""
+    """Copies of the surfaces that move, on other motions, in the colour of a part and see-through.
+
+    They are a little smaller, so that one which is where the vehicle is lies hidden within.
+    """
     return [
         Surface(
-            each.vertices, each.faces, COLOURS[part], GHOST_OPACITY, motions[each.motion], layer, each.smooth,
+            _shrunk(each.vertices), each.faces, COLOURS[part], GHOST_OPACITY, motions[each.motion], layer, each.smooth,
             each.glow, each.span,
         )
         for each in surfaces
         if each.motion is not None and each.motion in motions
     ]  # fmt: skip
+
+
+def _shrunk(vertices: Array) -> Array:
+    """Corners (n, 3) [m] drawn together towards the middle of the box around them."""
+    middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+    return middle + GHOST_SIZE * (vertices - middle)
 
 
 def motions_of(t: Array, pos: Array, quat: Array, bodies: Collection[int], prefix: str) -> dict[str, Motion]:

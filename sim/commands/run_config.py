@@ -12,7 +12,7 @@ from mathnavi.sim.interfaces.errors import UntrustedError
 from mathnavi.sim.interfaces.fields import flattened, instance
 from mathnavi.sim.plugin.trust import check_place, recorded_places, within_record
 from mathnavi.sim.records.documents import RunDocument
-from mathnavi.sim.records.former_names import present_name
+from mathnavi.sim.records.former_names import present_fields, present_name
 from mathnavi.sim.records.run_folder import CONFIG, read_run_document
 
 
@@ -60,7 +60,7 @@ class RunConfig:
             path=path,
             scenario=document.scenario,
             seed=document.seed,
-            fields=document.fields,
+            fields=present_fields(document.scenario, document.fields),
             controller=controller,
             controller_fields=document.controller.fields,
             estimator=estimator,

@@ -7,7 +7,7 @@ installed wheels with the same kernels share one copy, and a change of a kernel 
 call it, which numba's own cache does not notice. Without a folder to write to, every process compiles for itself.
 
 Much of what a kernel takes to compile is its machine code, and the code that lets Python call it. An *inner* kernel,
-``njit(inner=True)``, is called by other kernels only: it has neither, and is optimised, translated and kept as a part
+``inner_njit``, is called by other kernels only: it has neither, and is optimised, translated and kept as a part
 of those that call it.
 """
 
@@ -44,10 +44,12 @@ _REMARKED = 86400.0  # [s] between two notes that an entry is in use
 
 if TYPE_CHECKING:
     from numba import njit as njit
+
+    inner_njit = njit
 else:
 
     def njit(function=None, *, cache=False, inner=False, **options):
-        """``numba.njit``, with kernels kept by their content if ``cache``; an ``inner`` one only kernels can call."""
+        """``numba.njit``, with kernels kept by their content if ``cache``."""
         if function is None:
             return lambda function: njit(function, cache=cache, inner=inner, **options)
         if inner:
@@ -59,6 +61,10 @@ else:
             kernel.add_overload = lambda found: kernel.overloads.update({tuple(found.signature.args): found})
             kernel._compile_for_args = _refuse  # whatever Python calls it with
         return kernel
+
+    def inner_njit(function=None, **options):
+        """``njit`` of an inner kernel, which only kernels can call."""
+        return njit(function, inner=True, **options)
 
 
 def _refuse(*arguments: Any, **keywords: Any) -> None:
@@ -83,12 +89,12 @@ class _InnerLibrary(JITCodeLibrary):
 
     def _finalize_final_module(self) -> None:
         """End here: no machine code."""
-        self._finalize_dynamic_globals()
+        self._finalize_dynamic_globals()  # type: ignore[no-untyped-call]
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
         """No address, for there is no machine code."""
-        self._ensure_finalized()
+        self._ensure_finalized()  # type: ignore[no-untyped-call]
         return 0
 
 
@@ -96,8 +102,8 @@ class _InnerCompiler(Compiler):
     """Numba's compiler, writing into the library of an inner kernel."""
 
     def compile_extra(self, func: Any) -> Any:
-        self.state.library = _InnerLibrary(self.state.targetctx.codegen(), func.__qualname__)
-        return super().compile_extra(func)
+        self.state.library = _InnerLibrary(self.state.targetctx.codegen(), func.__qualname__)  # type: ignore[no-untyped-call]
+        return super().compile_extra(func)  # type: ignore[no-untyped-call]
 
 
 def kernel_folder() -> Path:
@@ -150,6 +156,11 @@ class KernelCache(_Cache):
                 return
             _forget_unused(file.parent)
 
+    def keeps(self, sig: Any) -> bool:
+        """True if compiled code for arguments of the types ``sig`` is kept."""
+        context: Any = self._kernel.targetctx
+        return self._file(sig, context.codegen()).exists()
+
     def enable(self) -> None:
         """Use the cache."""
         self._enabled = True
@@ -190,7 +201,7 @@ def any_missing(kernels: Iterable[Signature]) -> bool:
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
     return os.access(folder, os.W_OK) and any(
-        isinstance(kernel, Dispatcher) and not kernel._cache._file(arguments, kernel.targetctx.codegen()).exists()
+        isinstance(cache := getattr(kernel, "_cache", None), KernelCache) and not cache.keeps(arguments)
         for kernel, arguments in kernels
     )
 

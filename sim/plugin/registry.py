@@ -218,6 +218,11 @@ def _frozen(config: type) -> bool:
 def _at(kind: str, place: str) -> Any:
     """The class at "package.module:Class"; PluginError where there is no such module, or no such class in it."""
     name, _, attribute = place.partition(":")
+    if not all(part.isidentifier() for part in name.split(".")):
+        raise PluginError(
+            f"{kind}: {place!r} cannot be imported: {name!r} is no name of a module; allowed: {_PLACE}, from the "
+            "folder in which the module is"
+        )
     try:
         module = importlib.import_module(name)
     except ModuleNotFoundError as error:

@@ -1,4 +1,4 @@
-"""Present places of modules that an earlier version recorded.
+"""Present names of modules and fields that an earlier version recorded.
 
 Until version 0.1 the packages were called ``models``, ``sim``, ``controllers``, ``estimators`` and ``renders``. A run's
 config.json that was written then names its plug-ins and its drawing so: "controllers.flight.plugin:SafeFlight",
@@ -22,6 +22,8 @@ MOVED = {
     "mathnavi.controllers.missile.plugin:MissileGuidance": "mathnavi.controllers.missile.plugin:MissileController",
 }
 """Plug-ins that have another module or class name now, by their former places"""
+FIELDS = {"missile-guidance": {"target_told": "target_announcement_delay"}}
+"""Fields of scenarios that have another name now, by their former names"""
 
 
 def present_name(place: str) -> str:
@@ -40,9 +42,17 @@ def present_name(place: str) -> str:
         return place
 
 
+def present_fields(scenario: str, fields: Mapping[str, Any]) -> dict[str, Any]:
+    """The recorded fields of a scenario under their present names."""
+    renamed = FIELDS.get(scenario, {})
+    return {renamed.get(name, name): value for name, value in fields.items()}
+
+
 def with_present_names(config: Mapping[str, Any]) -> dict[str, Any]:
-    """A run's configuration with the present places of its drawing, its controller and its estimator."""
+    """A run's configuration with its fields and the places of its drawing and plug-ins under their present names."""
     present = dict(config)
+    if isinstance(fields := config.get("fields"), Mapping):
+        present["fields"] = present_fields(str(config.get("scenario")), fields)
     if isinstance(drawing := config.get("drawing"), str):
         present["drawing"] = present_name(drawing)
     for kind in ("controller", "estimator"):

@@ -6,6 +6,9 @@ The sampler is Optuna's: TPE, the tree-structured Parzen estimator, CMA-ES, or i
 follows from its seed and from the figures that it got, batch by batch: the same seed and batch make the same search,
 with whatever number of workers. So a search that was killed goes on by being repeated: what it had flown is
 found in the store.
+
+What TPE takes for a proposal grows with the evaluations that it has seen. So it sees a bounded number: at 1,000 it
+forgets all but the 250 best and, of the others, the 250 newest. The best ones it would split off are among them.
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
 
 Sampler = Literal["tpe", "cmaes", "random"]
 _LARGEST = 1e15  # a figure that is infinite counts as this
+_MOST, _KEPT = 1000, 250  # evaluations that TPE sees; of these, as many of the best and of the newest stay
 _FEWEST = 20  # evaluations from which importances say anything
 
 
@@ -81,12 +85,16 @@ class _Proposals:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
             self._study = optuna.create_study(sampler=samplers[sampler]())
+        self._forgets, self._seen, self._open = sampler == "tpe", 0, 0
         self._space = space
         self._distributions = {dimension.name: _distribution(dimension) for dimension in space}
         self._pruned, self._failed = optuna.trial.TrialState.PRUNED, optuna.trial.TrialState.FAIL
 
     def ask(self) -> tuple[optuna.Trial, Values]:
         """A proposal, and the values that it proposes."""
+        if self._forgets and self._seen >= _MOST and not self._open:
+            self._forget()
+        self._open += 1
         proposal = self._study.ask(self._distributions)
         values = {
             each.name: each.values[proposal.params[each.name]]
@@ -98,10 +106,24 @@ class _Proposals:
 
     def tell(self, proposal: optuna.Trial, evaluation: Evaluation, cost: float | None) -> None:
         """Report a proposal's cost, or that it has none."""
+        self._seen, self._open = self._seen + 1, self._open - 1
         if cost is not None:
             self._study.tell(proposal, min(max(cost, -_LARGEST), _LARGEST))
         else:
             self._study.tell(proposal, state=self._pruned if evaluation.ending == "refused" else self._failed)
+
+    def _forget(self) -> None:
+        """Go on with the best and the newest evaluations, and with the sampler as it is."""
+        import optuna
+
+        trials = self._study.get_trials(deepcopy=False)
+        costs = {trial.number: trial.value for trial in trials if trial.value is not None}
+        best = set(sorted(costs, key=lambda number: (costs[number], number))[:_KEPT])
+        newest = {trial.number for trial in [trial for trial in trials if trial.number not in best][-_KEPT:]}
+        kept = [trial for trial in trials if trial.number in best | newest]
+        self._study = optuna.create_study(sampler=self._study.sampler)
+        self._study.add_trials(kept)
+        self._seen = len(kept)
 
 
 def _distribution(dimension: Dimension) -> optuna.distributions.BaseDistribution:

@@ -13,7 +13,7 @@ from benchmarks.loop_overhead import Arguments, Flight, bare_steps, dm_control_s
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
 from tests.flight import mountains, save
 
-SECONDS = 2.0
+SECONDS = 1.0
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 from benchmarks.sweep_scaling import OURS, POOL, Arguments, Course, SweepFindings, pooled, swept
+from mathnavi.sim.sweep import execution
 from mathnavi.sim.sweep.trial import Trial, trial
 from tests.flight import START, above, mountains, save
+from tests.sim.here import Here
 
 
 def short(tmp_path: Path, seeds: Sequence[int]) -> list[Trial]:
@@ -32,7 +34,8 @@ def test_every_trial_is_flown(tmp_path: Path, run: Callable[[Sequence[Trial], in
     assert 0.0 < course.interval < course.whole
 
 
-def test_a_trial_that_fails_is_no_measurement(tmp_path: Path) -> None:
+def test_a_trial_that_fails_is_no_measurement(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(execution, "Worker", lambda path: Here())
     outside = trial(terrain=save(mountains(), tmp_path / "mountains.npz"), start=(-1.0, 0.0, 0.0))
     with pytest.raises(RuntimeError, match="trial of seed 0: raised"):
         swept([outside], 1)

@@ -166,7 +166,7 @@ def ranging_bench(silent: bool = False) -> Bench:
         lambda x, u: Imagined(mission, x[:3], wheels=x[3:]),
         np.array([0.3, 0.3, 0.2]),
         np.array([1e-4, 1e-4, 1e-4]),
-        10.0,
+        6.0,
         mission.difference,
     )
 
@@ -198,7 +198,7 @@ def textbook_bench(name: str, silent: bool = False) -> Bench:
         lambda x, u: Shown(x, np.zeros(0), system.output(x, u)),
         np.full(len(start), 0.25),
         np.full(len(start), 1e-5),
-        9.0,
+        6.0,
         system.difference,
     )
 

@@ -70,13 +70,13 @@ def differing(one: Array, other: Array, least: int = 12) -> tuple[Array, Array]:
     return rows, columns
 
 
-def video_pictures(run: Path, folder: Path, fps: int = 2) -> list[Array]:
-    """Pictures (90, 160, 3) of a small video written into an empty folder, which has the size and rate asked for."""
-    path = write_video(run, path=folder / "run.mp4", width=160, height=90, fps=fps, progress=False)
+def video_pictures(run: Path, folder: Path) -> list[Array]:
+    """Pictures (90, 160, 3) of a small video of one picture a second, written into an empty folder."""
+    path = write_video(run, path=folder / "run.mp4", width=160, height=90, fps=1, progress=False)
     assert [file.name for file in folder.iterdir()] == ["run.mp4"]
     with av.open(str(path)) as container:
         stream = container.streams.video[0]
         pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
-        assert (stream.width, stream.height, stream.average_rate) == (160, 90, fps)
+        assert (stream.width, stream.height, stream.average_rate) == (160, 90, 1)
     assert min(picture.std() for picture in pictures) > 10.0
     return pictures

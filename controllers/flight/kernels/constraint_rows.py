@@ -22,7 +22,7 @@ from mathnavi.controllers.flight.kernels.problem_data import (
     position,
 )
 from mathnavi.controllers.flight.spline import surface
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit
 from mathnavi.sim.interfaces.signals import Array
 
 INFINITY = 1e30
@@ -31,7 +31,7 @@ INFINITY = 1e30
 _SLOW = 1e-3  # below this length [m/s, m/s^2] a ball constraint is far from active and has no direction
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def clearance_rows(unknowns: Array, data: ProblemData, programme: QuadraticProgramme) -> None:
     """Clearance [m], soft: z - H(x, y) >= floor at the clearance points, the first rows."""
     start, _, base, weights, climbs, terrain, _, _, _, packed = data
@@ -51,7 +51,7 @@ def clearance_rows(unknowns: Array, data: ProblemData, programme: QuadraticProgr
         upper[size + q] = INFINITY
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def ball_rows(
     unknowns: Array,
     data: ProblemData,
@@ -117,7 +117,7 @@ def ball_rows(
     return row + 1
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def end_rows(
     unknowns: Array, data: ProblemData, terminal_position: Array, row: int, programme: QuadraticProgramme
 ) -> None:

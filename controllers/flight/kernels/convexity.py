@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit
 from mathnavi.sim.interfaces.signals import Array
 
 _SMALLEST_PIVOT = 1e-6  # far below CLIMB_WEIGHT, the smallest entry of the Hessian's diagonal
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def add_norm_hessian(block: Array, v: Array, length: float, multiplier: float) -> None:
     """Add the Hessian of multiplier * |v|, v (3,) of the given length, to a ``block`` (3, 3), if multiplier > 0."""
     if multiplier > 0.0:
@@ -22,7 +22,7 @@ def add_norm_hessian(block: Array, v: Array, length: float, multiplier: float) -
             block[a, a] += multiplier / length
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def add_curvature(hessian: Array, clipped: Array, weights: Array, strength: float, curvature: Array) -> bool:
     """Add strength * ``curvature`` (3, 3) in the point sum_j weights_j a_j: its convex part to the Hessian.
 
@@ -50,7 +50,7 @@ def add_curvature(hessian: Array, clipped: Array, weights: Array, strength: floa
     return is_clipped
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def convexify(hessian: Array, clipped: Array) -> bool:
     """Add as much of ``clipped`` (all, half, a quarter or nothing) as the Hessian stays positive definite with.
 
@@ -70,7 +70,7 @@ def convexify(hessian: Array, clipped: Array) -> bool:
     return False
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _is_positive_definite(matrix: Array) -> bool:
     """True if Cholesky's factorisation of a symmetric matrix (m, m) exists, its pivots clear of rounding."""
     size = matrix.shape[0]
@@ -89,7 +89,7 @@ def _is_positive_definite(matrix: Array) -> bool:
     return True
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _positive_part(matrix: Array) -> None:
     """Replace a symmetric 3 x 3 matrix by its nearest positive semidefinite one (Jacobi rotations)."""
     vectors = np.empty((3, 3))

@@ -14,13 +14,13 @@ from mathnavi.controllers.flight.kernels.problem_data import (
     ProblemData,
     QuadraticProgramme,
 )
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import Array
 
 _SUFFICIENT, _SHORTEST = 1e-4, 1e-3  # of the line search: share of the promised decrease, length of a step
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def project(unknowns: Array, data: ProblemData, out: Array) -> None:
     """Fill ``out`` (3n + 1,) with unknowns near the given ones that keep all bounds of speed, acceleration, manoeuvre.
 
@@ -49,7 +49,7 @@ def project(unknowns: Array, data: ProblemData, out: Array) -> None:
     out[3 * n] = min(max(unknowns[3 * n], v[2] - rise, 0.0), v[2] + rise, v_max)
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _model_decrease(step: Array, programme: QuadraticProgramme, soft: int) -> float:
     """Decrease of the quadratic programme's objective from d = 0 to ``step``; its first ``soft`` rows are soft."""
     hessian, gradient, rows, upper, lower = programme

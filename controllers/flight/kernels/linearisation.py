@@ -23,7 +23,7 @@ from mathnavi.controllers.flight.kernels.problem_data import (
     position,
 )
 from mathnavi.controllers.flight.length_to_go import length_to_go
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -76,7 +76,7 @@ def linearise(
     return is_exact
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _own_terms(unknowns: Array, data: ProblemData, programme: QuadraticProgramme) -> None:
     """Fill the quadratic cost of each unknown by itself, and its bounds."""
     lengths, packed = data.lengths, data.packed
@@ -93,7 +93,7 @@ def _own_terms(unknowns: Array, data: ProblemData, programme: QuadraticProgramme
     upper[3 * n], lower[3 * n] = v_max - climb, -climb
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _terminal_terms(unknowns: Array, data: ProblemData, programme: QuadraticProgramme, clipped: Array) -> bool:
     """The length to go that is desired; terminal cost and the target approaching controls of Definition A.1, soft.
 

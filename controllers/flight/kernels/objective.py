@@ -23,7 +23,7 @@ from mathnavi.controllers.flight.kernels.problem_data import (
 )
 from mathnavi.controllers.flight.length_to_go import length_to_go
 from mathnavi.controllers.flight.spline import surface
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -67,7 +67,7 @@ def objective(unknowns: Array, data: ProblemData) -> float:
     return float(cost)
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def end_violation(unknowns: Array, data: ProblemData, terminal_position: Array) -> float:
     """Largest violation [m] of the conditions at the ends.
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit
 from mathnavi.sim.interfaces.signals import Array
 
 # Indices into Problem.packed.
@@ -52,7 +52,7 @@ class QuadraticProgramme(NamedTuple):
     lower: Array  # (3n + 1 + m,)
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def position(out: Array, start: Array, unknowns: Array, s: float, c: Array, climb: float) -> None:
     """Fill ``out`` (3,) [m] with p = p_1 + s v_1 + sum_j c_j a_j + climb w e_z; s, climb [s] and c (n,) [s^2]."""
     n = c.shape[0]

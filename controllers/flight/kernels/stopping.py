@@ -16,7 +16,7 @@ import numpy as np
 
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.terrain.kernels import arc_clearance
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Integers
 
 CLIMBS = (0.0, 0.5, 1.0)
@@ -246,14 +246,14 @@ def _within(u: Array, v: Array, speed_max: float, limits: Limits) -> Array:
     return c
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _periods(size: float, a_max: float, h: float) -> tuple[float, float]:
     """Duration [s] of a_max in a change of the velocity by ``size`` [m/s], and the rest [m/s] for one more period."""
     n = math.floor(size / (a_max * h))
     return n * h, max(size - n * a_max * h, 0.0)
 
 
-@njit(inner=True, nogil=True)
+@inner_njit(nogil=True)
 def _arc_margin(limits: Limits, p: Array, v: Array, a: Array, duration: float) -> float:
     """Least clearance beyond h_min [m] of an arc, or its room at the edge of the map if that is negative."""
     room = np.inf

@@ -28,7 +28,7 @@ def off_path(flown: Array, then: str, curve: Curve) -> float:
 @pytest.mark.parametrize("then", ["figure-eight", "circle"])
 def test_the_path_is_joined_and_kept_again_and_again(curve: Curve, then: str) -> None:
     task = mission(curve)
-    flight = fly(built(task, then=then, speed=0.3), task, START, 30.0)
+    flight = fly(built(task, then=then, speed=0.3), task, START, 22.0)
     assert flight.kinds == ["tracking"]
     assert flight.clearance(curve) >= task.margin - 0.01
     flown = np.array(flight.truth)

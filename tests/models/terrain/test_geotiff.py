@@ -227,3 +227,10 @@ def test_a_file_of_another_format_under_the_name_is_refused(tmp_path: Path) -> N
     (tmp_path / "a.tif").write_text(f"<VRTDataset rasterXSize='1' rasterYSize='1'>{tmp_path}</VRTDataset>")
     with pytest.raises(ValueError, match="not a readable GeoTIFF"):
         import_dem(tmp_path / "a.tif", tmp_path / "out.npz")
+
+
+def test_voids_that_cannot_be_filled_end_in_where_the_file_reaches(tmp_path: Path) -> None:
+    place = Affine.translation(5e5, 4.65e6) @ Affine.rotation(25.0) @ Affine.scale(30.0, -30.0)
+    path = save(tmp_path / "a.tif", np.full((400, 400), 700.0), UTM, place)
+    with pytest.raises(ValueError, match=r"--crop keeps a part .* from west 5\d+.*, south 46\d+.* to east 51\d"):
+        import_dem(path, tmp_path / "out.npz", fill=True)

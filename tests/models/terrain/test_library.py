@@ -74,7 +74,10 @@ def test_the_built_in_terrains_are_named() -> None:
 
 
 def test_an_unknown_name_lists_those_that_exist() -> None:
-    with pytest.raises(ValueError, match=r"terrain = 'everest': not known; allowed: .*jacksboro.*tian_shan.*npz"):
+    with pytest.raises(
+        ValueError,
+        match=r"terrain = 'everest': not known; allowed: .*jacksboro.*tian_shan.*npz, which mathnavi terrain import",
+    ):
         load_terrain("everest")
 
 

@@ -147,7 +147,7 @@ def test_every_kernel_has_a_digest_and_is_kept() -> None:
     assert kernels > 150
 
 
-INNER = CALLEE.replace("cache=True", "inner=True")
+INNER = CALLEE.replace("import njit", "import inner_njit").replace("@njit(cache=True)", "@inner_njit")
 
 
 def test_an_inner_kernel_is_kept_with_its_callers_only(folder: Path, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ import pytest
 import mathnavi as mn
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.sim.commands.cli import main
+from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.records.former_names import MOVED, present_name, with_present_names
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -58,6 +59,14 @@ def test_a_users_own_place_stays(place: str) -> None:
 
 def test_a_configuration_without_plug_ins_stays() -> None:
     assert with_present_names({"scenario": "s", "controller": None}) == {"scenario": "s", "controller": None}
+
+
+def test_a_field_is_read_under_its_present_name(tmp_path: Path) -> None:
+    plugins = {"controller": {"name": "missile"}, "estimator": {"name": "full_state"}}
+    config = {"scenario": "missile-guidance", "seed": 1, "fields": {"target_told": 0.5, "case": "FAST"}, **plugins}
+    (tmp_path / "config.json").write_text(json.dumps(config), encoding="utf-8")
+    fields = {"target_announcement_delay": 0.5, "case": "FAST"}
+    assert RunConfig.read(tmp_path).fields == with_present_names(config)["fields"] == fields
 
 
 def test_it_is_read_with_the_present_names(old: Path) -> None:

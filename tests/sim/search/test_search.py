@@ -11,6 +11,7 @@ import pytest
 from scipy.stats import norm
 
 from mathnavi.sim.records.store import Store
+from mathnavi.sim.search import directed as module
 from mathnavi.sim.search.directed import Sampler, directed, importances
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator, NoSuchFigureError, Objective
 from mathnavi.sim.search.rare import rare_event
@@ -70,6 +71,32 @@ def test_the_same_seed_makes_the_same_search_and_flies_nothing_twice(
     assert values_of(first) == values_of(again)
     assert store.keys() == known
     assert values_of(directed(evaluator(store, pool), SPACE, 8, sampler=sampler, seed=4)) != values_of(first[:8])
+
+
+def test_tpe_sees_a_bounded_number_of_evaluations_the_best_among_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_MOST", 48)
+    monkeypatch.setattr(module, "_KEPT", 12)
+
+    def search() -> tuple[list[Values], int, float]:
+        proposals = module._Proposals(SPACE, "tpe", seed=2)
+        proposed: list[Values] = []
+        most = 0
+        for _ in range(20):
+            asked = [proposals.ask() for _ in range(8)]
+            for proposal, values in asked:
+                proposed.append(values)
+                evaluation = Evaluation(len(proposed), values, "flown", bowl(values))
+                proposals.tell(proposal, evaluation, evaluation.figure)
+            most = max(most, len(proposals._study.trials))
+        return proposed, most, proposals._study.best_value
+
+    def bowl(values: Values) -> float:
+        return float((values["x"] - 1.0) ** 2 + values["y"] ** 2)
+
+    proposed, most, best = search()
+    assert most == 48
+    assert best == min(map(bowl, proposed))
+    assert search()[0] == proposed
 
 
 def test_a_search_ends_with_the_batch_in_which_it_has_found_what_it_looks_for(store: Store, pool: Pool) -> None:

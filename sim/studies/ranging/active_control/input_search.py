@@ -136,7 +136,8 @@ def soonest_nodes(problem: Any, pose: Array, P: Array, inputs: Array, piece: int
 
     Each is held for ``piece`` nodes, the last until the end; ``problem.most`` if none finds it.
     """
-    best, level = problem.most, 0
+    best: int = problem.most
+    level = 0
     chosen = np.zeros(depth, np.int64)
     poses, slopes, informations = np.empty((depth, 3)), np.empty((depth, 3, 3)), np.empty((depth, 3, 3))
     poses[0], slopes[0], informations[0] = pose, np.eye(3), inverse(P)

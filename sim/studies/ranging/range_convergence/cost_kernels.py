@@ -51,7 +51,7 @@ def bank_updates(
     W, sensors, noise, innovations = quality
     best = 0
     for k in range(len(z)):
-        predict_each(bank, u[k], W, wall, dt)
+        predict_each(bank, u[k], W, wall, dt, np.ones(2))
         best, _, _ = condition_each(bank, best, z[k], wall, sensors, noise, scoring, innovations)
         drop(bank, best, scoring, symmetry)
     return len(z)

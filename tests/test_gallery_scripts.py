@@ -9,16 +9,13 @@ import matplotlib as mpl
 import pytest
 from matplotlib import pyplot
 
-from mathnavi.sim.sweep import execution
-from tests.sim.here import Here
-
 SCRIPTS = sorted((Path(__file__).resolve().parents[1] / "examples" / "gallery").glob("plot_*.py"))
 
 
+@pytest.mark.usefixtures("trials_here")  # tests/sim/sweep has sweeps in child processes
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_a_script_runs_and_draws(script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(execution, "Worker", lambda path: Here())  # tests/sim/sweep has sweeps in child processes
     with mpl.rc_context({"backend": "agg"}):
         pyplot.close("all")
         runpy.run_path(str(script), run_name="__main__")

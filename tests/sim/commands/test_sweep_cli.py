@@ -324,16 +324,16 @@ def wait_for(path: Path, count: int) -> None:
 
 
 def test_a_sweep_that_is_killed_again_and_again_leaves_the_same_trials(path: Path, tmp_path: Path) -> None:
-    words = (COIN, "--trials", "50", "--vary", "part.share=0..1", "--raise-at", "7", "--wait", "0.1")
+    words = (COIN, "--trials", "30", "--vary", "part.share=0..1", "--raise-at", "7", "--wait", "0.1")
     assert sweep(*words, "--store", str(tmp_path / "undisturbed.db"), "--workers", "2") == 0
     chance = random.Random(1)
-    for kill in range(3):
+    for kill in range(2):
         process = started(*words, "--store", str(path), "--workers", "2")
         wait_for(path, 8 * kill + chance.randrange(1, 8))
         time.sleep(0.05 * chance.random())
         process.kill()
         process.communicate()
-    assert 0 < len(trials_of(path)) < 50
+    assert 0 < len(trials_of(path)) < 30
     assert sweep(*words, "--store", str(path), "--workers", "1") == 0
     assert trials_of(path) == trials_of(tmp_path / "undisturbed.db")
 

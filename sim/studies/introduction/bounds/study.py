@@ -10,6 +10,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
 from mathnavi.renders.figures import BOUND, STYLE
 from mathnavi.renders.study_report import Table
@@ -178,6 +179,12 @@ def _draw_efficiency(axes: Axes, found: Sequence[Efficiency]) -> None:
         )
     axes.set(xscale="log", yscale="log", ylabel="error / bound")
     axes.margins(x=0.2, y=0.2)
+    lowest, highest = axes.get_ylim()
+    axes.yaxis.set_major_locator(MaxNLocator(5) if highest < 10.0 * lowest else LogLocator())
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.set_minor_formatter(NullFormatter())
 
 
 def _draw_course(axes: Axes, found: Sequence[Efficiency]) -> None:

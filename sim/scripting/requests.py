@@ -17,7 +17,11 @@ from mathnavi.sim.plugin.registry import PluginSpec, load, names
 
 KINDS = ("controllers", "estimators", "consensus")  # of plug-ins with fields of their own
 _PREFIXES = {"planner": "controllers", "estimator": "estimators"}
-_NAMED = tuple(kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, ValueError))
+_NAMED = tuple(
+    kind
+    for kind in vars(errors).values()
+    if isinstance(kind, type) and issubclass(kind, ValueError) and kind is not errors.ArgumentError
+)  # an inner function's argument is not the script's
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -29,6 +29,8 @@ _ROUNDING = 0.01  # of a control period: a period may be written with five digit
 @configuration
 class RecedingHorizonConfig:
     """Fields of the planner, over whatever tracker."""
+
+    kernels: ClassVar[str] = "mathnavi.controllers.flight.ahead"  # compiled before the first flight
 
     nodes: Nodes = 13
     """N, nodes of the horizon"""

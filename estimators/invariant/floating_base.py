@@ -11,7 +11,8 @@ So the velocity of the base is observed while a foot stands, and its attitude ag
 heading never are: they drift. In the air all but the rate is integrated and drifts, and the estimate says by how much;
 once the velocity's standard deviation is beyond a limit it is lost.
 
-The joints' velocities are those of another plug-in, to which the base's pose is shown as if it had been read.
+Biases of the IMU are not estimated. The joints' velocities are those of another plug-in, to which the base's pose is
+shown as if it had been read.
 """
 
 from __future__ import annotations
@@ -23,10 +24,10 @@ import mujoco
 import numpy as np
 from scipy.special import chdtri
 
+from mathnavi.estimators.invariant import strapdown
 from mathnavi.estimators.invariant.conditioning import condition
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
-from mathnavi.estimators.invariant.strapdown import PLACE as SITE
-from mathnavi.estimators.invariant.strapdown import SPEED, TURN, Strapdown
+from mathnavi.estimators.invariant.strapdown import Strapdown
 from mathnavi.estimators.riemannian.plugin import RiemannianObserver
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.estimators.velocity.filtered_differences import FilteredDifferences
@@ -176,7 +177,7 @@ class FloatingBaseIekf:
             status = _worse(status, within.status)
             extra = dict(within.extra)
         deviation = self._deviation()
-        if not deviation[SPEED].max() <= self._config.deviation_max:
+        if not deviation[strapdown.SPEED].max() <= self._config.deviation_max:
             status = _worse(status, Status.LOST)
         extra |= {"base_deviation": deviation, "standing": self._standing.copy()}
         return Estimate(t, self._state(), None, status, extra)
@@ -229,7 +230,8 @@ class FloatingBaseIekf:
     def _deviation(self) -> Array:
         """Standard deviations (9,); those of velocity and place along the axes of the world."""
         P, R = self._strapdown.P, self._strapdown.X[:3, :3]
-        turned = [P[TURN, TURN], R @ P[SPEED, SPEED] @ R.T, R @ P[SITE, SITE] @ R.T]
+        turn, speed, place = (P[part, part] for part in (strapdown.TURN, strapdown.SPEED, strapdown.PLACE))
+        turned = [turn, R @ speed @ R.T, R @ place @ R.T]
         deviation: Array = np.sqrt(np.concatenate([np.diag(part) for part in turned]))
         return deviation
 

@@ -23,7 +23,7 @@ from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.served_address import Port, address_of, check_address
 from mathnavi.sim.commands.summary import summary_table, verdict
-from mathnavi.sim.engine.compilation import compile_in_two
+from mathnavi.sim.engine.compilation import compile_ahead
 from mathnavi.sim.interfaces.bounds import configuration
 from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.errors import FieldError, RunFolderError
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from mathnavi.sim.commands.run_web import FollowedRun
     from mathnavi.sim.engine.loop import Loop
 
-FLIGHT = "mathnavi.controllers.flight"  # the package that knows its kernels
 UNPLANNED = 3  # exit status of a run that did what it should without its planner
 
 
@@ -103,7 +102,7 @@ def _run(
     """Fly, write the folder and draw; the exit code of the command."""
     with run_folder(folder) as claim:
         with flight_progress(errors) as progress:
-            compile_kernels(request)
+            compile_ahead(request.controller.config)
             closed_loop = build(request, run_config)
             if run_config is not None:
                 note_environment(errors, run_config)
@@ -169,12 +168,6 @@ def _check_inputs(request: RunRequest, run_config: RunConfig) -> None:
     }
     for sentence in changed_inputs(run_config, run_inputs(*configs), fields, request.given):
         raise BadInputError(sentence)
-
-
-def compile_kernels(request: RunRequest) -> None:
-    """Compile what the flight planner needs, in two processes, where the request is for one and nothing is kept."""
-    if any(each.__module__.startswith(FLIGHT) for each in type(request.controller.config).__mro__):
-        compile_in_two(f"{FLIGHT}.ahead")
 
 
 def fly(

@@ -35,6 +35,13 @@ def compilation_reported(report: Callable[[bool], None]) -> Iterator[None]:
         yield
 
 
+def compile_ahead(config: object) -> None:
+    """Compile what a plug-in's configuration names as its ``kernels``, a module as ``compile_in_two`` takes it."""
+    module = getattr(config, "kernels", None)
+    if isinstance(module, str):
+        compile_in_two(module)
+
+
 def compile_in_two(module: str) -> None:
     """Compile the kernels ``OWN`` of a module in here while a second process, ``python -m module``, does its others.
 

@@ -76,7 +76,9 @@ def decoded(coded: Encoded) -> Any:
         arrays = decoded_npz(coded.arrays, "the arrays of a result", StoreError, kinds=_IN_A_BLOCK)
     try:
         return _Reader(arrays, coded.timings).value(coded.tree)
-    except (KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+    except StoreError:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise StoreError(f"no result that was stored: {error!r}") from None
 
 
@@ -221,7 +223,7 @@ class _Reader:
 
 
 def _row(row: Any, count: int) -> int:
-    """``row`` if it is the number of one of ``count`` rows, else ValueError."""
+    """``row`` if it is the number of one of ``count`` rows. Raises StoreError for anything else."""
     if type(row) is not int or not 0 <= row < count:
         raise StoreError(f"$block row = {row!r}; allowed: a whole number from 0 to {count - 1}")
     return row

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mathnavi.sim.engine.compilation import compile_ahead
 from mathnavi.sim.interfaces.errors import FieldError, MissionError
 from mathnavi.sim.interfaces.fields import leaf_type
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, value_text
@@ -63,6 +64,7 @@ def run(
         with raising(MissionError):
             return built(scenario, asked.scenario, asked.config, _seed(seed), asked.controller, asked.estimator)
 
+    compile_ahead(asked.controller.config)
     return build().run(progress, build)
 
 

@@ -47,7 +47,8 @@ def test_a_second_process_compiles_its_share_if_a_kernel_is_missing(
     monkeypatch.setattr(compilation.os, "cpu_count", lambda: 2)
     monkeypatch.setattr(compiled, "any_missing", lambda kernels: missing and len(kernels) == 2)
     monkeypatch.setattr(compilation.subprocess, "Popen", lambda *given, **options: Process(started, *given, **options))
-    compilation.compile_in_two("helper")
+    compilation.compile_ahead(types.SimpleNamespace(kernels="helper"))
+    compilation.compile_ahead(types.SimpleNamespace())
     assert own.compiled == [(1,)] * missing
     assert not helped.compiled
     assert [(each.command, each.ended) for each in started] == [

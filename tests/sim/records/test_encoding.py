@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
+from mathnavi.sim.interfaces.errors import StoreError
 from mathnavi.sim.records.encoding import Encoded, MeasuredTime, decoded, encoded
 from tests.sim.sweep.computations import Pair, Side, Walk
 
@@ -94,7 +95,7 @@ def test_what_cannot_be_had_back_is_refused(value: Any) -> None:
 
 
 def test_a_file_cannot_have_anything_else_built() -> None:
-    with pytest.raises(ValueError, match="no class of data"):
+    with pytest.raises(StoreError, match="no class of data"):
         decoded(Encoded({"$class": "subprocess:Popen", "$fields": {"args": ["true"]}}))
 
 
@@ -122,7 +123,7 @@ def test_an_array_keeps_the_order_of_its_elements_in_memory() -> None:
 @pytest.mark.parametrize("row", [2, -1, 0.0, True, "0", None])
 def test_a_row_that_is_not_there_is_refused(row: Any) -> None:
     arrays = encoded([np.zeros(40), np.ones(40)]).arrays
-    with pytest.raises(ValueError, match=r"\$block row = .*; allowed: a whole number from 0 to 1"):
+    with pytest.raises(StoreError, match=r"\$block row = .*; allowed: a whole number from 0 to 1"):
         decoded(Encoded({"$block": ["s0", row]}, arrays))
 
 
@@ -130,3 +131,9 @@ def test_a_result_whose_arrays_were_stored_one_by_one_is_read() -> None:
     block = io.BytesIO()
     np.savez_compressed(block, a0=np.arange(40.0))
     np.testing.assert_array_equal(decoded(Encoded({"$block": "a0"}, block.getvalue())), np.arange(40.0))
+
+
+@pytest.mark.parametrize("array", [["<f8", [3], [1, 2]], ["<f8", [1], ["x"]], ["nonsense", [1], [1]]])
+def test_a_forged_array_is_a_store_error(array: list[Any]) -> None:
+    with pytest.raises(StoreError, match="no result that was stored"):
+        decoded(Encoded({"$array": array}))

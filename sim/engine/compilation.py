@@ -1,4 +1,4 @@
-"""Compilation by numba, which happens only where its cache holds nothing: reports of it, and two processes that share it.
+"""Compilation by numba, only where its cache holds nothing: reports of it, and two processes that share it.
 
     python -m mathnavi.sim.engine.compilation CLAIMS MODULE ...
 

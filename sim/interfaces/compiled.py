@@ -57,9 +57,12 @@ class ProcessorLevel(NamedTuple):
     features: str
 
 
-_V3 = "avx,avx2,bmi,bmi2,cmov,crc32,cx16,cx8,f16c,fma,fxsr,lzcnt,mmx,movbe,popcnt,sahf,sse,sse2,sse3,sse4.1,sse4.2,ssse3,xsave"
 LEVELS = {
-    "x86_64": ProcessorLevel("x86-64-v3", "".join(f"+{name}," for name in _V3.split(",")).rstrip(",")),
+    "x86_64": ProcessorLevel(
+        "x86-64-v3",
+        "+avx,+avx2,+bmi,+bmi2,+cmov,+crc32,+cx16,+cx8,+f16c,+fma,+fxsr,+lzcnt,+mmx,+movbe,+popcnt,+sahf,"
+        "+sse,+sse2,+sse3,+sse4.1,+sse4.2,+ssse3,+xsave",
+    ),
     "aarch64": ProcessorLevel("generic", ""),
 }
 """by the machine's architecture"""
@@ -203,7 +206,7 @@ class KernelCache(_Cache):
         return f"{self._kernel.__module__}.{self._kernel.py_func.__name__}"
 
     def files(self, sig: Any, codegen: Any) -> list[Path]:
-        """The files that may hold the compiled code for arguments of the types ``sig``: the user's, and a shipped one."""
+        """The files that may hold compiled code for arguments of the types ``sig``: the user's, then a shipped one."""
         versions = sys.implementation.cache_tag, sys.abiflags, numba.__version__, _llvmlite.__version__
         types = [repr(sig), *map(repr, _fields(sig))]
         content = types, kernel_digest(self._kernel)
@@ -211,7 +214,8 @@ class KernelCache(_Cache):
         if SHIPPED.is_dir() and (level := _shipped_for(*codegen.magic_tuple())):
             processors[SHIPPED] = level
         return [
-            folder / f"{self._name}-{hashlib.sha256(repr((versions, processor, *content)).encode()).hexdigest()[:32]}.nbc"
+            folder
+            / f"{self._name}-{hashlib.sha256(repr((versions, processor, *content)).encode()).hexdigest()[:32]}.nbc"
             for folder, processor in processors.items()
         ]
 
@@ -226,12 +230,6 @@ def _shipped_for(triple: str, name: str, features: str) -> tuple[str, str, str] 
 
 Signature = tuple[Any, tuple[Any, ...]]
 """a kernel and the types of its arguments"""
-
-
-def compile_all(kernels: Iterable[Signature]) -> None:
-    """Compile kernels, or load what is kept of them."""
-    for kernel, arguments in kernels:
-        kernel.compile(arguments)
 
 
 def any_missing(kernels: Iterable[Signature]) -> bool:

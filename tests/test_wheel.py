@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("controllers", "estimators", "models", "renders", "sim")
 DATA = (".xml", ".css", ".html", ".js", ".json", ".png", ".md", ".typed")
 FLIGHT = ["safe-flight", "--terrain", "jacksboro", "--start", "3000", "4000", "900", "--target", "6000", "7000", "1000"]
-TRACKING = ["attitude-tracking", "--duration", "1.2", "--settled", "0.8"]
+SPHERE = ["sphere-observer", "--duration", "1", "--settled", "0.5"]
 
 
 def installed_files() -> Iterator[str]:
@@ -173,9 +173,9 @@ def test_it_flies_draws_and_sweeps_beside_a_strangers_folders(python: Path, fold
 
 def test_the_wheels_kernels_give_the_bits_of_those_that_are_compiled_here(python: Path, folder: Path) -> None:
     kernels = folder / "kernels"
-    said(python, folder, "mathnavi", "run", *TRACKING, "--out", "run", NUMBA_CACHE_DIR=str(kernels))
+    said(python, folder, "mathnavi", "run", *SPHERE, "--out", "run", NUMBA_CACHE_DIR=str(kernels))
     assert not list(kernels.iterdir()), "the wheel's kernels were not used"
-    assert main(["run", *TRACKING, "--out", str(folder / "native")]) == 0
+    assert main(["run", *SPHERE, "--out", str(folder / "native")]) == 0
     shipped, native = (np.load(folder / run / "log.npz") for run in ("run", "native"))
     assert {name: shipped[name].tobytes() for name in shipped} == {name: native[name].tobytes() for name in native}
 

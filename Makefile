@@ -5,7 +5,7 @@
 #   make check   lint, and the tests of what has changed since HEAD   make check SINCE=main
 #   make docs    the documentation, docs/_build/html/index.html, every link of it followed; papers and exercises as PDF
 #   make gallery the committed pictures made again (hours)   make gallery ARGS=safe_flight
-#   make wheel   sdist and wheel, into dist/
+#   make wheel   sdist and wheel, into dist/   make wheel KERNELS=1   and a wheel for this platform with compiled kernels
 #   make bench   one table: mathnavi compared with other solvers   make bench ARGS=--quick
 #   make clean   remove caches and outputs
 #   make lock    the tested versions chosen anew, .ci/requirements.txt
@@ -22,6 +22,7 @@ WORKERS ?= 2
 ARGS ?=
 SINCE ?= HEAD
 LOCK ?= .ci/requirements.txt
+KERNELS ?=
 
 PACKAGES := models sim controllers estimators renders
 BENCHMARKS := $(wildcard benchmarks)
@@ -72,6 +73,9 @@ docs: .venv/.developed
 wheel: .venv/.developed
 	rm -rf dist
 	.venv/bin/hatchling build --directory $(CURDIR)/dist
+ifneq ($(KERNELS),)
+	MATHNAVI_KERNELS=1 .venv/bin/hatchling build --target wheel --directory $(CURDIR)/dist
+endif
 	@ls -1 $(CURDIR)/dist/*
 
 lock: | .venv/bin/pip

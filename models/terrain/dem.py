@@ -23,7 +23,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import map_coordinates
 
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.bounds import Positive, configuration
@@ -161,8 +160,20 @@ def square_grid(raster: Raster, spacing: float | None = None) -> Raster:
     check_nodes(rows * columns, f"resample = {spacing} m, {raster.name}")
     row = np.minimum(np.arange(rows) * (spacing / step_north), raster.z.shape[0] - 1)
     column = np.minimum(np.arange(columns) * (spacing / step_east), raster.z.shape[1] - 1)
-    z = map_coordinates(raster.z, np.meshgrid(row, column, indexing="ij"), order=1, mode="nearest")
+    z = _bilinear(raster.z, row, column)
     return replace(raster, z=z, step_north=spacing, step_east=spacing, latitude=None)
+
+
+def _bilinear(z: Array, row: Array, column: Array) -> Array:
+    """Heights (m, n) [m] at rows (m,) and columns (n,) of a grid, fractions of a cell among them, by its four nodes."""
+    i, j = row.astype(int), column.astype(int)
+    above, left = 1.0 - (row - i)[:, None], 1.0 - (column - j)  # weights
+    below, right = 1.0 - above, 1.0 - left
+    k, m = np.minimum(i + 1, len(z) - 1), np.minimum(j + 1, z.shape[1] - 1)
+    heights: Array = z[np.ix_(i, j)] * above * left + z[np.ix_(i, m)] * above * right
+    heights += z[np.ix_(k, j)] * below * left
+    heights += z[np.ix_(k, m)] * below * right
+    return heights
 
 
 def height_field(raster: Raster) -> HeightField:

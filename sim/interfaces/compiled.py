@@ -35,6 +35,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.types import ExternalFunction
 
 _caching: Any = importlib.import_module("numba.core.caching")
+_runtime: Any = importlib.import_module("numba.core.runtime")
 _config: Any = importlib.import_module("numba.core.config")
 _serialize: Any = importlib.import_module("numba.core.serialize")
 _llvmlite: Any = importlib.import_module("llvmlite")
@@ -128,7 +129,8 @@ class KernelCache(_Cache):
         """The compiled code for arguments of the types ``sig``; None if it is not there or damaged."""
         if not self._enabled:
             return None
-        target_context.refresh()
+        # Of numba a loaded kernel needs the memory management; what translates Python takes a while to import.
+        _runtime.rtsys.initialize(target_context)
         file = self._file(sig, target_context.codegen())
         try:
             content = pickle.loads(file.read_bytes())

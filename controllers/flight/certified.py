@@ -16,7 +16,6 @@ to be wrong and nothing can be certified any more, of two plans that cannot the 
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any

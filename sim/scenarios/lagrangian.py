@@ -26,8 +26,8 @@ from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.lagrangian import VelocityErrors, errors_of, lagrangian_summary
+from mathnavi.sim.metrics.lagrangian_bound import lagrangian_bound
 from mathnavi.sim.metrics.posterior_bound import PosteriorBound
-from mathnavi.sim.metrics.recorded_bounds import lagrangian_bound
 from mathnavi.sim.records.missions import LagrangianRecord
 from mathnavi.sim.scenarios.assembler import Assembler, VehicleStack
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop

@@ -45,7 +45,7 @@ def test_two_workers_are_compared_with_one_and_with_the_pool() -> None:
     one, two = Course(1.0, 0.4, 9.0), Course(1.0, 0.2, 5.0)
     rows = SweepFindings(20, 2, {(OURS, 1): [one], (OURS, 2): [two], (POOL, 2): [two], (POOL, 1): [one]}).comparisons()
     assert [row.ratio for row in rows] == pytest.approx([2.0, 1.8, 1.0, 1.0, 1.0])
-    assert [row.wanted for row in rows] == [">= 1.7", "", "", "", ""]
+    assert [row.wanted for row in rows] == [">= 1.9", "", "", "", ""]
 
 
 @pytest.mark.parametrize(("field", "value"), [("workers", 1), ("repetitions", 0), ("trials", 5)])

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from filterpy.kalman import KalmanFilter
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
 
-from mathnavi.estimators.kalman import AxisModel, Kalman, KalmanConfig, clipped_rms
+from mathnavi.estimators.kalman import AxisModel, Kalman, KalmanConfig, clipped_rms, first_covariance
 from mathnavi.models.aerial.dynamics import TICK, flow
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
@@ -212,3 +213,23 @@ def test_an_outlier_is_not_used_and_widens_the_covariance() -> None:
 def test_gusts_beyond_the_declared_ones_widen_the_covariance() -> None:
     _, deviations, _ = fixes_of(20.0, 0.0)
     assert max(deviations) > 1.3 * declared_deviation()
+
+
+def test_the_filter_is_that_of_filterpy() -> None:
+    config, mission = KalmanConfig(), mission_of(DeclaredGusts(1.5, 3.0, 100.0), 5.0)
+    ours, axis, rng = Kalman.build(config, mission), AxisModel.from_config(config, mission), np.random.default_rng(2)
+    theirs = KalmanFilter(dim_x=3, dim_z=1, dim_u=1)
+    theirs.x = np.vstack([mission.start, np.zeros((2, 3))])
+    theirs.P, theirs.R = first_covariance(config, mission), np.array([[axis.fix_std**2]])
+    reads_position = np.array([[1.0, 0.0, 0.0]])
+    for k in range(200):
+        t, u, place = 0.1 * k, rng.normal(size=3), np.array(mission.start) + rng.normal(size=3)
+        estimate = ours.update(t, [fix(t, place)], u)
+        if k:
+            F, B, Q = axis.discretised(0.1)
+            theirs.predict(u[np.newaxis, :], B, F, Q)
+        theirs.update(place[np.newaxis, :], H=reads_position)
+        np.testing.assert_allclose(estimate.x, theirs.x[:2].ravel(), rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(estimate.extra["gust"], theirs.x[2], rtol=0.0, atol=1e-12)
+        assert estimate.covariance is not None
+        np.testing.assert_allclose(estimate.covariance, np.kron(theirs.P[:2, :2], np.eye(3)), rtol=1e-12, atol=1e-15)

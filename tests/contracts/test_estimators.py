@@ -198,7 +198,7 @@ def textbook_bench(name: str, silent: bool = False) -> Bench:
         lambda x, u: Shown(x, np.zeros(0), system.output(x, u)),
         np.full(len(start), 0.25),
         np.full(len(start), 1e-5),
-        5.0,
+        6.0,
         system.difference,
     )
 

@@ -18,7 +18,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 FOLDER = "mathnavi/sim/interfaces/shipped_kernels"
 
 
-class CompiledKernels(BuildHookInterface):
+class CompiledKernels(BuildHookInterface[Any]):
     """Adds compiled kernels to a wheel, whose tags are those of the installed numba, which they need."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:

@@ -110,7 +110,7 @@ endif
 
 .venv/.benchmarked: pyproject.toml | .venv/bin/pip
 	@echo "Installing mathnavi and the benchmarks' peers into .venv (a few minutes the first time)"
-	$(INSTALL) --editable '.[bench]'
+	$(INSTALL) --editable '.[bench,dev]'
 	$(INSTALL) --no-deps --upgrade --target .venv/acados 'comma-deps-acados>=0.2.2.post92,<0.3' \
 	    || echo "acados is left out: no wheel for this machine"
 	@touch .venv/.installed $@

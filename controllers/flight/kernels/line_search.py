@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from mathnavi.controllers.flight.kernels.objective import end_violation, objective
+from mathnavi.controllers.flight.kernels.objective import cost_of, end_violation
 from mathnavi.controllers.flight.kernels.problem_data import (
     ACCELERATION,
     MANOEUVRE,
@@ -30,7 +30,9 @@ def project(unknowns: Array, data: ProblemData, out: Array) -> None:
     start, lengths, packed = data.start, data.lengths, data.packed
     n = (unknowns.shape[0] - 1) // 3
     v_max, a_max = packed[SPEED], packed[ACCELERATION]
-    desired, v, a = start[3:6].copy(), start[3:6].copy(), np.empty(3)
+    desired, v, a = np.empty(3), np.empty(3), np.empty(3)
+    for axis in range(3):
+        desired[axis] = v[axis] = start[3 + axis]
     for i in range(n):
         h = lengths[i]
         for axis in range(3):
@@ -75,7 +77,7 @@ def begin(guess: Array, known: tuple[Array, ...], terminal_position: Array, out:
     """Fill ``out`` (3n + 1,) with the projected guess (3n + 1,); returns its cost and its violation [m]."""
     data = ProblemData(*known)
     project(guess, data, out)
-    return objective(out, data), end_violation(out, data, terminal_position)
+    return cost_of(out, data), end_violation(out, data, terminal_position)
 
 
 @njit(cache=True, nogil=True)
@@ -105,7 +107,7 @@ def search(
         for k in range(step.shape[0]):
             trial[k] = unknowns[k] + length * step[k]
         project(trial, data, out)
-        cost = objective(out, data)
+        cost = cost_of(out, data)
         violation = end_violation(out, data, terminal_position)
         if cost + penalty * violation <= merit - _SUFFICIENT * length * max(decrease, 0.0):
             return decrease, cost, violation, True

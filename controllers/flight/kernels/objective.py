@@ -29,6 +29,12 @@ from mathnavi.sim.interfaces.signals import Array
 
 @njit(cache=True, nogil=True)
 def objective(unknowns: Array, data: ProblemData) -> float:
+    """Cost of unknowns U (3n + 1,) [m/s^2, m/s], with the soft penalties of the problem."""
+    return float(cost_of(unknowns, data))
+
+
+@inner_njit(nogil=True)
+def cost_of(unknowns: Array, data: ProblemData) -> float:
     """Cost of unknowns U (3n + 1,) [m/s^2, m/s], with the soft penalties of the problem.
 
     ``data.base`` (Q,), ``data.weights`` (Q, n), ``data.climbs`` (Q,) place the Q points: the clearance points first,

@@ -75,7 +75,7 @@ wheel: .venv/.developed
 	rm -rf dist
 	.venv/bin/hatchling build --directory $(CURDIR)/dist
 ifneq ($(KERNELS),)
-	MATHNAVI_KERNELS=1 .venv/bin/hatchling build --target wheel --directory $(CURDIR)/dist
+	MATHNAVI_KERNELS=all .venv/bin/hatchling build --target wheel --directory $(CURDIR)/dist
 endif
 	@ls -1 $(CURDIR)/dist/*
 

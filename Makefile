@@ -49,6 +49,7 @@ lint: .venv/.developed
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy --strict -p mathnavi $(BENCHMARKS:%=-p %)
 	.venv/bin/mypy --strict .ci/open_reports.py
+	.venv/bin/mypy --strict .ci/install.py hatch_build.py
 	.venv/bin/lint-imports
 
 check: export PYTHONDONTWRITEBYTECODE =
@@ -74,7 +75,7 @@ wheel: .venv/.developed
 	rm -rf dist
 	.venv/bin/hatchling build --directory $(CURDIR)/dist
 ifneq ($(KERNELS),)
-	MATHNAVI_KERNELS=1 .venv/bin/hatchling build --target wheel --directory $(CURDIR)/dist
+	MATHNAVI_KERNELS=all .venv/bin/hatchling build --target wheel --directory $(CURDIR)/dist
 endif
 	@ls -1 $(CURDIR)/dist/*
 
@@ -90,10 +91,10 @@ opengl: | .venv/bin/pip
 
 .venv: .venv/.developed
 
-# A change of pyproject.toml, a new entry point for one, installs again.
+# A change of pyproject.toml, a new entry point for one, installs again. The kernels of a flight are compiled meanwhile.
 .venv/.installed: pyproject.toml | .venv/bin/pip
 	@echo "Installing mathnavi and what it needs into .venv: 1.5 GB on disk, one to five minutes"
-	$(INSTALL:--quiet=) --editable .
+	.venv/bin/python .ci/install.py
 	@touch $@
 
 # Only wheels: what a source is built with would not be locked. The lock has what builds mathnavi itself.

@@ -1,6 +1,7 @@
-"""Build hook of hatchling: with MATHNAVI_KERNELS=1 the wheel carries compiled kernels, and is one for this platform.
+"""Build hook of hatchling: with MATHNAVI_KERNELS=all the wheel carries compiled kernels, and is one for this platform.
 
-The environment that builds it needs mathnavi and its dependencies. Without that variable nothing happens here.
+Instead of all, modules with lists of kernels may be named, with commas between them. The environment that builds the
+wheel needs mathnavi and its dependencies. Without that variable nothing happens here.
 """
 
 from __future__ import annotations
@@ -18,14 +19,17 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 FOLDER = "mathnavi/sim/interfaces/shipped_kernels"
 
 
-class CompiledKernels(BuildHookInterface):
+class CompiledKernels(BuildHookInterface[Any]):
     """Adds compiled kernels to a wheel, whose tags are those of the installed numba, which they need."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        if version != "standard" or os.environ.get("MATHNAVI_KERNELS") != "1":
+        chosen = os.environ.get("MATHNAVI_KERNELS", "")
+        if version != "standard" or not chosen:
             return
         self.scratch = tempfile.TemporaryDirectory()
-        subprocess.run([sys.executable, "-P", "-m", "mathnavi.sim.plugin.ship_kernels", self.scratch.name], check=True)
+        modules = [] if chosen == "all" else chosen.split(",")
+        command = [sys.executable, "-P", "-m", "mathnavi.sim.plugin.ship_kernels", self.scratch.name, *modules]
+        subprocess.run(command, check=True)
         for file in sorted(Path(self.scratch.name).iterdir()):
             build_data["force_include"][str(file)] = f"{FOLDER}/{file.name}"
         build_data["pure_python"] = False

@@ -158,7 +158,8 @@ class Stage:
         """(height, width) True where nothing was drawn: the depth, which MuJoCo counts towards the eye, is 0."""
         depth = np.empty((self.height, self.width), np.float32)
         mujoco.mjr_readPixels(None, depth, self._renderer._rect, self._renderer._mjr_context)
-        return depth[::-1] == 0.0
+        empty: Array = depth[::-1] == 0.0
+        return empty
 
     # ---- where things are in the picture
 

@@ -35,16 +35,17 @@ import numba
 import numpy as np
 from numba.core.caching import _Cache
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+from numba.core.compiler import Compiler, compile_result
 from numba.core.dispatcher import Dispatcher
 from numba.core.types import ExternalFunction
 
-_caching: Any = importlib.import_module("numba.core.caching")
+_binding: Any = importlib.import_module("llvmlite.binding")
 _runtime: Any = importlib.import_module("numba.core.runtime")
 _config: Any = importlib.import_module("numba.core.config")
 _serialize: Any = importlib.import_module("numba.core.serialize")
 _llvmlite: Any = importlib.import_module("llvmlite")
 _KEPT = 90 * 86400.0  # [s] since its last use, for which an entry is kept
+_FORMAT = 2  # of a file of compiled code
 _REMARKED = 86400.0  # [s] between two notes that an entry is in use
 
 SHIPPED = Path(__file__).parent / "shipped_kernels"
@@ -133,6 +134,57 @@ class _InnerCompiler(Compiler):
         return super().compile_extra(func)  # type: ignore[no-untyped-call]
 
 
+class _KeptLibrary(JITCodeLibrary):
+    """Machine code that was kept, and its bitcode, which is read when a kernel that calls it is compiled.
+
+    Bitcode takes longer to read than all else, and a kernel that Python calls needs none.
+    """
+
+    def __init__(self, codegen: Any, kept: tuple[str, str, tuple[bytes, bytes]], symbols: frozenset[str]) -> None:
+        name, _, (machine_code, bitcode) = kept
+        self._read: Any = None
+        self._bitcode = b""
+        super().__init__(codegen, name)  # type: ignore[no-untyped-call]
+        self._bitcode = bitcode
+        self.enable_object_caching()  # type: ignore[no-untyped-call]
+        self._set_compiled_object(machine_code)  # type: ignore[no-untyped-call]
+        self._finalize_final_module()  # type: ignore[no-untyped-call]
+        codegen._engine._defined_symbols |= symbols
+
+    @property
+    def _shared_module(self) -> Any:
+        if self._read is None and self._bitcode:
+            self._read = _binding.parse_bitcode(self._bitcode)
+        return self._read
+
+    @_shared_module.setter
+    def _shared_module(self, module: Any) -> None:
+        self._read = module
+
+
+def _symbols(library: JITCodeLibrary) -> frozenset[str]:
+    """What a library defines."""
+    module: Any = library._get_module_for_linking()  # type: ignore[no-untyped-call]
+    return frozenset(
+        each.name for kind in (module.functions, module.global_variables) for each in kind if not each.is_declaration
+    )
+
+
+def _rebuilt(context: Any, content: tuple[frozenset[str], tuple[Any, ...]]) -> Any:
+    """The compiled code that ``save_overload`` kept, as numba's own ``CompileResult._rebuild`` makes it."""
+    symbols, (kept, descriptor, environment, signature, object_mode, lifted, annotation, _, environments) = content
+    library: Any = _KeptLibrary(context.codegen(), kept, symbols)
+    found = compile_result(  # type: ignore[no-untyped-call]
+        target_context=context, typing_context=context.typing_context, library=library, environment=environment,
+        entry_point=context.get_executable(library, descriptor, environment), fndesc=descriptor, signature=signature,
+        type_annotation=annotation, objectmode=object_mode, lifted=lifted, reload_init=[],
+        referenced_envs=environments,
+    )  # fmt: skip
+    for each in environments:
+        library.codegen.set_env(each.env_name, each)
+    return found
+
+
 def kernel_folder() -> Path:
     """The folder of all compiled kernels."""
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
@@ -165,14 +217,14 @@ class KernelCache(_Cache):
             with suppress(OSError):
                 if file.parent != SHIPPED and time.time() - file.stat().st_mtime > _REMARKED:
                     os.utime(file)
-            return _caching.CompileResultCacheImpl.rebuild(None, target_context, content)
+            return _rebuilt(target_context, content)
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the compiled code, whole or not at all; nothing happens where it cannot be written."""
-        if not self._enabled or data.library.has_dynamic_globals or any(not lifted.can_cache for lifted in data.lifted):
+        if not self._enabled or data.library.has_dynamic_globals or data.lifted or data.reload_init:
             return
-        file, content = self.files(sig, data.codegen)[0], _serialize.dumps(data._reduce())
+        file, content = self.files(sig, data.codegen)[0], _serialize.dumps((_symbols(data.library), data._reduce()))
         with suppress(OSError):
             file.parent.mkdir(parents=True, exist_ok=True)
             handle, partial = tempfile.mkstemp(dir=file.parent, prefix=".partial-")
@@ -209,7 +261,7 @@ class KernelCache(_Cache):
 
     def files(self, sig: Any, codegen: Any) -> list[Path]:
         """The files that may hold compiled code for arguments of the types ``sig``: the user's, then a shipped one."""
-        versions = sys.implementation.cache_tag, sys.abiflags, numba.__version__, _llvmlite.__version__
+        versions = _FORMAT, sys.implementation.cache_tag, sys.abiflags, numba.__version__, _llvmlite.__version__
         types = [repr(sig), *map(repr, _fields(sig))]
         content = types, kernel_digest(self._kernel)
         processors = {kernel_folder(): codegen.magic_tuple()}

@@ -212,8 +212,8 @@ def test_a_missile_that_hits_the_ground_short_says_so() -> None:
 
 @pytest.mark.parametrize("heading", [90.0, -135.0, 180.0])
 def test_any_heading_is_flown(heading: float) -> None:
-    outcome = fly(controller=PluginSpec.with_fields(MissileController, backend="fatrop"), dimension="spatial",
-                  case="FAST", start_heading=heading)  # fmt: skip
+    controller = PluginSpec.with_fields(MissileController, backend="fatrop", replan_period=0.5)
+    outcome = fly(controller=controller, dimension="spatial", case="FAST", start_heading=heading)
     assert outcome.success, outcome.summary
     assert outcome.summary["miss_m"] < 0.05
     assert abs(outcome.config["mission"]["start"][6]) < math.radians(81.0)

@@ -1,10 +1,11 @@
 """Every benchmark, and one table of what they found.
 
-python -m benchmarks [--quick] [--out FILE.json]
+python -m benchmarks [--quick] [--before COMMIT] [--only PART ...] [--out FILE.json]
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +13,25 @@ from pathlib import Path
 import tyro
 from rich.console import Console
 
-from benchmarks import acados_peer, flight_solvers, loop_overhead, ocp_peers, range_estimators, start_up, sweep_scaling
-from benchmarks.comparison import WIDTH, Findings, Machine, table, write
+from benchmarks import (
+    acados_peer,
+    flight_solvers,
+    growth,
+    imports,
+    loop_overhead,
+    mission_cost,
+    ocp_peers,
+    range_estimators,
+    start_up,
+    sweep_scaling,
+    tests_by_folder,
+    video_time,
+)
+from benchmarks.comparison import WIDTH, Findings, Machine, load, table, write
+from mathnavi.sim.interfaces.errors import FieldError
 
-OWN_TABLES = ("ocp_peers", "acados_peer")  # parts with a row for each problem, which is too much for the table of all
+# Parts with a row for each problem, part or folder, which is too much for the table of all.
+OWN_TABLES = ("ocp_peers", "acados_peer", "start_up", "imports", "video_time", "tests_by_folder")
 
 
 @dataclass(frozen=True)
@@ -24,11 +40,15 @@ class Arguments:
 
     quick: bool = False
     """whether a few problems, one repetition or two and one minute have to do: rough figures"""
+    before: str = ""
+    """an earlier commit whose commands start beside ours"""
+    only: tuple[str, ...] = ()
+    """names of the parts that are measured, all if none is given"""
     out: Path = Path("renders/out/benchmarks.json")
     """where the figures go"""
 
 
-def parts(quick: bool) -> dict[str, Callable[[Console], Findings]]:
+def parts(quick: bool, before: str = "") -> dict[str, Callable[[Console], Findings]]:
     """The benchmarks by name."""
     solvers = flight_solvers.Arguments(problems=60, repetitions=2) if quick else flight_solvers.Arguments()
     loop = loop_overhead.Arguments(repetitions=5, seconds=60.0) if quick else loop_overhead.Arguments()
@@ -36,7 +56,12 @@ def parts(quick: bool) -> dict[str, Callable[[Console], Findings]]:
     acados = acados_peer.Arguments(intervals=(40,), repetitions=1) if quick else acados_peer.Arguments()
     ranging = range_estimators.Arguments(seconds=5.0, repetitions=2) if quick else range_estimators.Arguments()
     sweep = sweep_scaling.Arguments(trials=12, repetitions=1) if quick else sweep_scaling.Arguments()
-    start = start_up.Arguments(repetitions=1) if quick else start_up.Arguments()
+    start = start_up.Arguments(before, repetitions=1, flight=False) if quick else start_up.Arguments(before)
+    mission = mission_cost.Arguments(repetitions=2) if quick else mission_cost.Arguments()
+    grown = growth.Arguments(repetitions=1, quick=True) if quick else growth.Arguments()
+    video = video_time.Arguments(repetitions=1, fps=1, frames=4) if quick else video_time.Arguments()
+    imported = imports.Arguments(repetitions=1) if quick else imports.Arguments()
+    tests = tests_by_folder.Arguments(paths=("tests/models/terrain",)) if quick else tests_by_folder.Arguments()
     return {
         "flight_solvers": lambda console: flight_solvers.run(solvers, console),
         "loop_overhead": lambda console: loop_overhead.run(loop, console),
@@ -44,23 +69,44 @@ def parts(quick: bool) -> dict[str, Callable[[Console], Findings]]:
         "acados_peer": lambda console: acados_peer.run(acados, console),
         "range_estimators": lambda console: range_estimators.run(ranging, console),
         "sweep_scaling": lambda console: sweep_scaling.run(sweep, console),
+        "mission_cost": lambda console: mission_cost.run(mission, console),
+        "growth": lambda console: growth.run(grown, console),
+        "video_time": lambda console: video_time.run(video, console),
+        "imports": lambda console: imports.run(imported, console),
         "start_up": lambda console: start_up.run(start, console),
+        "tests_by_folder": lambda console: tests_by_folder.run(tests, console),
     }
 
 
-def main(arguments: Arguments) -> None:
+def main(arguments: Arguments) -> int:
+    """Measure and print; the exit status, 1 if a part failed."""
     console, machine = Console(width=WIDTH), Machine.here()
-    findings = {name: measure(console) for name, measure in parts(arguments.quick).items()}
-    described = machine.plain() | {"quick": arguments.quick}
+    every = parts(arguments.quick, arguments.before)
+    for name in arguments.only:
+        if name not in every:
+            raise FieldError(f"only = {name!r}; allowed: {', '.join(every)}")
+    findings: dict[str, Findings] = {}
+    loads: dict[str, float] = {}
+    failed: dict[str, str] = {}
+    for name in arguments.only or every:
+        try:
+            findings[name] = every[name](console)
+            loads[name] = load()[0]
+        except RuntimeError as error:  # hours of other figures are not to be lost
+            failed[name] = str(error)
+    described = machine.plain() | {"quick": arguments.quick, "loads": loads, "failed": failed}
     for name in OWN_TABLES:
         if name in findings:
             findings[name].show(console)
-    console.print(table(list(findings.values()), described))
+    console.print(table(list(findings.values()), described, list(loads.values())))
     if arguments.quick:
         console.print("A quick run: rough figures.")
+    for name, reason in failed.items():
+        console.print(f"{name} failed: {reason}", markup=False, highlight=False)
     write(arguments.out, findings, described)
     console.print(f"Wrote {arguments.out}")
+    return int(bool(failed))
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Arguments, description=Arguments.__doc__))
+    sys.exit(main(tyro.cli(Arguments, description=Arguments.__doc__)))

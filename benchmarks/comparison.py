@@ -86,6 +86,11 @@ class Comparison:
         }
 
 
+def within(what: str, unit: str, ours: Array, limit: float) -> Comparison:
+    """Row of a figure (R,) that is to be no larger than a limit."""
+    return Comparison(what, unit, ours, np.full(len(ours), limit), "the goal", "ours / other", at_most=1.0)
+
+
 class Findings(Protocol):
     """Result of one benchmark."""
 
@@ -107,8 +112,9 @@ class Findings(Protocol):
         ...
 
 
-def _load() -> list[float]:
-    return [round(load, 2) for load in os.getloadavg()]
+def load() -> list[float]:
+    """Processes that ran or wanted to, on average over the last 1, 5 and 15 minutes."""
+    return [round(mean, 2) for mean in os.getloadavg()]
 
 
 @dataclass(frozen=True)
@@ -117,7 +123,7 @@ class Machine:
 
     processor: str
     cores: int  # that this process may use
-    load: list[float] = field(default_factory=_load)  # over the last 1, 5 and 15 minutes
+    load: list[float] = field(default_factory=load)  # over the last 1, 5 and 15 minutes
 
     @staticmethod
     def here() -> Machine:
@@ -132,7 +138,7 @@ class Machine:
             "cores": self.cores,
             "system": f"{platform.system()} {platform.machine()}",
             "load_before": self.load,
-            "load_after": _load(),
+            "load_after": load(),
             "versions": versions,
         }
 
@@ -147,8 +153,8 @@ def _processor() -> str:
     return platform.processor() or platform.machine()
 
 
-def table(parts: Sequence[Findings], machine: Mapping[str, Any]) -> Table:
-    """The rows of every part, and in the caption what they were measured on."""
+def table(parts: Sequence[Findings], machine: Mapping[str, Any], loads: Sequence[float] = ()) -> Table:
+    """The rows of every part, beside its load if it is given, and in the caption what they were measured on."""
     cores = f"{machine['cores']} core{'s' * (machine['cores'] != 1)}"
     before, after = machine["load_before"][0], machine["load_after"][0]
     caption = (
@@ -161,8 +167,9 @@ def table(parts: Sequence[Findings], machine: Mapping[str, Any]) -> Table:
     for heading in ("what", "ours", "other", "other software", "ratio", "spread", "of", "wanted"):
         numeric = heading in ("ours", "other", "ratio", "spread")
         shown.add_column(heading, justify="right" if numeric else "left", no_wrap=numeric)
-    for part in parts:
-        shown.add_row(f"[bold]{part.title}[/bold]")
+    for k, part in enumerate(parts):
+        beside = f"; load {loads[k]:.1f}" if loads else ""
+        shown.add_row(f"[bold]{part.title}[/bold]{beside}")
         for row in part.comparisons():
             ours, other = (
                 f"{_three_digits(float(np.median(samples)))} {row.unit}" for samples in (row.ours, row.other)

@@ -49,7 +49,7 @@ from mathnavi.sim.scenarios.safe_flight import VEHICLE, SafeFlight
 
 NEVER = 36_000.0  # [s] until the planner is asked again
 BARE, DM_CONTROL = "mujoco.mj_step", "dm_control"
-AT_MOST = 1.5  # times the bare steps
+AT_MOST = 1.25  # times the bare steps
 
 Made = TypeVar("Made")
 
@@ -107,7 +107,7 @@ def fly(terrain: str, seconds: float) -> Flight:
     def flown() -> Recording:
         return simulate(plant, {VEHICLE: agent}, seconds, closed_loop.finished)
 
-    recording, cpu = _timed(flown)
+    recording, cpu = timed(flown)
     truth = recording.truths[VEHICLE]
     return Flight(plant.model, truth[0], truth[-1], recording.agents[VEHICLE].commands[: len(truth) - 1], cpu)
 
@@ -126,7 +126,7 @@ def bare_steps(flight: Flight) -> float:
             for _ in range(CONTROL_TICKS):
                 step(model, data)
 
-    _, cpu = _timed(stepped)
+    _, cpu = timed(stepped)
     _check_end(BARE, np.concatenate((data.qpos, data.qvel)), flight)
     return cpu
 
@@ -166,12 +166,12 @@ def dm_control_steps(flight: Flight) -> float:
         for command in flight.commands:
             environment.step(command)
 
-    _, cpu = _timed(stepped)
+    _, cpu = timed(stepped)
     _check_end(DM_CONTROL, np.concatenate((physics.data.qpos, physics.data.qvel)), flight)
     return cpu
 
 
-def _timed(work: Callable[[], Made]) -> tuple[Made, float]:
+def timed(work: Callable[[], Made]) -> tuple[Made, float]:
     """Result of the work, and its thread CPU time [s], after a garbage collection."""
     gc.collect()
     began = time.thread_time()

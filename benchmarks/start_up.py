@@ -29,7 +29,7 @@ from annotated_types import Ge
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.comparison import Comparison, alone
+from benchmarks.comparison import Comparison, alone, within
 from benchmarks.progress import progress
 from mathnavi.sim.interfaces.bounds import Within, configuration
 
@@ -95,27 +95,25 @@ class StartUp:
         return "start of the command line"
 
     def comparisons(self) -> list[Comparison]:
-        """Each command beside that of the earlier commit; none without one."""
-        pairs = [(case, Case("before", case.command, case.state)) for case in self.wall if case.tree == "here"]
-        return [
-            Comparison(
-                f"{here.command}, {here.state}", "s", np.array(self.wall[here]), np.array(self.wall[there]),
-                f"ours at {self.before}", "other / ours",
-            )
-            for here, there in pairs if there in self.wall
-        ]  # fmt: skip
+        """Each command beside its goal and that of the earlier commit, as far as there are any."""
+        rows = []
+        for here in (case for case in self.wall if case.tree == "here"):
+            what, wall = f"{here.command}, {here.state}", np.array(self.wall[here])
+            if limit := WANTED.get((here.command, here.state)):
+                rows.append(within(what, "s", wall, limit))
+            if before := self.wall.get(Case("before", here.command, here.state)):
+                rows.append(Comparison(what, "s", wall, np.array(before), f"ours at {self.before}", "other / ours"))
+        return rows
 
     def show(self, console: Console) -> None:
         load = f"; load {np.median(self.load):.1f} on {os.cpu_count()} cores" if self.load else ""
         shown = Table(title=f"medians [s]{load}")
-        for k, heading in enumerate(("command", "state", "tree", "wall", "CPU", "wanted")):
+        for k, heading in enumerate(("command", "state", "tree", "wall", "CPU")):
             shown.add_column(heading, justify="right" if 3 <= k <= 4 else "left")
         for case in self.wall:
             wall, cpu = (float(np.median(times[case])) for times in (self.wall, self.cpu))
-            limit = WANTED.get((case.command, case.state)) if case.tree == "here" else None
-            wanted = "" if limit is None else f"< {limit:g} {'yes' if wall < limit else 'NO'}"
             name = self.before if case.tree == "before" else "this"
-            shown.add_row(case.command, case.state, name, f"{wall:.2f}", f"{cpu:.2f}", wanted)
+            shown.add_row(case.command, case.state, name, f"{wall:.2f}", f"{cpu:.2f}")
         console.print(shown)
 
     def plain(self) -> dict[str, Any]:
@@ -158,7 +156,9 @@ def start(
     """Wall clock and CPU time [s] of a command of a tree; RuntimeError if it fails."""
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         empty = {"cold": ["PYTHONPYCACHEPREFIX"], "first": ["NUMBA_CACHE_DIR"], "warm": []}[state]
-        environment = {**os.environ, **dict.fromkeys(empty, scratch)}
+        # A caller's switch would have every start compile all modules anew.
+        environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "", "PYTHONPATH": str(tree / "src")}
+        environment |= dict.fromkeys(empty, scratch)
         if words[0] == "run" and "--help" not in words:
             words = (*words, "--out", f"{scratch}/run")
         if state == "cold" and drop:

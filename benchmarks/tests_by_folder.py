@@ -12,27 +12,32 @@ the same figures follow any run of the tests.
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
 import tempfile
+import time
 from collections import defaultdict
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import pytest
 import tyro
 from annotated_types import Ge
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.comparison import Comparison, alone
+from benchmarks.comparison import Comparison, alone, within
 from mathnavi.sim.interfaces.bounds import Within, configuration
 
 ROOT = Path(__file__).parents[1]
 PROPERTY = "cpu_s"  # a test's, among the properties that its reports carry from a worker to the first process
+ALL = ("tests",)
+LIMIT = 240.0  # [s] of all tests, with two workers
 FILE = "MATHNAVI_TESTS_CPU"  # environment variable: the file that the figures are written to, as JSON
 
 
@@ -40,7 +45,7 @@ FILE = "MATHNAVI_TESTS_CPU"  # environment variable: the file that the figures a
 class Arguments:
     """Measure the CPU time of the tests, by folder."""
 
-    paths: tuple[str, ...] = ("tests",)
+    paths: tuple[str, ...] = ALL
     """folders, files or tests that are run"""
     workers: Annotated[int, Within(Ge(0), allowed=">= 0")] = 2
     """processes that run them; 0: one process, without xdist"""
@@ -58,6 +63,7 @@ class TestTimes:
 
     tests: Mapping[str, float]  # [s] by test
     whole: float  # [s] of all processes
+    wall: float = math.nan  # [s] by the clock, of all tests with two workers; NaN for less
     slowest: int = field(default=30)  # how many tests are shown
 
     @property
@@ -75,8 +81,8 @@ class TestTimes:
         return {name: (count[name], seconds[name]) for name in sorted(seconds, key=lambda name: -seconds[name])}
 
     def comparisons(self) -> list[Comparison]:
-        """None: nobody else has these tests."""
-        return []
+        """All tests beside the time that they may take."""
+        return [] if math.isnan(self.wall) else [within("all, two workers", "s", np.array([self.wall]), LIMIT)]
 
     def show(self, console: Console) -> None:
         shown = Table("folder", title="CPU time of the tests [s]")
@@ -111,11 +117,14 @@ def run(arguments: Arguments, console: Console) -> TestTimes:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "tests.json"
         environment = os.environ | {FILE: str(file), "PYTHONDONTWRITEBYTECODE": ""}  # as of ``make test``
+        began = time.perf_counter()
         done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
+        wall = time.perf_counter() - began
         if done.returncode:
             raise RuntimeError(f"{' '.join(command)} failed ({done.returncode}):\n{done.stdout[-4000:]}{done.stderr}")
         figures = json.loads(file.read_text(encoding="utf-8"))
-    return TestTimes(figures["tests"], figures["whole_s"], arguments.slowest)
+    whole = arguments.paths == ALL and arguments.workers == 2
+    return TestTimes(figures["tests"], figures["whole_s"], wall if whole else math.nan, arguments.slowest)
 
 
 def cpu_time() -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.linalg import expm
 
 from mathnavi.sim.interfaces.signals import Array
 
@@ -18,6 +17,8 @@ def discretised(A: Array, W: Array, h: float) -> tuple[Array, Array]:
     By the matrix exponential of C. F. Van Loan (IEEE Trans. Autom. Control 23, 1978) over a short step, which is then
     doubled as often as it takes: F(2 s) = F(s)^2, Q(2 s) = F(s) Q(s) F(s)' + Q(s).
     """
+    from scipy.linalg import expm  # takes a while to import
+
     n = len(A)
     doublings = max(0, math.ceil(math.log2(max(1.0, h * float(np.abs(A).sum(axis=1).max()) / _LONGEST))))
     exponential = expm(h / 2**doublings * np.block([[-A, W], [np.zeros((n, n)), A.T]]))

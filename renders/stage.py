@@ -76,6 +76,11 @@ class Stage:
         self._camera = mujoco.MjvCamera()
         self._options = mujoco.MjvOption()
 
+    @property
+    def _blends(self) -> bool:
+        """True if a pixel is the mean of several samples."""
+        return bool(self.model.vis.quality.offsamples > 0)
+
     @cached_property
     def _renderer(self) -> Any:
         """MuJoCo's renderer, begun with the first picture: before it the process may fork."""
@@ -118,7 +123,7 @@ class Stage:
         flags = self._renderer.scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
         flags[mujoco.mjtRndFlag.mjRND_FOG] = fog
-        flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = not fog
+        flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = not fog or self._blends
 
     def end(self, *, sky: bool) -> Picture:
         """The picture; with ``sky``, which needs fog, it is blue above the horizon."""
@@ -130,8 +135,8 @@ class Stage:
     def _clear_sky(self, picture: Picture) -> None:
         """Blue above the horizon, below it the colour of the fog.
 
-        The sky is what nothing was drawn on, and what the fog covers wholly. (MuJoCo's own sky, which would be drawn
-        behind all of the picture, is not needed.)
+        The sky is what nothing was drawn on, and what the fog covers wholly. So MuJoCo's own sky, which would be drawn
+        behind all of the picture, is not needed, unless edges are blended with what is behind them.
         """
         _, forward, up = self.eye()
         rows = (1.0 - (2.0 * np.arange(picture.shape[0]) + 1.0) / picture.shape[0]) * self.tangent()
@@ -142,12 +147,19 @@ class Stage:
         colours = (255.0 * (np.array(HORIZON) * (1.0 - clear) + np.array(ZENITH) * clear)).astype(np.uint8)
         haze = np.round(255.0 * np.array(HORIZON)).astype(np.uint8)
         red, green, blue = np.moveaxis(picture, -1, 0)  # by channel: much faster than by pixel
-        empty = (red | green | blue) == 0
+        empty = self._empty()
         hazy = [channel[:horizon] - (haze[k] - 1) <= 2 for k, channel in enumerate((red, green, blue))]  # of unsigned
         sky = empty[:horizon] | (hazy[0] & hazy[1] & hazy[2])
         for k, channel in enumerate((red, green, blue)):
             np.copyto(channel[:horizon], colours[:, k, None], where=sky)
             np.copyto(channel[horizon:], haze[k], where=empty[horizon:])
+
+    def _empty(self) -> Array:
+        """(height, width) True where nothing was drawn: the depth, which MuJoCo counts towards the eye, is 0."""
+        depth = np.empty((self.height, self.width), np.float32)
+        mujoco.mjr_readPixels(None, depth, self._renderer._rect, self._renderer._mjr_context)
+        empty: Array = depth[::-1] == 0.0
+        return empty
 
     # ---- where things are in the picture
 

@@ -1,11 +1,7 @@
-"""The kernels of a flight, compiled before it by two processes that share the work.
+"""The kernels of a flight, compiled before it by two processes that share the work (``sim.engine.compilation``).
 
-    python -m mathnavi.controllers.flight.ahead
-
-is the second process: it compiles ``HELPED``, the flying one ``OWN`` (``mathnavi.sim.engine.compilation``). Either
-takes about as long. They share what they have compiled through the folder of kernels
-(``mathnavi.sim.interfaces.compiled``). The types are those of the arguments that a flight calls a kernel with: for
-others it would be compiled in vain.
+The types are those of the arguments that a flight calls a kernel with: for others it would be compiled in vain.
+Kernels that share inner ones are neighbours.
 """
 
 from __future__ import annotations
@@ -23,7 +19,7 @@ from mathnavi.controllers.flight.length_to_go import cost_many
 from mathnavi.controllers.flight.tracker import tracking_command
 from mathnavi.models.aerial.kernels import state_on
 from mathnavi.models.terrain.kernels import arc_clearance, path_clearance, surface
-from mathnavi.sim.interfaces.compiled import Signature, compile_all
+from mathnavi.sim.interfaces.compiled import Signature
 
 
 def _array(dimensions: int, readonly: bool = False) -> Any:
@@ -36,21 +32,16 @@ DATA = _tuple((ONE, ONE, ONE, TWO, ONE, TWO, TWO, THREE, ONE, ONE))  # ProblemDa
 PROGRAMME = _tuple((TWO, ONE, TWO, ONE, ONE))  # QuadraticProgramme
 GROUND = (_array(2, readonly=True), float64)
 PLAN = (_array(1, readonly=True), _array(2, readonly=True), _array(2, readonly=True))  # times, states and inputs
-HELPED: tuple[Signature, ...] = (
+KERNELS: tuple[Signature, ...] = (
     (linearise, (ONE, DATA, ONE, ONE, PROGRAMME)),
-    (surface, (*GROUND, ONE, ONE)),
-    (_extent, (ONE, ONE, ONE, ONE)),
-)
-OWN: tuple[Signature, ...] = (
-    (cost_many, (TWO, THREE, ONE, TWO)),
     (begin, (ONE, DATA, ONE, ONE)),
     (search, (ONE, float64, float64, ONE, float64, int64, PROGRAMME, DATA, ONE, ONE)),
-    (arc_clearance, (*GROUND, ONE, ONE, ONE, float64)),
+    (cost_many, (TWO, THREE, ONE, TWO)),
+    (tracking_command, (*PLAN, float64, float64, ONE, ONE, float64, float64)),
     (state_on, (*PLAN, float64)),
     (_lag_along, (*PLAN, float64, float64, float64, float64, ONE)),
+    (_extent, (ONE, ONE, ONE, ONE)),
+    (surface, (*GROUND, ONE, ONE)),
     (path_clearance, (*GROUND, TWO, TWO, TWO, ONE)),
-    (tracking_command, (*PLAN, float64, float64, ONE, ONE, float64, float64)),
+    (arc_clearance, (*GROUND, ONE, ONE, ONE, float64)),
 )
-
-if __name__ == "__main__":
-    compile_all(HELPED)

@@ -22,18 +22,13 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from mathnavi.controllers.flight import spline
 from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH, cost_many
+from mathnavi.controllers.flight.shortest_paths import distances
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.sim.interfaces.signals import Array
-
-Indices = NDArray[np.int32]
 
 REFERENCE_SPEED = 150.0  # [m/s] v_c
 THREAT_SMOOTHING = 0.7  # [cells] standard deviation: a threat's sharp edge would trap every interpolant
@@ -91,24 +86,6 @@ class TerrainGrid:
         x, y = self.x_0 + self.spacing * j, self.y_0 + self.spacing * i
         return np.stack([x, y, self.ground + self.level_0 + self.layer_spacing * k], axis=-1)
 
-    def edges(self) -> tuple[Indices, Indices, Array]:
-        """The 26-neighbour graph as (row starts, neighbours, lengths [m]) of a sparse matrix."""
-        layers, rows, columns = self.shape
-        node = np.arange(layers * rows * columns, dtype=np.int32).reshape(self.shape)
-        padded = np.pad(node, 1, constant_values=-1)
-        offsets = [(a, b, c) for a in (-1, 0, 1) for b in (-1, 0, 1) for c in (-1, 0, 1) if (a, b, c) != (0, 0, 0)]
-        neighbours = np.stack(
-            [padded[1 + a : 1 + a + layers, 1 + b : 1 + b + rows, 1 + c : 1 + c + columns] for a, b, c in offsets],
-            axis=-1,
-        ).reshape(-1, len(offsets))
-        # |edge|^2 from the height difference alone: the horizontal part depends on the offset only.
-        z = self.positions[..., 2].ravel()
-        flat = np.array([self.spacing**2 * (b * b + c * c) for _, b, c in offsets])
-        inside = neighbours >= 0
-        length = np.sqrt(flat + (z[neighbours] - z[:, None]) ** 2)
-        starts = np.concatenate([[0], np.cumsum(inside.sum(axis=1))])
-        return starts.astype(np.int32), neighbours[inside], np.asarray(length[inside], dtype=np.float64)
-
     def flat_distance(self) -> Array:
         """Distance (layers, rows, columns) [m] from the target by the 26-neighbour graph over flat ground.
 
@@ -135,6 +112,10 @@ def _nodes_along(side: float, spacing: float, at: float) -> tuple[float, Array, 
 def threat_density(grid: TerrainGrid, terrain: HeightField, radars: Sequence[Radar]) -> Array:
     """Sum of weight times visibility at each node, smoothed, (layers, rows, columns)."""
     density = np.zeros(grid.shape)
+    if not radars:
+        return density
+    from scipy.ndimage import gaussian_filter  # takes a while to import
+
     nodes = np.clip(grid.positions, [0.0, 0.0, -np.inf], [terrain.width, terrain.depth, np.inf])  # but for rounding
     for radar in radars:
         near = np.linalg.norm(nodes - radar.position(terrain), axis=-1) <= radar.radius
@@ -149,15 +130,8 @@ def node_distance(grid: TerrainGrid, density: Array) -> Array:
 
     The cost of an edge is c_ij = length (1 + mean threat density of its ends) (thesis A.5).
     """
-    starts, neighbours, length = _edges(grid)
-    cost = length
-    if density.any():
-        flat = density.ravel()
-        cost = length * (1.0 + 0.5 * (np.repeat(flat, np.diff(starts)) + flat[neighbours]))
-    count = density.size
-    graph = csr_array((cost, neighbours, starts), shape=(count, count))
     source = int(np.ravel_multi_index(grid.target, grid.shape))
-    return np.asarray(dijkstra(graph, directed=True, indices=source)).reshape(grid.shape)
+    return distances(grid.positions[..., 2], grid.spacing, density, source)
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,12 +231,6 @@ class TrilinearCost:
 @lru_cache(maxsize=2)
 def _grid(terrain: HeightField, target: tuple[float, float, float], nodes: int, layers: int) -> TerrainGrid:
     return TerrainGrid.around(terrain, np.array(target), nodes, layers)
-
-
-@lru_cache(maxsize=2)
-def _edges(grid: TerrainGrid) -> tuple[Indices, Indices, Array]:
-    """The graph of the last grids: other threats change its costs only, and its 12 MB are not to outlive that."""
-    return grid.edges()
 
 
 def factored_cost(

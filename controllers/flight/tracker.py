@@ -11,7 +11,6 @@ deviations are the bound that plans are certified with.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.held_input import HeldInput
@@ -72,11 +71,15 @@ def stationary_deviations(
     A, W = np.zeros((n, n)), np.zeros((n, n))
     A[0, 1], A[1, :2], A[2, 2] = 1.0, (-(omega**2), -2.0 * omega), -1.0 / gust.time_constant
     W[:3, :3] = quality.driving
-    if late:
+    if not W.any():
+        covariances, true = np.zeros((1, n, n)), np.zeros((2, n))
+    elif late:
         A[3, 4] = A[4, 2] = 1.0
         covariances = _periodic(A, W, quality.age)
         true = np.hstack([np.eye(2), np.zeros((2, 1)), np.eye(2)])
     else:
+        from scipy.linalg import solve_continuous_lyapunov  # takes a while to import
+
         A[1, 2] = 1.0 - forward
         covariances = np.array([solve_continuous_lyapunov(A, -W)])
         true = np.eye(2, n)
@@ -91,6 +94,8 @@ def stationary_deviations(
 
 def _periodic(A: Array, W: Array, period: float) -> Array:
     """Covariances (n, 5, 5) over a period [s] of x' = A x + noise of W per second, with a reading at its end."""
+    from scipy.linalg import solve_discrete_lyapunov
+
     reading = np.eye(5)
     reading[:2, 3:], reading[3:, 3:] = np.eye(2), 0.0
     F, Q = discretised(A, W, period / _PHASES)

@@ -12,13 +12,16 @@ The forward Euler step p + v h, as printed, leaves out u h^2 / 2: 56 m at a_max 
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
-import casadi
 import numpy as np
 
 from mathnavi.models.aerial.kernels import arc_at, state_on
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.signals import Array, Plan
+
+if TYPE_CHECKING:
+    import casadi
 
 TICK = 1.0 / 300.0  # [s] of the flight physics
 CONTROL_TICKS = 5  # of the physics to one of estimator and tracker, unless a mission says else
@@ -29,6 +32,8 @@ HULL_RADIUS = 0.5
 @lru_cache(maxsize=1)
 def continuous_dynamics() -> casadi.Function:
     """f(x (6,), u (3,)) -> x' (6,) [m/s, m/s^2], the double integrator (A.2)."""
+    import casadi  # takes a while to import
+
     x, u = casadi.SX.sym("x", 6), casadi.SX.sym("u", 3)
     return casadi.Function("f", [x, u], [casadi.vertcat(x[3:], u)], ["x", "u"], ["x_dot"])
 
@@ -36,6 +41,8 @@ def continuous_dynamics() -> casadi.Function:
 @lru_cache(maxsize=1)
 def discrete_dynamics() -> casadi.Function:
     """F(x (6,), u (3,), h [s]) -> x (6,) after u was held for h, exact."""
+    import casadi
+
     x, u, h = casadi.SX.sym("x", 6), casadi.SX.sym("u", 3), casadi.SX.sym("h")
     p, v = x[:3], x[3:]
     after = casadi.vertcat(p + v * h + u * h**2 / 2, v + u * h)

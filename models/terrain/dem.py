@@ -23,14 +23,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import map_coordinates
 
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.errors import TerrainError
 from mathnavi.sim.interfaces.reading import arrays as reading
 from mathnavi.sim.interfaces.reading.files import decoded
-from mathnavi.sim.interfaces.reading.pictures import read_picture
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.interfaces.writing import write_bytes
 
@@ -161,8 +159,20 @@ def square_grid(raster: Raster, spacing: float | None = None) -> Raster:
     check_nodes(rows * columns, f"resample = {spacing} m, {raster.name}")
     row = np.minimum(np.arange(rows) * (spacing / step_north), raster.z.shape[0] - 1)
     column = np.minimum(np.arange(columns) * (spacing / step_east), raster.z.shape[1] - 1)
-    z = map_coordinates(raster.z, np.meshgrid(row, column, indexing="ij"), order=1, mode="nearest")
+    z = _bilinear(raster.z, row, column)
     return replace(raster, z=z, step_north=spacing, step_east=spacing, latitude=None)
+
+
+def _bilinear(z: Array, row: Array, column: Array) -> Array:
+    """Heights (m, n) [m] at rows (m,) and columns (n,) of a grid, fractions of a cell among them, by its four nodes."""
+    i, j = row.astype(int), column.astype(int)
+    above, left = 1.0 - (row - i)[:, None], 1.0 - (column - j)  # weights
+    below, right = 1.0 - above, 1.0 - left
+    k, m = np.minimum(i + 1, len(z) - 1), np.minimum(j + 1, z.shape[1] - 1)
+    heights: Array = z[np.ix_(i, j)] * above * left + z[np.ix_(i, m)] * above * right
+    heights += z[np.ix_(k, j)] * below * left
+    heights += z[np.ix_(k, m)] * below * right
+    return heights
 
 
 def height_field(raster: Raster) -> HeightField:
@@ -238,6 +248,8 @@ def read_png(path: str | Path, spacing: float, scale: float) -> Raster:
     """Read a 16-bit grey picture: nodes ``spacing`` [m] apart, ``scale`` [m] per unit; row 0 is north."""
     path = existing(path)
     spacing, scale = positive("spacing", spacing, "m"), positive("scale", scale, "m per unit")
+    from mathnavi.sim.interfaces.reading.pictures import read_picture  # pillow takes a while to import
+
     image, values = read_picture(path, TerrainError)
     if image.mode not in ("I;16", "I;16B", "I;16L"):
         raise TerrainError(f"{path}: the picture has the mode {image.mode}; allowed: 16-bit grey (I;16)")

@@ -19,7 +19,8 @@ from mathnavi.renders.logged_run import LoggedRun
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.missile import Approach, attack_angles, closest_approach, references
-from mathnavi.sim.records.missions import MissileRecord, read_mission
+from mathnavi.sim.records.missile_missions import MissileRecord
+from mathnavi.sim.records.missions import read_mission
 from mathnavi.sim.records.run_folder import ARRAYS, CONFIG, RunLog, read_log
 
 TO_WORLD = np.array([1.0, -1.0, -1.0])  # from the Earth frame, whose z is down, and back

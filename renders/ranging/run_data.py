@@ -19,7 +19,8 @@ from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.consistency import normalised_error_squared
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
 from mathnavi.sim.records.log_arrays import CRAMER_RAO
-from mathnavi.sim.records.missions import RangingRecord, read_mission
+from mathnavi.sim.records.missions import read_mission
+from mathnavi.sim.records.range_missions import RangingRecord
 from mathnavi.sim.records.run_folder import ARRAYS, CONFIG, last_at, read_log
 
 Flags = NDArray[np.bool_]

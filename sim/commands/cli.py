@@ -8,6 +8,7 @@ to end. A command's module is imported when it is called, so that help is quick.
 
 from __future__ import annotations
 
+import gc
 import importlib
 import io
 import os
@@ -22,12 +23,15 @@ from mathnavi.sim.commands.wrapping import wrapped
 from mathnavi.sim.interfaces.checks import allowed_for
 
 USAGE = "usage: mathnavi COMMAND ...\n       mathnavi --version\n\n{}\n\nmathnavi COMMAND --help explains a command."
+_ALLOCATIONS = 200_000  # less deallocations, between two searches for garbage, where this process is the command
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; the result is the exit code."""
     # Small matrices only: on a busy machine the threads of a linear-algebra library wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if argv is None:  # imports make many objects, none of which is garbage
+        gc.set_threshold(_ALLOCATIONS)
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
         with interruptible(arguments, whole_process=argv is None):

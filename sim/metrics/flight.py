@@ -14,7 +14,9 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.signals import Array, Plan
 from mathnavi.sim.metrics.convergence import last_quarter
+from mathnavi.sim.metrics.flight_bound import flight_bound
 from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, planner_share, solve_times
+from mathnavi.sim.metrics.recorded_bounds import estimates_at
 
 if TYPE_CHECKING:  # the compiled kernels take a while to import, and most that import this only read names
     from mathnavi.models.aerial.mission import FlightMission
@@ -98,8 +100,6 @@ def flight_summary(
 
     A flight that is not ``guaranteed`` has no guarantee that could be lost.
     """
-    from mathnavi.sim.metrics.recorded_bounds import estimates_at, flight_bound
-
     t, x, agent = recording.t, recording.truths[name], recording.agents[name]
     kinds = Counter(event.kind for event in recording.events if event.agent == name)
     distance = np.linalg.norm(x[:, :3] - np.array(mission.target), axis=1)

@@ -19,8 +19,9 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.signals import Array, Plan
 from mathnavi.sim.metrics.convergence import last_quarter
+from mathnavi.sim.metrics.missile_bound import missile_bound
 from mathnavi.sim.metrics.planning import FAILURES, planner_share, solve_times
-from mathnavi.sim.metrics.recorded_bounds import estimates_at, missile_bound
+from mathnavi.sim.metrics.recorded_bounds import estimates_at
 
 _ROUND_OFF = 1e-9  # relative excess of an input that does not count
 

@@ -23,7 +23,7 @@ from mathnavi.sim.interfaces.signals import Array, Integers, Status
 from mathnavi.sim.metrics.consistency import normalised_error_squared
 from mathnavi.sim.metrics.convergence import last_quarter
 from mathnavi.sim.metrics.planning import planner_share
-from mathnavi.sim.metrics.recorded_bounds import ranging_bound
+from mathnavi.sim.metrics.ranging_bound import ranging_bound
 
 POSITION, HEADING = 0.3, 0.2
 """[m], [rad] within which an estimate has converged"""

@@ -1,5 +1,7 @@
 """Missions as config.json holds them, written by ``mathnavi.sim.interfaces.fields.plain`` and read by ``read_mission``.
 
+Those of missile and robot, whose models take a while to import, are in ``missile_missions`` and ``range_missions``.
+
 A field with a default may be missing from a folder that was written before the field was there.
 """
 
@@ -10,9 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from mathnavi.models.missile.mission import Case, Target
-from mathnavi.models.unicycle.entity import DriveName
-from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.interfaces.fields import instance
 
 Point = tuple[float, float, float]
@@ -89,41 +88,6 @@ class FleetRecord:
     radars: tuple[RadarRecord, ...] = ()
     charted_at: float | None = None  # [s]
     tracking_bound: dict[str, float | None] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class MissileRecord:
-    """The dive of a missile, in the thesis' Earth frame (z down), whose X_e has the ``azimuth``."""
-
-    dimension: str  # of ``mathnavi.models.missile.coordinates.COORDINATES``
-    start: tuple[float, ...]  # (nx,)
-    target: tuple[Target, ...]  # the legs of its motion
-    aspect_angle: float  # [rad] over the horizontal
-    input_max: tuple[float, ...]  # (nu,)
-    miss_allowed: float  # [m]
-    aspect_allowed: float | None = None  # [deg]
-    case: Case | None = None
-    azimuth: float = 0.0  # [deg] of X_e from the x of the world, to the left: ``mathnavi.models.missile.mission_frame``
-
-
-@dataclass(frozen=True)
-class RangingRecord:
-    """A robot with range sensors within a wall; angles are in radians."""
-
-    field: str  # name of the wall
-    coefficients: tuple[tuple[float, float, float, float], ...]  # [m] a_x, b_x, a_y, b_y of each harmonic
-    angles: tuple[float, ...]  # (l,) [rad] of the sensors off the heading
-    ranging: RangeQuality
-    odometry: OdometryQuality
-    known_start: KnownStart | None
-    speed_max: float  # [m/s]
-    turn_rate_max: float  # [rad/s]
-    margin: float  # [m]
-    period: float  # [s]
-    drive: DriveName
-    friction: float  # [-]
-    start: Point = (0.0, 0.0, 0.0)  # [m, m, rad] the true one
-    outage: tuple[tuple[float, float], ...] = ()  # [s] from when to when there are no ranges
 
 
 @dataclass(frozen=True)

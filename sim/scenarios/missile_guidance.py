@@ -32,7 +32,8 @@ from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
 from mathnavi.sim.metrics.missile import cost, missile_summary
 from mathnavi.sim.plugin.registry import PluginSpec, checked_controller
-from mathnavi.sim.records.missions import MissileRecord, Point
+from mathnavi.sim.records.missile_missions import MissileRecord
+from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.assembler import Assembler
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.missile_fields import MissileGuidanceConfig, MissileMismatch

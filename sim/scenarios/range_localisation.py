@@ -29,7 +29,7 @@ from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.ranging import ranging_summary
 from mathnavi.sim.plugin.registry import PluginSpec
-from mathnavi.sim.records.missions import RangingRecord
+from mathnavi.sim.records.range_missions import RangingRecord
 from mathnavi.sim.scenarios.assembler import Assembler
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig

@@ -70,7 +70,7 @@ def test_every_part_lands_in_one_table_and_one_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(
-        every, "parts", lambda quick: {"walks": lambda console: Walks(), "more": lambda console: Walks()}
+        every, "parts", lambda quick, before: {"walks": lambda console: Walks(), "more": lambda console: Walks()}
     )
     every.main(every.Arguments(quick=True, out=tmp_path / "new" / "all.json"))
     assert capsys.readouterr().out.count("a walk") == 2
@@ -88,3 +88,26 @@ def test_a_part_alone_says_all_it_has_to_say(tmp_path: Path, capsys: pytest.Capt
     assert "It rained." in shown
     assert "a walk" in shown
     assert json.loads((tmp_path / "walks.json").read_text(encoding="utf-8"))["rows"][0]["part"] == "walks"
+
+
+def test_a_part_that_fails_costs_the_others_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fails(console: Console) -> Walks:
+        raise RuntimeError("it snowed")
+
+    monkeypatch.setattr(every, "parts", lambda quick, before: {"runs": fails, "walks": lambda console: Walks()})
+    assert every.main(every.Arguments(out=tmp_path / "all.json")) == 1
+    shown = capsys.readouterr().out
+    assert "runs failed: it snowed" in shown
+    assert "a walk" in shown
+    assert json.loads((tmp_path / "all.json").read_text(encoding="utf-8"))["machine"]["failed"] == {"runs": "it snowed"}
+
+
+def test_parts_are_chosen_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    walks = {name: lambda console: Walks() for name in ("walks", "more")}
+    monkeypatch.setattr(every, "parts", lambda quick, before: walks)
+    assert every.main(every.Arguments(only=("more",), out=tmp_path / "all.json")) == 0
+    assert list(json.loads((tmp_path / "all.json").read_text(encoding="utf-8"))["parts"]) == ["more"]
+    with pytest.raises(ValueError, match="only = 'runs'; allowed: walks, more"):
+        every.main(every.Arguments(only=("runs",)))

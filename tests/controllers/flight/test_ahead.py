@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mathnavi.controllers.flight.ahead import HELPED, OWN
+from mathnavi.controllers.flight.ahead import KERNELS
 from mathnavi.controllers.flight.certificate import _extent
 from mathnavi.sim.interfaces.compiled import any_missing
 from tests.kernels import flight
@@ -10,7 +10,6 @@ from tests.kernels import flight
 
 def test_a_flight_compiles_none_of_it_again() -> None:
     flight()
-    kernels = (*OWN, *HELPED)
-    assert not any_missing(kernels)
-    assert all(arguments in kernel.signatures for kernel, arguments in kernels)
+    assert not any_missing(KERNELS)
+    assert all(arguments in kernel.signatures for kernel, arguments in KERNELS)
     assert len(_extent.signatures) == 1  # whether the plan's arrays are read-only changes nothing

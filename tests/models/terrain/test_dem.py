@@ -9,10 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
+from scipy.ndimage import map_coordinates
 
-from mathnavi.models.terrain.dem import metres_per_degree, read_hgt, read_npz, write_npz
+from mathnavi.models.terrain.dem import Raster, metres_per_degree, read_hgt, read_npz, square_grid, write_npz
 from mathnavi.models.terrain.dem_import import import_dem
 from mathnavi.models.terrain.height_field import HeightField
 
@@ -327,3 +330,15 @@ def test_a_failed_write_leaves_what_was_there(tmp_path: Path, monkeypatch: pytes
         write_npz(HeightField(np.ones((2, 2)), 1.0), tmp_path / "out.npz")
     assert (tmp_path / "out.npz").read_bytes() == before
     assert [path.name for path in tmp_path.iterdir()] == ["out.npz"]
+
+
+@given(rows=st.integers(3, 30), columns=st.integers(3, 30), spacing=st.floats(25.0, 170.0))
+def test_resampled_heights_have_the_bits_of_scipys(rows: int, columns: int, spacing: float) -> None:
+    """A node next to a void is void; the raster's edge is not passed."""
+    z = np.random.default_rng(rows * columns).uniform(0.0, 3000.0, (rows, columns))
+    z[rows // 2, columns // 3] = np.nan
+    found = square_grid(Raster("raster", z, 100.0, 90.0), spacing).z
+    row = np.minimum(np.arange(found.shape[0]) * (spacing / 100.0), rows - 1)
+    column = np.minimum(np.arange(found.shape[1]) * (spacing / 90.0), columns - 1)
+    expected = map_coordinates(z, np.meshgrid(row, column, indexing="ij"), order=1, mode="nearest")
+    np.testing.assert_array_equal(found, expected)

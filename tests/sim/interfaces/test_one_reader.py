@@ -27,6 +27,7 @@ ALLOWED = {
     ("sim/commands/study.py", "Store.open"),
     ("sim/commands/sweep.py", "Store.open"),
     ("sim/scripting/runs.py", "Store.open"),
+    ("sim/studies/introduction/scaling/curves.py", "Store.open"),
     ("sim/studies/introduction/scaling/sweeps.py", "Store.open"),
     ("sim/studies/introduction/scaling/memory.py", "_STATUS.read_text"),  # what the kernel says of this process
 }

@@ -21,8 +21,11 @@ from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.metrics.flight_bound import flight_bound
+from mathnavi.sim.metrics.lagrangian_bound import lagrangian_bound
+from mathnavi.sim.metrics.missile_bound import missile_bound
 from mathnavi.sim.metrics.posterior_bound import PosteriorBound
-from mathnavi.sim.metrics.recorded_bounds import flight_bound, lagrangian_bound, missile_bound, ranging_bound
+from mathnavi.sim.metrics.ranging_bound import ranging_bound
 from tests.unicycle import STANDARD
 
 NOISY = RangeQuality(0.02, 0.01)

@@ -18,14 +18,8 @@ from mathnavi.sim.interfaces.fields import plain
 from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.signals import Array, Event
 from mathnavi.sim.plugin.registry import load, names
-from mathnavi.sim.records.missions import (
-    ChangingFlightRecord,
-    FlightRecord,
-    QuadrotorRecord,
-    RadarRecord,
-    RangingRecord,
-    read_mission,
-)
+from mathnavi.sim.records.missions import ChangingFlightRecord, FlightRecord, QuadrotorRecord, RadarRecord, read_mission
+from mathnavi.sim.records.range_missions import RangingRecord
 from mathnavi.sim.scenarios.assembler import Assembler, RandomStreams
 from mathnavi.sim.scenarios.fault_fields import AerialFaults, Fault, LatePlans, RandomGusts, kinds
 from mathnavi.sim.scenarios.missile_fields import MissileFaults, MissileGuidanceConfig, MissileGust, MissileNoise

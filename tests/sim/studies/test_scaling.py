@@ -13,6 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mathnavi.models.terrain.library import load_terrain
+from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.studies.introduction.scaling.curves import (
     CURVES,
@@ -24,8 +26,8 @@ from mathnavi.sim.studies.introduction.scaling.curves import (
 )
 from mathnavi.sim.studies.introduction.scaling.memory import PeakMemory
 from mathnavi.sim.studies.introduction.scaling.relay import delayed
-from mathnavi.sim.studies.introduction.scaling.study import Growth, claims, grown
-from mathnavi.sim.studies.introduction.scaling.sweeps import SweepCase, swept
+from mathnavi.sim.studies.introduction.scaling.study import Growth, claims, grown, of_cluster
+from mathnavi.sim.studies.introduction.scaling.sweeps import SweepCase, SweepRate, swept
 
 SIZES = (4, 8, 16, 32, 64)
 
@@ -71,10 +73,37 @@ def test_medians_over_the_repetitions() -> None:
     assert (growth.sizes, growth.costs, growth.memory) == ((4, 8), (8.0, 16.0), (1.0, 1.0))
 
 
-@pytest.mark.parametrize("curve", ["bank", "observer", "radars"])
+@pytest.mark.parametrize("curve", ["bank", "observer", "radars", "trials"])
 def test_a_size_is_measured(curve: str) -> None:
     found = measured(SizedCase(curve, CURVES[curve].sizes[0], seed=0))
     assert 0.0 < found.cost < np.inf
+
+
+def test_no_map_is_read_twice() -> None:
+    first, second = (load_terrain(CURVES["map, built"].made(129, 0).config.terrain) for _ in range(2))
+    assert first is not second
+    assert np.array_equal(first.z, second.z)
+
+
+def test_what_is_made_counts_as_memory_only_where_it_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    def made(size: int, seed: int) -> Array:
+        return np.ones((size, 1_000_000))
+
+    grown_by = []
+    for holds in (True, False):
+        monkeypatch.setitem(CURVES, "ones", replace(CURVES["fleet"], sizes=(1, 20), made=made, cost=len, holds=holds))
+        grown_by.append(measured(SizedCase("ones", 20, seed=0)).memory)
+    assert grown_by[0] > 100.0
+    assert grown_by[1] < 50.0
+
+
+@pytest.mark.parametrize(("commit", "named"), [(0.1, "store's single writer"), (1e-6, "scheduler")])
+def test_what_holds_a_cluster_up_is_named(commit: float, named: str) -> None:
+    far = SweepRate(4, 0.05, MeasuredTime(1.0), MeasuredTime(0.01))
+    text = of_cluster([far], commit)
+    assert named in text.partition("the first limit, ")[2]
+    assert "the sweep does not hold" in text
+    assert "the sweep holds" in of_cluster([replace(far, interval=MeasuredTime(1e-4))], 1e-4)
 
 
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="the system does not say")

@@ -33,8 +33,11 @@ from mathnavi.models.unicycle.patterns import figure_eight
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.interfaces.signals import Array, Measurement, Status
+from mathnavi.sim.metrics.flight_bound import flight_bound
+from mathnavi.sim.metrics.lagrangian_bound import lagrangian_bound
+from mathnavi.sim.metrics.missile_bound import missile_bound
 from mathnavi.sim.metrics.posterior_bound import PosteriorBound
-from mathnavi.sim.metrics.recorded_bounds import flight_bound, lagrangian_bound, missile_bound, ranging_bound
+from mathnavi.sim.metrics.ranging_bound import ranging_bound
 from mathnavi.sim.metrics.tuning import RecordedCall
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.encoding import MeasuredTime

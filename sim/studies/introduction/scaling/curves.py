@@ -1,16 +1,19 @@
 """Quantities that grow, their sizes, and the cost of each size: CPU time and memory of one process.
 
-Each measurement is a job of its own. It does its work once in the smallest size, so that kernels are loaded and
-caches are warm, and then in the size that is asked for.
+Each measurement is a job of its own. It does its work once in the smallest size, so that kernels are loaded, and then
+in the size that is asked for. No map is read twice: each has a file that is new.
 """
 
 from __future__ import annotations
 
 import atexit
+import itertools
 import math
+import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -30,16 +33,19 @@ from mathnavi.sim.interfaces.protocols import Estimator
 from mathnavi.sim.interfaces.signals import Array, Measurement
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.encoding import MeasuredTime
+from mathnavi.sim.records.store import Store
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.studies.introduction.scaling.memory import PeakMemory
 from mathnavi.sim.studies.ranging.observability.maps import STANDARD
 from mathnavi.sim.studies.ranging.range_convergence.costs import START
 from mathnavi.sim.studies.ranging.range_convergence.runs import declared_mission, noisy_run
-from mathnavi.sim.sweep.trial import Trial, trial
+from mathnavi.sim.sweep.execution import run_trials
+from mathnavi.sim.sweep.trial import Trial, contents, trial
 
 GROUND = "tian_shan"
 FLOWN = 20.0  # [s] of a fleet's flight
 UPDATES = 200  # of an estimator
+FIGURES = 40  # of a trial's summary
 
 
 @dataclass(frozen=True)
@@ -75,14 +81,20 @@ class ScalingCurve:
     because: str  # of the limit
     made: Callable[[int, int], Any]
     cost: Callable[[Any], float]
+    holds: bool = False  # whether what ``made`` keeps counts as memory
 
 
 def measured(case: SizedCase) -> Measured:
     """A job: the cost of one size."""
     curve = CURVES[case.curve]
     curve.cost(curve.made(curve.sizes[0], case.seed))
-    made = curve.made(case.size, case.seed)
-    with PeakMemory() as memory:
+    memory = PeakMemory()
+    with ExitStack() as watched:
+        if curve.holds:
+            watched.enter_context(memory)
+        made = curve.made(case.size, case.seed)
+        if not curve.holds:
+            watched.enter_context(memory)
         cost = curve.cost(made)
     return Measured(MeasuredTime(cost), MeasuredTime(memory.grown))
 
@@ -103,6 +115,9 @@ def _replan(flight: Trial) -> float:
     return float(flight.build().run().summary["solve_ms_mean"])
 
 
+_moments = itertools.count(1)  # [s] at which files were changed last
+
+
 @cache
 def _folder() -> Path:
     """A folder of this process that goes with it."""
@@ -112,13 +127,14 @@ def _folder() -> Path:
 
 
 def _over_map(side: int, seed: int) -> Trial:
-    """A mission over the same ground, with so many nodes along each side."""
+    """A mission over the same ground, with so many nodes along each side, in a file that no mission has read."""
     path = _folder() / f"{side}.npz"
     if not path.exists():
         ground = load_terrain(GROUND)
         nodes = ground.z.shape[0]
         z = zoom(ground.z, side / nodes, order=1)
         write_npz(HeightField(z, ground.spacing * (nodes - 1) / (side - 1), path.stem), path)
+    os.utime(path, (moment := float(next(_moments)), moment))  # for a process reads a file that stays as it is once
     return _mission(seed, terrain=str(path))
 
 
@@ -208,6 +224,40 @@ def _updating(replay: _Replay) -> float:
     return float(np.median(taken[len(taken) // 4 :]))
 
 
+# ---- sweeps
+
+
+@dataclass(frozen=True, eq=False)
+class _StoredSweep:
+    """A sweep whose trials are all in its store."""
+
+    trials: list[Trial]
+    store: Path
+
+
+def _stored(count: int, seed: int) -> _StoredSweep:
+    missions = [_mission(count * seed + k) for k in range(count)]
+    path = _folder() / f"{count}-{seed}.db"
+    figures = {f"figure_{k}": 1.0 / (k + 1.0) for k in range(FIGURES)}
+    if not path.exists():
+        with Store.open(path) as store:
+            store.add(
+                *(
+                    mission.record(content, "ok", success=True, summary=figures)
+                    for mission, content in zip(missions, contents(missions), strict=True)
+                )
+            )
+    return _StoredSweep(missions, path)
+
+
+def _resuming(sweep: _StoredSweep) -> float:
+    """[s] in which the sweep finds that nothing is left to fly, and has its records."""
+    began = time.process_time()
+    with Store.open(sweep.store) as store:
+        run_trials(sweep.trials, store)
+    return time.process_time() - began
+
+
 SIDES = (129, 257, 513, 1025, 2049)
 CURVES: dict[str, ScalingCurve] = {
     "replan": ScalingCurve(
@@ -217,14 +267,25 @@ CURVES: dict[str, ScalingCurve] = {
         "nodes of a map's side", "s to build", SIDES, 257, 60.0, "a minute", _over_map, _building
     ),
     "map, flown": ScalingCurve(
-        "nodes of a map's side", "CPU s a second", SIDES, 257, 1.0, "real time", _loop_over_map, _flying
+        "nodes of a map's side", "CPU s a second", SIDES, 257, 1.0, "real time", _loop_over_map, _flying, True
     ),
     "radars": ScalingCurve("radars", "s to build", (1, 4, 16, 64), 4, 60.0, "a minute", _under_radars, _building),
     "fleet": ScalingCurve(
-        "vehicles", "CPU s a second", (4, 8, 16, 32, 64, 128, 256), 16, 1.0, "real time on a core", _fleet, _flying
+        "vehicles",
+        "CPU s a second",
+        (4, 8, 16, 32, 64, 128, 256),
+        16,
+        1.0,
+        "real time on a core",
+        _fleet,
+        _flying,
+        True,
     ),
-    "bank": ScalingCurve("hypotheses", "µs an update", (16, 64, 256, 1024), 16, 1e4, "100 Hz", _bank, _updating),
-    "observer": ScalingCurve("joints", "µs an update", (2, 4, 8, 16, 32), 8, 1e3, "1 kHz", _observer, _updating),
+    "bank": ScalingCurve("hypotheses", "µs an update", (16, 64, 256, 1024), 16, 1e4, "100 Hz", _bank, _updating, True),
+    "observer": ScalingCurve("joints", "µs an update", (2, 4, 8, 16, 32), 8, 1e3, "1 kHz", _observer, _updating, True),
+    "trials": ScalingCurve(
+        "stored trials", "s to go on", (250, 1000, 4000, 16_000), 1000, 60.0, "a minute", _stored, _resuming
+    ),
 }
 """by name"""
 

@@ -100,7 +100,7 @@ class Scaling:
                 "exponent is fitted to the three largest sizes. "
                 f"At {FACTOR:g} times today's size {_breaks(found)} What breaks first is {first.name}, at "
                 f"{_times(first.factor)} today's {first.curve.today} {first.curve.size}.",
-                _of_cluster(rates, commit),
+                of_cluster(rates, commit),
             ),
             rows=[*_curve_rows(found), *_sweep_rows(rates)],
             tables=(_growth_table(found), _sweep_table(rates)),
@@ -175,15 +175,21 @@ def _times(factor: float) -> str:
     return "any size" if math.isinf(factor) else f"{factor:.3g} times"
 
 
-def _of_cluster(rates: Sequence[SweepRate], commit: float) -> str:
+def of_cluster(rates: Sequence[SweepRate], commit: float) -> str:
+    """A cluster's work, and what holds it up, by the rates of sweeps and the time [s] of a commit."""
     needed = MACHINES * CORES / MISSION
     far = [rate for rate in rates if rate.delay]
-    held = f"the store's single writer commits {1.0 / commit:.0f} trials a second one by one"
+    parts = {"the store's single writer": 1.0 / commit}
     if far:
-        held += f", and the scheduler hands out {max(each.rate for each in far):.0f} across {DELAYS[-1]:g} s"
+        parts[f"the scheduler, with workers {DELAYS[-1]:g} s away,"] = max(each.rate for each in far)
+    first = min(parts, key=lambda part: parts[part])
+    held = " and ".join(f"{part} {rate:.0f}" for part, rate in parts.items())
+    verdict = "holds" if parts[first] >= needed else "does not hold"
     return (
-        f"A cluster of {MACHINES} machines with {CORES} cores each would fly {needed:.0f} missions of {MISSION:g} s a "
-        f"second; {held}."
+        f"A cluster of {MACHINES} machines with {CORES} cores each flies {MACHINES * CORES} missions side by side, and "
+        f"none of them sooner, for a mission is one process. With {MISSION:g} s a mission {needed:.0f} end in a "
+        f"second. Of trials that do nothing {held} take a second: the sweep {verdict}, and the first limit, "
+        f"{first.rstrip(',')}, is met at {parts[first] * MISSION / CORES:.0f} machines."
     )
 
 

@@ -1,0 +1,168 @@
+"""How the cost of a mission grows with its map, and that of a fleet with its vehicles.
+
+    python -m benchmarks.growth [--repetitions 3]
+
+The work is that of the study ``scaling`` (``mathnavi.sim.studies.introduction.scaling.curves``): a mission over the
+same ground on ever more nodes, built and flown, and 20 s of a fleet's flight. Each large size runs in turns with its
+small one. A window of a GeoTIFF is read beside a file that holds nothing else.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from annotated_types import Ge
+
+from mathnavi.sim.interfaces.bounds import Within, configuration
+
+os.environ.setdefault("MUJOCO_GL", "disable")
+
+import numpy as np
+import tyro
+from rich.console import Console
+
+from benchmarks.comparison import Comparison, alone
+from benchmarks.progress import progress
+from mathnavi.models.terrain.dem import height_field
+from mathnavi.models.terrain.geotiff import read_geotiff
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.studies.introduction.scaling.curves import CURVES
+
+SPACING = 30.0  # [m] of the file that a window is read from
+WINDOWED, WINDOW = 4097, 257  # nodes along a side, of the file and of the window
+LEEWAY = 1.15  # what counts as no growth: times
+
+
+@dataclass(frozen=True)
+class Growth:
+    """A cost at two sizes, shared among ``size ** power``."""
+
+    what: str
+    curve: str  # a key of CURVES
+    small: int
+    large: int
+    power: int
+    unit: str
+    factor: float  # of the unit
+
+    def cost(self, size: int, seed: int) -> float:
+        """Cost of a size, a share of it."""
+        curve = CURVES[self.curve]
+        return self.factor * curve.cost(curve.made(size, seed)) / size**self.power
+
+
+def growths(quick: bool) -> tuple[Growth, ...]:
+    """The costs that are measured."""
+    side, vehicles = ((129, 257), (4, 8)) if quick else ((257, 2049), (16, 256))
+    return (
+        Growth("build, a node of {large}²", "map, built", *side, 2, "us", 1e6),
+        Growth("flight, a second over {large}²", "map, flown", *side, 0, "ms", 1e3),
+        Growth("fleet, a vehicle's second among {large}", "fleet", *vehicles, 1, "ms", 1e3),
+    )
+
+
+@configuration
+class Arguments:
+    """Measure how costs grow."""
+
+    repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 3
+    """of each size"""
+    quick: bool = False
+    """whether small sizes have to do: rough figures"""
+    out: Path = Path("renders/out/growth.json")
+    """where the figures go"""
+
+
+@dataclass(frozen=True, eq=False)
+class GrowthFindings:
+    """Rows of the table."""
+
+    rows: list[Comparison]
+
+    @property
+    def title(self) -> str:
+        return "growth with maps and fleets"
+
+    def comparisons(self) -> list[Comparison]:
+        return self.rows
+
+    def show(self, console: Console) -> None:
+        console.print("Growth: the other is the same at the smaller size; the study `scaling` has whole curves.")
+
+    def plain(self) -> dict[str, Any]:
+        return {
+            "costs": [{"what": row.what, "large": row.ours.tolist(), "small": row.other.tolist()} for row in self.rows]
+        }
+
+
+def run(arguments: Arguments, console: Console) -> GrowthFindings:
+    """Measure small and large sizes in turns."""
+    wanted, rows = growths(arguments.quick), []
+    with progress(console, "growth", arguments.repetitions * len(wanted)) as report:
+        for k, growth in enumerate(wanted):
+            growth.cost(growth.small, 0)  # kernels are loaded, files are in memory
+            pairs = []
+            for repetition in range(arguments.repetitions):
+                report(arguments.repetitions * k + repetition, growth.what.format(large=growth.large))
+                pairs.append([growth.cost(size, repetition) for size in (growth.small, growth.large)])
+            small, large = np.array(pairs).T
+            named = "²" * (growth.power == 2 or growth.curve == "map, flown")
+            rows.append(
+                Comparison(
+                    growth.what.format(large=growth.large), growth.unit, large, small, f"at {growth.small}{named}",
+                    "ours / other", at_most=LEEWAY,
+                )
+            )  # fmt: skip
+    return GrowthFindings([*rows, windows(arguments.repetitions)])
+
+
+def windows(repetitions: int, side: int = WINDOWED, window: int = WINDOW) -> Comparison:
+    """Reading a window of a GeoTIFF beside reading a file that holds no more than that."""
+    with tempfile.TemporaryDirectory() as folder:
+        whole, part = Path(folder) / "whole.tif", Path(folder) / "part.tif"
+        write_geotiff(whole, side)
+        write_geotiff(part, window)
+        reach = SPACING * (window - 1)
+        readings: list[Callable[[], object]] = [
+            lambda: height_field(read_geotiff(whole, (0.0, 0.0, reach, reach))),
+            lambda: height_field(read_geotiff(part)),
+        ]
+        pairs: Array = np.array([[_timed(reading) for reading in readings] for _ in range(repetitions + 1)])[1:]
+    return Comparison(
+        f"read {window}² nodes of {side}²", "ms", pairs[:, 0], pairs[:, 1], f"of {window}²", "ours / other",
+        at_most=LEEWAY,
+    )  # fmt: skip
+
+
+def write_geotiff(path: Path, side: int) -> None:
+    """Write hills on so many nodes along each side, their south-western node at (0, 0)."""
+    import rasterio
+
+    row, column = np.indices((side, side), sparse=True)
+    z = (500.0 + 200.0 * np.sin(0.02 * row) * np.cos(0.03 * column)).astype(np.float32)
+    with rasterio.open(
+        path, "w", driver="GTiff", width=side, height=side, count=1, dtype="float32", crs="EPSG:32644", tiled=True,
+        transform=rasterio.transform.from_origin(-0.5 * SPACING, (side - 0.5) * SPACING, SPACING, SPACING),
+    ) as dataset:  # fmt: skip
+        dataset.write(z, 1)
+
+
+def _timed(work: Callable[[], object]) -> float:
+    """[ms] of CPU time."""
+    began = time.process_time()
+    work()
+    return 1e3 * (time.process_time() - began)
+
+
+def main(arguments: Arguments) -> None:
+    alone("growth", lambda console: run(arguments, console), arguments.out)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Arguments, description=Arguments.__doc__))

@@ -1,0 +1,116 @@
+"""Imports of a flight: CPU time of an interpreter that imports its modules, and the packages that take it.
+
+    python -m benchmarks.imports [--repetitions 5]
+
+The modules of ``mathnavi run safe-flight`` are imported by a process of their own, in turns with one that imports
+nothing. A package's share is the time of its own modules, without those that they import, as ``python -X importtime``
+says, which itself takes time.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tyro
+from annotated_types import Ge
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.comparison import Comparison, alone
+from benchmarks.progress import progress
+from mathnavi.sim.interfaces.bounds import Within, configuration
+from mathnavi.sim.interfaces.signals import Array
+
+FLIGHT = "import mathnavi.sim.commands.run, mathnavi.sim.scenarios.safe_flight, mathnavi.controllers.flight.plugin"
+NOTHING = "pass"
+MOST = 12  # packages that are shown
+PREFIX = "import time:"
+
+
+@configuration
+class Arguments:
+    """Measure what is imported before a flight."""
+
+    repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 5
+    """of each"""
+    out: Path = Path("renders/out/imports.json")
+    """where the figures go"""
+
+
+def cpu(code: str, *options: str) -> tuple[float, str]:
+    """CPU time [s] of an interpreter that runs some code, and its standard error; RuntimeError if it fails."""
+    before = os.times()
+    done = subprocess.run(
+        [sys.executable, *options, "-c", code], env=os.environ | {"PYTHONDONTWRITEBYTECODE": ""}, capture_output=True,
+        text=True, check=False,
+    )  # fmt: skip
+    after = os.times()
+    if done.returncode:
+        raise RuntimeError(f"{code}: exit code {done.returncode}: {done.stderr}")
+    return after.children_user - before.children_user + after.children_system - before.children_system, done.stderr
+
+
+def shares(lines: Iterable[str]) -> dict[str, float]:
+    """[s] of the modules of each package themselves, the longest first, of the lines of ``-X importtime``."""
+    found: Counter[str] = Counter()
+    for line in lines:
+        columns = line.removeprefix(PREFIX).split("|")
+        if line.startswith(PREFIX) and len(columns) == 3 and columns[0].strip().isdigit():
+            found[columns[2].strip().partition(".")[0]] += int(columns[0])
+    return {package: 1e-6 * taken for package, taken in found.most_common()}
+
+
+@dataclass(frozen=True, eq=False)
+class ImportFindings:
+    """Imports of a flight beside a bare interpreter."""
+
+    flight: Array  # (R,) [s]
+    bare: Array  # (R,) [s]
+    packages: dict[str, float]  # [s] by package, the longest first
+
+    @property
+    def title(self) -> str:
+        return "imports"
+
+    def comparisons(self) -> list[Comparison]:
+        return [Comparison("of a flight, CPU", "s", self.flight, self.bare, "python -c pass", "ours / other")]
+
+    def show(self, console: Console) -> None:
+        shown = Table("package", title="imports of a flight [s]")
+        shown.add_column("its modules", justify="right")
+        for package, taken in list(self.packages.items())[:MOST]:
+            shown.add_row(package, f"{taken:.3f}")
+        shown.add_row("all", f"{sum(self.packages.values()):.3f}")
+        console.print(shown)
+
+    def plain(self) -> dict[str, Any]:
+        return {"flight_s": self.flight.tolist(), "bare_s": self.bare.tolist(), "packages_s": self.packages}
+
+
+def run(arguments: Arguments, console: Console) -> ImportFindings:
+    """Import and do not import in turns."""
+    cpu(FLIGHT)  # after it byte code is there, and files are in memory
+    pairs = []
+    with progress(console, "imports", arguments.repetitions) as report:
+        for repetition in range(arguments.repetitions):
+            pairs.append([cpu(code)[0] for code in (FLIGHT, NOTHING)])
+            report(repetition + 1)
+    _, said = cpu(FLIGHT, "-X", "importtime")
+    flight, bare = np.array(pairs).T
+    return ImportFindings(flight, bare, shares(said.splitlines()))
+
+
+def main(arguments: Arguments) -> None:
+    alone("imports", lambda console: run(arguments, console), arguments.out)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Arguments, description=Arguments.__doc__))

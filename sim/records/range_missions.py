@@ -1,0 +1,29 @@
+"""The mission of a robot with range sensors as config.json holds it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mathnavi.models.unicycle.entity import DriveName
+from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
+from mathnavi.sim.records.missions import Point
+
+
+@dataclass(frozen=True)
+class RangingRecord:
+    """A robot with range sensors within a wall; angles are in radians."""
+
+    field: str  # name of the wall
+    coefficients: tuple[tuple[float, float, float, float], ...]  # [m] a_x, b_x, a_y, b_y of each harmonic
+    angles: tuple[float, ...]  # (l,) [rad] of the sensors off the heading
+    ranging: RangeQuality
+    odometry: OdometryQuality
+    known_start: KnownStart | None
+    speed_max: float  # [m/s]
+    turn_rate_max: float  # [rad/s]
+    margin: float  # [m]
+    period: float  # [s]
+    drive: DriveName
+    friction: float  # [-]
+    start: Point = (0.0, 0.0, 0.0)  # [m, m, rad] the true one
+    outage: tuple[tuple[float, float], ...] = ()  # [s] from when to when there are no ranges

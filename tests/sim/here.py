@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import threading
 from collections.abc import Callable
 
 from mathnavi.sim.sweep import serve
@@ -11,7 +12,9 @@ from mathnavi.sim.sweep.task import Ended, SweepTask
 
 
 class Here:
-    """It runs what a child process would, as it reaches one: pickled."""
+    """It runs what a child process would, as it reaches one: pickled. Several of them take turns."""
+
+    _turn = threading.Lock()
 
     def __init__(self) -> None:
         self._stopped = False
@@ -20,7 +23,8 @@ class Here:
         if self._stopped:
             raise StoppedError
         assert timeout is None
-        return serve._run(pickle.loads(pickle.dumps(task)), content)
+        with self._turn:
+            return serve._run(pickle.loads(pickle.dumps(task)), content)
 
     def stop(self) -> None:
         self._stopped = True

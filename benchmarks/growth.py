@@ -59,7 +59,7 @@ class Growth:
 
 def growths(quick: bool) -> tuple[Growth, ...]:
     """The costs that are measured."""
-    side, vehicles = ((129, 257), (4, 8)) if quick else ((257, 2049), (16, 256))
+    side, vehicles = ((129, 257), (4, 8)) if quick else ((257, 2049), (16, 128))
     return (
         Growth("build, a node of {large}²", "map, built", *side, 2, "us", 1e6),
         Growth("flight, a second over {large}²", "map, flown", *side, 0, "ms", 1e3),

@@ -75,6 +75,8 @@ class Stage:
         self._glow = glow
         self._camera = mujoco.MjvCamera()
         self._options = mujoco.MjvOption()
+        self._backdrops: dict[tuple[float, float], Picture] = {}  # by elevation and field of view [degrees]
+        self._backdrop: Picture | None = None  # of the picture that is being drawn, where it is added at the end
 
     @property
     def _blends(self) -> bool:
@@ -119,15 +121,37 @@ class Stage:
     def begin(self, *, fog: bool, shadows: bool = False) -> None:
         """The geoms of the model; what is added from now on is of this picture only."""
         mujoco.mj_forward(self.model, self.data)
+        free = self._camera.type == mujoco.mjtCamera.mjCAMERA_FREE
+        self._backdrop = self._drawn_backdrop() if free and not fog and not self._blends else None
         self._renderer.update_scene(self.data, self._camera, self._options)
         flags = self._renderer.scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
         flags[mujoco.mjtRndFlag.mjRND_FOG] = fog
-        flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = not fog or self._blends
+        flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = self._blends or not (fog or free)
+
+    def _drawn_backdrop(self) -> Picture:
+        """The model's sky, which is the same in all directions, as a camera of this elevation sees it; drawn once.
+
+        Behind every picture it would take a quarter of the time.
+        """
+        seen = float(self._camera.elevation), float(self.model.vis.global_.fovy)
+        if seen not in self._backdrops:
+            azimuth, self._camera.azimuth = self._camera.azimuth, 0.0
+            self._renderer.update_scene(self.data, self._camera, self._options)
+            self._camera.azimuth = azimuth
+            self._renderer.scene.ngeom = 0
+            flags = self._renderer.scene.flags
+            flags[mujoco.mjtRndFlag.mjRND_FOG], flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = False, True
+            self._backdrops[seen] = self._renderer.render()
+        return self._backdrops[seen]
 
     def end(self, *, sky: bool) -> Picture:
         """The picture; with ``sky``, which needs fog, it is blue above the horizon."""
         picture: Picture = self._renderer.render()
+        if self._backdrop is not None:
+            empty = self._empty()
+            for k in range(3):  # by channel: much faster than by pixel
+                np.copyto(picture[..., k], self._backdrop[..., k], where=empty)
         if sky:
             self._clear_sky(picture)
         return picture

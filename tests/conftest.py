@@ -39,8 +39,8 @@ def every_module_has_one_name() -> Iterator[None]:
 @pytest.fixture(scope="session", autouse=True)
 def drawing_here() -> Iterator[None]:
     """Stills, videos and clips are drawn in this process, which spares the start of others, except where a test uses
-    ``drawing_apart``. Those of a report are small, except where it uses ``large_stills``, and its figures are not laid
-    out, except where it uses ``laid_out`` or ``checked_report``.
+    ``drawing_apart``. Those of a report are small, and its figures are not laid out, except where it uses ``laid_out``
+    or ``checked_report``.
     """
 
     from mathnavi.renders import clip, figures, report, video
@@ -70,14 +70,6 @@ def trials_here(monkeypatch: pytest.MonkeyPatch) -> None:
     from tests.sim.here import Here
 
     monkeypatch.setattr(execution, "Worker", lambda path: Here())
-
-
-@pytest.fixture
-def large_stills(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The stills of a report are as large as for a user."""
-    from mathnavi.renders import report, video
-
-    monkeypatch.setattr(report, "write_still", video.write_still)
 
 
 @pytest.fixture

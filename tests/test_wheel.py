@@ -188,8 +188,8 @@ def test_it_lists_flies_draws_and_sweeps_beside_a_strangers_folders(python: Path
 
 def test_the_wheels_kernels_give_the_bits_of_those_that_are_compiled_here(python: Path, folder: Path) -> None:
     kernels = folder / "kernels"
-    said(python, folder, "mathnavi", "run", *SPHERE, "--out", "run", NUMBA_CACHE_DIR=str(kernels))
+    said(python, folder, "mathnavi", "run", *SPHERE, "--out", "shipped", NUMBA_CACHE_DIR=str(kernels))
     assert not list(kernels.iterdir()), "the wheel's kernels were not used"
     assert main(["run", *SPHERE, "--out", str(folder / "native")]) == 0
-    shipped, native = (np.load(folder / run / "log.npz") for run in ("run", "native"))
+    shipped, native = (np.load(folder / run / "log.npz") for run in ("shipped", "native"))
     assert {name: shipped[name].tobytes() for name in shipped} == {name: native[name].tobytes() for name in native}

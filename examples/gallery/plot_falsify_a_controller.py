@@ -30,7 +30,7 @@ def margin(trial: optuna.Trial) -> float:
 
 optuna.logging.set_verbosity(optuna.logging.WARNING)
 search = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=1))
-search.optimize(margin, n_trials=40)
+search.optimize(margin, n_trials=28)
 worst = search.best_params
 runs = {name: mn.run("safe-flight", controller=name, **mission(**worst)) for name in ("barrier", "flight")}
 for name, run in runs.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import random
+import threading
 from collections.abc import Callable
 
 import numpy as np
@@ -14,7 +15,9 @@ from mathnavi.sim.sweep.task import Ended, SweepTask
 
 
 class Here:
-    """It runs what a child process would, as it reaches one: pickled."""
+    """It runs what a child process would, as it reaches one: pickled. Several of them take turns."""
+
+    _turn = threading.Lock()
 
     def __init__(self) -> None:
         self._stopped = False
@@ -23,9 +26,10 @@ class Here:
         if self._stopped:
             raise StoppedError
         assert timeout is None
-        random.seed(task.seed)
-        np.random.seed(task.seed % 2**32)
-        return serve._run(pickle.loads(pickle.dumps(task)), content)
+        with self._turn:
+            random.seed(task.seed)
+            np.random.seed(task.seed % 2**32)
+            return serve._run(pickle.loads(pickle.dumps(task)), content)
 
     def stop(self) -> None:
         self._stopped = True

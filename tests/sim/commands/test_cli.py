@@ -385,7 +385,7 @@ def test_the_package_run_as_a_module_is_the_command_line(
     def printed(*words: str) -> str:
         monkeypatch.setattr(sys, "argv", ["mathnavi", *words])
         monkeypatch.setattr(sys, "path", list(sys.path))  # which it changes
-        with pytest.raises(SystemExit, match="^0$"):
+        with pytest.raises(SystemExit, match=r"^0$"):
             runpy.run_module("mathnavi", run_name="__main__", alter_sys=True)
         return capsys.readouterr().out
 

@@ -28,6 +28,7 @@ from mathnavi.sim.studies.introduction.scaling.memory import PeakMemory
 from mathnavi.sim.studies.introduction.scaling.relay import delayed
 from mathnavi.sim.studies.introduction.scaling.study import Growth, claims, grown, of_cluster
 from mathnavi.sim.studies.introduction.scaling.sweeps import SweepCase, SweepRate, swept
+from mathnavi.sim.sweep.trial import trial
 
 SIZES = (4, 8, 16, 32, 64)
 
@@ -77,6 +78,11 @@ def test_medians_over_the_repetitions() -> None:
 def test_a_size_is_measured(curve: str) -> None:
     found = measured(SizedCase(curve, CURVES[curve].sizes[0], seed=0))
     assert 0.0 < found.cost < np.inf
+
+
+def test_a_scenario_takes_the_largest_fleet() -> None:
+    size = max(CURVES["fleet"].sizes)
+    assert trial("simultaneous-arrival", fields={"vehicles": size}).config.vehicles == size
 
 
 def test_no_map_is_read_twice() -> None:

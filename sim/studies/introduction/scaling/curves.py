@@ -273,7 +273,7 @@ CURVES: dict[str, ScalingCurve] = {
     "fleet": ScalingCurve(
         "vehicles",
         "CPU s a second",
-        (4, 8, 16, 32, 64, 128, 256),
+        (4, 8, 16, 32, 64, 128),
         16,
         1.0,
         "real time on a core",

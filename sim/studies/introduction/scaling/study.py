@@ -19,6 +19,7 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.introduction.scaling.curves import (
     CURVES,
+    LEAST_FIT,
     Measured,
     ScalingCurve,
     SizedCase,
@@ -32,6 +33,7 @@ FACTOR = 100.0  # times today's size
 MACHINES, CORES, MISSION = 100, 2, 1.4  # of a cluster; [s] CPU time of a mission
 WORKERS = (1, 2, 4)
 DELAYS = (None, 0.0, 0.05)  # [s] no cluster, a cluster, and one that is far away
+LEAST_MEMORY = 1.0  # [MB] that counts as more than chance
 PROPORTIONAL, CONSTANT = 1.15, 0.15  # exponents that count as such
 
 
@@ -64,6 +66,12 @@ class Growth:
     @property
     def exponent(self) -> float:
         return exponent(self.sizes, self.costs)
+
+    @property
+    def memory_exponent(self) -> float:
+        """That of the memory; NaN where it is too little to be seen."""
+        seen = self.memory[-LEAST_FIT:]
+        return exponent(self.sizes, self.memory) if seen and min(seen) >= LEAST_MEMORY else math.nan
 
     @property
     def factor(self) -> float:
@@ -105,7 +113,10 @@ class Scaling:
             rows=[*_curve_rows(found), *_sweep_rows(rates)],
             tables=(_growth_table(found), _sweep_table(rates)),
             figure=_figure(found, rates),
-            caption="Cost against size; dashed, as far as it serves. Last: trials that do nothing, a second.",
+            caption=(
+                "Cost against size, and in grey the memory beside it; red, as far as it serves; dotted, today's size. "
+                "Last: trials that do nothing, a second."
+            ),
             claims=claims(found),
         )  # fmt: skip
 
@@ -194,11 +205,11 @@ def of_cluster(rates: Sequence[SweepRate], commit: float) -> str:
 
 
 def _growth_table(found: Sequence[Growth]) -> Table:
-    head = ("", "from", "to", "cost there", "exponent", "memory there [MB]", "serves up to, of today's")
+    head = ("", "from", "to", "cost there", "exponent", "memory there [MB]", "its exponent", "serves up to, of today's")
     body = [
         (
             f"{each.name}: {each.curve.size}", each.sizes[0], each.sizes[-1], f"{each.costs[-1]:.3g} {each.curve.unit}",
-            f"{each.exponent:.2f}", f"{each.memory[-1]:.3g}", _times(each.factor),
+            f"{each.exponent:.2f}", f"{each.memory[-1]:.3g}", f"{each.memory_exponent:.2f}", _times(each.factor),
         )
         for each in found
     ]  # fmt: skip
@@ -228,7 +239,13 @@ def _figure(found: Sequence[Growth], rates: Sequence[SweepRate]) -> Figure:
             if 0.0 < each.factor < FACTOR:
                 axes.axhline(each.curve.limit, color=BOUND, ls="--", lw=1.2)
             axes.axvline(each.curve.today, color="0.6", ls=":", lw=1.0)
+            beside = axes.twinx()
+            beside.plot(each.sizes, each.memory, "s--", color="0.55", ms=3.0, lw=1.0)
+            beside.set(ylabel="MB", ylim=(0.0, None))
+            beside.grid(visible=False)
             axes.set(xscale="log", yscale="log", xlabel=each.curve.size, ylabel=each.curve.unit)
+            axes.minorticks_off()
+            axes.set_xticks(each.sizes, [str(size) for size in each.sizes], fontsize=7.0)
             axes.set_title(f"{each.name}: exponent {each.exponent:.2f}")
         axes = drawn[len(found)]
         for place in dict.fromkeys(_place(rate) for rate in rates):

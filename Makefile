@@ -5,7 +5,7 @@
 #   make check   lint, and the tests of what has changed since HEAD   make check SINCE=main
 #   make docs    the documentation, docs/_build/html/index.html, every link of it followed; papers and exercises as PDF
 #   make gallery the committed pictures made again (hours)   make gallery ARGS=safe_flight
-#   make wheel   sdist and wheel, into dist/
+#   make wheel   sdist and wheel, into dist/   make wheel KERNELS=1   and a wheel for this platform with compiled kernels
 #   make bench   one table: mathnavi compared with other solvers   make bench ARGS=--quick
 #   make clean   remove caches and outputs
 #   make lock    the tested versions chosen anew, .ci/requirements.txt
@@ -22,6 +22,7 @@ WORKERS ?= 2
 ARGS ?=
 SINCE ?= HEAD
 LOCK ?= .ci/requirements.txt
+KERNELS ?=
 
 PACKAGES := models sim controllers estimators renders
 BENCHMARKS := $(wildcard benchmarks)
@@ -48,6 +49,7 @@ lint: .venv/.developed
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy --strict -p mathnavi $(BENCHMARKS:%=-p %)
 	.venv/bin/mypy --strict .ci/open_reports.py
+	.venv/bin/mypy --strict .ci/install.py hatch_build.py
 	.venv/bin/lint-imports
 
 check: export PYTHONDONTWRITEBYTECODE =
@@ -72,6 +74,9 @@ docs: .venv/.developed
 wheel: .venv/.developed
 	rm -rf dist
 	.venv/bin/hatchling build --directory $(CURDIR)/dist
+ifneq ($(KERNELS),)
+	MATHNAVI_KERNELS=all .venv/bin/hatchling build --target wheel --directory $(CURDIR)/dist
+endif
 	@ls -1 $(CURDIR)/dist/*
 
 lock: | .venv/bin/pip
@@ -86,10 +91,10 @@ opengl: | .venv/bin/pip
 
 .venv: .venv/.developed
 
-# A change of pyproject.toml, a new entry point for one, installs again.
+# A change of pyproject.toml, a new entry point for one, installs again. The kernels of a flight are compiled meanwhile.
 .venv/.installed: pyproject.toml | .venv/bin/pip
 	@echo "Installing mathnavi and what it needs into .venv: 1.5 GB on disk, one to five minutes"
-	$(INSTALL:--quiet=) --editable .
+	.venv/bin/python .ci/install.py
 	@touch $@
 
 # Only wheels: what a source is built with would not be locked. The lock has what builds mathnavi itself.

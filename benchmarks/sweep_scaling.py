@@ -6,6 +6,9 @@
 processes of its own, also with one thread each, and stores nothing. The time until as many trials have ended as there
 are workers, in which their processes start, import and load compiled kernels, counts as the start; the rate is that of
 the rest. The whole time is also shown.
+
+What two workers could gain at most is the machine's: processes that share nothing, each flying its part of the same
+trials from a common start on, are timed side by side and one alone.
 """
 
 from __future__ import annotations
@@ -41,7 +44,7 @@ from mathnavi.sim.sweep.child import ENVIRONMENT
 from mathnavi.sim.sweep.execution import Progress, run_trials
 from mathnavi.sim.sweep.trial import Trial, trial
 
-OURS, POOL = "run_trials", "ProcessPoolExecutor"
+OURS, POOL, MACHINE = "run_trials", "ProcessPoolExecutor", "processes that share nothing"
 AT_LEAST = 1.9  # times as fast with two workers as with one
 
 Kind = tuple[str, int]  # what runs a sweep, and with how many workers
@@ -118,6 +121,29 @@ def pooled(trials: Sequence[Trial], workers: int) -> Course:
     return Course.from_ends(ends, workers, whole)
 
 
+def side_by_side(trials: Sequence[Trial], processes: int) -> Course:
+    """By processes that share nothing: each flies its part of the trials, and all begin at once."""
+    parts = [trials[k::processes] for k in range(processes)]
+    context = get_context("spawn")
+    with mock.patch.dict(os.environ, ENVIRONMENT), context.Manager() as manager:
+        began = time.perf_counter()
+        together = manager.Barrier(processes)
+        with ProcessPoolExecutor(processes, context) as pool:
+            spans = [each.result() for each in [pool.submit(fly_part, part, together) for part in parts]]
+        whole = time.perf_counter() - began
+    return Course(whole - max(spans), sum(spans) / processes / len(trials), whole)
+
+
+def fly_part(trials: Sequence[Trial], together: Any) -> float:
+    """Time [s] that the trials take, from when all processes have imported what they need."""
+    fly(trials[0])
+    together.wait()
+    began = time.perf_counter()
+    for each in trials:
+        fly(each)
+    return time.perf_counter() - began
+
+
 @dataclass(frozen=True)
 class SweepFindings:
     """The courses of all sweeps in the order of the repetitions."""
@@ -143,6 +169,8 @@ class SweepFindings:
             row(
                 f"a flight, {many} workers", flights, (OURS, many), (OURS, one), itself, AT_LEAST if many == 2 else None
             ),
+            row(f"a flight, {many} processes", flights, (MACHINE, many), (MACHINE, one), f"{MACHINE}, 1"),
+            row(f"a flight, {many} workers", flights, (OURS, many), (MACHINE, many), MACHINE),
             row(f"the whole, {many} workers", wholes, (OURS, many), (OURS, one), itself),
             row("a flight, 1 worker", flights, (OURS, one), (POOL, one), POOL),
             row(f"a flight, {many} workers", flights, (OURS, many), (POOL, many), POOL),
@@ -183,13 +211,15 @@ def run(arguments: Arguments, console: Console) -> SweepFindings:
         trial(seed=seed, terrain=arguments.terrain, drawn_separation=(0.2, 0.3)) for seed in range(arguments.trials)
     ]
     fly(trials[0])  # numba compiles here what its cache may lack
-    kinds = [(OURS, 1), (OURS, workers), (POOL, workers), (POOL, 1)]  # what is compared stands side by side
+    # what is compared stands side by side
+    kinds = [(MACHINE, 1), (MACHINE, workers), (OURS, workers), (OURS, 1), (POOL, 1), (POOL, workers)]
+    by_name = {OURS: swept, POOL: pooled, MACHINE: side_by_side}
     courses: dict[Kind, list[Course]] = {kind: [] for kind in kinds}
     with progress(console, "sweeping", arguments.repetitions * len(kinds)) as report:
         for repetition in range(arguments.repetitions):
             for i, (by, count) in enumerate(kinds):
                 report(repetition * len(kinds) + i, f"{by}, {count} of {workers} workers")
-                courses[by, count].append((swept if by == OURS else pooled)(trials, count))
+                courses[by, count].append(by_name[by](trials, count))
     return SweepFindings(arguments.trials, workers, courses)
 
 

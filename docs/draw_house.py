@@ -146,9 +146,8 @@ def _port(middle: float, k: int, count: int) -> float:
     return middle + (k - (count - 1) / 2) * min(40.0, 0.8 * BOX / max(1, count))
 
 
-def drawn() -> str:
-    """The picture."""
-    arrows, loops = house()
+def drawn(arrows: Mapping[str, set[str]], loops: list[list[str]]) -> str:
+    """The picture of what ``house`` finds."""
     known = set(arrows)
     if circles(arrows):
         raise SystemExit(f"rooms import each other in a circle: {circles(arrows)}")
@@ -199,7 +198,7 @@ def drawn() -> str:
 
 
 def main() -> int:
-    picture = drawn()
+    picture = drawn(*house())
     if "--check" in sys.argv[1:]:
         return int(not PICTURE.is_file() or PICTURE.read_text(encoding="utf-8") != picture)
     PICTURE.write_text(picture, encoding="utf-8")

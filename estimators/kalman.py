@@ -4,10 +4,14 @@ Each axis has the state (p, v, g), position, velocity and a first-order Gauss-Ma
 
     p' = v,   v' = u + g,   g' = -g / tau + w,   w white with intensity 2 rms^2 / tau,
 
-and fixes y = p + noise of variance R. The axes are independent and alike, so one filter (filterpy's) carries all three:
-its state is the matrix (3, 3) with one column an axis, and its covariance P (3, 3) is that of any one of them. The
-model is discretised exactly. The filter predicts at its period and conditions on
-each fix at the time of the fix.
+and fixes y = p + noise of variance R. The axes are independent and alike, so one filter carries all three: its state is
+the matrix x (3, 3) with one column an axis, and its covariance P (3, 3) is that of any one of them. The model is
+discretised exactly. The filter predicts at its period and conditions on each fix at the time of the fix, with the
+covariance in Joseph's form, which rounding leaves positive:
+
+    x <- F x + B u,   P <- F P F' + Q;   x <- x + K (y - H x),   P <- (I - K H) P (I - K H)' + K R K',
+
+H = (1, 0, 0), K = P H' / (H P H' + R).
 
 A gust vector clipped to a length has a smaller variance than its rms says; the filter uses that of the clipped one.
 
@@ -40,6 +44,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 
 _H = np.array([[1.0, 0.0, 0.0]])  # a fix reads the position
 _EYE = np.eye(3)
+_EACH_AXIS = _EYE[None, :, None, :]  # spreads the covariance of an axis over three
 _AXES = 3
 _OUTLIER = float(chdtri(_AXES, 1e-9))
 _LASTING = 10  # outliers in a row
@@ -89,19 +94,16 @@ class Kalman:
     Config = KalmanConfig
 
     def __init__(self, config: KalmanConfig, mission: FlightMission) -> None:
-        from filterpy.kalman import KalmanFilter  # takes .7 s to import
-
         self.period = mission.control_period
         self._timeout_monitor = TimeoutMonitor(config.timeout)  # of the fixes
         self._model = AxisModel.from_config(config, mission)
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}
-        self._filter = KalmanFilter(dim_x=3, dim_z=1, dim_u=1)
-        self._filter.x = np.vstack([mission.start, np.zeros((2, 3))])  # (3, 3) one column an axis
-        self._filter.P = first_covariance(config, mission)
-        self._filter.R = np.array([[self._model.fix_std**2]])
-        self._filter.H = _H
+        self._x = np.vstack([mission.start, np.zeros((2, 3))])  # (3, 3) one column an axis
+        self._P = first_covariance(config, mission)  # (3, 3) of an axis
+        self._R = self._model.fix_std**2  # [m^2]
         self._t: float | None = None  # [s] of the filter's state; None before the first call
         self._innovations: deque[float] = deque(maxlen=_WINDOW)  # normalised, of the last fixes that were used
+        self._excess = 1.0  # of the covariance of these innovations over that of the filter, while that is unlikely
         self._outliers = 0  # in a row
 
     @staticmethod
@@ -148,15 +150,10 @@ class Kalman:
                 self._predict(fix.t, command)
                 self._condition(fix)
         self._predict(t, command)
-        x, P = self._filter.x, self._filter.P
-        covariance = self._excess() * (P[:2, None, :2, None] * _EYE[None, :, None, :]).reshape(6, 6)
-        return Estimate(
-            t,
-            x[:2].flatten(),
-            0.5 * (covariance + covariance.T),
-            self._timeout_monitor.status(t),
-            {"gust": x[2].copy()},
-        )
+        axis = self._excess * self._P[:2, :2]
+        covariance = ((0.5 * (axis + axis.T))[:, None, :, None] * _EACH_AXIS).reshape(6, 6)
+        x = self._x
+        return Estimate(t, x[:2].flatten(), covariance, self._timeout_monitor.status(t), {"gust": x[2].copy()})
 
     def _predict(self, t: float, command: Array) -> None:
         """From the filter's time to t [s] with the input held."""
@@ -168,29 +165,30 @@ class Kalman:
             if key not in self._discrete:
                 self._discrete[key] = self._model.discretised(h)
             F, B, Q = self._discrete[key]
-            self._filter.predict(command[np.newaxis, :], B, F, Q)
+            self._x = F.dot(self._x) + B * command
+            self._P = F.dot(self._P).dot(F.T) + Q
             self._t = t
 
     def _condition(self, fix: Measurement) -> None:
-        variance = float(self._filter.P[0, 0] + self._filter.R[0, 0])
-        difference = fix.value - self._filter.x[0]
+        variance = float(self._P[0, 0]) + self._R
+        difference = fix.value - self._x[0]
         normalised = float(difference @ difference) / variance
         if normalised > _OUTLIER:
             self._outliers += 1
             if self._outliers <= _LASTING:
                 return
-            self._filter.P = self._filter.P * (normalised / _AXES)
+            self._P = self._P * (normalised / _AXES)
+            variance = float(self._P[0, 0]) + self._R
         else:
             self._innovations.append(normalised)
+            total = sum(self._innovations)
+            self._excess = max(1.0, total / (_AXES * _WINDOW)) if total > _UNLIKELY else 1.0
         self._outliers = 0
-        # With H given, filterpy leaves the row z (1, 3) as it is; a flat z would be made a column and spoil the state.
-        self._filter.update(fix.value[np.newaxis, :], H=_H)
+        gain = self._P[:, :1] * (1.0 / variance)  # (3, 1)
+        kept = _EYE - gain * _H
+        self._x = self._x + gain * difference
+        self._P = kept.dot(self._P).dot(kept.T) + (gain * self._R) * gain.T
         self._timeout_monitor.note(fix.t)
-
-    def _excess(self) -> float:
-        """Ratio of the covariance of the last innovations to that of the filter; 1 while that is likely."""
-        total = sum(self._innovations)
-        return max(1.0, total / (_AXES * _WINDOW)) if total > _UNLIKELY else 1.0
 
 
 def first_covariance(config: KalmanConfig, mission: FlightMission) -> Array:

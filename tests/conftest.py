@@ -39,16 +39,18 @@ def every_module_has_one_name() -> Iterator[None]:
 @pytest.fixture(scope="session", autouse=True)
 def drawing_here() -> Iterator[None]:
     """Stills, videos and clips are drawn in this process, which spares the start of others, except where a test uses
-    ``drawing_apart``; those of a report are small, except where it uses ``large_stills``.
+    ``drawing_apart``. Those of a report are small, and its figures are not laid out, except where it uses ``laid_out``
+    or ``checked_report``.
     """
 
-    from mathnavi.renders import clip, report, video
+    from mathnavi.renders import clip, figures, report, video
     from tests.renders.drawn import draw_here
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(video, "draw", draw_here)
         patch.setattr(clip, "draw", draw_here)
         patch.setattr(report, "write_still", partial(video.write_still, width=320, height=180))
+        patch.setattr(figures, "lay_out", lambda figure: figure.set_layout_engine(None))
         yield
 
 
@@ -71,11 +73,12 @@ def trials_here(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def large_stills(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The stills of a report are as large as for a user."""
-    from mathnavi.renders import report, video
+def laid_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Everything in the figures of a report has its place, as for a user."""
+    from mathnavi.renders import figures
+    from tests.renders.reading import lay_out
 
-    monkeypatch.setattr(report, "write_still", video.write_still)
+    monkeypatch.setattr(figures, "lay_out", lay_out)
 
 
 # Where a test or what its module shares takes seconds.

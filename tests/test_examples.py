@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -16,7 +17,8 @@ from mathnavi.sim.commands.cli import main
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "examples" / "ridgeline"
 
-# The contract suites collect what is installed; built-in plug-ins have been through them elsewhere.
+# The contract suites collect what is installed; built-in plug-ins have been through them elsewhere. The package's own
+# tests run with everything.
 ALONE = """
 from importlib import metadata
 
@@ -28,6 +30,10 @@ def entry_points(**wanted):
     if wanted.get("group") not in ("mathnavi.controllers", "mathnavi.estimators"):
         return points
     return metadata.EntryPoints(point for point in points if point.dist.name == "ridgeline")
+
+
+def pytest_collection_finish(session):
+    metadata.entry_points = everything
 
 
 metadata.entry_points = entry_points
@@ -74,24 +80,20 @@ def test_it_flies_from_the_command_line(at_hand: None, tmp_path: Path, capsys: p
     assert '"ridgeline.controller:Roadmap"' in (tmp_path / "run" / "config.json").read_text(encoding="utf-8")
 
 
-def test_its_own_tests_pass_against_the_installed_copy(installed: Path, tmp_path: Path) -> None:
-    shutil.copytree(PACKAGE / "tests", tmp_path / "tests")
-    assert_passes(["tests"], tmp_path, [installed])
-
-
-def test_it_keeps_the_contracts(installed: Path, tmp_path: Path) -> None:
+def test_it_keeps_the_contracts_and_its_own_tests_pass_against_the_installed_copy(
+    installed: Path, tmp_path: Path
+) -> None:
     (tmp_path / "ridgeline_alone.py").write_text(ALONE, encoding="utf-8")
+    own = shutil.copytree(PACKAGE / "tests", tmp_path / "tests")
+    modules = [path.name for path in own.glob("test_*.py")]
     suites = [f"tests/contracts/test_{kind}.py" for kind in ("planners", "estimators")]
-    options = ["-p", "ridgeline_alone", "--noconftest", "-n", "0", "-k", "roadmap or alpha_beta_gamma"]
-    assert_passes([*options, *suites], ROOT, [installed, tmp_path])
-
-
-def assert_passes(arguments: list[str], folder: Path, paths: list[Path]) -> None:
-    """pytest passes some tests in a process that finds packages in ``paths`` too."""
-    path = os.pathsep.join(map(str, paths))
+    chosen = " or ".join(["roadmap", "alpha_beta_gamma", *modules])
+    options = ["-q", "-rA", "-p", "no:cacheprovider", "-p", "ridgeline_alone", "--noconftest", "-n", "0", "-k", chosen]
+    path = os.pathsep.join(map(str, [installed, tmp_path]))
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments],
-        cwd=folder, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, timeout=300,
+        [sys.executable, "-m", "pytest", *options, *suites, str(own)],
+        cwd=ROOT, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout[-4000:]
-    assert " passed" in done.stdout
+    for module in (*modules, *suites):
+        assert re.search(rf"^PASSED .*{re.escape(module)}::", done.stdout, re.MULTILINE), module

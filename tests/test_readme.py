@@ -24,7 +24,6 @@ def shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     return names
 
 
-@pytest.mark.usefixtures("large_stills")
 def test_five_lines_fly_a_scenario_and_read_arrays(shown: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
     assert len([line for line in BLOCKS[0].splitlines() if line.strip()]) == 5
     exec(BLOCKS[0], shown)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -11,14 +12,35 @@ import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mathnavi.renders import opengl
+from mathnavi.sim.commands.cli import main
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("controllers", "estimators", "models", "renders", "sim")
 DATA = (".xml", ".css", ".html", ".js", ".json", ".png", ".md", ".typed")
 FLIGHT = ["safe-flight", "--terrain", "jacksboro", "--start", "3000", "4000", "900", "--target", "6000", "7000", "1000"]
+SPHERE = ["sphere-observer", "--duration", "1", "--settled", "0.5"]
+
+SCRIPT = """
+import json
+import sys
+
+import mathnavi as mn
+import mathnavi.models
+from mathnavi.renders.video import write_still
+
+run = mn.run("textbook-observer", duration=1.0)
+run.save("out")
+if sys.argv[1] == "True":
+    write_still("run", "overview", "overview.png", width=320, height=180)
+swept = mn.sweep("textbook-observer", 1, store="trials.db", workers=2)
+same = mn.load("out").success == run.success
+print(json.dumps({"place": mathnavi.models.__file__, "again": same, "trials": len(swept.records),
+                  "succeeded": swept.failures.trials - swept.failures.events}))
+"""
 
 
 def installed_files() -> Iterator[str]:
@@ -49,7 +71,19 @@ def wheel(built: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def compiled_wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel with compiled kernels, those of one list, as ``make wheel KERNELS=1`` builds it with all of them."""
+    folder = tmp_path_factory.mktemp("platform")
+    command = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder)]
+    environment = {**os.environ, "MATHNAVI_KERNELS": "mathnavi.models.manifold.ahead"}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    (path,) = folder.glob("*.whl")
+    return path
+
+
+@pytest.fixture(scope="module")
+def python(compiled_wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An interpreter of an environment in which the wheel is installed, and everything that it needs but mathnavi.
 
     What it needs is seen through a .pth file: a folder so named adds itself and none of its own .pth files, so the
@@ -59,7 +93,7 @@ def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(home)], check=True, timeout=120)
     python = home / "bin" / "python"
     pip = [sys.executable, "-m", "pip", "--python", str(python), "--disable-pip-version-check"]
-    alone = ["install", "--quiet", "--no-deps", "--no-index", "--no-compile", str(wheel)]
+    alone = ["install", "--quiet", "--no-deps", "--no-index", "--no-compile", str(compiled_wheel)]
     done = subprocess.run([*pip, *alone], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     (site,) = home.glob("lib/python*/site-packages")
@@ -77,9 +111,9 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def said(python: Path, folder: Path, *command: str) -> str:
+def said(python: Path, folder: Path, *command: str, **more: str) -> str:
     """Output of a command of the environment in the user's folder; it has to succeed."""
-    variables = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    variables = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")} | more
     done = subprocess.run(
         [str(python.with_name(command[0])), *command[1:]],
         cwd=folder, env=variables, capture_output=True, text=True, timeout=600,
@@ -99,6 +133,20 @@ def test_the_wheel_holds_each_file_once_and_all_of_them(wheel: Path) -> None:
     assert others.pop().endswith(".dist-info")
 
 
+def test_the_wheel_for_a_platform_holds_compiled_kernels_and_else_the_same(wheel: Path, compiled_wheel: Path) -> None:
+    assert wheel.name.endswith("-py3-none-any.whl")
+    assert f"-cp3{sys.version_info.minor}-cp3{sys.version_info.minor}-" in compiled_wheel.name
+    with zipfile.ZipFile(wheel) as one, zipfile.ZipFile(compiled_wheel) as other:
+        pure, more = (
+            {name: each.read(name) for name in each.namelist() if "dist-info/" not in name} for each in (one, other)
+        )
+        (about,) = (name for name in other.namelist() if name.endswith("/WHEEL"))
+        assert b"Root-Is-Purelib: false" in other.read(about)
+    kernels = {name for name in more if name.startswith("mathnavi/sim/interfaces/shipped_kernels/")}
+    assert len(kernels) == 8
+    assert pure == {name: content for name, content in more.items() if name not in kernels}
+
+
 def test_the_sdist_holds_each_file_once_and_all_of_them(built: Path) -> None:
     (path,) = built.glob("*.tar.gz")
     with tarfile.open(path) as archive:
@@ -109,7 +157,7 @@ def test_the_sdist_holds_each_file_once_and_all_of_them(built: Path) -> None:
     inside = {name.removeprefix("src/mathnavi/") for name in names if name.startswith("src/mathnavi/")}
     assert inside == set(installed_files())
     beside = {name for name in names if not name.startswith("src/")}
-    assert beside >= {"CHANGELOG.md", "CITATION.cff", "LICENSE", "README.md", "pyproject.toml"}
+    assert beside >= {"CHANGELOG.md", "CITATION.cff", "LICENSE", "README.md", "hatch_build.py", "pyproject.toml"}
 
 
 def test_a_wheel_built_from_the_sdist_is_the_same(built: Path, wheel: Path, tmp_path: Path) -> None:
@@ -126,27 +174,22 @@ def test_a_wheel_built_from_the_sdist_is_the_same(built: Path, wheel: Path, tmp_
         }
 
 
-def test_the_command_line_lists_beside_a_strangers_folders(python: Path, folder: Path) -> None:
+def test_it_lists_flies_draws_and_sweeps_beside_a_strangers_folders(python: Path, folder: Path) -> None:
+    """The command line, a script, and from it the processes that draw and those that run trials."""
     listing = said(python, folder, "python", "-m", "mathnavi", "list")
     assert "safe-flight" in listing
     assert "jacksboro" in listing
-
-
-def test_it_flies_draws_and_sweeps_beside_a_strangers_folders(python: Path, folder: Path) -> None:
-    """The command line, and from it the processes that draw and those that run trials."""
     assert "the mission did what it should" in said(python, folder, "mathnavi", "run", *FLIGHT, "--out", "run")
-    if opengl.available() is not None:
-        said(python, folder, "python", "-m", "mathnavi", "render", "run", "--still")
-        assert (folder / "run" / "overview.png").is_file()
-    swept = ["sweep", "textbook-observer", "--trials", "1", "--workers", "2", "--store", "trials.db"]
-    assert "1 trials: 1 did what they should" in said(python, folder, "python", "-m", "mathnavi", *swept)
+    used = json.loads(said(python, folder, "python", "-c", SCRIPT, str(opengl.available() is not None)))
+    assert Path(used.pop("place")).is_relative_to(python.parents[1])
+    assert used == {"again": True, "trials": 1, "succeeded": 1}
+    assert (folder / "overview.png").is_file() == (opengl.available() is not None)
 
 
-def test_a_script_flies_beside_a_strangers_folders(python: Path, folder: Path) -> None:
-    script = (
-        "import mathnavi as mn; run = mn.run('textbook-observer', duration=1.0); run.save('out'); "
-        "import mathnavi.models as m; print(mn.load('out').success == run.success, m.__file__)"
-    )
-    flown, where = said(python, folder, "python", "-c", script).split()
-    assert flown == "True"
-    assert Path(where).is_relative_to(python.parents[1])
+def test_the_wheels_kernels_give_the_bits_of_those_that_are_compiled_here(python: Path, folder: Path) -> None:
+    kernels = folder / "kernels"
+    said(python, folder, "mathnavi", "run", *SPHERE, "--out", "shipped", NUMBA_CACHE_DIR=str(kernels))
+    assert not list(kernels.iterdir()), "the wheel's kernels were not used"
+    assert main(["run", *SPHERE, "--out", str(folder / "native")]) == 0
+    shipped, native = (np.load(folder / run / "log.npz") for run in ("shipped", "native"))
+    assert {name: shipped[name].tobytes() for name in shipped} == {name: native[name].tobytes() for name in native}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Interval, Le
@@ -49,6 +49,8 @@ _FASTEST = 0.2  # bandwidth times control period
 @configuration
 class ActiveSensingConfig:
     """Fields of ``--planner``."""
+
+    kernels: ClassVar[str] = "mathnavi.controllers.active_sensing.ahead"  # compiled before the first run
 
     mode: ModeName = "active"
     """how the estimator is excited: by the input that teaches it most, or by a pattern"""

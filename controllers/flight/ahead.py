@@ -1,56 +1,46 @@
-"""The kernels of a flight, compiled before it by two processes that share the work.
+"""The kernels of a flight, compiled before it by two processes that share the work (``sim.engine.compilation``).
 
-    python -m mathnavi.controllers.flight.ahead
-
-is the second process: it compiles ``HELPED``, the flying one ``OWN`` (``mathnavi.sim.engine.compilation``). Either
-takes about as long. They share what they have compiled through the folder of kernels
-(``mathnavi.sim.interfaces.compiled``). The types are those of the arguments that a flight calls a kernel with: for
-others it would be compiled in vain.
+The types are those of the arguments that a flight calls a kernel with: for others it would be compiled in vain.
+Kernels that share inner ones are neighbours.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 from numba import float64, int64
-from numba.core import types
 
 from mathnavi.controllers.flight.certificate import _extent
 from mathnavi.controllers.flight.held_input import _lag_along
 from mathnavi.controllers.flight.kernels.line_search import begin, search
 from mathnavi.controllers.flight.kernels.linearisation import linearise
 from mathnavi.controllers.flight.length_to_go import cost_many
+from mathnavi.controllers.flight.shortest_paths import _settle
 from mathnavi.controllers.flight.tracker import tracking_command
 from mathnavi.models.aerial.kernels import state_on
 from mathnavi.models.terrain.kernels import arc_clearance, path_clearance, surface
-from mathnavi.sim.interfaces.compiled import Signature, compile_all
+from mathnavi.sim.interfaces.compiled import Signature
+from mathnavi.sim.interfaces.kernel_types import ONE, ONE_READ, THREE, TWO, TWO_READ, array, combined
 
-
-def _array(dimensions: int, readonly: bool = False) -> Any:
-    return types.Array(float64, dimensions, "C", readonly)
-
-
-ONE, TWO, THREE = (_array(dimensions) for dimensions in (1, 2, 3))
-_tuple: Any = types.Tuple  # which has no types itself
-DATA = _tuple((ONE, ONE, ONE, TWO, ONE, TWO, TWO, THREE, ONE, ONE))  # ProblemData
-PROGRAMME = _tuple((TWO, ONE, TWO, ONE, ONE))  # QuadraticProgramme
-GROUND = (_array(2, readonly=True), float64)
-PLAN = (_array(1, readonly=True), _array(2, readonly=True), _array(2, readonly=True))  # times, states and inputs
-HELPED: tuple[Signature, ...] = (
+DATA = combined(ONE, ONE, ONE, TWO, ONE, TWO, TWO, THREE, ONE, ONE)  # ProblemData
+PROGRAMME = combined(TWO, ONE, TWO, ONE, ONE)  # QuadraticProgramme
+GROUND = (TWO_READ, float64)
+PLAN = (ONE_READ, TWO_READ, TWO_READ)  # times, states and inputs
+WHOLE = array(1, int64)
+PLANNING: tuple[Signature, ...] = (
     (linearise, (ONE, DATA, ONE, ONE, PROGRAMME)),
-    (surface, (*GROUND, ONE, ONE)),
-    (_extent, (ONE, ONE, ONE, ONE)),
-)
-OWN: tuple[Signature, ...] = (
-    (cost_many, (TWO, THREE, ONE, TWO)),
     (begin, (ONE, DATA, ONE, ONE)),
     (search, (ONE, float64, float64, ONE, float64, int64, PROGRAMME, DATA, ONE, ONE)),
-    (arc_clearance, (*GROUND, ONE, ONE, ONE, float64)),
-    (state_on, (*PLAN, float64)),
-    (_lag_along, (*PLAN, float64, float64, float64, float64, ONE)),
-    (path_clearance, (*GROUND, TWO, TWO, TWO, ONE)),
-    (tracking_command, (*PLAN, float64, float64, ONE, ONE, float64, float64)),
+    (cost_many, (TWO, THREE, ONE, TWO)),
+    (_settle, (ONE, ONE, ONE, WHOLE, WHOLE, float64, int64, int64, int64)),
 )
-
-if __name__ == "__main__":
-    compile_all(HELPED)
+TRACKING: tuple[Signature, ...] = (
+    (tracking_command, (*PLAN, float64, float64, ONE, ONE, float64, float64)),
+    (_lag_along, (*PLAN, float64, float64, float64, float64, ONE)),
+)
+CERTIFYING: tuple[Signature, ...] = (
+    (state_on, (*PLAN, float64)),
+    (_extent, (ONE, ONE, ONE, ONE)),
+    (surface, (*GROUND, ONE, ONE)),
+    (path_clearance, (*GROUND, TWO, TWO, TWO, ONE)),
+    (arc_clearance, (*GROUND, ONE, ONE, ONE, float64)),
+)
+KERNELS = (*PLANNING, *TRACKING, *CERTIFYING)

@@ -17,6 +17,7 @@ greater, falls at a quarter of a_max.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -55,8 +56,9 @@ class TrackingBound:
 
     def broken_by(self, error: Array) -> bool:
         """True if an error (6,) [m, m/s] of the state lies outside."""
+        x, y, z = error[:3].tolist()
         # Written this way round, so that NaN lies outside.
-        return not (np.hypot(error[0], error[1]) <= self.horizontal and abs(error[2]) <= self.vertical)
+        return not (math.hypot(x, y) <= self.horizontal and abs(z) <= self.vertical)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ to be wrong and nothing can be certified any more, of two plans that cannot the 
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -63,13 +62,14 @@ def doubt(estimate: Estimate, worst: tuple[float, ...]) -> str:
         return str(estimate.status.value)
     if estimate.covariance is None:
         return ""
-    variance = np.diag(estimate.covariance)
-    for what, unit, values, declared in (
+    variance = estimate.covariance.diagonal().tolist()
+    for what, unit, (x, y, z), declared in (
         ("position", "m", variance[:3], worst[0]),
         ("velocity", "m/s", variance[3:], worst[1]),
     ):
-        deviation = math.sqrt(max(0.0, float(values.max())))
-        if not deviation <= (1.0 + _ROUNDING) * declared + _ROUNDING:
+        allowed = ((1.0 + _ROUNDING) * declared + _ROUNDING) ** 2
+        if not (x <= allowed and y <= allowed and z <= allowed):  # nor is NaN
+            deviation = float(np.sqrt(np.max((x, y, z))))
             return f"the estimate's {what} is off by {deviation:.3g} {unit}, one sigma; declared: {declared:.3g}"
     return ""
 
@@ -268,6 +268,8 @@ class Certified:
 
     def _listen(self, messages: Sequence[Message]) -> tuple[str, ...]:
         """Update target and map from ``messages``; "message-ignored" for those that cannot be used."""
+        if not messages:
+            return ()
         before, now = self._certificate, self._certificate.updated_with(messages)
         if now is not before:
             self._certificate, self._fallback = now, self._make_fallback(now)

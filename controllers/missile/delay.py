@@ -60,10 +60,11 @@ class DelayCompensation:
         """State (nx,) at t [s] of the declared body from an estimate, under the inputs on their way."""
         coordinates, body = self._mission.coordinates, self._mission.body
         x = checked_state(estimate, self._mission)
-        external = disturbance(estimate, len(self._input_max))
-        for duration, u in self._sent.acting(estimate.t, t):
-            x = coordinates.flow(x, u + external, duration, body)
-        return x
+        acting = list(self._sent.acting(estimate.t, t))
+        if not acting:
+            return x
+        inputs = np.array([u for _, u in acting]) + disturbance(estimate, len(self._input_max))
+        return coordinates.flow_through(x, inputs, [duration for duration, _ in acting], body)
 
     def _learn(self, t: float, x: Array) -> None:
         """Learn from the prediction for t [s] what predictions lack."""

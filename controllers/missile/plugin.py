@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Interval
 
@@ -37,6 +37,8 @@ _HIGHEST = 100.0  # [m] of a clearance
 @configuration
 class MissileConfig:
     """Fields of ``--planner``."""
+
+    kernels: ClassVar[str] = "mathnavi.controllers.missile.ahead"  # compiled before the first run
 
     autopilot: AutopilotName = "feedback-linearisation"
     """what flies the plan"""

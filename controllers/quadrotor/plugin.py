@@ -10,6 +10,7 @@ a ``margin`` of 25 m often lack their certificate.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from mathnavi.controllers.flight.certificate import Certificate
 from mathnavi.controllers.flight.plugin import RecedingHorizonConfig, planner
@@ -23,6 +24,8 @@ from mathnavi.sim.interfaces.protocols import Planner, Tracker
 @dataclass(frozen=True)
 class QuadrotorConfig:
     """Fields of ``--planner``."""
+
+    kernels: ClassVar[str] = "mathnavi.controllers.quadrotor.ahead"  # compiled before the first run
 
     flight: RecedingHorizonConfig = field(default_factory=lambda: RecedingHorizonConfig(margin=100.0))
     """Of the planner, on the mission magnified: v_max is 300 m/s there, and its times are 10/3 of the true ones."""

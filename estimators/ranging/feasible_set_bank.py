@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Gt, Interval, Lt
@@ -78,6 +78,8 @@ _TWIN = 1.0  # d' P^-1 d below which two hypotheses are the same
 @configuration
 class FeasibleSetBankConfig:
     """Fields of the command line."""
+
+    kernels: ClassVar[str] = "mathnavi.estimators.ranging.ahead"  # compiled before the first run
 
     hypotheses: CountInMemory = 16
     """at most so many"""

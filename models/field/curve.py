@@ -212,20 +212,21 @@ def _fixed(array: Array) -> Array:
 def _crossing(points: Array) -> str:
     """Place where a closed polygon crosses itself, or ""."""
     n = len(points)
-    a, b = points, np.roll(points, -1, axis=0)
-    d = b - a
-    for k in range(n - 2):
-        others = np.arange(k + 2, n - (k == 0))
-        r = a[others] - a[k]
-        cross = d[k, 0] * d[others, 1] - d[k, 1] * d[others, 0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = (r[:, 0] * d[others, 1] - r[:, 1] * d[others, 0]) / cross
-            w = (r[:, 0] * d[k, 1] - r[:, 1] * d[k, 0]) / cross
-        hit = (t >= 0.0) & (t <= 1.0) & (w >= 0.0) & (w <= 1.0)
-        if hit.any():
-            x, y = a[k] + t[hit][0] * d[k]
-            return f"({x:.3g}, {y:.3g})"
-    return ""
+    a, d = points, np.roll(points, -1, axis=0) - points
+    side, other = np.triu_indices(n, 2)
+    apart = (side > 0) | (other < n - 1)  # the last side and the first have a corner in common
+    side, other = side[apart], other[apart]
+    r, (dx, dy), (ex, ey) = (a[other] - a[side]).T, d[side].T, d[other].T
+    cross = dx * ey - dy * ex
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = (r[0] * ey - r[1] * ex) / cross
+        w = (r[0] * dy - r[1] * dx) / cross
+    hit = (t >= 0.0) & (t <= 1.0) & (w >= 0.0) & (w <= 1.0)
+    if not hit.any():
+        return ""
+    first = int(np.argmax(hit))
+    x, y = a[side[first]] + t[first] * d[side[first]]
+    return f"({x:.3g}, {y:.3g})"
 
 
 # ---- curves by name

@@ -119,7 +119,7 @@ class Attitude:
 
     def norm(self, p: Array, w: Array) -> float:
         """|w|_g = |w| / 2 of a body rate w (3,) [rad/s] at p (4,)."""
-        return 0.5 * float(np.linalg.norm(w))
+        return 0.5 * math.sqrt(w.dot(w))
 
     def transport(self, p: Array, q: Array, w: Array) -> Array:
         """Parallel transport of a body rate w (3,) [rad/s] from p (4,) to q (4,).

@@ -9,7 +9,7 @@ A *place* is a point or vector of the Earth frame (X_e, Y_e, Z_e), always (3,), 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -137,6 +137,16 @@ class Coordinates:
         after = kernels.flow(self.in_space(x), self.input_in_space(u), float(dt), body.numbers, STEP)
         return after[self._state_places]
 
+    def flow_through(self, x: Array, u: Array, durations: Sequence[float], body: Body = NOMINAL) -> Array:
+        """State (nx,) after the inputs u (n, nu) [N, N m] were held for ``durations`` (n,) [s] one after the other
+        from x (nx,): as n calls of ``flow``.
+        """
+        now, numbers = self.in_space(x), body.numbers
+        for held, dt in zip(self.input_in_space(u), durations, strict=True):
+            now = kernels.flow(now, held, float(dt), numbers, STEP)
+            now[self._other_places] = 0.0
+        return now[self._state_places]
+
     def state_at(self, plan: Plan, t: float | Array, body: Body = NOMINAL) -> Array:
         """State of a plan at absolute time t [s]: (nx,) for a number, (n, nx) for an array (n,).
 
@@ -160,6 +170,10 @@ class Coordinates:
     @cached_property
     def _state_places(self) -> Integers:
         return _places(self.states, SPATIAL_STATES)
+
+    @cached_property
+    def _other_places(self) -> Integers:
+        return np.setdiff1d(np.arange(len(SPATIAL_STATES)), self._state_places)
 
     @cached_property
     def _input_places(self) -> Integers:

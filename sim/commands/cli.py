@@ -13,8 +13,8 @@ import importlib
 import io
 import os
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 
 from mathnavi.sim.commands.errors import PIPE_CLOSED, UNFORESEEN, BadInputError, one_line
 from mathnavi.sim.commands.interruption import end, exit_code, interrupted_line, interruptible
@@ -23,18 +23,16 @@ from mathnavi.sim.commands.wrapping import wrapped
 from mathnavi.sim.interfaces.checks import allowed_for
 
 USAGE = "usage: mathnavi COMMAND ...\n       mathnavi --version\n\n{}\n\nmathnavi COMMAND --help explains a command."
-_ALLOCATIONS = 200_000  # less deallocations, between two searches for garbage, where this process is the command
+_ALLOCATIONS = 200_000  # less deallocations, between two searches for garbage
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; the result is the exit code."""
     # Small matrices only: on a busy machine the threads of a linear-algebra library wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    if argv is None:  # imports make many objects, none of which is garbage
-        gc.set_threshold(_ALLOCATIONS)
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
-        with interruptible(arguments, whole_process=argv is None):
+        with interruptible(arguments, whole_process=argv is None), _few_collections(whole_process=argv is None):
             code = _called(arguments)
             if sys.stdout is not None:  # it may have been closed from the start
                 sys.stdout.flush()  # so that a reader that has gone, or a full disk, is noticed here
@@ -68,6 +66,25 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         print(f"mathnavi: {unforeseen.report(error, arguments)}", file=sys.stderr)
         return UNFORESEEN
+
+
+@contextmanager
+def _few_collections(whole_process: bool) -> Iterator[None]:
+    """Search rarely for garbage in here, and then no more in what there is, where this process is one command.
+
+    Imports make many objects, none of which is garbage; the end of the process frees them all, and would first look
+    through each of them.
+    """
+    if not whole_process:
+        yield
+        return
+    threshold = gc.get_threshold()
+    gc.set_threshold(_ALLOCATIONS)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*threshold)
+        gc.freeze()
 
 
 def _called(arguments: Sequence[str]) -> int:

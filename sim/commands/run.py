@@ -102,7 +102,7 @@ def _run(
     """Fly, write the folder and draw; the exit code of the command."""
     with run_folder(folder) as claim:
         with flight_progress(errors) as progress:
-            compile_ahead(request.controller.config)
+            compile_ahead(request.config, request.controller.config, request.estimator.config)
             closed_loop = build(request, run_config)
             if run_config is not None:
                 note_environment(errors, run_config)

@@ -8,7 +8,7 @@ otherwise the plan before, which leads to rest, stays.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, TypeVar
@@ -71,9 +71,16 @@ class AgentRunner:
     usable: bool = True  # the tracker's last command
     estimating: bool = True  # the estimator's last answer was usable
     unused_readings: UnusedReadings = field(init=False)
+    monitor: Callable[[PlanRequest], Plan | None] | None = field(init=False)  # the planner's, if it has one
+    estimator_events: Callable[[], Iterable[tuple[str, str]]] | None = field(init=False)  # likewise
+    tracker_events: Callable[[], Iterable[tuple[str, str]]] | None = field(init=False)
 
     def __post_init__(self) -> None:
-        self.unused_readings = UnusedReadings(self.agent.sensors)
+        agent = self.agent
+        self.unused_readings = UnusedReadings(agent.sensors)
+        self.monitor = getattr(agent.planner, "monitor", None)
+        self.estimator_events = getattr(agent.estimator, "events", None)
+        self.tracker_events = getattr(agent.tracker, "events", None)
 
     def control_step(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
         """Estimate, plan and track as far as they fall due at tick k, t [s]; ``row`` is that of the log."""
@@ -86,8 +93,9 @@ class AgentRunner:
 
     def observe(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
         """Take in the readings of the sensors, and estimate if that falls due."""
-        self.record.measurements(row, readings)
-        self.inbox.extend(self.unused_readings.watched(readings))
+        if readings:
+            self.record.measurements(row, readings)
+            self.inbox.extend(self.unused_readings.watched(readings))
         if k % self.estimator_ticks == 0:
             self._estimate(t)
 
@@ -116,16 +124,18 @@ class AgentRunner:
         except (Exception, SystemExit) as error:
             complaint = f"{type(error).__name__}: {error}{where_raised(error)}"
         self.inbox = []
-        for sensor in self.unused_readings.found():
-            text = f"the estimator asked for the sensor {sensor!r} and uses no reading of it; is the name misspelt?"
-            self.record.event(t, "sensor-unused", text)
+        if not self.unused_readings.settled:
+            for sensor in self.unused_readings.found():
+                text = f"the estimator asked for the sensor {sensor!r} and uses no reading of it; is the name misspelt?"
+                self.record.event(t, "sensor-unused", text)
         if not complaint:
             self.estimate = estimate
         elif self.estimate is not None:
             self.estimate = replace(self.estimate, status=Status.LOST)
         if complaint and self.estimating:
             self.record.event(t, "estimate-unusable", complaint)
-        self._record_events(t, self.agent.estimator)
+        if self.estimator_events is not None:
+            self._record_events(t, self.estimator_events())
         self.estimating = not complaint
         if self.estimate is not None:
             self.record.estimate(self.estimate)
@@ -163,13 +173,12 @@ class AgentRunner:
 
     def _monitor(self, k: int, t: float, estimate: Estimate) -> None:
         """Ask the planner what cannot wait for the next planning instant."""
-        monitor = getattr(self.agent.planner, "monitor", None)
         news = bool(self.undelivered) and self.undelivered[0].t <= t + TIME_TOLERANCE
-        if monitor is None or self.plan is None or not (news or k % self.estimator_ticks == 0):
+        if self.monitor is None or self.plan is None or not (news or k % self.estimator_ticks == 0):
             return
-        request = PlanRequest(t, t, estimate, self.plan, tuple(self._deliver(t)))
+        request = PlanRequest(t, t, estimate, self.plan, tuple(self._deliver(t)) if news else ())
         try:
-            plan = monitor(request)
+            plan = self.monitor(request)
         except (Exception, SystemExit) as error:
             plan = Plan.raised(error)
         if plan is None:
@@ -232,10 +241,9 @@ class AgentRunner:
         for note in plan.notes:
             self.record.event(t, note, message)
 
-    def _record_events(self, t: float, part: object) -> None:
-        """Record what a part of the agent has to report, if it reports anything."""
-        events = getattr(part, "events", None)
-        for kind, message in () if events is None else events():
+    def _record_events(self, t: float, events: Iterable[tuple[str, str]]) -> None:
+        """Record what a part of the agent has to report."""
+        for kind, message in events:
             self.record.event(t, kind, message)
 
     def _track(self, t: float, estimate: Estimate, plan: Plan) -> None:
@@ -246,7 +254,8 @@ class AgentRunner:
             complaint = "" if usable else f"{command!r}"
         except (Exception, SystemExit) as error:
             usable, complaint = False, f"{type(error).__name__}: {error}"
-        self._record_events(t, self.agent.tracker)
+        if self.tracker_events is not None:
+            self._record_events(t, self.tracker_events())
         if usable:
             self.command = command
         elif self.usable:

@@ -1,16 +1,27 @@
-"""Reports of compilation by numba, which happens only where its cache holds nothing."""
+"""Compilation by numba, only where its cache holds nothing: reports of it, and two processes that share it.
+
+    python -m mathnavi.sim.engine.compilation CLAIMS MODULE ...
+
+is the second process (``compile_ahead``).
+"""
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mathnavi.sim.interfaces.compiled import Signature
 
 
 @contextmanager
@@ -35,32 +46,52 @@ def compilation_reported(report: Callable[[bool], None]) -> Iterator[None]:
         yield
 
 
-def compile_ahead(config: object) -> None:
-    """Compile what a plug-in's configuration names as its ``kernels``, a module as ``compile_in_two`` takes it."""
-    module = getattr(config, "kernels", None)
-    if isinstance(module, str):
-        compile_in_two(module)
+def compile_ahead(*configs: object) -> None:
+    """Compile what configurations name as their ``kernels``, a module with a list ``KERNELS`` each, by two processes.
 
-
-def compile_in_two(module: str) -> None:
-    """Compile the kernels ``OWN`` of a module in here while a second process, ``python -m module``, does its others.
-
-    Nothing happens where they are all kept already. Whether the second process succeeds changes nothing but the time:
-    what is missing afterwards is compiled where it is called.
+    The second process takes the kernels from the end of the list, this one from its start, until none is left:
+    neighbours, which share inner kernels, are compiled by the same one. Nothing happens where they are all kept
+    already. Whether the second process succeeds changes nothing but the time: what is missing afterwards is compiled
+    where it is called.
     """
-    from mathnavi.sim.interfaces.compiled import any_missing, compile_all  # numba takes a while to import
+    modules = dict.fromkeys(name for config in configs if isinstance(name := getattr(config, "kernels", None), str))
+    if not modules or (os.cpu_count() or 1) < 2:
+        return
+    from mathnavi.sim.interfaces.compiled import any_missing  # numba takes a while to import
 
-    lists = importlib.import_module(module)
-    if (os.cpu_count() or 1) < 2 or not any_missing((*lists.OWN, *lists.HELPED)):
+    kernels = listed(modules)
+    if not any_missing(kernels):
         return
     quiet = subprocess.DEVNULL
-    process = subprocess.Popen([sys.executable, "-P", "-m", module], stdin=quiet, stdout=quiet, stderr=quiet)
+    with tempfile.TemporaryDirectory(prefix="mathnavi-kernels-") as claims:
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", __name__, claims, *modules], stdin=quiet, stdout=quiet, stderr=quiet
+        )
+        try:
+            compile_unclaimed(list(enumerate(kernels)), Path(claims))
+            process.wait()
+        finally:
+            process.kill()
+            process.wait()
+
+
+def listed(modules: Iterable[str]) -> list[Signature]:
+    """The kernels of modules, each once."""
+    return list(dict.fromkeys(each for module in modules for each in importlib.import_module(module).KERNELS))
+
+
+def compile_unclaimed(kernels: Sequence[tuple[int, Signature]], claims: Path) -> None:
+    """Compile numbered kernels that no other process has claimed by a file with that number."""
+    collecting = gc.isenabled()
+    gc.disable()  # it would go through all that numba's compiler holds again and again
     try:
-        compile_all(lists.OWN)
-        process.wait()
+        for number, (kernel, arguments) in kernels:
+            with suppress(FileExistsError):
+                (claims / str(number)).touch(exist_ok=False)
+                kernel.compile(arguments)
     finally:
-        process.kill()
-        process.wait()
+        if collecting:
+            gc.enable()
 
 
 @dataclass
@@ -87,3 +118,7 @@ def compilation_timed() -> Iterator[CompilationClock]:
         return
     with compilation_reported(report):
         yield clock
+
+
+if __name__ == "__main__":
+    compile_unclaimed(list(enumerate(listed(sys.argv[2:])))[::-1], Path(sys.argv[1]))

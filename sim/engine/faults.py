@@ -97,17 +97,19 @@ class _GaussMarkov:
             raise ArgumentError(f"{what} limit = {limit!r} {unit}; allowed: > 0")
         self._rms, self._time_constant, self._limit = rms, time_constant, limit
         self._now: dict[str, Array] = {}
+        self._over: dict[float, tuple[float, float]] = {}  # by the length of a step: what is kept, what is stirred in
 
     def next(self, name: str, dt: float, rng: np.random.Generator) -> Array:
         """The vector of one vehicle over the coming step of dt [s]."""
-        keep = math.exp(-dt / self._time_constant)
-        stir = self._rms * math.sqrt(1.0 - keep * keep)
+        if dt not in self._over:
+            keep = math.exp(-dt / self._time_constant)
+            self._over[dt] = keep, self._rms * math.sqrt(1.0 - keep * keep)
+        keep, stir = self._over[dt]
         fresh = rng.standard_normal(3)
-        now = keep * self._now[name] + stir * fresh if name in self._now else self._rms * fresh
+        now: Array = keep * self._now[name] + stir * fresh if name in self._now else self._rms * fresh
         self._now[name] = now
-        length = math.sqrt(float(now @ now))
-        clipped: Array = now * min(1.0, self._limit / length) if length > 0.0 else now
-        return clipped
+        length = math.sqrt(float(now.dot(now)))
+        return now * (self._limit / length) if length > self._limit else now
 
 
 class Gusts:

@@ -12,12 +12,13 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.sim.engine.contact_free import ContactFree
 from mathnavi.sim.engine.input_bounds import input_bound
 from mathnavi.sim.engine.loop import whole_ticks
 from mathnavi.sim.engine.mujoco_sensors import OwnSensors
@@ -133,6 +134,13 @@ class _Vehicle:
         self.motion.q[:], self.motion.v[:] = q, x[nq:]
 
 
+class _Vehicles(dict[str, _Vehicle]):
+    """The vehicles of a plant by name; ArgumentError for another name."""
+
+    def __missing__(self, name: str) -> _Vehicle:
+        raise ArgumentError(f"the plant has no vehicle {name!r}; it has {list(self)}")
+
+
 class MujocoPlant:
     """Vehicles of a compiled MuJoCo model behind ``mathnavi.sim.interfaces.protocols.Plant``."""
 
@@ -150,10 +158,10 @@ class MujocoPlant:
         self._before = np.empty(mujoco.mj_stateSize(model, _STATE))
         self._sensors = OwnSensors(model, self.data)
         generators = rng.spawn(len(vehicles))
-        self._vehicles = {
-            name: _Vehicle(name, setup, model, self.data, generator, partial(self._sensors.read, name))
+        self._vehicles = _Vehicles(
+            (name, _Vehicle(name, setup, model, self.data, generator, partial(self._sensors.read, name)))
             for (name, setup), generator in zip(vehicles.items(), generators, strict=True)
-        }
+        )
         self._names = tuple(self._vehicles)
         self._each = tuple(self._vehicles.values())
         self._late = tuple(vehicle for vehicle in self._each if vehicle.delay)
@@ -162,6 +170,7 @@ class MujocoPlant:
         self._owner = {geom: vehicle for vehicle in self._vehicles.values() for geom in vehicle.geoms}
         self._driven = [(vehicle, vehicle.drive) for vehicle in self._vehicles.values() if vehicle.drive is not None]
         self._expected = _expected_contacts(model, self._each)
+        self._held = not (self._late or self._driven or self._expected is not None)  # nothing acts but held inputs
         mujoco.mj_forward(model, self.data)
 
     @property
@@ -173,27 +182,27 @@ class MujocoPlant:
         return self._names
 
     def state(self, name: str) -> Array:
-        return self._vehicle(name).motion.x
+        return self._vehicles[name].motion.x
 
     def state_names(self, name: str) -> tuple[str, ...]:
-        return self._vehicle(name).state_names
+        return self._vehicles[name].state_names
 
     def sensor_sizes(self, name: str) -> dict[str, int]:
-        return {each.sensor.name: each.sensor.size for each in self._vehicle(name).sensors}
+        return {each.sensor.name: each.sensor.size for each in self._vehicles[name].sensors}
 
     def sensors(self, name: str) -> tuple[Sensor, ...]:
-        return tuple(each.sensor for each in self._vehicle(name).sensors)
+        return tuple(each.sensor for each in self._vehicles[name].sensors)
 
     def layout(self, name: str) -> Layout:
         """Places of a vehicle in the arrays of ``model`` and ``data``."""
-        return self._vehicle(name).layout
+        return self._vehicles[name].layout
 
     def contacts(self, name: str) -> int:
         """Number of times that the vehicle has begun to touch something."""
-        return self._vehicle(name).contacts
+        return self._vehicles[name].contacts
 
     def sense(self, name: str) -> Sequence[Measurement]:
-        vehicle = self._vehicle(name)
+        vehicle = self._vehicles[name]
         self._read(vehicle, at_control_step=True)
         readings, vehicle.readings = vehicle.readings, []
         return readings
@@ -209,20 +218,20 @@ class MujocoPlant:
                     vehicle.readings.append(Measurement(sensor.name, ticks * self.dt, value))
 
     def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
-        vehicle = self._vehicle(name)
+        vehicle = self._vehicles[name]
         vehicle.wrench[:3] += force
         if torque is not None:
             vehicle.wrench[3:] += torque
         vehicle.disturbed = True
 
     def displace(self, name: str, offset: Array) -> None:
-        vehicle = self._vehicle(name)
+        vehicle = self._vehicles[name]
         for i, axis in vehicle.slides:
             vehicle.motion.q[i] += float(axis @ offset)
         self._sensors.passed()
 
     def place(self, name: str, state: Array) -> None:
-        self._vehicle(name).place(state, "state")
+        self._vehicles[name].place(state, "state")
         self._sensors.passed()
         mujoco.mj_forward(self.model, self.data)  # what sensors read is that of the new place
         self._sensors.passed()
@@ -246,8 +255,7 @@ class MujocoPlant:
         between = self._between(ticks) if self._ticks % ticks == 0 else self._each
         for vehicle in between:
             vehicle.readings.clear()
-        held = not (between or self._late or self._driven or self._touching or self._expected is not None)
-        if not (held and self._pass_free(ticks)):
+        if not (self._held and not between and not self._touching and self._pass_free(ticks)):
             self._pass(ticks, between, events)
         self._sensors.passed()
         self.data.time = self._ticks * self.dt
@@ -259,8 +267,14 @@ class MujocoPlant:
 
     def _pass_free(self, ticks: int) -> bool:
         """Advance by so many ticks with all held, in one call; False, and nothing has happened, if anything touches."""
-        model, data = self.model, self.data
+        model, data, free = self.model, self.data, self._contact_free
         mujoco.mj_getState(model, data, self._before, _STATE)
+        if free is not None and free.ahead(ticks * self.dt):
+            mujoco.mj_step(free.model, data, ticks)
+            if free.within(ticks * self.dt):
+                self._ticks += ticks
+                return True
+            mujoco.mj_setState(model, data, self._before, _STATE)
         data.maxuse_con = 0
         mujoco.mj_step(model, data, ticks)
         if data.maxuse_con:
@@ -268,6 +282,12 @@ class MujocoPlant:
             return False
         self._ticks += ticks
         return True
+
+    @cached_property
+    def _contact_free(self) -> ContactFree | None:
+        """Steps without collision detection, where all that moves is one vehicle on slides."""
+        slides = len(self._each[0].slide_rates) if len(self._each) == 1 else 0
+        return ContactFree(self.model, self.data) if ContactFree.applies(self.model, slides) else None
 
     def _pass(self, ticks: int, between: Sequence[_Vehicle], events: list[Event]) -> None:
         """Advance tick by tick: read the sensors of the vehicles ``between``, note contacts, let late inputs act."""
@@ -293,12 +313,6 @@ class MujocoPlant:
         if ticks not in self._read_between:
             self._read_between[ticks] = tuple(v for v in self._each if any(m.every % ticks for m in v.sensors))
         return self._read_between[ticks]
-
-    def _vehicle(self, name: str) -> _Vehicle:
-        try:
-            return self._vehicles[name]
-        except KeyError:
-            raise ArgumentError(f"the plant has no vehicle {name!r}; it has {list(self._names)}") from None
 
     def _bounded(self, vehicle: _Vehicle, command: Array, events: list[Event]) -> Array:
         """The command within its bound."""

@@ -6,6 +6,10 @@ kernel and of every kernel that it calls, types of its arguments, options, proce
 installed wheels with the same kernels share one copy, and a change of a kernel compiles anew those of other files that
 call it, which numba's own cache does not notice. Without a folder to write to, every process compiles for itself.
 
+A wheel may carry kernels compiled for a common level of the processor, x86-64-v3 or that of every 64-bit ARM
+(``SHIPPED``, made by ``mathnavi.sim.plugin.ship_kernels``). They are used where the user's folder has none, if Python,
+numba and llvmlite have the versions that compiled them and the processor has that level. Nothing is written there.
+
 Much of what a kernel takes to compile is its machine code, and the code that lets Python call it. An *inner* kernel,
 ``inner_njit``, is called by other kernels only: it has neither, and is optimised, translated and kept as a part
 of those that call it.
@@ -17,6 +21,7 @@ import hashlib
 import importlib
 import os
 import pickle
+import platform
 import sys
 import tempfile
 import time
@@ -24,23 +29,45 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numba
 import numpy as np
 from numba.core.caching import _Cache
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+from numba.core.compiler import Compiler, compile_result
 from numba.core.dispatcher import Dispatcher
 from numba.core.types import ExternalFunction
 
-_caching: Any = importlib.import_module("numba.core.caching")
+_binding: Any = importlib.import_module("llvmlite.binding")
 _runtime: Any = importlib.import_module("numba.core.runtime")
 _config: Any = importlib.import_module("numba.core.config")
 _serialize: Any = importlib.import_module("numba.core.serialize")
 _llvmlite: Any = importlib.import_module("llvmlite")
 _KEPT = 90 * 86400.0  # [s] since its last use, for which an entry is kept
+_FORMAT = 2  # of a file of compiled code
 _REMARKED = 86400.0  # [s] between two notes that an entry is in use
+
+SHIPPED = Path(__file__).parent / "shipped_kernels"
+"""the compiled kernels that a wheel carries; the only folder besides the user's from which any are loaded"""
+
+
+class ProcessorLevel(NamedTuple):
+    """A common processor: LLVM's name of it and the features that it has, for numba to compile for."""
+
+    name: str
+    features: str
+
+
+LEVELS = {
+    "x86_64": ProcessorLevel(
+        "x86-64-v3",
+        "+avx,+avx2,+bmi,+bmi2,+cmov,+crc32,+cx16,+cx8,+f16c,+fma,+fxsr,+lzcnt,+mmx,+movbe,+popcnt,+sahf,"
+        "+sse,+sse2,+sse3,+sse4.1,+sse4.2,+ssse3,+xsave",
+    ),
+    "aarch64": ProcessorLevel("generic", ""),
+}
+"""by the machine's architecture"""
 
 
 if TYPE_CHECKING:
@@ -107,6 +134,57 @@ class _InnerCompiler(Compiler):
         return super().compile_extra(func)  # type: ignore[no-untyped-call]
 
 
+class _KeptLibrary(JITCodeLibrary):
+    """Machine code that was kept, and its bitcode, which is read when a kernel that calls it is compiled.
+
+    Bitcode takes longer to read than all else, and a kernel that Python calls needs none.
+    """
+
+    def __init__(self, codegen: Any, kept: tuple[str, str, tuple[bytes, bytes]], symbols: frozenset[str]) -> None:
+        name, _, (machine_code, bitcode) = kept
+        self._read: Any = None
+        self._bitcode = b""
+        super().__init__(codegen, name)  # type: ignore[no-untyped-call]
+        self._bitcode = bitcode
+        self.enable_object_caching()  # type: ignore[no-untyped-call]
+        self._set_compiled_object(machine_code)  # type: ignore[no-untyped-call]
+        self._finalize_final_module()  # type: ignore[no-untyped-call]
+        codegen._engine._defined_symbols |= symbols
+
+    @property
+    def _shared_module(self) -> Any:
+        if self._read is None and self._bitcode:
+            self._read = _binding.parse_bitcode(self._bitcode)
+        return self._read
+
+    @_shared_module.setter
+    def _shared_module(self, module: Any) -> None:
+        self._read = module
+
+
+def _symbols(library: JITCodeLibrary) -> frozenset[str]:
+    """What a library defines."""
+    module: Any = library._get_module_for_linking()  # type: ignore[no-untyped-call]
+    return frozenset(
+        each.name for kind in (module.functions, module.global_variables) for each in kind if not each.is_declaration
+    )
+
+
+def _rebuilt(context: Any, content: tuple[frozenset[str], tuple[Any, ...]]) -> Any:
+    """The compiled code that ``save_overload`` kept, as numba's own ``CompileResult._rebuild`` makes it."""
+    symbols, (kept, descriptor, environment, signature, object_mode, lifted, annotation, _, environments) = content
+    library: Any = _KeptLibrary(context.codegen(), kept, symbols)
+    found = compile_result(  # type: ignore[no-untyped-call]
+        target_context=context, typing_context=context.typing_context, library=library, environment=environment,
+        entry_point=context.get_executable(library, descriptor, environment), fndesc=descriptor, signature=signature,
+        type_annotation=annotation, objectmode=object_mode, lifted=lifted, reload_init=[],
+        referenced_envs=environments,
+    )  # fmt: skip
+    for each in environments:
+        library.codegen.set_env(each.env_name, each)
+    return found
+
+
 def kernel_folder() -> Path:
     """The folder of all compiled kernels."""
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
@@ -131,21 +209,22 @@ class KernelCache(_Cache):
             return None
         # Of numba a loaded kernel needs the memory management; what translates Python takes a while to import.
         _runtime.rtsys.initialize(target_context)
-        file = self._file(sig, target_context.codegen())
-        try:
-            content = pickle.loads(file.read_bytes())
-        except (OSError, EOFError, pickle.UnpicklingError):
-            return None
-        with suppress(OSError):
-            if time.time() - file.stat().st_mtime > _REMARKED:
-                os.utime(file)
-        return _caching.CompileResultCacheImpl.rebuild(None, target_context, content)
+        for file in self.files(sig, target_context.codegen()):
+            try:
+                content = pickle.loads(file.read_bytes())
+            except (OSError, EOFError, pickle.UnpicklingError):
+                continue
+            with suppress(OSError):
+                if file.parent != SHIPPED and time.time() - file.stat().st_mtime > _REMARKED:
+                    os.utime(file)
+            return _rebuilt(target_context, content)
+        return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the compiled code, whole or not at all; nothing happens where it cannot be written."""
-        if not self._enabled or data.library.has_dynamic_globals or any(not lifted.can_cache for lifted in data.lifted):
+        if not self._enabled or data.library.has_dynamic_globals or data.lifted or data.reload_init:
             return
-        file, content = self._file(sig, data.codegen), _serialize.dumps(data._reduce())
+        file, content = self.files(sig, data.codegen)[0], _serialize.dumps((_symbols(data.library), data._reduce()))
         with suppress(OSError):
             file.parent.mkdir(parents=True, exist_ok=True)
             handle, partial = tempfile.mkstemp(dir=file.parent, prefix=".partial-")
@@ -161,7 +240,7 @@ class KernelCache(_Cache):
     def keeps(self, sig: Any) -> bool:
         """True if compiled code for arguments of the types ``sig`` is kept."""
         context: Any = self._kernel.targetctx
-        return self._file(sig, context.codegen()).exists()
+        return any(file.exists() for file in self.files(sig, context.codegen()))
 
     def enable(self) -> None:
         """Use the cache."""
@@ -180,21 +259,31 @@ class KernelCache(_Cache):
     def _name(self) -> str:
         return f"{self._kernel.__module__}.{self._kernel.py_func.__name__}"
 
-    def _file(self, sig: Any, codegen: Any) -> Path:
-        versions = sys.version, numba.__version__, _llvmlite.__version__
+    def files(self, sig: Any, codegen: Any) -> list[Path]:
+        """The files that may hold compiled code for arguments of the types ``sig``: the user's, then a shipped one."""
+        versions = _FORMAT, sys.implementation.cache_tag, sys.abiflags, numba.__version__, _llvmlite.__version__
         types = [repr(sig), *map(repr, _fields(sig))]
-        found = repr((versions, codegen.magic_tuple(), types, kernel_digest(self._kernel)))
-        return kernel_folder() / f"{self._name}-{hashlib.sha256(found.encode()).hexdigest()[:32]}.nbc"
+        content = types, kernel_digest(self._kernel)
+        processors = {kernel_folder(): codegen.magic_tuple()}
+        if SHIPPED.is_dir() and (level := _shipped_for(*codegen.magic_tuple())):
+            processors[SHIPPED] = level
+        return [
+            folder
+            / f"{self._name}-{hashlib.sha256(repr((versions, processor, *content)).encode()).hexdigest()[:32]}.nbc"
+            for folder, processor in processors.items()
+        ]
+
+
+def _shipped_for(triple: str, name: str, features: str) -> tuple[str, str, str] | None:
+    """Target, name and features that shipped kernels were compiled for; None if this processor lacks one of these."""
+    level = LEVELS.get(platform.machine())
+    if level is None or _config.CPU_NAME is not None:
+        return None
+    return (triple, *level) if set(level.features.split(",")) <= {"", *features.split(",")} else None
 
 
 Signature = tuple[Any, tuple[Any, ...]]
 """a kernel and the types of its arguments"""
-
-
-def compile_all(kernels: Iterable[Signature]) -> None:
-    """Compile kernels, or load what is kept of them."""
-    for kernel, arguments in kernels:
-        kernel.compile(arguments)
 
 
 def any_missing(kernels: Iterable[Signature]) -> bool:

@@ -113,10 +113,16 @@ def rms(values: Array) -> float:
 
 
 def lagrangian_summary(
-    recording: Recording, name: str, manifold: Manifold, settled: float, seed: int, wall_seconds: float
+    errors: VelocityErrors,
+    recording: Recording,
+    name: str,
+    manifold: Manifold,
+    settled: float,
+    seed: int,
+    wall_seconds: float,
 ) -> dict[str, Any]:
     """The flat summary of a run; ``velocity_rms`` and ``position_rms`` are those from ``settled`` [s] on."""
-    errors, truth = VelocityErrors.from_recording(recording, name, manifold), recording.truths[name]
+    truth = recording.truths[name]
     late = errors.after(settled)
     speeds = np.array([manifold.norm(row[: manifold.size], row[manifold.size :]) for row in truth])
     statuses = [estimate.status for estimate in recording.agents[name].estimates]

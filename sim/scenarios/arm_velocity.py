@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import mujoco
 import numpy as np
@@ -44,6 +44,8 @@ VEHICLE = "mechanism"
 @configuration
 class ArmVelocityConfig(LagrangianFields):
     """Fields of the scenario."""
+
+    kernels: ClassVar[str] = "mathnavi.models.mechanism.ahead"  # compiled before the first run
 
     reading: PositionQuality = field(default_factory=lambda: PositionQuality(resolution=14))
     """how the encoders err"""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import field
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -49,6 +49,8 @@ VEHICLE = "body"
 @configuration
 class AttitudeTrackingFields(LagrangianFields):
     """Fields of the scenario."""
+
+    kernels: ClassVar[str] = "mathnavi.models.manifold.ahead"  # compiled before the first run
 
     reading: PositionQuality = field(default_factory=lambda: PositionQuality(noise=0.005))
     """how the attitude errs"""

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import field
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Interval, Le
@@ -246,6 +246,8 @@ class FleetFields(LimitFields, FleetEndFields):
 @configuration
 class SimultaneousArrivalConfig(ChangeFields, ChanceFields, FleetFields):
     """Fields of the scenario."""
+
+    kernels: ClassVar[str] = "mathnavi.controllers.arrival.ahead"  # compiled before the first run
 
     radio: Radio = field(default_factory=Radio)
     clocks: Clocks = field(default_factory=Clocks)

@@ -120,14 +120,16 @@ def summarise(
     case: LagrangianCase, fields: LagrangianFields, seed: int, recording: Recording, wall_seconds: float
 ) -> tuple[dict[str, Any], bool]:
     """The summary, and whether the velocity was found, the run did not end early, and a plan was ever flown."""
-    figures = lagrangian_summary(recording, case.vehicle, case.manifold, fields.settled, seed, wall_seconds)
+    vehicle, manifold = case.vehicle, case.manifold
+    errors = VelocityErrors.from_recording(recording, vehicle, manifold)
+    figures = lagrangian_summary(errors, recording, vehicle, manifold, fields.settled, seed, wall_seconds)
     if case.figures is not None:
-        figures |= case.figures(recording, case.vehicle, case.manifold, fields.settled)
-    bound = lagrangian_bound(recording, case.vehicle, case.truth)
-    recording.cramer_rao[case.vehicle] = bound.deviation
-    figures |= _efficiency(bound, recording, case, fields.settled)
+        figures |= case.figures(recording, vehicle, manifold, fields.settled)
+    bound = lagrangian_bound(recording, vehicle, case.truth)
+    recording.cramer_rao[vehicle] = bound.deviation
+    figures |= _efficiency(bound, errors, recording.t, fields.settled)
     figures["escaped"] = bool(recording.t[-1] < fields.duration - 0.5 * TICK)
-    agent = recording.agents[case.vehicle]
+    agent = recording.agents[vehicle]
     figures |= {"replans": agent.requests, "plans_adopted": len(agent.plans)}
     whole, found = Requirement("escaped", most=False), Requirement("velocity_rms", most=fields.tolerance)
     planned = [Requirement("plans_adopted", least=1)] if agent.requests else []  # not asked: commanded from outside
@@ -135,12 +137,11 @@ def summarise(
 
 
 def _efficiency(
-    bound: PosteriorBound, recording: Recording, case: LagrangianCase, settled: float
+    bound: PosteriorBound, errors: VelocityErrors, t: Array, settled: float
 ) -> dict[str, float | str | None]:
-    """The efficiency of the velocity from ``settled`` [s] on, in components at the truth."""
-    errors = VelocityErrors.from_recording(recording, case.vehicle, case.manifold)
-    newest = np.searchsorted(errors.t, recording.t + TIME_TOLERANCE, side="right") - 1
-    window = slice(int(np.searchsorted(recording.t, settled - TIME_TOLERANCE)), None)
+    """The efficiency of the velocity from ``settled`` [s] on, in components at the truth; samples at t (n,) [s]."""
+    newest = np.searchsorted(errors.t, t + TIME_TOLERANCE, side="right") - 1
+    window = slice(int(np.searchsorted(t, settled - TIME_TOLERANCE)), None)
     return bound.figures(errors.components[newest], window, f"the run from {settled:g} s on")
 
 

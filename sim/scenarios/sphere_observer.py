@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import field
 from functools import lru_cache
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import mujoco
 import numpy as np
@@ -54,6 +54,8 @@ Inertia = Annotated[float, Interval(ge=1e-6, le=1e6), FINITE]
 @configuration
 class SphereObserverConfig(LagrangianFields):
     """Fields of the scenario."""
+
+    kernels: ClassVar[str] = "mathnavi.models.manifold.ahead"  # compiled before the first run
 
     reading: PositionQuality = field(default_factory=lambda: PositionQuality(noise=0.01))
     """how the position errs"""

@@ -64,7 +64,7 @@ def run(
         with raising(MissionError):
             return built(scenario, asked.scenario, asked.config, _seed(seed), asked.controller, asked.estimator)
 
-    compile_ahead(asked.controller.config)
+    compile_ahead(asked.config, asked.controller.config, asked.estimator.config)
     return build().run(progress, build)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.sweep_scaling import OURS, POOL, Arguments, Course, SweepFindings, pooled, swept
+from benchmarks.sweep_scaling import MACHINE, OURS, POOL, Arguments, Course, SweepFindings, pooled, side_by_side, swept
 from mathnavi.sim.sweep import execution
 from mathnavi.sim.sweep.trial import Trial, trial
 from tests.flight import START, above, mountains, save
@@ -27,7 +27,7 @@ def test_a_flights_time_is_counted_from_when_every_worker_may_have_flown_one() -
     assert (course.start, course.interval, course.whole) == (4.0, 0.75, 8.0)
 
 
-@pytest.mark.parametrize("run", [swept, pooled])
+@pytest.mark.parametrize("run", [swept, pooled, side_by_side])
 def test_every_trial_is_flown(tmp_path: Path, run: Callable[[Sequence[Trial], int], Course]) -> None:
     course = run(short(tmp_path, range(3)), 1)
     assert 0.0 < course.start < course.whole
@@ -42,10 +42,11 @@ def test_a_trial_that_fails_is_no_measurement(tmp_path: Path, monkeypatch: pytes
 
 
 def test_two_workers_are_compared_with_one_and_with_the_pool() -> None:
-    one, two = Course(1.0, 0.4, 9.0), Course(1.0, 0.2, 5.0)
-    rows = SweepFindings(20, 2, {(OURS, 1): [one], (OURS, 2): [two], (POOL, 2): [two], (POOL, 1): [one]}).comparisons()
-    assert [row.ratio for row in rows] == pytest.approx([2.0, 1.8, 1.0, 1.0, 1.0])
-    assert [row.wanted for row in rows] == [">= 1.9", "", "", "", ""]
+    one, two, machine = Course(1.0, 0.4, 9.0), Course(1.0, 0.2, 5.0), Course(1.0, 0.25, 5.0)
+    courses = {(by, count): [course] for by in (OURS, POOL) for count, course in ((1, one), (2, two))}
+    rows = SweepFindings(20, 2, courses | {(MACHINE, 1): [one], (MACHINE, 2): [machine]}).comparisons()
+    assert [row.ratio for row in rows] == pytest.approx([2.0, 1.6, 1.25, 1.8, 1.0, 1.0, 1.0])
+    assert [row.wanted for row in rows] == [">= 1.9", "", "", "", "", "", ""]
 
 
 @pytest.mark.parametrize(("field", "value"), [("workers", 1), ("repetitions", 0), ("trials", 5)])

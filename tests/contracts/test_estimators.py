@@ -109,7 +109,7 @@ def flight_bench(silent: bool = False) -> Bench:
         Truth,
         np.array([10.0] * 3 + [6.0] * 3),
         np.array([0.01] * 3 + [0.05] * 3),
-        20.0,
+        10.0,
     )
 
 
@@ -138,7 +138,7 @@ def missile_bench(name: str, silent: bool = False) -> Bench:
         lambda x, u: Truth(coordinates.to_joints(x), coordinates.joint_acceleration(x, u)),
         6.0 * noise.deviations(coordinates),
         0.1 * noise.deviations(coordinates),
-        4.0,
+        2.0,
     )
 
 
@@ -166,7 +166,7 @@ def ranging_bench(silent: bool = False) -> Bench:
         lambda x, u: Imagined(mission, x[:3], wheels=x[3:]),
         np.array([0.3, 0.3, 0.2]),
         np.array([1e-4, 1e-4, 1e-4]),
-        6.0,
+        3.0,
         mission.difference,
     )
 
@@ -231,7 +231,7 @@ def quadrotor_bench(silent: bool = False) -> Bench:
         motion,
         np.array([1.0] * 3 + [0.5] * 3),
         np.array([1e-3] * 3 + [5e-3] * 3),
-        4.0,
+        2.0,
     )
 
 
@@ -261,7 +261,7 @@ def rigid_body_bench(silent: bool = False) -> Bench:
         lambda x, u: Truth(x, body.force(x[:4], x[4:], u)),
         np.array([0.02] * 4 + [0.4] * 3),
         np.array([1e-4] * 4 + [1e-3] * 3),
-        4.0,
+        2.0,
         difference,
     )
 
@@ -281,7 +281,7 @@ def point_bench(manifold: ConstantCurvature, silent: bool = False) -> Bench:
         lambda x, u: Truth(x, system.force(x[:n], x[n:], u)),
         np.array([0.02] * n + [0.4] * n),
         np.array([1e-4] * n + [1e-3] * n),
-        4.0,
+        2.0,
     )
 
 
@@ -302,7 +302,7 @@ def arm_bench(silent: bool = False) -> Bench:
         lambda x, u: Truth(x, system.force(x[:2], x[2:], u)),
         np.array([0.05] * 2 + [1.5] * 2),
         np.array([1e-4] * 2 + [0.3] * 2),
-        4.0,
+        2.0,
     )
 
 
@@ -333,7 +333,7 @@ def hull_bench(silent: bool = False) -> Bench:
         lambda x, u: Truth(x, (step(x, u) - x)[n:] / dt),
         np.array([0.5] * 3 + [0.05] * 4 + [0.05] + [0.4] * 3 + [0.05] * 3 + [1.5]),
         np.array([0.05] * 3 + [1e-3] * 4 + [1e-3] + [0.05] * 3 + [0.05] * 3 + [0.3]),
-        2.0,
+        1.2,
     )
 
 

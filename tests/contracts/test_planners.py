@@ -12,6 +12,7 @@ import types
 import typing
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import entry_points
 from typing import Any
 
@@ -200,6 +201,12 @@ def plugin(request: pytest.FixtureRequest) -> type[ControllerPlugin]:
 
 @pytest.fixture
 def bench(plugin: type[ControllerPlugin]) -> Bench:
+    return bench_of(plugin)
+
+
+@cache
+def bench_of(plugin: type[ControllerPlugin]) -> Bench:
+    """The bench that all tests of a plug-in share."""
     kind = typing.get_type_hints(plugin.build)["mission"]
     assert kind in BENCHES, f"{plugin.__name__} is built for {kind.__name__}, for which this suite has no bench yet"
     return BENCHES[kind]()
@@ -214,21 +221,26 @@ def first_request(bench: Bench, t: float = 0.0) -> PlanRequest:
     return PlanRequest(t, t, Estimate(t, bench.start.copy()), None)
 
 
-def sequence(
-    planner: Planner, bench: Bench, messages: Sequence[Message] = (), count: int = PERIODS
-) -> list[tuple[PlanRequest, Plan]]:
+def sequence(planner: Planner, bench: Bench, messages: Sequence[Message] = ()) -> list[tuple[PlanRequest, Plan]]:
     """Requests of a loop without faults, and the answers; without a new plan the last one stays."""
     asked: list[tuple[PlanRequest, Plan]] = []
     current: Plan | None = None
-    for k in range(count):
+    for k in range(PERIODS):
         t = k * planner.period
         x = bench.start.copy() if current is None else bench.state_at(current, t)
-        received = tuple(messages) if k == count // 2 else ()
+        received = tuple(messages) if k == PERIODS // 2 else ()
         request = PlanRequest(t, t + planner.period if current is not None else t, Estimate(t, x), current, received)
         plan = planner.plan(request)
         asked.append((request, plan))
         current = plan if plan.ok else current
     return asked
+
+
+@cache
+def answers(plugin: type[ControllerPlugin], *, news: bool = False) -> list[tuple[PlanRequest, Plan]]:
+    """Requests and answers, with the bench's news if asked for: for the tests that only read them."""
+    bench = bench_of(plugin)
+    return sequence(plugin.build(plugin.Config(), bench.mission)[0], bench, bench.news if news else ())
 
 
 def numbers(config: type[Any]) -> list[tuple[type[Any], str, bool]]:
@@ -281,16 +293,18 @@ def test_the_first_plan_starts_at_once_and_at_the_estimate(planner: Planner, ben
     np.testing.assert_array_equal(plan.x[0], bench.start)
 
 
-def test_a_plan_is_well_formed_and_leads_to_its_end(planner: Planner, bench: Bench) -> None:
-    plans = [plan for _, plan in sequence(planner, bench) if plan.ok]
+def test_a_plan_is_well_formed_and_leads_to_its_end(plugin: type[ControllerPlugin], bench: Bench) -> None:
+    plans = [plan for _, plan in answers(plugin) if plan.ok]
     assert len(plans) >= PERIODS // 2
     for plan in plans:
         bench.assert_well_formed(plan)
         assert set(plan.phase) <= set(FlightPhase)
 
 
-def test_a_later_plan_starts_when_asked_to_and_on_the_plan_being_flown(planner: Planner, bench: Bench) -> None:
-    for request, plan in sequence(planner, bench)[1:]:
+def test_a_later_plan_starts_when_asked_to_and_on_the_plan_being_flown(
+    plugin: type[ControllerPlugin], bench: Bench
+) -> None:
+    for request, plan in answers(plugin)[1:]:
         if plan.ok:
             assert request.current is not None
             assert plan.t_start == pytest.approx(request.t_start, abs=1e-9)
@@ -298,8 +312,8 @@ def test_a_later_plan_starts_when_asked_to_and_on_the_plan_being_flown(planner: 
 
 
 def test_the_same_requests_get_the_same_answers(plugin: type[ControllerPlugin], bench: Bench) -> None:
-    one, other = (sequence(plugin.build(plugin.Config(), bench.mission)[0], bench, bench.news) for _ in range(2))
-    for (_, first), (_, second) in zip(one, other, strict=True):
+    again = sequence(plugin.build(plugin.Config(), bench.mission)[0], bench, bench.news)
+    for (_, first), (_, second) in zip(answers(plugin, news=True), again, strict=True):
         for name in ("t", "x", "u", "phase"):
             np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
         assert (first.status, first.message, first.notes) == (second.status, second.message, second.notes)
@@ -328,10 +342,8 @@ def test_a_plan_that_was_handed_out_stays_as_it_was(planner: Planner, bench: Ben
 def test_news_reach_it_and_strange_messages_do_not_matter(plugin: type[ControllerPlugin], bench: Bench) -> None:
     topic = bench.message.topic if bench.message is not None else "target"
     strange = (Message(0.0, "somebody", "weather", "fine"), Message(0.0, "somebody", topic, "nonsense"))
-    plain, informed, puzzled = (
-        sequence(plugin.build(plugin.Config(), bench.mission)[0], bench, messages)
-        for messages in ((), bench.news, strange)
-    )
+    plain, informed = answers(plugin), answers(plugin, news=True)
+    puzzled = sequence(plugin.build(plugin.Config(), bench.mission)[0], bench, strange)
     heard = any(
         plan.ok != other.ok or not np.array_equal(plan.x, other.x)
         for (_, plan), (_, other) in zip(plain, informed, strict=True)
@@ -351,7 +363,7 @@ def test_where_there_is_no_way_on_the_answer_says_so_or_is_well_formed(planner: 
             assert plan.message
 
 
-def test_it_takes_the_time_of_its_optimisation(planner: Planner, bench: Bench) -> None:
-    times = [plan.solve_ms for _, plan in sequence(planner, bench, count=4)]
+def test_it_takes_the_time_of_its_optimisation(plugin: type[ControllerPlugin]) -> None:
+    times = [plan.solve_ms for _, plan in answers(plugin)]
     assert all(math.isnan(ms) or ms >= 0.0 for ms in times)
     assert np.isfinite(times).any()

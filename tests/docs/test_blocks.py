@@ -11,7 +11,7 @@ The blocks of a page are run in order, in one folder that is empty at first:
 A command that ends in a backslash goes on in the next line. Every one ends with exit status 0; after a first line
 "# exit N" the last of its block ends with N. Of what is printed, a line "..." stands for any lines and "..." within a
 line for any characters; how many blanks stand between words does not count. A "mathnavi" without anything for a shell
-to do runs in this process, which has imported it already, and so do its trials; all else in bash.
+to do runs in this process, which has imported it already; all else in bash. Trials run in this process too.
 
 README.md's ```sh blocks are not run, and its Python is run in test_readme.py, which checks its results.
 """
@@ -34,8 +34,6 @@ from pathlib import Path
 import pytest
 
 from mathnavi.sim.commands.cli import main
-from mathnavi.sim.sweep import execution
-from tests.sim.here import Here
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
@@ -84,6 +82,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
             del sys.modules[name]
 
 
+@pytest.mark.usefixtures("trials_here")  # tests/sim/sweep has sweeps in child processes
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_a_page_does_what_it_shows(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run_page(shown(page), page.relative_to(ROOT).as_posix(), monkeypatch)
@@ -140,8 +139,7 @@ def run(command: str) -> tuple[int, str]:
     """Exit status, and what is printed on standard output and standard error."""
     if command.startswith("mathnavi ") and not set(command) & set("|&;<>$`*?~"):
         out = io.StringIO()
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out), pytest.MonkeyPatch.context() as patch:
-            patch.setattr(execution, "Worker", lambda path: Here())
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
             return main(shlex.split(command)[1:]), out.getvalue()
     done = subprocess.run(
         ["bash", "-c", command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=120

@@ -8,10 +8,14 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from mathnavi.renders import figures
 from mathnavi.renders.report import write_report
 from mathnavi.sim.records.figure_names import SHORTFALL, label
 
 VOID = {"meta", "img", "br", "link", "input"}
+lay_out = figures.lay_out  # as for a user
 FETCHED = ("src", "href", "xlink:href", "srcset", "poster", "action")
 
 
@@ -87,8 +91,10 @@ def check_identifiers(source: str) -> None:
 
 
 def checked_report(run: Path) -> tuple[str, Page]:
-    """The report of a run, source and page: it stands alone and names every figure of the summary."""
-    path = write_report(run)
+    """The report of a run as a user gets it, source and page: it stands alone and names every figure of the summary."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figures, "lay_out", lay_out)
+        path = write_report(run)
     source = path.read_text(encoding="utf-8")
     path.unlink()
     check_stands_alone(source)

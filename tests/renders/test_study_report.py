@@ -46,6 +46,7 @@ def study() -> StudyPage:
     )
 
 
+@pytest.mark.usefixtures("laid_out")
 def test_everything_that_was_found_is_shown(study: StudyPage) -> None:
     source = report(study)
     check_stands_alone(source)

@@ -172,6 +172,7 @@ def test_missions_in_which_the_planner_had_no_part_are_counted_and_named(tmp_pat
     assert NEVER_ANSWERED in text
 
 
+@pytest.mark.usefixtures("laid_out")
 def test_everything_that_was_found_is_shown(tmp_path: Path) -> None:
     missed = flight(91, 13, 2.0, success=False)
     records = [*LISTED, broken(90, 4), missed]

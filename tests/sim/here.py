@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import pickle
+import random
 from collections.abc import Callable
+
+import numpy as np
 
 from mathnavi.sim.sweep import serve
 from mathnavi.sim.sweep.child import StoppedError
@@ -20,6 +23,8 @@ class Here:
         if self._stopped:
             raise StoppedError
         assert timeout is None
+        random.seed(task.seed)
+        np.random.seed(task.seed % 2**32)
         return serve._run(pickle.loads(pickle.dumps(task)), content)
 
     def stop(self) -> None:

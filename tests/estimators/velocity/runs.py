@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -52,10 +53,16 @@ SYSTEMS: Mapping[str, Callable[[], tuple[LagrangianSystem, Array]]] = {
 
 def moving(name: str, speed: float) -> tuple[LagrangianSystem, Array]:
     """The system with a start at which every component of v is ``speed``."""
-    system, start = SYSTEMS[name]()
+    system, start = _at_rest(name)
     manifold = system.manifold
     x = start[: manifold.size]
     return system, np.concatenate([x, manifold.vector(x, np.full(manifold.dimension, speed))])
+
+
+@cache
+def _at_rest(name: str) -> tuple[LagrangianSystem, Array]:
+    """A system that all tests share, with its start."""
+    return SYSTEMS[name]()
 
 
 class Seen(OdeMotion):
@@ -72,9 +79,26 @@ def recorded(
     seed: int = 1,
     input_at: Callable[[float], Array] | None = None,
 ) -> list[RecordedCall]:
-    """A run of the mission's system; zero is the input where none is given."""
-    rng, sensor, system = np.random.default_rng(seed), mission.sensor, mission.system
-    x, u, calls = start, np.zeros(len(system.inputs)), []
+    """A run of the mission's system; zero is the input where none is given.
+
+    Estimators of the same mission share one run, which none of them may change (``tests/contracts``).
+    """
+    return list(_run(mission.system, mission.reading, mission.period, tuple(start), duration, seed, input_at))
+
+
+@cache
+def _run(
+    system: LagrangianSystem,
+    reading: PositionQuality,
+    period: float,
+    start: tuple[float, ...],
+    duration: float,
+    seed: int,
+    input_at: Callable[[float], Array] | None,
+) -> list[RecordedCall]:
+    mission = LagrangianMission(system, reading, period)
+    rng, sensor = np.random.default_rng(seed), mission.sensor
+    x, u, calls = np.array(start), np.zeros(len(system.inputs)), []
     for k in range(round(duration / mission.period) + 1):
         t = k * mission.period
         motion: StateView = Seen(x)

@@ -72,6 +72,17 @@ def test_the_flow_goes_back_as_it_came_and_does_not_depend_on_its_pieces(coordin
 
 
 @both
+def test_inputs_one_after_the_other_lead_where_one_flow_after_the_other_does(coordinates: Coordinates) -> None:
+    rng = np.random.default_rng(4)
+    x, inputs = rng.normal(size=coordinates.state_size), rng.normal(0.0, 500.0, (5, coordinates.input_size))
+    durations = [0.004, 0.001, 0.02, 0.004, 0.003]
+    expected = x
+    for u, dt in zip(inputs, durations, strict=True):
+        expected = coordinates.flow(expected, u, dt)
+    np.testing.assert_array_equal(coordinates.flow_through(x, inputs, durations), expected)
+
+
+@both
 def test_an_array_of_another_size_is_refused(coordinates: Coordinates) -> None:
     for call in (coordinates.to_joints, coordinates.from_joints, coordinates.place):
         with pytest.raises(ValueError, match=r"shape \(7,\)"):

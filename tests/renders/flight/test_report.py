@@ -18,13 +18,13 @@ from mathnavi.renders.report import write_report
 from mathnavi.sim.interfaces.signals import Event
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.run_folder import described
-from tests.renders.reading import Page, check_identifiers, check_stands_alone
+from tests.renders.reading import Page, check_identifiers, check_stands_alone, checked_report
 from tests.renders.synthetic import ridges
 
 
 @pytest.fixture(scope="module")
 def source(run_dir: Path) -> str:
-    return write_report(run_dir).read_text(encoding="utf-8")
+    return checked_report(run_dir)[0]
 
 
 def test_report_needs_nothing_beside_itself(source: str) -> None:

@@ -36,6 +36,7 @@ def pixels(run: TextbookRun, t: float, annotation: str = "") -> np.ndarray:
         return artist.paint(Frame(t, "board", 0.0, 1.0, annotation)).astype(int)
 
 
+@pytest.mark.usefixtures("laid_out")
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_a_run_is_drawn_by_its_own_drawing(name: str, runs: dict[str, Path], tmp_path: Path) -> None:
     assert drawing_of(runs[name]).cameras == ("board",)

@@ -89,6 +89,7 @@ def test_the_page_forbids_every_request_and_hides_no_markup(run_dir: Path) -> No
     assert found.count("</script>") == 2
 
 
+@pytest.mark.usefixtures("laid_out")
 def test_a_report_on_a_telephone_keeps_its_letters_and_moves_no_further_than_its_figures(
     tmp_path: Path, browser: Any
 ) -> None:

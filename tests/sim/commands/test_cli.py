@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import runpy
 import shlex
 import subprocess
 import sys
@@ -199,7 +200,6 @@ def test_without_opengl_a_run_succeeds_and_says_how_to_install_it(
 
 
 @pytest.mark.skipif(os.environ.get("MUJOCO_GL") == "disable", reason="there is nothing to draw with")
-@pytest.mark.usefixtures("drawing_apart")
 def test_render_draws_a_still(flown: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["render", str(flown), "--camera", "top", "--still"]) == 0
     path = Path(capsys.readouterr().out.strip())
@@ -379,13 +379,20 @@ def test_help_names_no_default_that_is_none(capsys: pytest.CaptureFixture[str]) 
         assert "default: False" in shown
 
 
-def test_the_package_run_as_a_module_is_the_command_line() -> None:
+def test_the_package_run_as_a_module_is_the_command_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     def printed(*words: str) -> str:
-        done = subprocess.run([sys.executable, "-m", "mathnavi", *words], capture_output=True, text=True, check=True)
-        return done.stdout
+        monkeypatch.setattr(sys, "argv", ["mathnavi", *words])
+        monkeypatch.setattr(sys, "path", list(sys.path))  # which it changes
+        with pytest.raises(SystemExit, match=r"^0$"):
+            runpy.run_module("mathnavi", run_name="__main__", alter_sys=True)
+        return capsys.readouterr().out
 
     assert printed("--help").startswith("usage: mathnavi COMMAND ...")
-    assert printed("run", "safe-flight", "--help").startswith("usage: mathnavi run safe-flight ")
+    command = [sys.executable, "-m", "mathnavi", "run", "safe-flight", "--help"]
+    apart = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert apart.startswith("usage: mathnavi run safe-flight ")
     assert printed("completion", "words", "run", "safe-flight", "--planner.ba").split() == [
         "--planner.backend", "--planner.bandwidth",
     ]  # fmt: skip

@@ -104,6 +104,7 @@ def test_every_combination_flies_the_same_seeds_and_the_same_draws(path: Path) -
     assert all(0.25 <= share <= 0.75 for share in shares)
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_a_draw_depends_on_the_seed_and_the_field_and_on_nothing_else(tmp_path: Path) -> None:
     words = (COIN, "--trials", "4", "--vary", "part.share=0..1")
     assert sweep(*words, "--store", str(tmp_path / "one.db"), "--workers", "1") == 0
@@ -123,6 +124,7 @@ def test_whole_numbers_are_drawn_with_both_ends(path: Path) -> None:
     assert all(type(count) is int for count in counts)
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_plugins_lists_truths_and_words_may_be_listed(path: Path) -> None:
     varied = ("--vary", "controller=tests.sim.sweep.scenarios:Nobody,tests.sim.sweep.scenarios:Somebody")
     more = ("--vary", "chatter=true,false", "--vary", "raise-at=7,8", "--vary", "marks=,..")
@@ -323,9 +325,10 @@ def wait_for(path: Path, count: int) -> None:
     raise AssertionError(f"{path} does not get {count} trials")
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_a_sweep_that_is_killed_again_and_again_leaves_the_same_trials(path: Path, tmp_path: Path) -> None:
     words = (COIN, "--trials", "30", "--vary", "part.share=0..1", "--raise-at", "7", "--wait", "0.1")
-    assert sweep(*words, "--store", str(tmp_path / "undisturbed.db"), "--workers", "2") == 0
+    assert sweep(*words, "--store", str(tmp_path / "undisturbed.db"), "--workers", "1") == 0
     chance = random.Random(1)
     for kill in range(2):
         process = started(*words, "--store", str(path), "--workers", "2")
@@ -338,6 +341,7 @@ def test_a_sweep_that_is_killed_again_and_again_leaves_the_same_trials(path: Pat
     assert trials_of(path) == trials_of(tmp_path / "undisturbed.db")
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_an_interrupt_keeps_what_has_ended_and_says_how_to_go_on(path: Path) -> None:
     words = (COIN, "--trials", "20", "--wait", "0.2", "--store", str(path), "--workers", "2")
     process = started(*words)
@@ -357,6 +361,7 @@ def test_an_interrupt_keeps_what_has_ended_and_says_how_to_go_on(path: Path) -> 
     assert len(trials_of(path)) == 20
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_a_full_disk_ends_in_one_line_and_keeps_what_was_committed(path: Path) -> None:
     def little_room() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))

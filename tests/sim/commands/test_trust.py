@@ -220,14 +220,14 @@ def test_the_command_of_a_report_is_one_that_a_shell_reads_back(name: str) -> No
 NUMPY = "from pathlib import Path\nPath({mark!r}).touch()\nraise RuntimeError('this is no NumPy')\n"
 
 
-@pytest.mark.parametrize("module", ["numpy", "sitecustomize", "json"])
 @pytest.mark.usefixtures("drawing_apart")
 def test_a_library_of_the_current_folder_is_not_taken_for_the_one_that_draws(
-    module: str, recorded: Path, mark: Path, tmp_path: Path
+    recorded: Path, mark: Path, tmp_path: Path
 ) -> None:
     from mathnavi.renders.video import write_still
 
-    Path(f"{module}.py").write_text(NUMPY.format(mark=str(mark)))
+    for module in ("numpy", "sitecustomize", "json"):
+        Path(f"{module}.py").write_text(NUMPY.format(mark=str(mark)))
     write_still(recorded, path=tmp_path / "still.png", width=64, height=48)
     assert not mark.exists()
 

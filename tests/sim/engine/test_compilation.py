@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 import types
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -41,16 +43,32 @@ def test_a_second_process_compiles_its_share_if_a_kernel_is_missing(
     missing: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     started: list[Process] = []
-    own, helped = Kernel(), Kernel()
-    lists = types.SimpleNamespace(OWN=((own, (1,)),), HELPED=((helped, (2,)),))
-    monkeypatch.setitem(sys.modules, "helper", lists)
+    kernels = [Kernel() for _ in range(3)]
+    monkeypatch.setitem(sys.modules, "one", types.SimpleNamespace(KERNELS=tuple((k, (1,)) for k in kernels[:2])))
+    monkeypatch.setitem(sys.modules, "two", types.SimpleNamespace(KERNELS=tuple((k, (1,)) for k in kernels[1:])))
     monkeypatch.setattr(compilation.os, "cpu_count", lambda: 2)
-    monkeypatch.setattr(compiled, "any_missing", lambda kernels: missing and len(kernels) == 2)
-    monkeypatch.setattr(compilation.subprocess, "Popen", lambda *given, **options: Process(started, *given, **options))
-    compilation.compile_ahead(types.SimpleNamespace(kernels="helper"))
+    monkeypatch.setattr(compiled, "any_missing", lambda kernels: missing and len(kernels) == 3)
+
+    def second(command: list[str], **options: Any) -> Process:
+        """A process that has claimed the last kernel."""
+        (Path(command[4]) / "2").touch()
+        return Process(started, command, **options)
+
+    monkeypatch.setattr(compilation.subprocess, "Popen", second)
+    compilation.compile_ahead(types.SimpleNamespace(kernels="one"), types.SimpleNamespace(kernels="two"))
     compilation.compile_ahead(types.SimpleNamespace())
-    assert own.compiled == [(1,)] * missing
-    assert not helped.compiled
-    assert [(each.command, each.ended) for each in started] == [
-        ([sys.executable, "-P", "-m", "helper"], ["wait", "kill", "wait"])
+    assert [kernel.compiled for kernel in kernels] == [[(1,)] * missing, [(1,)] * missing, []]
+    assert [each.ended for each in started] == [["wait", "kill", "wait"]] * missing
+    assert [[*each.command[:4], *each.command[5:]] for each in started] == [
+        [sys.executable, "-P", "-m", "mathnavi.sim.engine.compilation", "one", "two"]
     ] * missing
+
+
+def test_a_kernel_is_compiled_by_the_process_that_claims_it(tmp_path: Path) -> None:
+    kernels = [Kernel() for _ in range(3)]
+    numbered = [(number, (kernel, (1,))) for number, kernel in enumerate(kernels)]
+    compilation.compile_unclaimed(numbered[1:][::-1], tmp_path)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["1", "2"]
+    compilation.compile_unclaimed(numbered, tmp_path)
+    assert [kernel.compiled for kernel in kernels] == [[(1,)]] * 3
+    assert gc.isenabled()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,13 +41,20 @@ def config(terrain: str, **fields: Any) -> SafeFlightConfig:
 
 
 def flown(
-    terrain: str, seed: int = 0, controller: str = "flight", estimator: str = "full_state", **fields: Any
+    terrain: str,
+    seed: int = 0,
+    controller: str = "flight",
+    estimator: str = "full_state",
+    seconds: float = math.inf,
+    **fields: Any,
 ) -> RunResult:
+    """A mission, or its first seconds."""
     parts = (
         PluginSpec.with_fields(load("controllers", controller)),
         PluginSpec.with_fields(load("estimators", estimator)),
     )
-    return SafeFlight.build(config(terrain, **fields), seed, *parts).run()
+    built = SafeFlight.build(config(terrain, **fields), seed, *parts)
+    return replace(built, duration=min(seconds, built.duration)).run()
 
 
 def kinds(outcome: RunResult) -> Counter[str]:
@@ -114,6 +121,8 @@ def test_failing_solvers_do_not_matter(terrain: str, rate: float) -> None:
     outcome = flown(terrain, faults=AerialFaults(solver_failure_rate=rate))
     assert_safe(outcome)
     assert outcome.summary["solver_failures"] > 0.5 * rate * outcome.summary["replans"]
+    assert outcome.summary["tracking_breaches"] == 0
+    assert 0.0 < outcome.summary["tracking_error_max_m"] <= outcome.summary["tracking_bound_m"]
 
 
 @pytest.mark.parametrize(
@@ -251,7 +260,7 @@ def test_a_planner_that_always_raises_arrives_by_the_stored_plan(terrain: str) -
 
 
 def test_the_planner_as_printed_flies_without_a_certificate(terrain: str) -> None:
-    outcome = flown(terrain, controller="as_printed", target=NEAR)
+    outcome = flown(terrain, controller="as_printed", seconds=15.0, target=NEAR)
     assert outcome.summary["guarantee_lost"] is None  # there was none
     assert outcome.summary["plans_adopted"] > 1
     assert outcome.summary["tracking_error_max_m"] <= outcome.summary["tracking_bound_m"]
@@ -328,9 +337,9 @@ def test_a_field_out_of_range_is_refused_by_name(group: type[Any], field: str, v
 
 def test_a_deadline_that_was_lost_is_not_kept_because_the_target_might_move(terrain: str) -> None:
     """A target that never moves promises nothing new."""
-    rough = {"faults": AerialFaults(position_jump=150.0), "deadline_factor": 1.0}
-    plain = flown(terrain, **rough)
-    resting = flown(terrain, **rough, target_path=((1.0, *flight.mission().target),))
+    rough: dict[str, Any] = {"faults": AerialFaults(position_jump=150.0), "deadline_factor": 1.0}
+    plain = flown(terrain, seconds=40.0, **rough)
+    resting = flown(terrain, seconds=40.0, **rough, target_path=((1.0, *flight.mission().target),))
     assert "deadline-lost" in [event.kind for event in plain.recording.events]
     assert resting.summary["deadline_s"] == pytest.approx(plain.summary["deadline_s"])
 
@@ -339,7 +348,7 @@ def test_plans_that_never_take_over_lose_the_arrival_at_a_target_that_moves(terr
     x, y, z = flight.above(flight.mountains(), (9000.0, 10_500.0), 150.0)
     late = AerialFaults(late_plan_rate=1.0, late_plan_latency=3.0)
     path = ((10.0, *flight.mission().target), (10.5, x, y, z))
-    outcome = flown(terrain, deadline_factor=1.0, faults=late, target_path=path)
+    outcome = flown(terrain, seconds=40.0, deadline_factor=1.0, faults=late, target_path=path)
     kinds = [event.kind for event in outcome.recording.events]
     assert kinds.count("arrival-lost") == 1
     assert "deadline-moved" not in kinds
@@ -365,7 +374,7 @@ def test_a_vehicle_thrown_into_the_ground_is_not_reported_above_it(terrain: str)
     assert not outcome.success
 
 
-@pytest.mark.parametrize("rate", [60.0, 20.0, 10.0])
+@pytest.mark.parametrize("rate", [20.0, 10.0])
 def test_the_bound_is_kept_at_every_control_rate(terrain: str, rate: float) -> None:
     outcome = flown(terrain, control_rate=rate, faults=AerialFaults(solver_failure_rate=0.9))
     assert_safe(outcome)

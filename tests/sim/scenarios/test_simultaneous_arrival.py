@@ -26,7 +26,7 @@ def terrain(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 def config(terrain: str, **fields: Any) -> SimultaneousArrivalConfig:
     """A small fleet over a small map."""
-    small = {"vehicles": 3, "slot_spacing": 800.0, "separation": 150.0}
+    small = {"vehicles": 3, "slot_spacing": 800.0, "separation": 150.0, "drawn_distance": (0.25, 0.5)}
     return SimultaneousArrivalConfig(**{"terrain": terrain, **small, **fields})
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +16,7 @@ from mathnavi.sim.interfaces.fields import plain
 from mathnavi.sim.interfaces.signals import Event
 from mathnavi.sim.search.space import drawn
 from mathnavi.sim.studies.flight.hunt.measures import ANNOUNCED, clearance_in_bounds, violations
-from mathnavi.sim.studies.flight.hunt.spaces import HOLES, SAFE_FLIGHT, UPDATES, Hunt
+from mathnavi.sim.studies.flight.hunt.spaces import FLEET, HOLES, QUADROTOR, SAFE_FLIGHT, UPDATES, Hunt
 from mathnavi.sim.studies.flight.hunt.study import Hole
 
 T = np.arange(0.0, 10.0, 0.1)
@@ -129,6 +130,12 @@ def test_clearance_counts_in_tracking_bounds() -> None:
 def at(share: float, hunt: Hunt) -> dict[str, Any]:
     """The fields of a mission at a share of every range."""
     return plain(hunt.make(drawn(hunt.space, [share] * len(hunt.space))).config)
+
+
+@pytest.mark.parametrize("hunt", [FLEET, QUADROTOR], ids=lambda hunt: hunt.name)
+def test_missions_of_fleets_and_of_the_quadrotor_are_flown_and_measured(hunt: Hunt) -> None:
+    begun = replace(hunt.make(drawn(hunt.space, [0.5] * len(hunt.space))).build(), duration=1.0)
+    assert not violations(begun.run())["violated"]
 
 
 @pytest.mark.parametrize("hunt", [SAFE_FLIGHT, UPDATES], ids=lambda hunt: hunt.name)

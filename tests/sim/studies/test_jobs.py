@@ -84,8 +84,8 @@ def test_a_study_that_was_killed_goes_on_where_it_stopped(tmp_path: Path) -> Non
 
 
 def test_a_run_for_a_picture_is_stored_without_what_the_clock_says(store: Store) -> None:
-    mission = trial("safe-flight", 1, fields={"terrain": "jacksboro", "drawn_separation": (0.15, 0.2)})
-    setup = Setup("jacksboro", store)
+    mission = trial("safe-flight", 1, fields={"terrain": "canyon:3", "drawn_separation": (0.15, 0.2)})
+    setup = Setup("canyon:3", store)
     first = setup.flown({"it": mission})["it"]
     assert len(store.job_endings()) == 1
     again, here = setup.flown({"it": mission})["it"], mission.flown()

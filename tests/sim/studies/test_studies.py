@@ -5,22 +5,29 @@ from __future__ import annotations
 import csv
 import html
 import json
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from mathnavi.models.terrain.dem import write_npz
 from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.renders import page
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.store import Store
 from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.studies.flight.hunt.spaces import SAFE_FLIGHT, UPDATES
+from mathnavi.sim.studies.framework import study
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, as_csv, on_terrain, write_result
 from mathnavi.sim.studies.nodes.missile_closed_loop.flights import CASES, KINDS, OTHERS, PAIRS, selected_kinds
-from mathnavi.sim.sweep.trial import Trial
+from mathnavi.sim.studies.riemannian.mechanisms import runs
+from mathnavi.sim.sweep.trial import Trial, trial
 
 SMALLEST: dict[str, dict[str, int]] = {
     "horizon": {"seeds": 1},
@@ -62,8 +69,29 @@ SMALLEST: dict[str, dict[str, int]] = {
     "scaling": {"repetitions": 1, "sizes": 2, "trials": 10, "workers": 1, "cluster": False},
     "range-convergence": {"seeds": 1, "peers": 1, "drives": 1, "repetitions": 1, "seconds": 1},
     "range-observer": {"starts": 1, "drives": 1, "states": 2, "seconds": 1},
-    "hunt": {"missions": 2, "tries": 2, "draws": 2, "repeats": 1},
+    "hunt": {"missions": 2, "tries": 1, "draws": 1, "repeats": 1},
 }
+STUDIES = "mathnavi.sim.studies"
+SMALLER: dict[str, dict[str, Any]] = {
+    "guarantees": {"flight.guarantees._TIMED": 4.0},
+    "hunt": {"flight.hunt.study.HUNTS": (SAFE_FLIGHT, UPDATES), "flight.hunt.study.COLOURS": ("#2166ac", "#e08214")},
+    "arrival": {"fleet.arrival.study.SIZES": (2,), "fleet.arrival.study.PRINTED_SIZE": 2},
+    "consensus": {f"fleet.consensus.{module}.ROUNDS": (40, 80, 160) for module in ("study", "claims")},
+    "range-convergence": {"ranging.range_convergence.study.TIMED": 1},
+    "scaling": {"introduction.scaling.curves.FLOWN": 2.0, "introduction.scaling.curves.UPDATES": 8},
+    "mechanisms": {"riemannian.mechanisms.runs.BEGIN": 0.05},
+    "real-arms": {"riemannian.real_arms.BEGIN": 0.05},
+}
+"""constants of studies that no field makes smaller, by their places"""
+FLOWN: dict[str, tuple[str, Callable[[Mapping[str, Any]], dict[str, Any]]]] = {
+    "missile-closed-loop": (
+        "nodes.missile_closed_loop.flights",
+        lambda fields: {"target": (300.0, 0.0, 0.0), "planner.replan_period": 0.5, **fields},
+    ),
+    "mechanisms": ("riemannian.mechanisms.runs", lambda fields: {**fields, "duration": 0.2}),
+    "real-arms": ("riemannian.mechanisms.runs", lambda fields: {**fields, "duration": 0.2}),
+}
+"""fields of the missions of a module, for those that it asks for"""
 CLAIMS = {
     "horizon": {"A.path-falls", "A.effort-falls", "A.20-to-15"},
     "run-time": {"A.runtime-grows", "flight.cpu-ratio"},
@@ -144,17 +172,30 @@ HOLDS: dict[str, dict[str, bool]] = {
 }
 """of claims that do not depend on how much is run"""
 UNMEASURED = {"noise", "ocp-problems", "arrival"}  # over these hills no mission may arrive; not all are solved
+LAID_OUT = {"horizon", "contraction", "fleet-peers"}
+"""whose figures are laid out and stand on the page as for a user; those of the others are drawn as they come"""
+ROOM = {"arrival", "separation", "scaling", "noise"}  # for a fleet, or starts far apart
+NARROW, WIDE = 100.0, 330.0  # [m]
 PRINTED = ("A.", "B.", "C.", "D.", "I.")  # the thesis' papers and its Introduction
 NAMES = sorted(entry.name for entry in entry_points(group="mathnavi.studies"))
 
 
 @pytest.fixture(scope="session")
-def hills(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """5 km of hills, crossed in twenty seconds."""
-    x, y = np.meshgrid(np.arange(26) * 200.0, np.arange(26) * 200.0)
-    path = tmp_path_factory.mktemp("map") / "hills.npz"
-    write_npz(HeightField(500.0 + 250.0 * np.sin(x / 1500.0) * np.cos(y / 1700.0), 200.0, "hills"), path)
-    return str(path)
+def hills_by_length(tmp_path_factory: pytest.TempPathFactory) -> dict[float, str]:
+    """Maps of hills by the distance [m] between their nodes."""
+    x, y = np.meshgrid(np.arange(16) * 1.0, np.arange(16) * 1.0)
+    places = {}
+    for spacing in (NARROW, WIDE):
+        places[spacing] = str(tmp_path_factory.mktemp("map") / "hills.npz")
+        z = 500.0 + 0.7 * spacing * np.sin(x / 4.0) * np.cos(y / 5.3)
+        write_npz(HeightField(z, spacing, "hills"), Path(places[spacing]))
+    return places
+
+
+@pytest.fixture
+def hills(name: str, hills_by_length: dict[float, str]) -> str:
+    """1.5 km of hills, crossed in fourteen seconds, or 5 km for those that need room."""
+    return hills_by_length[WIDE if name in ROOM else NARROW]
 
 
 @pytest.fixture(scope="module")
@@ -178,13 +219,38 @@ def flown_once(outcomes: dict[str, RunResult], trials_here: None, monkeypatch: p
     monkeypatch.setattr(Trial, "flown", flown)
 
 
+@pytest.fixture
+def drawn_once(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A figure is drawn for its file and not again for the page, and nothing in it is given its place before."""
+    if name not in LAID_OUT:
+        monkeypatch.setattr(study, "lay_out", lambda figure: figure.set_layout_engine(None))
+        monkeypatch.setattr(page, "inline_svg", lambda figure, name, alt: page.Markup(f"<svg><!-- {name} --></svg>"))
+
+
+@pytest.fixture
+def smaller(name: str, hills: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """What a study does is as little as shows that it does all of it."""
+    for place, value in SMALLER.get(name, {}).items():
+        monkeypatch.setattr(f"{STUDIES}.{place}", value)
+    if name == "scaling":
+        monkeypatch.setattr(f"{STUDIES}.introduction.scaling.curves.GROUND", hills)
+    if name in FLOWN:
+        module, changed = FLOWN[name]
+        monkeypatch.setattr(
+            f"{STUDIES}.{module}.trial", lambda *named, fields, **more: trial(*named, fields=changed(fields), **more)
+        )
+    runs.recorded.cache_clear()
+    yield
+    runs.recorded.cache_clear()
+
+
 def test_every_study_is_in_this_suite() -> None:
     assert set(SMALLEST) == set(CLAIMS) == set(NAMES)
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.usefixtures("flown_once")
-def test_a_study_keeps_the_contract(name: str, hills: str, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("flown_once", "drawn_once", "smaller")
+def test_a_study_keeps_the_contract(name: str, hills: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One test for everything, so that each study is run once."""
     plugin = load("studies", name)
     config = plugin.Config(**SMALLEST[name])
@@ -194,6 +260,10 @@ def test_a_study_keeps_the_contract(name: str, hills: str, tmp_path: Path) -> No
         write_result(tmp_path, name, plugin.title, result, setup, f"mathnavi study {name}")
         stored = store.keys() | store.job_endings().keys()
         assert stored
+        made = [part for part, function in plugin.run.__globals__.items() if draws(function)]
+        assert made
+        for part in made:  # of the same results it would be the same
+            monkeypatch.setitem(plugin.run.__globals__, part, lambda *_, **__: result.figure)
         idle = Setup(setup.terrain, store, progress=lambda now: pytest.fail(f"{now} is computed again"))
         again: StudyResult = plugin.run(config, idle)  # what was timed is as it was timed then
         assert store.keys() | store.job_endings().keys() == stored
@@ -201,6 +271,11 @@ def test_a_study_keeps_the_contract(name: str, hills: str, tmp_path: Path) -> No
         assert as_csv(again.rows) == as_csv(result.rows)
     assert_claims(name, result)
     assert_files(tmp_path, name, result, "hills" if on_terrain(plugin) else None)
+
+
+def draws(function: object) -> bool:
+    """Tell whether this is a function that returns a figure."""
+    return getattr(function, "__annotations__", {}).get("return") in ("Figure", Figure)
 
 
 def assert_claims(name: str, result: StudyResult) -> None:

@@ -93,6 +93,7 @@ def test_what_goes_wrong_is_recorded_and_run_again_when_it_is_asked_for(store: S
     assert (seen[0].found, seen[-1].done, seen[-1].failed, seen[-1].unsuccessful) == (3, 5, 4, 0)
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_what_is_timed_is_stored_as_a_timing(store: Store) -> None:
     (record,) = run_jobs([job(timed, 1000)], store)
     assert {"taken_s[0]", "job_wall_s"} == record.timings.keys()
@@ -102,6 +103,7 @@ def test_what_is_timed_is_stored_as_a_timing(store: Store) -> None:
     assert again.value == record.value  # as it was measured
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_trials_and_jobs_share_a_store_and_sqlite_reads_both(store: Store) -> None:
     assert store.job_endings() == {}
     run_trials([trial(COIN, 3)], store)
@@ -114,6 +116,7 @@ def test_trials_and_jobs_share_a_store_and_sqlite_reads_both(store: Store) -> No
         assert len(reopened.job_endings()) == 2
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_a_store_of_trials_alone_has_no_tables_of_jobs(store: Store) -> None:
     run_trials([trial(COIN, 3)], store)
     with closing(sqlite3.connect(store.path)) as database:
@@ -158,6 +161,7 @@ with Store.open(sys.argv[1]) as store:
 
 
 @pytest.mark.parametrize("by", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.usefixtures("trials_here")  # which go on with what the workers of another process have begun
 def test_after_a_kill_only_what_is_missing_is_computed(by: signal.Signals, tmp_path: Path) -> None:
     path, marks = tmp_path / "store.db", tmp_path / "marks"
     marks.mkdir()

@@ -15,9 +15,10 @@ from annotated_types import Le
 
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.interfaces.bounds import Condition, Count, Within, configuration
-from mathnavi.sim.studies.fleet.consensus import claims, figure
+from mathnavi.sim.studies.fleet.consensus import claims
 from mathnavi.sim.studies.fleet.consensus.claims import ROUNDS, distance_to_average, span
 from mathnavi.sim.studies.fleet.consensus.exchange import KINDS
+from mathnavi.sim.studies.fleet.consensus.figure import figure
 from mathnavi.sim.studies.fleet.consensus.following import (
     ClockCase,
     ClockFound,
@@ -121,7 +122,7 @@ class ConsensusStudy:
             ],
             tables=_tables(rates, done["coarse"], late, over, dict(zip(clocks, done["clocks"], strict=True)),
                            everybody, outliers, many),
-            figure=figure.figure(rates, late, over, outliers[ROUNDS[0]]),
+            figure=figure(rates, late, over, outliers[ROUNDS[0]]),
             caption="(a) Measured decay of the disagreement against the algebraic connectivity. (b) A delay below and "
             "above pi / (2 s lambda_n) on every link; solid: compared with a vehicle's own value then, dashed: now. "
             "(c) Links that change or lose messages; dashed: what they are held against. (d) An outlier in the middle "

@@ -1,0 +1,16 @@
+"""The kernels by which vehicles keep apart, compiled before they fly (``sim.engine.compilation``)."""
+
+from __future__ import annotations
+
+from numba import float64
+
+from mathnavi.controllers.flight.ahead import PLAN
+from mathnavi.models.aerial.kernels import state_on
+from mathnavi.models.aerial.plan_distance import _least_squared
+from mathnavi.sim.interfaces.compiled import Signature
+from mathnavi.sim.interfaces.kernel_types import ONE, TWO
+
+KERNELS: tuple[Signature, ...] = (
+    (_least_squared, (*PLAN, *PLAN, float64, float64)),
+    (state_on, (ONE, TWO, TWO, float64)),
+)

@@ -1,0 +1,126 @@
+"""Steps without collision detection: taken where nothing can touch, and never seen in what they lead to."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from mathnavi.models.aerial.entity import build_model
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.engine.contact_free import ContactFree
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
+from mathnavi.sim.interfaces.signals import Array
+
+TICKS, DURATION = 5, 5.0 / 300.0  # of a step
+
+
+@pytest.fixture(scope="module")
+def terrain() -> HeightField:
+    """Hills of 300 m, 900 m apart."""
+    x, y = np.meshgrid(np.arange(41) * 50.0, np.arange(41) * 50.0)
+    return HeightField(300.0 * np.sin(x / 143.0) * np.cos(y / 143.0) + 300.0, 50.0)
+
+
+@pytest.fixture(scope="module")
+def model(terrain: HeightField) -> mujoco.MjModel:
+    return build_model(terrain, ["uav"], 400.0)
+
+
+def plant_at(model: mujoco.MjModel, start: Array) -> MujocoPlant:
+    return MujocoPlant(model, {"uav": VehicleSetup(start)}, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_flight_among_hills_is_the_same_bit_for_bit_with_every_contact(
+    terrain: HeightField, model: mujoco.MjModel, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(500.0, 1500.0, 2)
+    start = np.array([x, y, float(terrain.height(x, y)) + 60.0, *rng.normal(0.0, 40.0, 3)])
+    sparing, plain = plant_at(model, start), plant_at(model, start)
+    vars(plain)["_contact_free"] = None
+    free = sparing._contact_free
+    assert free is not None
+    spared, contacts = 0, 0
+    for step in range(300):
+        u = rng.normal(0.0, 100.0, 3) - [0.0, 0.0, 60.0]
+        for plant in (sparing, plain):
+            if step == 150:
+                plant.displace("uav", np.array([0.0, 0.0, 50.0]))
+            if step == 220:
+                plant.place("uav", start)
+        spared += free.ahead(DURATION)
+        events = sparing.step({"uav": u}, TICKS)
+        assert events == plain.step({"uav": u}, TICKS)
+        assert sparing.state("uav").tobytes() == plain.state("uav").tobytes()
+        contacts += len(events)
+    assert spared > 20
+    assert contacts > 0
+
+
+def test_nothing_touches_within_a_surveyed_margin(terrain: HeightField, model: mujoco.MjModel) -> None:
+    rng, data, other = np.random.default_rng(1), mujoco.MjData(model), mujoco.MjData(model)
+    surveys = 0
+    for _ in range(300):
+        x, y = rng.uniform(0.0, 2000.0, 2)
+        data.qpos[:] = x, y, float(terrain.height(x, y)) + rng.uniform(-5.0, 300.0)
+        free = ContactFree(model, data)
+        if not free.ahead(DURATION):
+            continue
+        surveys += 1
+        for _ in range(5):
+            away = rng.normal(size=3)
+            other.qpos[:] = data.qpos + free._free / np.sqrt(3.0) * away / np.linalg.norm(away)
+            mujoco.mj_forward(model, other)
+            assert other.ncon == 0
+    assert surveys > 100
+
+
+def test_a_vehicle_on_the_ground_is_not_free(terrain: HeightField, model: mujoco.MjModel) -> None:
+    data = mujoco.MjData(model)
+    data.qpos[:] = 700.0, 700.0, float(terrain.height(700.0, 700.0)) + 0.4
+    assert not any(ContactFree(model, data).ahead(DURATION) for _ in range(20))
+
+
+def test_a_vehicle_that_was_put_elsewhere_is_surveyed_anew(terrain: HeightField, model: mujoco.MjModel) -> None:
+    data = mujoco.MjData(model)
+    data.qpos[:] = 700.0, 700.0, 2000.0
+    free = ContactFree(model, data)
+    assert free.ahead(DURATION)
+    data.qpos[2] = float(terrain.height(700.0, 700.0)) + 0.4
+    assert not free.within(DURATION)
+    assert not free.ahead(DURATION)
+
+
+def test_the_model_of_others_keeps_its_collision_detection(model: mujoco.MjModel) -> None:
+    before = model.opt.disableflags, model.opt.enableflags, model.opt.o_margin
+    plant = plant_at(model, np.array([1000.0, 1000.0, 900.0, 0.0, 0.0, 0.0]))
+    plant.step({"uav": np.zeros(3)}, TICKS)
+    assert plant._contact_free is not None
+    assert (model.opt.disableflags, model.opt.enableflags, model.opt.o_margin) == before
+
+
+def test_only_a_single_vehicle_on_slides_is_surveyed(terrain: HeightField, model: mujoco.MjModel) -> None:
+    assert ContactFree.applies(model, slides=3)
+    assert not ContactFree.applies(build_model(terrain, ["one", "two"], 40.0), slides=3)
+    turning = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body><joint type='slide'/><joint type='hinge'/><geom size='1'/></body></worldbody>"
+        "</mujoco>"
+    )
+    assert not ContactFree.applies(turning, slides=1)
+
+
+@pytest.mark.parametrize("joint", ["", "range='-1 1' limited='true'", "frictionloss='1'"])
+def test_a_slide_that_is_held_by_more_than_contacts_is_not_surveyed(joint: str) -> None:
+    xml = f"<mujoco><worldbody><body><joint type='slide' {joint}/><geom size='1'/></body></worldbody></mujoco>"
+    assert ContactFree.applies(mujoco.MjModel.from_xml_string(xml), slides=1) == (not joint)
+
+
+def test_a_mocap_body_that_collides_may_come_near_at_any_time() -> None:
+    xml = (
+        "<mujoco><worldbody><body><joint type='slide'/><geom size='1'/></body>"
+        "<body mocap='true' pos='9 0 0'><geom size='1' contype='{}' conaffinity='{}'/></body></worldbody></mujoco>"
+    )
+    assert ContactFree.applies(mujoco.MjModel.from_xml_string(xml.format(0, 0)), slides=1)
+    assert not ContactFree.applies(mujoco.MjModel.from_xml_string(xml.format(1, 1)), slides=1)

@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from mathnavi.renders.palette import Colour, Picture
-from mathnavi.sim.interfaces.signals import Array, Booleans
+from mathnavi.sim.interfaces.signals import Array
 
 MAX_GEOMS = 4000
 DASH = 11.0  # [pixels] at a picture 720 pixels high: length of a dash and of the gap after it
@@ -178,11 +178,11 @@ class Stage:
             np.copyto(channel[:horizon], colours[:, k, None], where=sky)
             np.copyto(channel[horizon:], haze[k], where=empty[horizon:])
 
-    def _empty(self) -> Booleans:
+    def _empty(self) -> Array:
         """(height, width) True where nothing was drawn: the depth, which MuJoCo counts towards the eye, is 0."""
         depth = np.empty((self.height, self.width), np.float32)
         mujoco.mjr_readPixels(None, depth, self._renderer._rect, self._renderer._mjr_context)
-        empty: Booleans = depth[::-1] == 0.0
+        empty: Array = depth[::-1] == 0.0
         return empty
 
     # ---- where things are in the picture

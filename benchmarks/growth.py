@@ -54,7 +54,8 @@ class Growth:
     def cost(self, size: int, seed: int) -> float:
         """Cost of a size, a share of it."""
         curve = CURVES[self.curve]
-        return self.factor * curve.cost(curve.made(size, seed)) / size**self.power
+        whole: float = curve.cost(curve.made(size, seed))
+        return self.factor * whole / float(size**self.power)
 
 
 def growths(quick: bool) -> tuple[Growth, ...]:

@@ -11,6 +11,7 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +42,8 @@ def measured(directory: Path, width: int, height: int, count: int) -> dict[str, 
         taken["scene"] = time.process_time() - began
         renderer = painter.scene.stage._renderer
         for frame in frames[:: max(1, len(frames) // count)][:count]:
-            timed("frame", lambda frame=frame: painter.paint(frame))
-            timed("drawing", lambda frame=frame: painter.scene.draw(frame.t, frame.camera, frame.turn))
+            timed("frame", partial(painter.paint, frame))
+            timed("drawing", partial(painter.scene.draw, frame.t, frame.camera, frame.turn))
             timed("bare", renderer.render)
     share = min(count, len(frames))
     return {name: total if name == "scene" else total / share for name, total in taken.items()}

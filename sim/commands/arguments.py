@@ -56,9 +56,18 @@ def parse(argv: Sequence[str], prog: str, description: str, *groups: FlagGroup) 
 
     ``--help`` prints the help and raises HelpPrinted.
     """
+    known: dict[str, bool] = {}
+    owners: dict[str, type] = {}
+    for group in groups:
+        for name, repeats in flags(group.schema, group.prefix):
+            known[name] = repeats
+            if (owner := owners.setdefault(name, group.schema)) is not group.schema:
+                raise BadInputError(
+                    f"{name} is a field of {owner.__qualname__} and of {group.schema.__module__}."
+                    f"{group.schema.__qualname__}; allowed: another name for the latter"
+                )
     if _HELP & set(argv):
         _print_help(prog, description, groups)
-    known = {name: repeats for group in groups for name, repeats in flags(group.schema, group.prefix)}
     _check_flags(argv, prog, known)
     leaves = {
         leaf.path: leaf

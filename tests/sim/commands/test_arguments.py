@@ -171,3 +171,19 @@ def test_help_is_printed_whatever_else_is_given(capsys: pytest.CaptureFixture[st
     with pytest.raises(HelpPrinted):
         read("--count", "many", "--help", schema=Inner, prefix="part")
     assert "--part.rate" in capsys.readouterr().out
+
+
+def test_two_groups_with_one_flag_are_refused() -> None:
+    """As an option of a study, and a field of an own study that is called the same."""
+
+    @dataclass
+    class Options:
+        workers: int = 1
+
+    @dataclass
+    class Config:
+        workers: int = 3
+
+    for words in ([], ["--workers", "2"], ["--help"]):
+        with pytest.raises(BadInputError, match=r"--workers is a field of .*Options and of .*Config; allowed: another"):
+            parse(words, "prog", "purpose", FlagGroup(Options, default=Options()), FlagGroup(Config, default=Config()))

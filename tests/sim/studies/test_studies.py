@@ -66,7 +66,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "mechanisms": {"own": 1, "suite": 1, "values": 1, "seconds": 1},
     "real-arms": {"cases": 1, "values": 1, "seconds": 1},
     "bounds": {"seeds": 1, "scenarios": 2, "shortened": 4},
-    "scaling": {"repetitions": 1, "sizes": 2, "trials": 10, "workers": 1, "cluster": False},
+    "scaling": {"repetitions": 1, "sizes": 2, "trials": 10, "worker_counts": 1, "slow_network": False},
     "range-convergence": {"seeds": 1, "peers": 1, "drives": 1, "repetitions": 1, "seconds": 1},
     "range-observer": {"starts": 1, "drives": 1, "states": 2, "seconds": 1},
     "hunt": {"missions": 2, "tries": 1, "draws": 1, "repeats": 1},

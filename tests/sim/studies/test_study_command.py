@@ -237,3 +237,9 @@ def test_bad_input_is_one_line_with_exit_code_2(
     assert len(error.splitlines()) == 1, error
     assert all(word in error for word in expected), error
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", study.names("studies"))
+def test_a_studys_fields_are_no_options_of_the_command(name: str) -> None:
+    _, studies = study.read_studies([name])
+    assert list(studies) == [name]

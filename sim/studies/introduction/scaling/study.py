@@ -47,9 +47,9 @@ class ScalingConfig:
     """at most, of each curve"""
     trials: Annotated[Count, Within(Interval(ge=10, le=100_000))] = 200
     """of a sweep"""
-    workers: Annotated[Count, Within(Interval(ge=1, le=len(WORKERS)))] = len(WORKERS)
-    """how many of 1, 2, 4 processes"""
-    cluster: bool = True
+    worker_counts: Annotated[Count, Within(Interval(ge=1, le=len(WORKERS)))] = len(WORKERS)
+    """how many of 1, 2, 4 processes for a sweep"""
+    slow_network: bool = True
     """whether sweeps on a cluster are measured too, where Dask is installed"""
 
 
@@ -83,7 +83,7 @@ class Scaling:
     """Growth of time and memory."""
 
     Config = ScalingConfig
-    quick = ScalingConfig(repetitions=1, sizes=2, trials=10, workers=1, cluster=False)
+    quick = ScalingConfig(repetitions=1, sizes=2, trials=10, worker_counts=1, slow_network=False)
     title = "Time and memory against size"
     on_terrain = False
 
@@ -97,8 +97,8 @@ class Scaling:
             for seed in range(config.repetitions)
         ]
         found = grown(cases, setup.compute(measured, cases))
-        delays = DELAYS if config.cluster else DELAYS[:1]
-        sweeps = tuple(SweepCase(w, config.trials, delay) for delay in delays for w in WORKERS[: config.workers])
+        delays = DELAYS if config.slow_network else DELAYS[:1]
+        sweeps = tuple(SweepCase(w, config.trials, delay) for delay in delays for w in WORKERS[: config.worker_counts])
         (rates,) = setup.compute(swept, [sweeps])  # alone: they are measured by the clock on the wall
         (commit,) = setup.compute(written, [config.trials])
         first = min(found, key=lambda each: each.factor)
@@ -239,11 +239,14 @@ def _figure(found: Sequence[Growth], rates: Sequence[SweepRate]) -> Figure:
             if 0.0 < each.factor < FACTOR:
                 axes.axhline(each.curve.limit, color=BOUND, ls="--", lw=1.2)
             axes.axvline(each.curve.today, color="0.6", ls=":", lw=1.0)
-            beside = axes.twinx()
-            beside.plot(each.sizes, each.memory, "s--", color="0.55", ms=3.0, lw=1.0)
-            beside.set(ylabel="MB", ylim=(0.0, None))
-            beside.grid(visible=False)
+            if max(each.memory) >= LEAST_MEMORY:
+                beside = axes.twinx()
+                beside.plot(each.sizes, each.memory, "s--", color="0.55", ms=3.0, lw=1.0)
+                beside.set(ylabel="MB", ylim=(0.0, None))
+                beside.grid(visible=False)
             axes.set(xscale="log", yscale="log", xlabel=each.curve.size, ylabel=each.curve.unit)
+            middle = math.sqrt(min(each.costs) * max(each.costs))  # a cost that does not grow shows as such
+            axes.set_ylim(min(axes.get_ylim()[0], middle / 5.0), max(axes.get_ylim()[1], 5.0 * middle))
             axes.minorticks_off()
             axes.set_xticks(each.sizes, [str(size) for size in each.sizes], fontsize=7.0)
             axes.set_title(f"{each.name}: exponent {each.exponent:.2f}")

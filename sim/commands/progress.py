@@ -103,7 +103,10 @@ def flight_progress(errors: Console) -> Iterator[Callable[[float, float], None]]
         task = bar.add_task("building", total=None, status="")
         yield fly
     if kernels:
-        errors.print(f"compiled {kernels} kernels in {compiled:.0f} s, outside the clock of the run", highlight=False)
+        errors.print(
+            f"compiled {kernels} kernel{'s' * (kernels != 1)} in {compiled:.0f} s, outside the clock of the run",
+            highlight=False,
+        )
 
 
 def _status(progress: Done, began: float) -> str:

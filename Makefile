@@ -33,7 +33,7 @@ INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check
 .NOTPARALLEL:
 
 fly: .venv/.installed opengl
-	@echo "Flying the main mission, then drawing its video and writing its report (two to four minutes on two cores)"
+	@echo "Flying the main mission, then drawing its video and writing its report (about a minute on two cores)"
 	.venv/bin/mathnavi run $(FLY) --video --report --out $(FLY_OUT)
 	@for file in video.mp4 report.html; do \
 	    if [ -f "$(FLY_OUT)/$$file" ]; then echo "$(CURDIR)/$(FLY_OUT)/$$file"; fi; \

@@ -62,6 +62,8 @@ def doubt(estimate: Estimate, worst: tuple[float, ...]) -> str:
         return str(estimate.status.value)
     if estimate.covariance is None:
         return ""
+    if estimate.covariance.shape != (6, 6):
+        return f"the estimate's covariance has shape {estimate.covariance.shape}; allowed: (6, 6)"
     variance = estimate.covariance.diagonal().tolist()
     for what, unit, (x, y, z), declared in (
         ("position", "m", variance[:3], worst[0]),

@@ -22,7 +22,7 @@ class ContactFree:
     """The surveys of one simulation in which nothing moves but a vehicle on slides, its forces held over a step.
 
     ``model`` is a copy without constraints, to step ``data`` with. The copy is its own, for other simulations may step
-    the original at the same time.
+    the original at the same time; a later change of the original does not reach it.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -38,15 +38,16 @@ class ContactFree:
 
     @staticmethod
     def applies(model: mujoco.MjModel, slides: int) -> bool:
-        """True if so many slides of a vehicle are all that moves, contacts are all that constrains it, and no mocap
-        body collides.
+        """True if so many slides of a vehicle are all that moves, contacts are all that constrains it, no spring or
+        servo pulls it, and no mocap body collides.
         """
         colliding = (model.geom_contype | model.geom_conaffinity) != 0
         moved_from_outside = model.body_mocapid[model.body_rootid[model.geom_bodyid]] >= 0
         constrained = model.neq or model.ntendon or model.jnt_limited.any() or model.dof_frictionloss.any()
+        pulled = model.jnt_stiffness.any() or model.actuator_biastype.any() or model.na
         visited = (colliding & moved_from_outside).any() or (model.npair and model.nmocap)
         alone = model.nv == slides and model.nflex == 0 and not visited
-        return bool(alone and not constrained)
+        return bool(alone and not constrained and not pulled)
 
     def ahead(self, duration: float) -> bool:
         """True if nothing can touch anything in the coming ``duration`` [s], unless the vehicle becomes much faster."""

@@ -142,7 +142,10 @@ class _Vehicles(dict[str, _Vehicle]):
 
 
 class MujocoPlant:
-    """Vehicles of a compiled MuJoCo model behind ``mathnavi.sim.interfaces.protocols.Plant``."""
+    """Vehicles of a compiled MuJoCo model behind ``mathnavi.sim.interfaces.protocols.Plant``.
+
+    The model is to stay as it is from the first step on: steps far from any contact are made with a copy of it.
+    """
 
     def __init__(self, model: mujoco.MjModel, vehicles: Mapping[str, VehicleSetup], rng: np.random.Generator) -> None:
         """The plant at t = 0; each sensor draws from a stream of its own, spawned from ``rng``.

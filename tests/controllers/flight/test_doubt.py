@@ -42,5 +42,11 @@ def test_what_is_worse_than_declared_is_doubted(position: float, velocity: float
     assert doubt(estimate(position, velocity), DECLARED) == reason
 
 
+@pytest.mark.parametrize("shape", [(3, 3), (9, 9), (6,)])
+def test_a_covariance_of_another_shape_is_doubted(shape: tuple[int, ...]) -> None:
+    other = Estimate(0.0, np.zeros(6), np.zeros(shape))
+    assert doubt(other, DECLARED) == f"the estimate's covariance has shape {shape}; allowed: (6, 6)"
+
+
 def test_a_lost_estimate_is_doubted_however_good_it_says_it_is() -> None:
     assert doubt(estimate(0.0, 0.0, Status.LOST), DECLARED) == Status.LOST.value

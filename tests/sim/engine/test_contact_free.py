@@ -111,10 +111,19 @@ def test_only_a_single_vehicle_on_slides_is_surveyed(terrain: HeightField, model
     assert not ContactFree.applies(turning, slides=1)
 
 
-@pytest.mark.parametrize("joint", ["", "range='-1 1' limited='true'", "frictionloss='1'"])
+@pytest.mark.parametrize("joint", ["", "range='-1 1' limited='true'", "frictionloss='1'", "stiffness='1'"])
 def test_a_slide_that_is_held_by_more_than_contacts_is_not_surveyed(joint: str) -> None:
     xml = f"<mujoco><worldbody><body><joint type='slide' {joint}/><geom size='1'/></body></worldbody></mujoco>"
     assert ContactFree.applies(mujoco.MjModel.from_xml_string(xml), slides=1) == (not joint)
+
+
+@pytest.mark.parametrize(("actuator", "held"), [("motor", True), ("position", False), ("velocity", False)])
+def test_a_slide_with_a_servo_whose_force_changes_within_a_step_is_not_surveyed(actuator: str, held: bool) -> None:
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body><joint name='x' type='slide'/><geom size='1'/></body></worldbody>"
+        f"<actuator><{actuator} joint='x'/></actuator></mujoco>"
+    )
+    assert ContactFree.applies(model, slides=1) == held
 
 
 def test_a_mocap_body_that_collides_may_come_near_at_any_time() -> None:

@@ -6,6 +6,7 @@ import ctypes.util
 import gc
 import importlib
 import os
+import signal
 import sys
 from collections.abc import Generator, Iterator
 from functools import partial
@@ -18,6 +19,10 @@ if sys.platform == "linux" and not os.environ.get("MUJOCO_GL"):
     loadable = [backend for backend, library in backends.items() if ctypes.util.find_library(library)]
     os.environ["MUJOCO_GL"] = loadable[0] if loadable else "disable"
 importlib.import_module("mujoco")  # a command that flies would import it without OpenGL, and tests draw in this process
+
+# What was started in the background of a script ignores Ctrl-C, and so would every command that a test interrupts.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Small matrices only: on a busy machine the threads of a linear-algebra library wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -4,7 +4,7 @@
 
 The work is that of the study ``scaling`` (``mathnavi.sim.studies.introduction.scaling.curves``): a mission over the
 same ground on ever more nodes, built and flown, and 20 s of a fleet's flight. Each large size runs in turns with its
-small one. A window of a GeoTIFF is read beside a file that holds nothing else.
+small one. A window of a GeoTIFF is read, and a mission flown over it, beside a file that holds nothing else.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,12 +29,14 @@ from rich.console import Console
 
 from benchmarks.comparison import Comparison, alone
 from benchmarks.progress import progress
-from mathnavi.models.terrain.dem import height_field
+from mathnavi.models.terrain.dem import Box, height_field
+from mathnavi.models.terrain.dem_import import import_dem
 from mathnavi.models.terrain.geotiff import read_geotiff
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.studies.introduction.scaling.curves import CURVES
+from mathnavi.sim.studies.introduction.scaling.curves import CURVES, FLOWN
+from mathnavi.sim.sweep.trial import trial
 
-SPACING = 30.0  # [m] of the file that a window is read from
+SPACING = 160.0  # [m] of the file that a window is read from
 WINDOWED, WINDOW = 4097, 257  # nodes along a side, of the file and of the window
 LEEWAY = 1.15  # what counts as no growth: times
 
@@ -120,25 +122,38 @@ def run(arguments: Arguments, console: Console) -> GrowthFindings:
                     "ours / other", at_most=LEEWAY,
                 )
             )  # fmt: skip
-    return GrowthFindings([*rows, windows(arguments.repetitions)])
+    return GrowthFindings([*rows, *windows(arguments.repetitions)])
 
 
-def windows(repetitions: int, side: int = WINDOWED, window: int = WINDOW) -> Comparison:
-    """Reading a window of a GeoTIFF beside reading a file that holds no more than that."""
-    with tempfile.TemporaryDirectory() as folder:
-        whole, part = Path(folder) / "whole.tif", Path(folder) / "part.tif"
+def windows(repetitions: int, side: int = WINDOWED, window: int = WINDOW) -> list[Comparison]:
+    """A window of a GeoTIFF, read and flown over, beside a file that holds no more than that."""
+    reach = SPACING * (window - 1)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        whole, part = folder / "whole.tif", folder / "part.tif"
         write_geotiff(whole, side)
         write_geotiff(part, window)
-        reach = SPACING * (window - 1)
-        readings: list[Callable[[], object]] = [
-            lambda: height_field(read_geotiff(whole, (0.0, 0.0, reach, reach))),
-            lambda: height_field(read_geotiff(part)),
+        box = (0.0, 0.0, reach, reach)
+        readings = [lambda: height_field(read_geotiff(whole, box)), lambda: height_field(read_geotiff(part))]
+        missions = [lambda: _mission(whole, folder, box), lambda: _mission(part, folder, None)]
+        return [
+            _in_turns(f"read {window}² nodes of {side}²", readings, f"of {window}²", repetitions),
+            _in_turns(f"mission over {window}² of {side}²", missions, f"of {window}²", repetitions),
         ]
-        pairs: Array = np.array([[_timed(reading) for reading in readings] for _ in range(repetitions + 1)])[1:]
-    return Comparison(
-        f"read {window}² nodes of {side}²", "ms", pairs[:, 0], pairs[:, 1], f"of {window}²", "ours / other",
-        at_most=LEEWAY,
-    )  # fmt: skip
+
+
+def _mission(source: Path, folder: Path, box: Box | None) -> None:
+    """Import the map, plan the mission, and fly its first 20 s."""
+    made = folder / f"{source.stem}.npz"
+    import_dem(source, made, crop=box)
+    closed_loop = trial("safe-flight", 1, fields={"terrain": str(made), "drawn_separation": (0.15, 0.2)}).build()
+    replace(closed_loop, duration=FLOWN).run()
+
+
+def _in_turns(what: str, works: Sequence[Callable[[], object]], other: str, repetitions: int) -> Comparison:
+    """The first work beside the second one, each run once before."""
+    pairs: Array = np.array([[_timed(work) for work in works] for _ in range(repetitions + 1)])[1:]
+    return Comparison(what, "ms", pairs[:, 0], pairs[:, 1], other, "ours / other", at_most=LEEWAY)
 
 
 def write_geotiff(path: Path, side: int) -> None:

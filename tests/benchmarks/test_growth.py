@@ -22,13 +22,14 @@ def test_sizes_are_those_of_the_study_and_a_cost_is_shared(monkeypatch: pytest.M
     assert Growth("", "fleet", 4, 8, 0, "ms", 1.0).cost(8, 0) == 24.0
 
 
-def test_a_window_holds_the_heights_of_its_part(tmp_path: Path) -> None:
+def test_a_window_holds_the_heights_of_its_part_and_is_flown_over(tmp_path: Path) -> None:
     for side in (9, 33):
         write_geotiff(tmp_path / f"{side}.tif", side)
     reach = 8 * SPACING
     part = height_field(read_geotiff(tmp_path / "33.tif", (0.0, 0.0, reach, reach)))
     assert part.z.shape == (9, 9)
     assert height_field(read_geotiff(tmp_path / "9.tif")).z.shape == (9, 9)
-    row = windows(repetitions=2, side=33, window=9)
-    assert (row.software, len(row.ours)) == ("of 9²", 2)
-    assert row.ratio > 0.0
+    read, flown = windows(repetitions=2, side=97, window=65)
+    for row in (read, flown):
+        assert (row.software, len(row.ours)) == ("of 65²", 2)
+        assert row.ratio > 0.0

@@ -45,7 +45,7 @@ _config: Any = importlib.import_module("numba.core.config")
 _serialize: Any = importlib.import_module("numba.core.serialize")
 _llvmlite: Any = importlib.import_module("llvmlite")
 _KEPT = 90 * 86400.0  # [s] since its last use, for which an entry is kept
-_FORMAT = 2  # of a file of compiled code
+_FORMAT = 3  # of a file of compiled code
 _REMARKED = 86400.0  # [s] between two notes that an entry is in use
 
 SHIPPED = Path(__file__).parent / "shipped_kernels"
@@ -185,6 +185,24 @@ def _rebuilt(context: Any, content: tuple[frozenset[str], tuple[Any, ...]]) -> A
     return found
 
 
+def _checksum(file: Path, kept: bytes) -> bytes:
+    return hashlib.sha256(file.name.encode() + kept).digest()
+
+
+def _read(file: Path) -> bytes | None:
+    """What a file keeps; None where there is none, or not what was written under that name.
+
+    Damaged machine code would crash, or compute something else.
+    """
+    try:
+        content = file.read_bytes()
+    except OSError:
+        return None
+    size = hashlib.sha256().digest_size
+    kept = content[size:]
+    return kept if content[:size] == _checksum(file, kept) else None
+
+
 def kernel_folder() -> Path:
     """The folder of all compiled kernels."""
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
@@ -210,27 +228,25 @@ class KernelCache(_Cache):
         # Of numba a loaded kernel needs the memory management; what translates Python takes a while to import.
         _runtime.rtsys.initialize(target_context)
         for file in self.files(sig, target_context.codegen()):
-            try:
-                content = pickle.loads(file.read_bytes())
-            except (OSError, EOFError, pickle.UnpicklingError):
+            if (kept := _read(file)) is None:
                 continue
             with suppress(OSError):
                 if file.parent != SHIPPED and time.time() - file.stat().st_mtime > _REMARKED:
                     os.utime(file)
-            return _rebuilt(target_context, content)
+            return _rebuilt(target_context, pickle.loads(kept))
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the compiled code, whole or not at all; nothing happens where it cannot be written."""
         if not self._enabled or data.library.has_dynamic_globals or data.lifted or data.reload_init:
             return
-        file, content = self.files(sig, data.codegen)[0], _serialize.dumps((_symbols(data.library), data._reduce()))
+        file, kept = self.files(sig, data.codegen)[0], _serialize.dumps((_symbols(data.library), data._reduce()))
         with suppress(OSError):
             file.parent.mkdir(parents=True, exist_ok=True)
             handle, partial = tempfile.mkstemp(dir=file.parent, prefix=".partial-")
             try:
                 with os.fdopen(handle, "wb") as out:
-                    out.write(content)
+                    out.write(_checksum(file, kept) + kept)
                 os.replace(partial, file)
             except OSError:
                 os.unlink(partial)

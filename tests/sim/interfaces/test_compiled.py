@@ -6,7 +6,7 @@ import importlib
 import importlib.util
 import platform
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -118,13 +118,43 @@ def test_a_kernel_that_is_called_by_its_modules_name_counts_too() -> None:
     assert len(digests) == 2
 
 
-def test_a_damaged_file_is_compiled_anew(tmp_path: Path, folder: Path) -> None:
-    called(written(tmp_path))
-    for file in folder.glob("*.nbc"):
+def cut_short(files: list[Path]) -> None:
+    for file in files:
         file.write_bytes(file.read_bytes()[:100])
+
+
+def emptied(files: list[Path]) -> None:
+    for file in files:
+        file.write_bytes(b"")
+
+
+def with_one_bit_changed(files: list[Path]) -> None:
+    """In the middle, which is machine code or data: what follows from it may be a crash, or a wrong number."""
+    for file in files:
+        content = bytearray(file.read_bytes())
+        content[len(content) // 2] ^= 1
+        file.write_bytes(content)
+
+
+def exchanged(files: list[Path]) -> None:
+    """Each holds what another kernel's should."""
+    contents = [file.read_bytes() for file in files]
+    for file, content in zip(files, [*contents[1:], contents[0]], strict=True):
+        file.write_bytes(content)
+
+
+@pytest.mark.parametrize("damage", [cut_short, emptied, with_one_bit_changed, exchanged])
+def test_a_damaged_file_is_compiled_anew(damage: Callable[[list[Path]], None], tmp_path: Path, folder: Path) -> None:
+    called(written(tmp_path))
+    files = sorted(folder.glob("*.nbc"))
+    assert len(files) >= 2
+    damage(files)
     again = written(tmp_path)
     assert called(again) == 5.0
     assert hits(again[1].outer) == 0
+    once_more = written(tmp_path)
+    assert called(once_more) == 5.0
+    assert hits(once_more[1].outer) == 1
 
 
 def test_without_a_folder_to_write_to_kernels_are_compiled_all_the_same(tmp_path: Path, folder: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import platform
 import shutil
 import subprocess
 import tempfile
@@ -13,6 +14,8 @@ from pathlib import Path
 import casadi as ca
 
 from mathnavi.sim.interfaces.reading.files import MOST_TEXT, read_bytes
+
+_DIGITS = 32  # of a hash, in the name of a file
 
 
 def compiler() -> str | None:
@@ -34,13 +37,23 @@ def compiled(solver: ca.Function) -> Path:
         source, built = Path(folder) / "nlp.c", Path(folder) / "nlp.so"
         with contextlib.chdir(folder):  # CasADi takes no folder here
             solver.generate_dependencies(source.name)
-        library = cache / f"{hashlib.sha256(read_bytes(source, ValueError, MOST_TEXT)).hexdigest()}.so"
-        if not library.exists():
-            # As fast as -O2 here, and compiled in half the time.
-            command = [cc, "-O1", "-fPIC", "-shared", str(source), "-o", str(built), "-lm"]
-            made = subprocess.run(command, capture_output=True, text=True, check=False)
-            if made.returncode != 0:
-                said = " ".join(made.stderr.split())[-400:] or "nothing"
-                raise OSError(f"the C compiler {cc} ended with {made.returncode} and said: {said}")
-            built.replace(library)  # at once, so that a process beside this one never loads half a file
+        # A user's folder may be that of several machines.
+        text = platform.machine().encode() + read_bytes(source, ValueError, MOST_TEXT)
+        key = hashlib.sha256(text).hexdigest()[:_DIGITS]
+        for library in cache.glob(f"{key}-*.so"):
+            with contextlib.suppress(OSError):
+                if library.stem == f"{key}-{_checksum(library)}":  # damaged machine code would crash
+                    return library
+        # As fast as -O2 here, and compiled in half the time.
+        command = [cc, "-O1", "-fPIC", "-shared", str(source), "-o", str(built), "-lm"]
+        made = subprocess.run(command, capture_output=True, text=True, check=False)
+        if made.returncode != 0:
+            said = " ".join(made.stderr.split())[-400:] or "nothing"
+            raise OSError(f"the C compiler {cc} ended with {made.returncode} and said: {said}")
+        library = cache / f"{key}-{_checksum(built)}.so"
+        built.replace(library)  # at once, so that a process beside this one never loads half a file
     return library
+
+
+def _checksum(library: Path) -> str:
+    return hashlib.sha256(read_bytes(library, ValueError, MOST_TEXT)).hexdigest()[:_DIGITS]

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import tyro
 from rich.console import Console
@@ -88,13 +89,15 @@ def main(arguments: Arguments) -> int:
     findings: dict[str, Findings] = {}
     loads: dict[str, float] = {}
     failed: dict[str, str] = {}
+    described: dict[str, Any] = {}
     for name in arguments.only or every:
         try:
             findings[name] = every[name](console)
             loads[name] = load()[0]
         except RuntimeError as error:  # hours of other figures are not to be lost
             failed[name] = str(error)
-    described = machine.plain() | {"quick": arguments.quick, "loads": loads, "failed": failed}
+        described = machine.plain() | {"quick": arguments.quick, "loads": loads, "failed": failed}
+        write(arguments.out, findings, described)  # whatever ends the next part
     for name in OWN_TABLES:
         if name in findings:
             findings[name].show(console)
@@ -103,7 +106,6 @@ def main(arguments: Arguments) -> int:
         console.print("A quick run: rough figures.")
     for name, reason in failed.items():
         console.print(f"{name} failed: {reason}", markup=False, highlight=False)
-    write(arguments.out, findings, described)
     console.print(f"Wrote {arguments.out}")
     return int(bool(failed))
 

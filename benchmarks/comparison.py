@@ -168,9 +168,11 @@ def table(parts: Sequence[Findings], machine: Mapping[str, Any], loads: Sequence
         numeric = heading in ("ours", "other", "ratio", "spread")
         shown.add_column(heading, justify="right" if numeric else "left", no_wrap=numeric)
     for k, part in enumerate(parts):
+        if not (rows := part.comparisons()):
+            continue
         beside = f"; load {loads[k]:.1f}" if loads else ""
         shown.add_row(f"[bold]{part.title}[/bold]{beside}")
-        for row in part.comparisons():
+        for row in rows:
             ours, other = (
                 f"{_three_digits(float(np.median(samples)))} {row.unit}" for samples in (row.ours, row.other)
             )

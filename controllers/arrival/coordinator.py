@@ -69,6 +69,7 @@ class FleetCoordinator:
             raise ArgumentError(f"grid = {grid!r}; allowed: a finite value > 0")
         self.period = consensus.period
         self._separation, self._consensus, self._neighbours = separation, consensus, tuple(neighbours)
+        self._peers = frozenset(separation.peers)
         self._estimate, self._planning_period, self._grid = estimate, planning_period, grid
         self._assured = assured
         self._queued = 0  # planning instants running at which the vehicle's plan was not admitted
@@ -147,10 +148,10 @@ class FleetCoordinator:
 
     def _deferring(self, t: float, received: Sequence[Message]) -> list[tuple[str, Message]]:
         """Defer where others do, or where the plan that commits to the agreed time was refused; send it to all."""
-        assured, peers = self._assured, self._separation.peers
+        assured = self._assured
         if assured is None:
             return []
-        if not self._deferred and (others := [each.sender for each in received if each.sender in peers]):
+        if not self._deferred and (others := [each.sender for each in received if each.sender in self._peers]):
             self._defer(f"{others[0]} defers", assured)
         elif not self._deferred and self._proposed is not None and self._flown is not None:
             id, plan = self._proposed
@@ -158,7 +159,7 @@ class FleetCoordinator:
             if lost and self._commits(t, plan) and not self._commits(t, self._flown):
                 self._defer("no room to arrive as agreed", assured)
         notice = Message(t, self._separation.name, DEFERRAL, None)
-        return [(peer, notice) for peer in peers] if self._deferred else []
+        return [(peer, notice) for peer in self._separation.peers] if self._deferred else []
 
     def _commits(self, t: float, plan: Plan) -> bool:
         """True if a plan arrives within its optimised part, before the assured time."""

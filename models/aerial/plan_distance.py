@@ -25,6 +25,7 @@ before: who compares it gives that time.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,8 +49,7 @@ class PlannedTrajectory:
     t: Array  # (K + 1,) [s] absolute, increasing
     x: Array  # (K + 1, 6) [m, m/s] map frame, states at t; K = 0 stands still
     u: Array  # (K, 3) [m/s^2] held over [t[k], t[k + 1]]
-    low: Array  # (3,) [m] corner of the box
-    high: Array  # (3,) [m] the opposite one
+    box: Array  # (2, 3) [m] its lowest corner and its highest one
     speed: float  # [m/s] greatest
 
     @staticmethod
@@ -74,7 +74,7 @@ class PlannedTrajectory:
         for values in (t, x, u):
             values.setflags(write=False)
         return PlannedTrajectory(
-            t, x, u, hull.min(axis=0), hull.max(axis=0), math.sqrt(float((v * v).sum(axis=1).max()))
+            t, x, u, np.array([hull.min(axis=0), hull.max(axis=0)]), math.sqrt(float((v * v).sum(axis=1).max()))
         )
 
 
@@ -96,11 +96,27 @@ def clear(plan_a: Plan | PlannedTrajectory, plan_b: Plan | PlannedTrajectory, di
     check(distance, "distance", 0.0)
     check(t, "t", -math.inf)
     a, b = PlannedTrajectory.from_plan(plan_a), PlannedTrajectory.from_plan(plan_b)
-    squared = float(distance) * float(distance)
-    gap = np.maximum(np.maximum(a.low - b.high, b.low - a.high), 0.0)
-    if gap @ gap > squared * (1.0 + 1e-9):  # rounding of a box decides nothing
-        return True
-    return bool(_least_squared(a.t, a.x, a.u, b.t, b.x, b.u, float(t), squared) >= squared)
+    return all(clear_of_each(a, [b], np.array([distance], dtype=np.float64), np.array([t], dtype=np.float64)))
+
+
+def clear_of_each(
+    plan: PlannedTrajectory, others: Sequence[PlannedTrajectory], distances: Array, times: Array
+) -> list[bool]:
+    """For each other plan: True if |p(s) - p_k(s)| >= distances[k] [m] for all s in [times[k], infinity), (n,) each.
+
+    Most plans of a large fleet are told apart by their boxes, for all of them at once.
+    """
+    if not others:
+        return []
+    squared = distances * distances
+    boxes = np.concatenate([other.box for other in others]).reshape(-1, 2, 3)
+    gaps = np.maximum(np.maximum(boxes[:, 0] - plan.box[1], plan.box[0] - boxes[:, 1]), 0.0)
+    clear_by_box = (gaps * gaps).sum(axis=1) > squared * (1.0 + 1e-9)  # rounding of a box decides nothing
+    found: list[bool] = clear_by_box.tolist()
+    for k in np.flatnonzero(~clear_by_box).tolist():
+        b, cap = others[k], float(squared[k])
+        found[k] = _least_squared(plan.t, plan.x, plan.u, b.t, b.x, b.u, float(times[k]), cap) >= cap
+    return found
 
 
 @inner_njit(nogil=True, error_model="numpy")

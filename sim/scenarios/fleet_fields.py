@@ -93,13 +93,16 @@ class Radio:
         ``distance(one, other)`` [m] is that between two of them now.
         """
         delays, losses = rng.spawn(2)
-        network: Network = LossyLinks(
-            DelayedLinks(IdealNetwork(names), *self.delay, delays), self.loss, self.duplication, losses
-        )
+        network: Network = IdealNetwork(names)
+        if self.delay[1] > 0.0:
+            network = DelayedLinks(network, *self.delay, delays)
+        if self.loss > 0.0 or self.duplication > 0.0:
+            network = LossyLinks(network, self.loss, self.duplication, losses)
         if self.range is not None:
             network = within_range(network, distance, self.range)
-        half = frozenset(names[: len(names) // 2])
-        return partitioned(network, [Partition(*self.partition, half)])
+        if self.partition[1] > self.partition[0]:
+            network = partitioned(network, [Partition(*self.partition, frozenset(names[: len(names) // 2]))])
+        return network
 
 
 @configuration(prefix="clocks.")

@@ -49,8 +49,7 @@ class Vehicle:
     def act(self, t: float, network: Network, plan_now: bool) -> None:
         own = t + self.clock
         received = network.receive(self.name, t)
-        for receiver, message in self.separation.exchange(own, received):
-            network.send(message, receiver, t)
+        network.send(self.separation.exchange(own, received), t)
         if self._next is not None and self._next.t_start <= own:
             if self.separation.admitted(self._id):
                 self.separation.adopt(own)
@@ -125,8 +124,7 @@ def test_current_plans_are_apart_for_ever_whatever_the_network_does(
 
 def exchange(network: Network, vehicles: dict[str, Separation], t: float) -> None:
     for name, vehicle in vehicles.items():
-        for receiver, message in vehicle.exchange(t, network.receive(name, t)):
-            network.send(message, receiver, t)
+        network.send(vehicle.exchange(t, network.receive(name, t)), t)
 
 
 def lanes(count: int, seed: int = 0) -> dict[str, Separation]:

@@ -27,7 +27,7 @@ NAMES = ("a", "b", "c")
 def outbox(network: Network, count: int) -> None:
     """a sends b a number every tenth of a second."""
     for k in range(count):
-        network.send(Message(0.1 * k, "a", "number", k), "b", 0.1 * k)
+        network.send([("b", Message(0.1 * k, "a", "number", k))], 0.1 * k)
 
 
 def heard(network: Network, t: float, receiver: str = "b") -> list[int]:
@@ -81,7 +81,7 @@ def test_a_partition_holds_back_what_is_sent_between_the_parts_while_it_lasts() 
     network = partitioned(IdealNetwork(NAMES), [Partition(0.2, 0.4, frozenset("a"))])
     outbox(network, 6)
     assert heard(network, 1.0) == [0, 1, 4, 5]
-    network.send(Message(0.3, "c", "number", 9), "b", 0.3)
+    network.send([("b", Message(0.3, "c", "number", 9))], 0.3)
     assert heard(network, 1.0) == [9]
 
 
@@ -96,7 +96,7 @@ def test_what_no_network_can_be_is_refused() -> None:
     with pytest.raises(ValueError, match=r"names = .* allowed: each once, and not a again"):
         IdealNetwork(("a", "b", "a"))
     with pytest.raises(ValueError, match="receiver = 'z'; allowed: a, b, c"):
-        IdealNetwork(NAMES).send(Message(0.0, "a", "", None), "z", 0.0)
+        IdealNetwork(NAMES).send([("z", Message(0.0, "a", "", None))], 0.0)
     with pytest.raises(ValueError, match=r"most delay = 0\.1"):
         DelayedLinks(IdealNetwork(NAMES), 0.2, 0.1, rng)
     with pytest.raises(ValueError, match=r"loss = 1\.5"):
@@ -109,7 +109,7 @@ def test_who_is_out_of_range_is_not_heard() -> None:
     apart = {frozenset("ab"): 900.0, frozenset("ac"): 1100.0, frozenset("bc"): 1000.0}
     network = within_range(IdealNetwork("abc"), lambda one, other: apart[frozenset((one, other))], 1000.0)
     for sender, receiver in (("a", "b"), ("a", "c"), ("b", "c")):
-        network.send(Message(0.0, sender, "position", None), receiver, 0.0)
+        network.send([(receiver, Message(0.0, sender, "position", None))], 0.0)
     assert [message.sender for message in network.receive("b", 0.0)] == ["a"]
     assert [message.sender for message in network.receive("c", 0.0)] == ["b"]
     with pytest.raises(ValueError, match=r"reach = 0\.0; allowed: a finite value > 0"):

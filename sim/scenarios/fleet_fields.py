@@ -57,7 +57,7 @@ SlotAssignment = Literal["least_squares", "in_order"]
 SeparationRuleName = Literal["agreement", "delay_check"]
 
 EXCHANGE_PERIOD = 1.0 / 12.0  # [s] between two exchanges of messages, also of the consensus
-_MOST = 128
+_MOST = 256
 _FARTHEST, _FASTEST = 20.0, 0.01  # [s] of a clock, and of its drift
 HullSeparation = Annotated[
     PositiveMagnitude,

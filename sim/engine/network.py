@@ -20,8 +20,8 @@ from mathnavi.sim.interfaces.checks import check, check_names
 from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Message
 
-Addressed = tuple[str, Message]
-"""receiver, message"""
+Addressed = tuple[str | tuple[str, ...], Message]
+"""receiver, or several receivers, and message"""
 
 _ARRIVAL = itemgetter(0)
 
@@ -38,6 +38,11 @@ class Network(Protocol):
         ...
 
 
+def single_messages(messages: Sequence[Addressed]) -> list[tuple[str, Message]]:
+    """Messages with one receiver each, in their order."""
+    return [(receiver, message) for to, message in messages for receiver in (to if isinstance(to, tuple) else (to,))]
+
+
 class IdealNetwork:
     """Delivers to everyone at once."""
 
@@ -45,14 +50,24 @@ class IdealNetwork:
         """``names`` of all vehicles; ValueError if one is there twice."""
         self._underway: dict[str, list[tuple[float, Message]]] = {name: [] for name in check_names(names)}
         """by receiver: when each arrives [s], and the message"""
+        self._broadcast: dict[str, Addressed] = {}  # by sender: the last message to several
 
     def send(self, messages: Sequence[Addressed], t: float) -> None:
-        """ArgumentError for a receiver that is none."""
+        """Take messages; one to several that its sender repeats as it is, is delivered once, for here none is lost.
+
+        ArgumentError for a receiver that is none.
+        """
         underway = self._underway
-        for receiver, message in messages:
-            if receiver not in underway:
-                raise ArgumentError(f"receiver = {receiver!r}; allowed: {', '.join(underway)}")
-            underway[receiver].append((t, message))
+        for to, message in messages:
+            if isinstance(to, tuple):
+                before = self._broadcast.get(message.sender)
+                if before is not None and before[0] is to and before[1] is message:
+                    continue
+                self._broadcast[message.sender] = to, message
+            for receiver in to if isinstance(to, tuple) else (to,):
+                if receiver not in underway:
+                    raise ArgumentError(f"receiver = {receiver!r}; allowed: {', '.join(underway)}")
+                underway[receiver].append((t, message))
 
     def receive(self, receiver: str, t: float) -> list[Message]:
         held = self._underway[receiver]
@@ -70,7 +85,7 @@ class Linked:
 
     def send(self, messages: Sequence[Addressed], t: float) -> None:
         linked = self._linked
-        self._network.send([each for each in messages if linked(each[1].sender, each[0], t)], t)
+        self._network.send([each for each in single_messages(messages) if linked(each[1].sender, each[0], t)], t)
 
     def receive(self, receiver: str, t: float) -> list[Message]:
         return self._network.receive(receiver, t)
@@ -91,8 +106,9 @@ class DelayedLinks:
         self._network, self._least, self._most, self._rng = network, least, most, rng
 
     def send(self, messages: Sequence[Addressed], t: float) -> None:
-        delays: list[float] = self._rng.uniform(self._least, self._most, len(messages)).tolist()
-        for each, delay in zip(messages, delays, strict=True):
+        single = single_messages(messages)
+        delays: list[float] = self._rng.uniform(self._least, self._most, len(single)).tolist()
+        for each, delay in zip(single, delays, strict=True):
             self._network.send((each,), t + delay)
 
     def receive(self, receiver: str, t: float) -> list[Message]:
@@ -108,9 +124,10 @@ class LossyLinks:
         self._network, self._loss, self._duplication, self._rng = network, loss, duplication, rng
 
     def send(self, messages: Sequence[Addressed], t: float) -> None:
-        lost, doubled = (self._rng.random((len(messages), 2)) < (self._loss, self._duplication)).T
+        single = single_messages(messages)
+        lost, doubled = (self._rng.random((len(single), 2)) < (self._loss, self._duplication)).T
         copies: list[int] = np.where(lost, 0, np.where(doubled, 2, 1)).tolist()
-        self._network.send([each for each, count in zip(messages, copies, strict=True) for _ in range(count)], t)
+        self._network.send([each for each, count in zip(single, copies, strict=True) for _ in range(count)], t)
 
     def receive(self, receiver: str, t: float) -> list[Message]:
         return self._network.receive(receiver, t)

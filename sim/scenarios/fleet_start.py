@@ -167,8 +167,8 @@ def _checked_ring(config: SimultaneousArrivalConfig, terrain: HeightField) -> li
     if east > terrain.width or north > terrain.depth:
         most = config.slot_spacing * min(terrain.width / max(east, 1e-9), terrain.depth / max(north, 1e-9))
         raise MissionError(
-            f"slot_spacing = {config.slot_spacing!r}: the ring of {n} slots is {max(east, north):.0f} m across, and not "
-            f"all of them are on the map, {terrain.width:g} m by {terrain.depth:g} m, wherever the target is; allowed: "
+            f"slot_spacing = {config.slot_spacing!r}: the ring of {n} slots is {max(east, north):.0f} m across and "
+            f"does not fit the map, {terrain.width:g} m by {terrain.depth:g} m, wherever the target is; allowed: "
             f"<= {math.floor(most)} m, or fewer vehicles"
         )
     if config.target is not None and not _holds(terrain, config.target, ring):

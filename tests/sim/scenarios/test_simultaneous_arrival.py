@@ -191,7 +191,7 @@ def bad(terrain: str) -> list[tuple[dict[str, Any], str]]:
     middle = {"target": above(6_000.0, 6_000.0)}
     near = (above(1_000.0, 1_000.0), above(1_080.0, 1_000.0), above(9_000.0, 2_000.0))
     return [
-        ({"vehicles": 1}, r"vehicles = 1; allowed: a whole number from 2 to 128"),
+        ({"vehicles": 1}, r"vehicles = 1; allowed: a whole number from 2 to 256"),
         ({"start": near[:2] + near[1:2]}, r"start of vehicle_1 and of vehicle_2 are .* m apart"),
         ({"separation": 0.0}, r"separation = 0\.0"),
         ({"slot_spacing": 10.0}, r"separation = 150\.0; allowed: <= slot_spacing = 10\.0"),

@@ -98,6 +98,7 @@ class Separation:
         self._rng = rng
         self._last_id = 0
         self._answered: dict[str, SeparationReply] = {}  # the latest to each
+        self._reply = SeparationReply(0, clear=False)  # the latest of all, to be given again where it is the same
 
     @property
     def pending(self) -> int | None:
@@ -187,7 +188,12 @@ class Separation:
                 self._take(message.sender, message.payload, t)
             elif answer := self._answer(message, t, kept):
                 answers[message.sender] = answer
-        outgoing: list[tuple[str, Message]] = [(to, Message(t, self.name, TOPIC, each)) for to, each in answers.items()]
+        outgoing: list[tuple[str, Message]] = []
+        reply: Message | None = None
+        for sender, answer in answers.items():
+            if reply is None or reply.payload is not answer:
+                reply = Message(t, self.name, TOPIC, answer)  # one for all who are told the same
+            outgoing.append((sender, reply))
         if self._pending and len(self._acknowledged) < len(self.peers):
             again = Message(t, self.name, TOPIC, self._pending)
             outgoing += [(peer, again) for peer in self.peers if peer not in self._acknowledged]
@@ -232,9 +238,10 @@ class Separation:
         sender, proposal = message.sender, message.payload
         before = self._answered.get(sender)
         if before is None or before.id < proposal.id:
-            self._answered[sender] = SeparationReply(
-                proposal.id, self._clears_all(sender, proposal, t, *kept[id(message)])
-            )
+            clear = self._clears_all(sender, proposal, t, *kept[id(message)])
+            if (self._reply.id, self._reply.clear) != (proposal.id, clear):
+                self._reply = SeparationReply(proposal.id, clear)
+            self._answered[sender] = self._reply
         elif before.id > proposal.id:
             return None
         return self._answered[sender]

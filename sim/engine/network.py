@@ -58,16 +58,19 @@ class IdealNetwork:
         ArgumentError for a receiver that is none.
         """
         underway = self._underway
+        arrival: tuple[float, Message] | None = None
         for to, message in messages:
             if isinstance(to, tuple):
                 before = self._broadcast.get(message.sender)
                 if before is not None and before[0] is to and before[1] is message:
                     continue
                 self._broadcast[message.sender] = to, message
+            if arrival is None or arrival[1] is not message:
+                arrival = t, message  # one for all who receive it
             for receiver in to if isinstance(to, tuple) else (to,):
                 if receiver not in underway:
                     raise ArgumentError(f"receiver = {receiver!r}; allowed: {', '.join(underway)}")
-                underway[receiver].append((t, message))
+                underway[receiver].append(arrival)
 
     def receive(self, receiver: str, t: float) -> list[Message]:
         held = self._underway[receiver]

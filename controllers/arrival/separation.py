@@ -146,7 +146,7 @@ class Separation:
             raise ArgumentError(
                 f"pending = {self.pending!r} of {self.name}; allowed: a proposal that all have acknowledged"
             )
-        start = float(self._pending.trajectory.t[0])
+        start = self._pending.trajectory.begin
         if t < start - TIME_TOLERANCE:
             raise ArgumentError(f"t = {t!r} of {self.name}; allowed: >= {start!r}, where the plan starts")
         self._current = self._pending.trajectory
@@ -171,16 +171,25 @@ class Separation:
         Answers, and the pending proposal again to each that has not answered it. A proposal that is not admitted when
         its start has passed is withdrawn: it came too late.
         """
-        if self._pending and t > self._pending.trajectory.t[0] + TIME_TOLERANCE and not self.admitted(self._pending.id):
+        if (
+            self._pending
+            and t > self._pending.trajectory.begin + TIME_TOLERANCE
+            and not self.admitted(self._pending.id)
+        ):
             self._record(t, "late", f"proposal {self._pending.id}: {', '.join(self.unheard)} have not acknowledged it")
             self.withdraw()
         answers: dict[str, SeparationReply] = {}
-        heard = [
-            (message, objection(message, t, self._known, self.zone, Proposal, SeparationReply))
-            for message in received
-            if message.topic == TOPIC
-        ]
-        kept = self._kept(t, [message for message, wrong in heard if not wrong and self._is_new(message)])
+        heard: list[tuple[Message, str]] = []
+        asking: list[Message] = []  # with a proposal that is newer than what its sender has been answered
+        for message in received:
+            if message.topic == TOPIC:
+                wrong = objection(message, t, self._known, self.zone, Proposal, SeparationReply)
+                heard.append((message, wrong))
+                if not wrong and isinstance(message.payload, Proposal):
+                    before = self._answered.get(message.sender)
+                    if before is None or before.id < message.payload.id:
+                        asking.append(message)
+        kept = self._kept(t, asking)
         for message, wrong in heard:
             if wrong:
                 self._record(t, "ignored", wrong)
@@ -199,13 +208,6 @@ class Separation:
             outgoing += [(peer, again) for peer in self.peers if peer not in self._acknowledged]
         return outgoing
 
-    def _is_new(self, message: Message) -> bool:
-        """True for a proposal that is newer than what its sender has been answered."""
-        if not isinstance(message.payload, Proposal):
-            return False
-        before = self._answered.get(message.sender)
-        return before is None or before.id < message.payload.id
-
     def _kept(self, t: float, asking: Sequence[Message]) -> dict[int, tuple[bool, bool]]:
         """Whether each proposal keeps the zone from the current plan and from the pending one, by id() of its message.
 
@@ -214,13 +216,11 @@ class Separation:
         if not asking:
             return {}
         theirs = [message.payload.trajectory for message in asking]
-        begins = np.maximum(t, [float(each.t[0]) for each in theirs])  # not flown before
+        begins = np.maximum(t, [each.begin for each in theirs])  # not flown before
         from_current = self.zone.kept_from_each(self._current, theirs, begins)
         if (mine := self._pending) is None:
             return {id(message): (kept, True) for message, kept in zip(asking, from_current, strict=True)}
-        from_pending = self.zone.kept_from_each(
-            mine.trajectory, theirs, np.maximum(begins, float(mine.trajectory.t[0]))
-        )
+        from_pending = self.zone.kept_from_each(mine.trajectory, theirs, np.maximum(begins, mine.trajectory.begin))
         return dict(zip(map(id, asking), zip(from_current, from_pending, strict=True), strict=True))
 
     def _take(self, sender: str, answer: SeparationReply, t: float) -> None:

@@ -77,6 +77,37 @@ def test_the_same_seed_loses_the_same() -> None:
     assert lists[0] == lists[1]
 
 
+@pytest.mark.parametrize("kind", ["ideal", "lossy", "linked"])
+def test_a_message_to_several_arrives_as_one_to_each_would(kind: str) -> None:
+    found = []
+    for several in (True, False):
+        network: Network = DelayedLinks(IdealNetwork(NAMES), 0.0, 0.3, np.random.default_rng(1))
+        if kind == "lossy":
+            network = LossyLinks(network, 0.3, 0.3, np.random.default_rng(2))
+        elif kind == "linked":
+            network = Linked(network, lambda sender, receiver, t: receiver != "c" or t > 0.5)
+        for k in range(20):
+            message = Message(0.1 * k, "a", "number", k)
+            network.send([(("b", "c"), message)] if several else [("b", message), ("c", message)], 0.1 * k)
+        found.append([heard(network, t, receiver) for t in (0.7, 1e6) for receiver in NAMES])
+    assert found[0] == found[1]
+
+
+def test_what_is_repeated_to_several_as_it_is_arrives_once_where_nothing_is_lost() -> None:
+    network, several, message = IdealNetwork(NAMES), ("b", "c"), Message(0.0, "a", "number", 1)
+    for t in (0.0, 0.1, 0.2):
+        network.send([(several, message)], t)
+    assert [heard(network, 1.0, name) for name in NAMES] == [[], [1], [1]]
+    network.send([(several, Message(0.0, "a", "number", 2))], 1.0)
+    network.send([(several, message)], 1.0)
+    assert heard(network, 1.0) == [2, 1]
+    lossy = LossyLinks(IdealNetwork(NAMES), 0.9, 0.0, np.random.default_rng(0))
+    for k in range(100):
+        lossy.send([(several, message)], 0.1 * k)
+    assert heard(lossy, 1e6)
+    assert heard(lossy, 1e6, "c")
+
+
 def test_a_partition_holds_back_what_is_sent_between_the_parts_while_it_lasts() -> None:
     network = partitioned(IdealNetwork(NAMES), [Partition(0.2, 0.4, frozenset("a"))])
     outbox(network, 6)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mathnavi.controllers.arrival.laplacian import LaplacianConfig, LaplacianConsensus
 from mathnavi.controllers.arrival.maximum import MaximumConfig, MaximumConsensus
 from mathnavi.models.fleet.graph import Graph
-from mathnavi.sim.engine.network import Network
+from mathnavi.sim.engine.network import Addressed, Network
 from mathnavi.sim.interfaces.protocols import Consensus
 from mathnavi.sim.interfaces.signals import Array, Message
 
@@ -23,8 +23,8 @@ class Shuffled:
     def __init__(self, network: Network, rng: np.random.Generator) -> None:
         self._network, self._rng = network, rng
 
-    def send(self, message: Message, receiver: str, t: float) -> None:
-        self._network.send(message, receiver, t)
+    def send(self, messages: Sequence[Addressed], t: float) -> None:
+        self._network.send(messages, t)
 
     def receive(self, receiver: str, t: float) -> list[Message]:
         arrived = self._network.receive(receiver, t)

@@ -69,9 +69,11 @@ class FleetCoordinator:
             raise ArgumentError(f"grid = {grid!r}; allowed: a finite value > 0")
         self.period = consensus.period
         self._separation, self._consensus, self._neighbours = separation, consensus, tuple(neighbours)
+        self._peers = frozenset(separation.peers)
         self._estimate, self._planning_period, self._grid = estimate, planning_period, grid
         self._assured = assured
         self._queued = 0  # planning instants running at which the vehicle's plan was not admitted
+        self._notice: Message | None = None  # of its deferral, the same every time
         self._deferred = False  # True from when its own time of arrival is the assured one
         self._reach = 0.0  # [s] of a plan's optimised part
         self._changed = -math.inf  # [s] when the agreed time last changed
@@ -91,10 +93,13 @@ class FleetCoordinator:
             self._consensus.start(self._own_time(t, self._flown), t)
             self._next_step = t + self._planning_period
             self._news += self._keeping(t, self._flown)
-        messages = self._separation.exchange(t, [message for message in received if message.topic == TOPIC])
-        messages += self._deferring(t, [message for message in received if message.topic == DEFERRAL])
+        plans = self._separation.exchange(t, [message for message in received if message.topic == TOPIC])
+        deferral = self._deferring(t, [message for message in received if message.topic == DEFERRAL])
         payload = self._consensus.exchange(t, [message for message in received if message.topic == AGREEMENT])
-        messages += [(name, Message(t, self._separation.name, AGREEMENT, payload)) for name in self._neighbours]
+        agreement = Message(t, self._separation.name, AGREEMENT, payload)
+        messages: list[tuple[str | tuple[str, ...], Message]] = [
+            *plans, *deferral, *((name, agreement) for name in self._neighbours),
+        ]  # fmt: skip
         happened = [(event.kind, event.message) for event in self._separation.events]
         self._separation.events.clear()
         news, self._news = self._news, []
@@ -145,20 +150,22 @@ class FleetCoordinator:
         self._next_step = -math.inf  # the consensus is to know at once
         self._news.append(("arrival-deferred", f"{why}; its stored plan arrives at {assured.time:.2f} s"))
 
-    def _deferring(self, t: float, received: Sequence[Message]) -> list[tuple[str, Message]]:
+    def _deferring(self, t: float, received: Sequence[Message]) -> list[tuple[tuple[str, ...], Message]]:
         """Defer where others do, or where the plan that commits to the agreed time was refused; send it to all."""
-        assured, peers = self._assured, self._separation.peers
+        assured = self._assured
         if assured is None:
             return []
-        if not self._deferred and (others := [each.sender for each in received if each.sender in peers]):
+        if not self._deferred and (others := [each.sender for each in received if each.sender in self._peers]):
             self._defer(f"{others[0]} defers", assured)
         elif not self._deferred and self._proposed is not None and self._flown is not None:
             id, plan = self._proposed
             lost = self._separation.pending != id and plan is not self._flown and t < plan.t_start
             if lost and self._commits(t, plan) and not self._commits(t, self._flown):
                 self._defer("no room to arrive as agreed", assured)
-        notice = Message(t, self._separation.name, DEFERRAL, None)
-        return [(peer, notice) for peer in peers] if self._deferred else []
+        if not self._deferred:
+            return []
+        self._notice = self._notice or Message(t, self._separation.name, DEFERRAL, None)
+        return [(self._separation.peers, self._notice)]
 
     def _commits(self, t: float, plan: Plan) -> bool:
         """True if a plan arrives within its optimised part, before the assured time."""

@@ -161,15 +161,18 @@ class DelayCheck:
         candidate, messages = self._candidate, [self._committed]
         if candidate is not None and candidate.published is not None and not candidate.committed:
             messages.append(Published(candidate.id, candidate.trajectory, committed=False))
-        return [(peer, Message(t, self.name, TOPIC, each)) for each in messages for peer in self.peers]
+        published = [Message(t, self.name, TOPIC, each) for each in messages]
+        return [(peer, message) for message in published for peer in self.peers]
 
     def _taken(self, message: Message, t: float) -> tuple[Published, ...]:
         """Store a message's trajectory; return it if it is new."""
-        if wrong := objection(message, t, self.peers, self.zone, Published):
+        if wrong := objection(message, t, self._stored, self.zone, Published):
             self._record(t, "ignored", wrong)
             return ()
         stored, one = self._stored[message.sender], message.payload
         known = stored.get(one.id)
+        if known is one:
+            return ()
         last = max((each.id for each in stored.values() if each.committed), default=-1)
         if one.id < last or (known is not None and known.committed >= one.committed):
             return ()
@@ -191,11 +194,10 @@ class DelayCheck:
             self._record(t, "late", f"proposal {candidate.id}")
             self.withdraw()
             return
-        known = [each for stored in self._stored.values() for each in stored.values()]
-        if not all(
-            self.zone.kept(candidate.trajectory, each.trajectory, t)
-            for each in (known if candidate.published is None else arrived)
-        ):
+        if candidate.published is None:
+            arrived = [each for stored in self._stored.values() for each in stored.values()]
+        others = [each.trajectory for each in arrived]
+        if not all(self.zone.kept_from_each(candidate.trajectory, others, np.full(len(others), t))):
             self._record(t, "refused", f"proposal {candidate.id}")
             self.withdraw()
         elif candidate.published is None:

@@ -42,7 +42,7 @@ admitted until it has acknowledged. What is lost is the new plans, not the separ
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,9 +94,11 @@ class Separation:
         self._current = PlannedTrajectory.from_plan(current)
         self._pending: Proposal | None = None
         self._acknowledged: set[str] = set()  # who has, the pending proposal
+        self._known = dict.fromkeys(peers)  # as ``peers``, to be found at once
         self._rng = rng
         self._last_id = 0
         self._answered: dict[str, SeparationReply] = {}  # the latest to each
+        self._reply = SeparationReply(0, clear=False)  # the latest of all, to be given again where it is the same
 
     @property
     def pending(self) -> int | None:
@@ -122,7 +124,9 @@ class Separation:
     @property
     def unheard(self) -> tuple[str, ...]:
         """Vehicles that have not acknowledged the pending proposal; none without one."""
-        return tuple(peer for peer in self.peers if peer not in self._acknowledged) if self._pending else ()
+        if self._pending is None or len(self._acknowledged) == len(self.peers):
+            return ()
+        return tuple(peer for peer in self.peers if peer not in self._acknowledged)
 
     def withdraw(self) -> None:
         """Give up the pending plan, if there is one; its id is void for ever."""
@@ -142,7 +146,7 @@ class Separation:
             raise ArgumentError(
                 f"pending = {self.pending!r} of {self.name}; allowed: a proposal that all have acknowledged"
             )
-        start = float(self._pending.trajectory.t[0])
+        start = self._pending.trajectory.begin
         if t < start - TIME_TOLERANCE:
             raise ArgumentError(f"t = {t!r} of {self.name}; allowed: >= {start!r}, where the plan starts")
         self._current = self._pending.trajectory
@@ -167,24 +171,57 @@ class Separation:
         Answers, and the pending proposal again to each that has not answered it. A proposal that is not admitted when
         its start has passed is withdrawn: it came too late.
         """
-        if self._pending and t > self._pending.trajectory.t[0] + TIME_TOLERANCE and not self.admitted(self._pending.id):
+        if (
+            self._pending
+            and t > self._pending.trajectory.begin + TIME_TOLERANCE
+            and not self.admitted(self._pending.id)
+        ):
             self._record(t, "late", f"proposal {self._pending.id}: {', '.join(self.unheard)} have not acknowledged it")
             self.withdraw()
         answers: dict[str, SeparationReply] = {}
+        heard: list[tuple[Message, str]] = []
+        asking: list[Message] = []  # with a proposal that is newer than what its sender has been answered
         for message in received:
-            if message.topic != TOPIC:
-                continue
-            if wrong := objection(message, t, self.peers, self.zone, Proposal, SeparationReply):
+            if message.topic == TOPIC:
+                wrong = objection(message, t, self._known, self.zone, Proposal, SeparationReply)
+                heard.append((message, wrong))
+                if not wrong and isinstance(message.payload, Proposal):
+                    before = self._answered.get(message.sender)
+                    if before is None or before.id < message.payload.id:
+                        asking.append(message)
+        kept = self._kept(t, asking)
+        for message, wrong in heard:
+            if wrong:
                 self._record(t, "ignored", wrong)
             elif isinstance(message.payload, SeparationReply):
                 self._take(message.sender, message.payload, t)
-            elif answer := self._answer(message.sender, message.payload, t):
+            elif answer := self._answer(message, t, kept):
                 answers[message.sender] = answer
-        outgoing: list[tuple[str, Message]] = [(to, Message(t, self.name, TOPIC, each)) for to, each in answers.items()]
-        if self._pending:
+        outgoing: list[tuple[str, Message]] = []
+        reply: Message | None = None
+        for sender, answer in answers.items():
+            if reply is None or reply.payload is not answer:
+                reply = Message(t, self.name, TOPIC, answer)  # one for all who are told the same
+            outgoing.append((sender, reply))
+        if self._pending and len(self._acknowledged) < len(self.peers):
             again = Message(t, self.name, TOPIC, self._pending)
             outgoing += [(peer, again) for peer in self.peers if peer not in self._acknowledged]
         return outgoing
+
+    def _kept(self, t: float, asking: Sequence[Message]) -> dict[int, tuple[bool, bool]]:
+        """Whether each proposal keeps the zone from the current plan and from the pending one, by id() of its message.
+
+        All are checked at once, and before any is answered: what Own holds only goes while they are answered.
+        """
+        if not asking:
+            return {}
+        theirs = [message.payload.trajectory for message in asking]
+        begins = np.maximum(t, [each.begin for each in theirs])  # not flown before
+        from_current = self.zone.kept_from_each(self._current, theirs, begins)
+        if (mine := self._pending) is None:
+            return {id(message): (kept, True) for message, kept in zip(asking, from_current, strict=True)}
+        from_pending = self.zone.kept_from_each(mine.trajectory, theirs, np.maximum(begins, mine.trajectory.begin))
+        return dict(zip(map(id, asking), zip(from_current, from_pending, strict=True), strict=True))
 
     def _take(self, sender: str, answer: SeparationReply, t: float) -> None:
         """Count an answer to the pending proposal; any other is void."""
@@ -196,23 +233,28 @@ class Separation:
             self._record(t, "refused", f"proposal {answer.id}, by {sender}")
             self.withdraw()
 
-    def _answer(self, sender: str, proposal: Proposal, t: float) -> SeparationReply | None:
+    def _answer(self, message: Message, t: float, kept: Mapping[int, tuple[bool, bool]]) -> SeparationReply | None:
         """Check and reply in one; the same again to a copy, nothing to one that is older than the latest."""
+        sender, proposal = message.sender, message.payload
         before = self._answered.get(sender)
         if before is None or before.id < proposal.id:
-            self._answered[sender] = SeparationReply(proposal.id, self._clears_all(sender, proposal, t))
+            clear = self._clears_all(sender, proposal, t, *kept[id(message)])
+            if (self._reply.id, self._reply.clear) != (proposal.id, clear):
+                self._reply = SeparationReply(proposal.id, clear)
+            self._answered[sender] = self._reply
         elif before.id > proposal.id:
             return None
         return self._answered[sender]
 
-    def _clears_all(self, sender: str, proposal: Proposal, t: float) -> bool:
-        """True if a proposal clears all of Own; what is in its way may give way."""
-        theirs = proposal.trajectory
-        begin = max(t, float(theirs.t[0]))  # not flown before
-        if not self.zone.kept(theirs, self._current, begin):
+    def _clears_all(self, sender: str, proposal: Proposal, t: float, from_current: bool, from_pending: bool) -> bool:
+        """True if a proposal clears all of Own; what is in its way may give way.
+
+        ``from_pending`` counts while the plan is pending.
+        """
+        if not from_current:
             return False
         mine = self._pending
-        if mine is None or self.zone.kept(theirs, mine.trajectory, max(begin, float(mine.trajectory.t[0]))):
+        if mine is None or from_pending:
             return True
         if self.admitted(mine.id) or (mine.rank, self.name) > (proposal.rank, sender):
             return False

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
 
 from mathnavi.controllers.arrival.zone import Zone
 from mathnavi.models.aerial.plan_distance import PlannedTrajectory
@@ -56,8 +56,11 @@ class SeparationRule(Protocol):
         ...
 
 
-def objection(message: Message, t: float, peers: Sequence[str], zone: Zone, *payloads: type) -> str:
-    """Why a message received at t [s] cannot be, or "": to ignore one is as safe as to lose it."""
+def objection(message: Message, t: float, peers: Mapping[str, Any], zone: Zone, *payloads: type) -> str:
+    """Why a message received at t [s] cannot be, or "": to ignore one is as safe as to lose it.
+
+    ``peers`` has the names of all other vehicles, ``payloads`` are the types that a payload may have.
+    """
     if message.sender not in peers:
         return f"sender = {message.sender!r}; allowed: {', '.join(peers)}"
     if not message.t <= t + 2.0 * zone.clock_error + TIME_TOLERANCE:

@@ -17,7 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from mathnavi.models.aerial.kernels import state_on
-from mathnavi.models.aerial.plan_distance import PlannedTrajectory, clear, least_distance
+from mathnavi.models.aerial.plan_distance import PlannedTrajectory, clear_of_each, least_distance
 from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
 from mathnavi.sim.interfaces.checks import check_names
 from mathnavi.sim.interfaces.errors import MissionError
@@ -40,11 +40,20 @@ class Zone:
 
     def between(self, a: PlannedTrajectory, b: PlannedTrajectory) -> float:
         """Distance D [m], with the speed of either plan where it is faster than v_max: a gust may have made it so."""
-        return self.distance + 2.0 * self.bound + 2.0 * self.clock_error * max(self.speed_max, a.speed, b.speed)
+        return float(self._at(np.maximum(a.speed, b.speed)))
+
+    def _at(self, speed: Array) -> Array:
+        """Distances D [m] of plans whose greatest speeds are these [m/s]."""
+        return self.distance + 2.0 * self.bound + 2.0 * self.clock_error * np.maximum(self.speed_max, speed)
 
     def kept(self, a: PlannedTrajectory, b: PlannedTrajectory, t: float) -> bool:
         """True if the plans are D apart over [t, infinity), t [s]."""
-        return clear(a, b, self.between(a, b), t)
+        return all(self.kept_from_each(a, [b], np.array([t], dtype=np.float64)))
+
+    def kept_from_each(self, plan: PlannedTrajectory, others: Sequence[PlannedTrajectory], times: Array) -> list[bool]:
+        """For each other plan: True if it and ``plan`` are D apart over [times[k], infinity), (n,) [s]."""
+        speeds = np.maximum(plan.speed, [other.speed for other in others])
+        return clear_of_each(plan, others, self._at(speeds), times)
 
 
 def checked_start(

@@ -15,7 +15,8 @@ root at most, which Newton's method finds in a bracket: no degree degenerates, a
 |Delta|^2 hardly changes, the roots of g' are tried too.
 
 An interval is passed over where boxes suffice: Delta stays within the convex hull of C, C + B / 2 and C + B + A, so its
-distance from zero is at least that of their axis-aligned box. The whole plans have boxes as well.
+distance from zero is at least that of their axis-aligned box. The whole plans have boxes as well, in several frames
+about the vertical, for a plan that crosses the map askew fills the box along its axes badly.
 
 Before its start a plan stands where it begins and after its end it rests for ever where it ends, as
 ``mathnavi.models.aerial.dynamics.state_at`` has it. A plan that takes over from another at its start is not flown
@@ -25,6 +26,7 @@ before: who compares it gives that time.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +39,14 @@ from mathnavi.sim.interfaces.signals import Array, Plan
 
 Vector = tuple[float, float, float]
 
+
+def _turned(angle: float) -> Array:
+    """(3, 3) the axes of the map, turned about the vertical by an angle [rad]."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+_FRAMES = np.array([_turned(k * math.pi / 8.0) for k in range(4)])  # (F, 3, 3) in which plans have boxes
 _STEPS = 80  # of Newton's method at most; a triple root takes as many
 _RESOLUTION = 1e-15  # of s
 
@@ -48,8 +58,8 @@ class PlannedTrajectory:
     t: Array  # (K + 1,) [s] absolute, increasing
     x: Array  # (K + 1, 6) [m, m/s] map frame, states at t; K = 0 stands still
     u: Array  # (K, 3) [m/s^2] held over [t[k], t[k + 1]]
-    low: Array  # (3,) [m] corner of the box
-    high: Array  # (3,) [m] the opposite one
+    boxes: Array  # (2, F, 3) [m] lowest and highest corners of the box in each of ``_FRAMES``
+    begin: float  # [s] t[0]
     speed: float  # [m/s] greatest
 
     @staticmethod
@@ -73,9 +83,9 @@ class PlannedTrajectory:
         hull = np.vstack([p, middle, middle + 0.5 * h * (v[:-1] + h * u)])
         for values in (t, x, u):
             values.setflags(write=False)
-        return PlannedTrajectory(
-            t, x, u, hull.min(axis=0), hull.max(axis=0), math.sqrt(float((v * v).sum(axis=1).max()))
-        )
+        turned = hull @ _FRAMES  # (F, ..., 3)
+        boxes = np.array([turned.min(axis=1), turned.max(axis=1)])
+        return PlannedTrajectory(t, x, u, boxes, float(t[0]), math.sqrt(float((v * v).sum(axis=1).max())))
 
 
 def least_distance(plan_a: Plan | PlannedTrajectory, plan_b: Plan | PlannedTrajectory, t: float) -> float:
@@ -96,11 +106,28 @@ def clear(plan_a: Plan | PlannedTrajectory, plan_b: Plan | PlannedTrajectory, di
     check(distance, "distance", 0.0)
     check(t, "t", -math.inf)
     a, b = PlannedTrajectory.from_plan(plan_a), PlannedTrajectory.from_plan(plan_b)
-    squared = float(distance) * float(distance)
-    gap = np.maximum(np.maximum(a.low - b.high, b.low - a.high), 0.0)
-    if gap @ gap > squared * (1.0 + 1e-9):  # rounding of a box decides nothing
-        return True
-    return bool(_least_squared(a.t, a.x, a.u, b.t, b.x, b.u, float(t), squared) >= squared)
+    return all(clear_of_each(a, [b], np.array([distance], dtype=np.float64), np.array([t], dtype=np.float64)))
+
+
+def clear_of_each(
+    plan: PlannedTrajectory, others: Sequence[PlannedTrajectory], distances: Array, times: Array
+) -> list[bool]:
+    """For each other plan: True if |p(s) - p_k(s)| >= distances[k] [m] for all s in [times[k], infinity), (n,) each.
+
+    Most plans of a large fleet are told apart by their boxes, for all of them at once.
+    """
+    if not others:
+        return []
+    squared = distances * distances
+    boxes = np.concatenate([other.boxes for other in others]).reshape(-1, *plan.boxes.shape)
+    gaps = np.maximum(np.maximum(boxes[:, 0] - plan.boxes[1], plan.boxes[0] - boxes[:, 1]), 0.0)
+    apart = np.einsum("kfi,kfi->kf", gaps, gaps).max(axis=1)
+    clear_by_box = apart > squared * (1.0 + 1e-9)  # rounding of a box decides nothing
+    found: list[bool] = clear_by_box.tolist()
+    for k in np.flatnonzero(~clear_by_box).tolist():
+        b, cap = others[k], float(squared[k])
+        found[k] = _least_squared(plan.t, plan.x, plan.u, b.t, b.x, b.u, float(times[k]), cap) >= cap
+    return found
 
 
 @inner_njit(nogil=True, error_model="numpy")

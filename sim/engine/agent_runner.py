@@ -154,8 +154,7 @@ class AgentRunner:
         """Pass received messages to the coordinator and send its answers; one that raises sends nothing."""
         received = self.network.receive(self.name, t)
         outbox = self._of_coordinator(t, lambda coordinator: coordinator.exchange(t, received), Outbox())
-        for receiver, message in outbox.messages:
-            self.network.send(message, receiver, t)
+        self.network.send(outbox.messages, t)
         for kind, text in outbox.events:
             self.record.event(t, kind, text)
         self.undelivered = sorted([*self.undelivered, *outbox.planner_messages], key=lambda each: each.t)

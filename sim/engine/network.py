@@ -7,8 +7,9 @@ without. A message says when it was sent; when it arrives is the network's to kn
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from operator import itemgetter
 from typing import Protocol
 
 import numpy as np
@@ -19,12 +20,17 @@ from mathnavi.sim.interfaces.checks import check, check_names
 from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Message
 
+Addressed = tuple[str | tuple[str, ...], Message]
+"""receiver, or several receivers, and message"""
+
+_ARRIVAL = itemgetter(0)
+
 
 class Network(Protocol):
     """A carrier of messages."""
 
-    def send(self, message: Message, receiver: str, t: float) -> None:
-        """Take a message that sets out at t [s]."""
+    def send(self, messages: Sequence[Addressed], t: float) -> None:
+        """Take messages that set out at t [s], in this order."""
         ...
 
     def receive(self, receiver: str, t: float) -> list[Message]:
@@ -32,12 +38,9 @@ class Network(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class _Underway:
-    t: float  # [s] of arrival
-    number: int  # of those taken, so that what arrives at once arrives in the order in which it was sent
-    receiver: str
-    message: Message
+def single_messages(messages: Sequence[Addressed]) -> list[tuple[str, Message]]:
+    """Messages with one receiver each, in their order."""
+    return [(receiver, message) for to, message in messages for receiver in (to if isinstance(to, tuple) else (to,))]
 
 
 class IdealNetwork:
@@ -45,21 +48,36 @@ class IdealNetwork:
 
     def __init__(self, names: Sequence[str]) -> None:
         """``names`` of all vehicles; ValueError if one is there twice."""
-        self._underway: dict[str, list[_Underway]] = {name: [] for name in check_names(names)}
-        self._taken = 0
+        self._underway: dict[str, list[tuple[float, Message]]] = {name: [] for name in check_names(names)}
+        """by receiver: when each arrives [s], and the message"""
+        self._broadcast: dict[str, Addressed] = {}  # by sender: the last message to several
 
-    def send(self, message: Message, receiver: str, t: float) -> None:
-        """ArgumentError for a receiver that is none."""
-        if receiver not in self._underway:
-            raise ArgumentError(f"receiver = {receiver!r}; allowed: {', '.join(self._underway)}")
-        self._underway[receiver].append(_Underway(t, self._taken, receiver, message))
-        self._taken += 1
+    def send(self, messages: Sequence[Addressed], t: float) -> None:
+        """Take messages; one to several that its sender repeats as it is, is delivered once, for here none is lost.
+
+        ArgumentError for a receiver that is none.
+        """
+        underway = self._underway
+        arrival: tuple[float, Message] | None = None
+        for to, message in messages:
+            if isinstance(to, tuple):
+                before = self._broadcast.get(message.sender)
+                if before is not None and before[0] is to and before[1] is message:
+                    continue
+                self._broadcast[message.sender] = to, message
+            if arrival is None or arrival[1] is not message:
+                arrival = t, message  # one for all who receive it
+            for receiver in to if isinstance(to, tuple) else (to,):
+                if receiver not in underway:
+                    raise ArgumentError(f"receiver = {receiver!r}; allowed: {', '.join(underway)}")
+                underway[receiver].append(arrival)
 
     def receive(self, receiver: str, t: float) -> list[Message]:
-        held = sorted(self._underway[receiver], key=lambda each: (each.t, each.number))
-        arrived = [each.message for each in held if each.t <= t + TIME_TOLERANCE]
-        self._underway[receiver] = held[len(arrived) :]
-        return arrived
+        held = self._underway[receiver]
+        held.sort(key=_ARRIVAL)  # stable: what arrives at once arrives in the order in which it was sent
+        arrived = bisect_right(held, t + TIME_TOLERANCE, key=_ARRIVAL)
+        self._underway[receiver] = held[arrived:]
+        return [message for _, message in held[:arrived]]
 
 
 class Linked:
@@ -68,9 +86,9 @@ class Linked:
     def __init__(self, network: Network, linked: Callable[[str, str, float], bool]) -> None:
         self._network, self._linked = network, linked
 
-    def send(self, message: Message, receiver: str, t: float) -> None:
-        if self._linked(message.sender, receiver, t):
-            self._network.send(message, receiver, t)
+    def send(self, messages: Sequence[Addressed], t: float) -> None:
+        linked = self._linked
+        self._network.send([each for each in single_messages(messages) if linked(each[1].sender, each[0], t)], t)
 
     def receive(self, receiver: str, t: float) -> list[Message]:
         return self._network.receive(receiver, t)
@@ -90,8 +108,11 @@ class DelayedLinks:
         check(most, "most delay", least)
         self._network, self._least, self._most, self._rng = network, least, most, rng
 
-    def send(self, message: Message, receiver: str, t: float) -> None:
-        self._network.send(message, receiver, t + self._rng.uniform(self._least, self._most))
+    def send(self, messages: Sequence[Addressed], t: float) -> None:
+        single = single_messages(messages)
+        delays: list[float] = self._rng.uniform(self._least, self._most, len(single)).tolist()
+        for each, delay in zip(single, delays, strict=True):
+            self._network.send((each,), t + delay)
 
     def receive(self, receiver: str, t: float) -> list[Message]:
         return self._network.receive(receiver, t)
@@ -105,10 +126,11 @@ class LossyLinks:
         check(duplication, "duplication", 0.0, 1.0)
         self._network, self._loss, self._duplication, self._rng = network, loss, duplication, rng
 
-    def send(self, message: Message, receiver: str, t: float) -> None:
-        lost, doubled = self._rng.random(2) < (self._loss, self._duplication)
-        for _ in range(0 if lost else 2 if doubled else 1):
-            self._network.send(message, receiver, t)
+    def send(self, messages: Sequence[Addressed], t: float) -> None:
+        single = single_messages(messages)
+        lost, doubled = (self._rng.random((len(single), 2)) < (self._loss, self._duplication)).T
+        copies: list[int] = np.where(lost, 0, np.where(doubled, 2, 1)).tolist()
+        self._network.send([each for each, count in zip(single, copies, strict=True) for _ in range(count)], t)
 
     def receive(self, receiver: str, t: float) -> list[Message]:
         return self._network.receive(receiver, t)

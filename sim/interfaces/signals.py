@@ -142,7 +142,9 @@ class Message:
 class Outbox:
     """Messages of a coordinator at one time: to others, to its own planner, and events."""
 
-    messages: tuple[tuple[str, Message], ...] = ()  # (receiver, message), for the network
+    messages: tuple[
+        tuple[str | tuple[str, ...], Message], ...
+    ] = ()  # (receiver or receivers, message), for the network
     planner_messages: tuple[Message, ...] = ()  # for the vehicle's own planner: an arrival time that was agreed on
     events: tuple[tuple[str, str], ...] = ()  # (kind, message), for the log
 

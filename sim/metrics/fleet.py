@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,9 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.flight import deadline_left, exposure, flown_clearance
 from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, planner_share, solve_times
+
+_PIECE = 64  # samples in a box
+_ROUNDING = 1e-6  # [m] of a distance that is found in two ways
 
 
 def arrival_times(recording: Recording, missions: Mapping[str, FlightMission]) -> dict[str, float]:
@@ -46,12 +48,26 @@ def least_separation(recording: Recording, names: Sequence[str]) -> tuple[float,
     Between two samples the vehicles are taken to move straight: a_max h^2 / 4 off at most, some millimetres.
     """
     nearest, pair = np.inf, ("", "")
-    for one, other in combinations(names, 2):
-        separation = recording.truths[one][:, :3] - recording.truths[other][:, :3]
-        least = float(_least_of_segments(separation))
-        if least < nearest:
-            nearest, pair = least, (one, other)
+    boxes = np.array([_boxes(recording.truths[name][:, :3]) for name in names])
+    for k, one in enumerate(names):
+        gaps = np.maximum(boxes[k, :, 0] - boxes[k + 1 :, :, 1], boxes[k + 1 :, :, 0] - boxes[k, :, 1])
+        apart = np.sqrt((np.maximum(gaps, 0.0) ** 2).sum(axis=2).min(axis=1, initial=np.inf))
+        for j in np.flatnonzero(apart <= nearest + _ROUNDING).tolist():
+            if apart[j] > nearest + _ROUNDING:
+                continue
+            other = names[k + 1 + j]
+            least = float(_least_of_segments(recording.truths[one][:, :3] - recording.truths[other][:, :3]))
+            if least < nearest:
+                nearest, pair = least, (one, other)
     return nearest, pair
+
+
+def _boxes(points: Array) -> Array:
+    """(k, 2, 3) lowest and highest corners of boxes around pieces of the polygon through (n, 3), in their order."""
+    begins = np.arange(0, max(len(points) - 1, 1), _PIECE)
+    ends = points[np.minimum(begins + _PIECE, len(points) - 1)]
+    low, high = np.minimum.reduceat(points, begins), np.maximum.reduceat(points, begins)
+    return np.stack([np.minimum(low, ends), np.maximum(high, ends)], axis=1)
 
 
 def _least_of_segments(points: Array) -> float:

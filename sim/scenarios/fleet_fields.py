@@ -57,7 +57,7 @@ SlotAssignment = Literal["least_squares", "in_order"]
 SeparationRuleName = Literal["agreement", "delay_check"]
 
 EXCHANGE_PERIOD = 1.0 / 12.0  # [s] between two exchanges of messages, also of the consensus
-_MOST = 128
+_MOST = 256
 _FARTHEST, _FASTEST = 20.0, 0.01  # [s] of a clock, and of its drift
 HullSeparation = Annotated[
     PositiveMagnitude,
@@ -93,13 +93,16 @@ class Radio:
         ``distance(one, other)`` [m] is that between two of them now.
         """
         delays, losses = rng.spawn(2)
-        network: Network = LossyLinks(
-            DelayedLinks(IdealNetwork(names), *self.delay, delays), self.loss, self.duplication, losses
-        )
+        network: Network = IdealNetwork(names)
+        if self.delay[1] > 0.0:
+            network = DelayedLinks(network, *self.delay, delays)
+        if self.loss > 0.0 or self.duplication > 0.0:
+            network = LossyLinks(network, self.loss, self.duplication, losses)
         if self.range is not None:
             network = within_range(network, distance, self.range)
-        half = frozenset(names[: len(names) // 2])
-        return partitioned(network, [Partition(*self.partition, half)])
+        if self.partition[1] > self.partition[0]:
+            network = partitioned(network, [Partition(*self.partition, frozenset(names[: len(names) // 2]))])
+        return network
 
 
 @configuration(prefix="clocks.")

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from scipy.spatial.distance import cdist
+from scipy.spatial.distance import cdist, pdist
 
 from mathnavi.controllers.arrival.estimate import ArrivalEstimate
 from mathnavi.controllers.arrival.zone import Zone, checked_start
@@ -23,6 +23,7 @@ from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.planner import ASSURED, braking_time
 from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.errors import MissionError, PluginError
 from mathnavi.sim.interfaces.signals import Estimate, Message, Plan, PlanRequest
@@ -34,6 +35,7 @@ from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig, SlotA
 from mathnavi.sim.scenarios.flight_parts import check_above_ground, drawn_point
 
 _DRAWS = 200
+_TARGETS = 10_000
 _TRIES = 5
 _SLACK = 1.05  # of the assured time: the way flown is longer than a straight line
 
@@ -81,11 +83,14 @@ def started_fleet(
         check_above_ground(f"start of {name}", start, common)
     reasons: list[str] = []
     given = bool(config.start) and config.target is not None
+    ring = _checked_ring(config, common.terrain)
     for _ in range(1 if given else _DRAWS):
         try:
-            target = config.target or drawn_point(common, config.drawn_heights, rng)
-            slots = _slots(config, common, target)
+            target = config.target or _drawn_target(config, common, ring, rng)
+            slots = _slots(common, target, ring)
             starts = config.start or _drawn_starts(config, common, target, rng)
+            faults = failing.spawn(config.vehicles)
+            _check_starts_apart(config, starts)
             ends = list(zip(config.names, starts, _assigned(config.slot_assignment, starts, slots), strict=True))
             farthest = sorted(ends, key=lambda each: -math.dist(each[1], each[2]))
             level = {name: _level(config, common, k) for k, (name, _, _) in enumerate(farthest)}
@@ -95,7 +100,7 @@ def started_fleet(
             }
             alone = {
                 name: _vehicle(name, mission, target, parts, RandomStreams(own, PLANNER_STREAMS))
-                for (name, mission), own in zip(missions.items(), failing.spawn(len(missions)), strict=True)
+                for (name, mission), own in zip(missions.items(), faults, strict=True)
             }
             fleet = _together(alone)
             _check_apart(config, fleet)
@@ -153,21 +158,62 @@ def _check_apart(config: SimultaneousArrivalConfig, fleet: Mapping[str, StartedV
         raise _NoFleetError(str(error)) from None
 
 
-def _slots(config: SimultaneousArrivalConfig, common: FlightMission, target: Point) -> list[Point]:
-    """Slots (x, y, z) [m] on a ring about the target, at its height or as high as the ground asks for."""
-    x, y, z = target
+def _checked_ring(config: SimultaneousArrivalConfig, terrain: HeightField) -> list[tuple[float, float]]:
+    """Slots (x, y) [m] on their ring, from its middle; MissionError where they lie off the map, wherever that is."""
     n = config.vehicles
     radius = 0.5 * config.slot_spacing / math.sin(math.pi / n)
-    angles = [2.0 * math.pi * k / n for k in range(n)]
-    places = [(x + radius * math.cos(angle), y + radius * math.sin(angle)) for angle in angles]
-    inside = [place for place in places if common.terrain.contains(*place)]
-    if len(inside) < n:
-        raise _NoFleetError(
-            f"target = {target!r}: slots on a ring of {radius:.0f} m lie off the map; allowed: a target further "
-            "inside, or a smaller slot_spacing"
+    ring = [(radius * math.cos(2.0 * math.pi * k / n), radius * math.sin(2.0 * math.pi * k / n)) for k in range(n)]
+    east, north = np.ptp(ring, axis=0).tolist()
+    if east > terrain.width or north > terrain.depth:
+        most = config.slot_spacing * min(terrain.width / max(east, 1e-9), terrain.depth / max(north, 1e-9))
+        raise MissionError(
+            f"slot_spacing = {config.slot_spacing!r}: the ring of {n} slots is {max(east, north):.0f} m across and "
+            f"does not fit the map, {terrain.width:g} m by {terrain.depth:g} m, wherever the target is; allowed: "
+            f"<= {math.floor(most)} m, or fewer vehicles"
         )
+    if config.target is not None and not _holds(terrain, config.target, ring):
+        raise MissionError(
+            f"target = {config.target!r}: slots on a ring of {radius:.0f} m about it lie off the map; allowed: "
+            f"{radius:.0f} m from its edge, or a smaller slot_spacing"
+        )
+    return ring
+
+
+def _holds(terrain: HeightField, target: Point, ring: Sequence[tuple[float, float]]) -> bool:
+    """True if all slots about a target are on the map."""
+    return all(terrain.contains(target[0] + east, target[1] + north) for east, north in ring)
+
+
+def _drawn_target(
+    config: SimultaneousArrivalConfig,
+    common: FlightMission,
+    ring: Sequence[tuple[float, float]],
+    rng: np.random.Generator,
+) -> Point:
+    """A target whose slots are all on the map; MissionError where hardly any is."""
+    for _ in range(_TARGETS):
+        target = drawn_point(common, config.drawn_heights, rng)
+        if _holds(common.terrain, target, ring):
+            return target
+    raise MissionError(
+        f"slot_spacing = {config.slot_spacing!r}: the slots about none of {_TARGETS} targets drawn are all on the map; "
+        "allowed: a smaller one, fewer vehicles, or a target"
+    )
+
+
+def _slots(common: FlightMission, target: Point, ring: Sequence[tuple[float, float]]) -> list[Point]:
+    """Slots (x, y, z) [m] on a ring about the target, at its height or as high as the ground asks for."""
+    x, y, z = target
     height = z - float(common.terrain.height(x, y))
+    places = [(x + east, y + north) for east, north in ring]
     return [(px, py, max(z, float(common.terrain.height(px, py)) + height)) for px, py in places]
+
+
+def _check_starts_apart(config: SimultaneousArrivalConfig, starts: Sequence[Point]) -> None:
+    """_NoFleetError for starts that are less than the separation apart: found here, before anything is planned."""
+    nearest = float(pdist(np.array(starts)).min())
+    if nearest < config.separation:
+        raise _NoFleetError(f"two starts are {nearest:.2f} m apart; allowed: >= {config.separation:g} m")
 
 
 def _assigned(assignment: SlotAssignment, starts: Sequence[Point], slots: Sequence[Point]) -> list[Point]:

@@ -64,8 +64,7 @@ class Fleet:
             for name, coordinator in self.coordinators.items():
                 outbox = coordinator.exchange(float(t), self.network.receive(name, float(t)))
                 assert isinstance(outbox, Outbox)
-                for receiver, message in outbox.messages:
-                    self.network.send(message, receiver, float(t))
+                self.network.send(outbox.messages, float(t))
                 self.announced[name] += [m.payload for m in outbox.planner_messages if m.topic == ARRIVAL]
                 self.events += outbox.events
 
@@ -173,7 +172,7 @@ def test_what_cannot_be_understood_changes_nothing() -> None:
     fleet = Fleet({"a": 100.0, "b": 90.0, "c": 80.0})
     for topic in (TOPIC, AGREEMENT, "weather"):
         for payload in (None, math.nan, "soon", 1e9):
-            fleet.network.send(Message(0.0, "b", topic, payload), "a", 0.0)
+            fleet.network.send([("a", Message(0.0, "b", topic, payload))], 0.0)
     fleet.exchange(0.0, 1.0)
     assert [each[-1] for each in fleet.announced.values()] == [pytest.approx(100.0)] * 3
 

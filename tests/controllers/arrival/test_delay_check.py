@@ -48,8 +48,7 @@ def flown(count: int, seed: int, delay: float, seconds: float) -> tuple[float, i
         t, before = k * STEP, adopted
         for name in rng.permutation(list(vehicles)):
             vehicle = vehicles[name]
-            for receiver, message in vehicle.exchange(t, network.receive(name, t)):
-                network.send(message, receiver, t)
+            network.send(vehicle.exchange(t, network.receive(name, t)), t)
             if name in proposed and proposed[name][1].t_start <= t + 1e-9:
                 id, plan = proposed.pop(name)
                 if vehicle.admitted(id):
@@ -86,8 +85,7 @@ def test_messages_that_take_longer_void_the_guarantee() -> None:
 def exchange(vehicles: dict[str, DelayCheck], network: Network, begin: float, end: float) -> None:
     for t in np.arange(begin, end, STEP):
         for name, vehicle in vehicles.items():
-            for receiver, message in vehicle.exchange(float(t), network.receive(name, float(t))):
-                network.send(message, receiver, float(t))
+            network.send(vehicle.exchange(float(t), network.receive(name, float(t))), float(t))
 
 
 def test_a_plan_is_admitted_after_the_check_and_not_before() -> None:

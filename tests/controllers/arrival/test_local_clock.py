@@ -14,6 +14,7 @@ from mathnavi.controllers.arrival.separation_rule import TOPIC
 from mathnavi.controllers.arrival.zone import Zone
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.fleet.graph import Graph
+from mathnavi.sim.engine.network import single_messages
 from mathnavi.sim.interfaces.signals import Message, Plan
 
 NAMES = ("a", "b")
@@ -56,7 +57,7 @@ def exchanged(
         outbox = {name: both[name].exchange(float(t), boxes[name]) for name in NAMES}
         boxes = {name: [] for name in NAMES}
         for one in outbox.values():
-            for receiver, message in one.messages:
+            for receiver, message in single_messages(one.messages):
                 boxes[receiver].append(message)
                 said.append((float(t), message))
     return both, said

@@ -49,8 +49,7 @@ class Vehicle:
     def act(self, t: float, network: Network, plan_now: bool) -> None:
         own = t + self.clock
         received = network.receive(self.name, t)
-        for receiver, message in self.separation.exchange(own, received):
-            network.send(message, receiver, t)
+        network.send(self.separation.exchange(own, received), t)
         if self._next is not None and self._next.t_start <= own:
             if self.separation.admitted(self._id):
                 self.separation.adopt(own)
@@ -125,8 +124,7 @@ def test_current_plans_are_apart_for_ever_whatever_the_network_does(
 
 def exchange(network: Network, vehicles: dict[str, Separation], t: float) -> None:
     for name, vehicle in vehicles.items():
-        for receiver, message in vehicle.exchange(t, network.receive(name, t)):
-            network.send(message, receiver, t)
+        network.send(vehicle.exchange(t, network.receive(name, t)), t)
 
 
 def lanes(count: int, seed: int = 0) -> dict[str, Separation]:
@@ -358,3 +356,28 @@ def test_a_plan_faster_than_allowed_brings_its_own_speed_into_the_zone() -> None
     assert zone.between(slow, fast) == zone.between(fast, slow) == pytest.approx(14.0)
     assert not zone.kept(slow, fast, 0.0)
     assert zone.kept(slow, PlannedTrajectory.from_plan(hover(np.array([0.0, 13.5, 0.0]))), 0.0)
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 12))
+def test_what_arrives_together_is_answered_as_if_one_came_after_the_other(seed: int, count: int) -> None:
+    rng = np.random.default_rng(seed)
+    others = names(6)[1:]
+    received = []
+    for _ in range(count):
+        start, target = rng.uniform(0.0, ROOM, (2, 3))
+        plan = PlannedTrajectory.from_plan(to_rest(np.array([*start, 0.0, 0.0, 0.0]), target, 1.0, 2.0))
+        proposal = Proposal(int(rng.integers(1, 4)), float(rng.random()), plan)
+        payload = rng.choice([proposal, SeparationReply(1, bool(rng.random() < 0.7)), "garbage"], p=[0.7, 0.2, 0.1])
+        received.append(Message(1.0, str(rng.choice([*others, "stranger"])), TOPIC, payload))
+    found = []
+    for together in (True, False):
+        own = Separation("v0", others, Zone(3.0), hover(np.zeros(3)), np.random.default_rng(seed))
+        own.propose(to_rest(np.zeros(6), np.full(3, 0.5 * ROOM), 1.0, 2.0))
+        batches = [received] if together else [[message] for message in received]
+        answers: dict[str, SeparationReply] = {}
+        for batch in batches:
+            sent = own.exchange(1.0, batch)
+            answers |= {to: each.payload for to, each in sent if isinstance(each.payload, SeparationReply)}
+        found.append((answers, own.events, own.pending, set(own.unheard)))
+    assert found[0] == found[1]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mathnavi.models.aerial.plan_distance import PlannedTrajectory, clear, least_distance
+from mathnavi.models.aerial.plan_distance import PlannedTrajectory, _least_squared, clear, clear_of_each, least_distance
 from mathnavi.sim.interfaces.signals import Plan, Status
 from tests.controllers.arrival.flights import arcs, hover, sampled_distances, straight
 
@@ -58,6 +59,30 @@ def test_clear_is_at_least_so_far_apart(seed: int, factor: float) -> None:
     assert clear(a, b, distance, 0.0) == (least >= distance) or abs(factor - 1.0) < 1e-9
     apart = dataclasses.replace(b, x=b.x + np.array([500.0, 0.0, 0.0, 0.0, 0.0, 0.0]))  # boxes decide
     assert clear(a, apart, 200.0, 0.0) == (least_distance(a, apart, 0.0) >= 200.0)
+
+
+@settings(max_examples=100)
+@given(SEEDS, st.integers(0, 12), st.sampled_from([1e-2, 1.0, 1e4]))
+def test_boxes_decide_for_many_plans_as_the_exact_distance_does_for_each(seed: int, count: int, scale: float) -> None:
+    rng = np.random.default_rng(seed)
+    plan = PlannedTrajectory.from_plan(random_plan(rng, scale))
+    others = [PlannedTrajectory.from_plan(moved(random_plan(rng, scale), rng, 5.0 * scale)) for _ in range(count)]
+    times = rng.uniform(-1.0, 5.0, count)
+    least = [math.sqrt(_squared(plan, other, t, math.inf)) for other, t in zip(others, times, strict=True)]
+    distances = np.array([rng.choice([0.0, 0.5, 1.0 - 1e-12, 1.0, 1.0 + 1e-12, 2.0]) * each for each in least])
+    caps = distances * distances
+    exact = [_squared(plan, other, t, cap) >= cap for other, t, cap in zip(others, times, caps, strict=True)]
+    assert clear_of_each(plan, others, distances, times) == exact
+
+
+def moved(plan: Plan, rng: np.random.Generator, far: float) -> Plan:
+    return dataclasses.replace(plan, x=plan.x + np.array([*rng.normal(0.0, far, 3), 0.0, 0.0, 0.0]))
+
+
+def _squared(a: PlannedTrajectory, b: PlannedTrajectory, t: float, cap: float) -> float:
+    found = _least_squared(a.t, a.x, a.u, b.t, b.x, b.u, float(t), float(cap))
+    assert found == _least_squared(b.t, b.x, b.u, a.t, a.x, a.u, float(t), float(cap))  # bit for bit
+    return float(found)
 
 
 def test_a_distance_that_is_just_kept_is_clear() -> None:

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mathnavi.sim.scenarios.fleet_start import _assigned
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig
+from mathnavi.sim.scenarios.fleet_start import _assigned, _checked_ring, _drawn_target, _slots
+
+
+def flight_mission(terrain: HeightField) -> FlightMission:
+    return FlightMission(terrain, (0.0, 0.0, 100.0), (0.0, 0.0, 100.0))
 
 
 @settings(max_examples=30, deadline=None)
@@ -27,3 +37,17 @@ def test_assigned_slots_keep_straight_lines_apart(seed: int, n: int) -> None:
 def test_slots_in_order_are_those_given() -> None:
     slots = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]
     assert _assigned("in_order", slots[::-1], slots) == slots
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(2, 40), st.floats(0.1, 0.95))
+def test_a_drawn_target_has_all_slots_on_the_map_where_any_has(seed: int, n: int, share: float) -> None:
+    plain = HeightField(np.zeros((11, 11)), 1000.0)
+    radius = 0.5 * share * plain.width
+    config = SimultaneousArrivalConfig(vehicles=n, slot_spacing=2.0 * radius * math.sin(math.pi / n), separation=2.0)
+    common = flight_mission(plain)
+    ring = _checked_ring(config, plain)
+    target = _drawn_target(config, common, ring, np.random.default_rng(seed))
+    slots = _slots(common, target, ring)
+    assert all(plain.contains(x, y) for x, y, _ in slots)
+    assert math.dist(slots[0], slots[1]) == pytest.approx(config.slot_spacing)

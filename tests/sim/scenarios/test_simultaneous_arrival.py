@@ -191,7 +191,7 @@ def bad(terrain: str) -> list[tuple[dict[str, Any], str]]:
     middle = {"target": above(6_000.0, 6_000.0)}
     near = (above(1_000.0, 1_000.0), above(1_080.0, 1_000.0), above(9_000.0, 2_000.0))
     return [
-        ({"vehicles": 1}, r"vehicles = 1; allowed: a whole number from 2 to 128"),
+        ({"vehicles": 1}, r"vehicles = 1; allowed: a whole number from 2 to 256"),
         ({"start": near[:2] + near[1:2]}, r"start of vehicle_1 and of vehicle_2 are .* m apart"),
         ({"separation": 0.0}, r"separation = 0\.0"),
         ({"slot_spacing": 10.0}, r"separation = 150\.0; allowed: <= slot_spacing = 10\.0"),
@@ -227,13 +227,23 @@ def bad(terrain: str) -> list[tuple[dict[str, Any], str]]:
         ({"consensus_with": ("period=3",)}, r"consensus_with = 'period=3'; allowed: any field but the period"),
         ({"consensus_with": ("scaling=3",)}, r"consensus_with: scaling is not a field; allowed: period"),
         ({"consensus": "laplacian", "consensus_with": ("scaling=-3",)}, r"consensus_with: scaling = -3\.0; allowed"),
+        (
+            {"vehicles": 256},
+            r"slot_spacing = 800\.0: the ring of 256 slots is .* does not fit the map.* allowed: <= \d+ m",
+        ),
+        ({"target": (300.0, 300.0, 4_000.0)}, r"target = \(300.*: slots on a ring of \d+ m about it lie off the map"),
+        ({"start": ((-5.0, 0.0, 9e3), (1e3, 1e3, 9e3), (3e3, 3e3, 9e3))}, r"start of vehicle_1 = .* is off the map"),
         ({"uncharted": ((6_000.0, 6_000.0, math.nan, 900.0),)}, r"uncharted: hill: radius = nan"),
         ({"uncharted": ((-6_000.0, 6_000.0, 9.0, 900.0),)}, r"uncharted: hill: .* is not on the terrain"),
         ({"uncharted": ((6_000.0, 6_000.0, 2_000.0, 900.0),), **middle}, r"target of vehicle_. = .*under ground"),
     ]
 
 
-@pytest.mark.parametrize("case", range(30))
+def test_a_fleet_of_256_is_a_configuration() -> None:
+    assert len(SimultaneousArrivalConfig(vehicles=256, slot_spacing=600.0).names) == 256
+
+
+@pytest.mark.parametrize("case", range(33))
 def test_bad_input_names_the_culprit(terrain: str, case: int) -> None:
     fields, expected = bad(terrain)[case]
     with pytest.raises(ValueError, match=expected):

@@ -57,8 +57,7 @@ def exchanged(
         values[k] = [part.value for part in parts.values()]
         for name, payload in sent.items():
             message = Message(shown[name], name, "consensus", payload)
-            for receiver in receivers[name]:
-                network.send(message, receiver, t)
+            network.send([(receiver, message) for receiver in receivers[name]], t)
     return values
 
 

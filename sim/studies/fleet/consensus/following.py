@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mathnavi.controllers.arrival.clock import ClockConfig, ClockConsensus
 from mathnavi.controllers.arrival.laplacian import LaplacianConfig, LaplacianConsensus
-from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork
+from mathnavi.sim.engine.network import Addressed, DelayedLinks, IdealNetwork, single_messages
 from mathnavi.sim.interfaces.protocols import Consensus
 from mathnavi.sim.interfaces.signals import Array, Message
 from mathnavi.sim.studies.fleet.consensus.exchange import exchanged, graph_of
@@ -49,8 +50,9 @@ class _EachWay:
         self._network = network
         self._there, self._back = (DelayedLinks(network, *span, rng) for span in (case.there, case.back))
 
-    def send(self, message: Message, receiver: str, t: float) -> None:
-        (self._there if message.sender < receiver else self._back).send(message, receiver, t)
+    def send(self, messages: Sequence[Addressed], t: float) -> None:
+        for receiver, message in single_messages(messages):
+            (self._there if message.sender < receiver else self._back).send(((receiver, message),), t)
 
     def receive(self, receiver: str, t: float) -> list[Message]:
         return self._network.receive(receiver, t)

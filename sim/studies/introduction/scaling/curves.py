@@ -44,6 +44,7 @@ from mathnavi.sim.sweep.trial import Trial, contents, trial
 
 GROUND = "tian_shan"
 FLOWN = 20.0  # [s] of a fleet's flight
+SLOT_SPACING = 600.0  # [m] with which the slots of the largest fleet lie on the map
 UPDATES = 200  # of an estimator
 FIGURES = 40  # of a trial's summary
 
@@ -155,7 +156,7 @@ def _loop_over_map(side: int, seed: int) -> ClosedLoop:
 
 
 def _fleet(vehicles: int, seed: int) -> ClosedLoop:
-    fields = {"terrain": GROUND, "vehicles": vehicles}
+    fields = {"terrain": GROUND, "vehicles": vehicles, "slot_spacing": SLOT_SPACING}
     return replace(trial("simultaneous-arrival", seed, fields=fields).build(), duration=FLOWN)
 
 
@@ -273,7 +274,7 @@ CURVES: dict[str, ScalingCurve] = {
     "fleet": ScalingCurve(
         "vehicles",
         "CPU s a second",
-        (4, 8, 16, 32, 64, 128),
+        (4, 8, 16, 32, 64, 128, 256),
         16,
         1.0,
         "real time on a core",

@@ -15,7 +15,7 @@ from mathnavi.controllers.flight.kernels.linearisation import linearise
 from mathnavi.controllers.flight.length_to_go import cost_many
 from mathnavi.controllers.flight.shortest_paths import _settle
 from mathnavi.controllers.flight.tracker import tracking_command
-from mathnavi.models.aerial.kernels import state_on
+from mathnavi.models.aerial.kernels import offset_from, state_on
 from mathnavi.models.terrain.kernels import arc_clearance, path_clearance, surface
 from mathnavi.sim.interfaces.compiled import Signature
 from mathnavi.sim.interfaces.kernel_types import ONE, ONE_READ, THREE, TWO, TWO_READ, array, combined
@@ -38,6 +38,7 @@ TRACKING: tuple[Signature, ...] = (
 )
 CERTIFYING: tuple[Signature, ...] = (
     (state_on, (*PLAN, float64)),
+    (offset_from, (*PLAN, float64, ONE)),
     (_extent, (ONE, ONE, ONE, ONE)),
     (surface, (*GROUND, ONE, ONE)),
     (path_clearance, (*GROUND, TWO, TWO, TWO, ONE)),

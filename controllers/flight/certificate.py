@@ -54,9 +54,9 @@ class TrackingBound:
     """[m] of both distances that is set aside for the lag of a held input; None for a tracker that keeps its bound over
     every plan within v_max and a_max"""
 
-    def broken_by(self, error: Array) -> bool:
-        """True if an error (6,) [m, m/s] of the state lies outside."""
-        x, y, z = error[:3].tolist()
+    def broken_by(self, error: Array | tuple[float, float, float]) -> bool:
+        """True if an error of the state lies outside, whose first three numbers are those of the position [m]."""
+        x, y, z = error[0], error[1], error[2]
         # Written this way round, so that NaN lies outside.
         return not (math.hypot(x, y) <= self.horizontal and abs(z) <= self.vertical)
 

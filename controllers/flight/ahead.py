@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from numba import float64, int64
 
-from mathnavi.controllers.flight.certificate import _extent
+from mathnavi.controllers.flight.certificate import _along_arcs, _extent
 from mathnavi.controllers.flight.held_input import _lag_along
 from mathnavi.controllers.flight.kernels.line_search import begin, search
 from mathnavi.controllers.flight.kernels.linearisation import linearise
@@ -39,6 +39,7 @@ TRACKING: tuple[Signature, ...] = (
 CERTIFYING: tuple[Signature, ...] = (
     (state_on, (*PLAN, float64)),
     (offset_from, (*PLAN, float64, ONE)),
+    (_along_arcs, (ONE, TWO, TWO)),
     (_extent, (ONE, ONE, ONE, ONE)),
     (surface, (*GROUND, ONE, ONE)),
     (path_clearance, (*GROUND, TWO, TWO, TWO, ONE)),

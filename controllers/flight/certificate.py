@@ -40,6 +40,7 @@ STATE_TOLERANCE = 1e-6  # [m, m/s] two states closer than this are the same
 _BOUND = 1e-6  # [m/s, m/s^2] rounding allowed on a bound
 _FALL = 4.0  # the part of a_max at which a large excess of speed falls at least
 _PASS = 1e-3  # [m] a breakpoint this close to the target is a pass
+_PHASES = frozenset(int(phase) for phase in FlightPhase)
 
 
 @dataclass(frozen=True)
@@ -142,36 +143,34 @@ class Certificate:
 
     def reaches_target(self, plan: Plan) -> bool:
         """True if a plan ends within ``arrival_radius`` of the target."""
-        return float(np.linalg.norm(plan.x[-1, :3] - self.target)) <= self.arrival_radius
+        return math.dist(plan.x[-1, :3].tolist(), self.target.tolist()) <= self.arrival_radius
 
     def check(self, plan: Plan, lag: Array = NO_LAG) -> Refusal | None:
         """Check C(plan): None if it holds, else the first reason why not.
 
         ``lag`` (6,) [m, m/s] is that of the vehicle when the plan takes over (``HeldInput``).
         """
-        if malformed := _malformed(plan):
-            return malformed
-        duration = np.diff(plan.t)
-        p, v = plan.x[:, :3], plan.x[:, 3:]
-        with np.errstate(over="ignore", invalid="ignore"):  # what overflows does not join
-            joint = np.hstack(
-                [
-                    p[:-1] + duration[:, None] * v[:-1] + 0.5 * duration[:, None] ** 2 * plan.u - p[1:],
-                    v[:-1] + duration[:, None] * plan.u - v[1:],
-                ]
+        if misfit := _misfit(plan):
+            return misfit
+        # Copies are of one type, whether the plan is read-only or not: the kernel is compiled once.
+        t, x, u = (np.array(values, dtype=np.float64, order="C") for values in (plan.t, plan.x, plan.u))
+        finite, increasing, gap, speed, push = _along_arcs(t, x, u)
+        if not finite:
+            return Refusal(Status.NOT_FINITE, "t, x or u is not finite")
+        if not increasing:
+            return Refusal(Status.MALFORMED, "times do not increase")
+        if not _PHASES.issuperset(plan.phase.tolist()):
+            return Refusal(
+                Status.MALFORMED, f"phases {np.unique(plan.phase).tolist()}; allowed {[int(p) for p in FlightPhase]}"
             )
-        gap = float(np.abs(joint).max(initial=0.0))
         if not gap <= STATE_TOLERANCE:  # nor does NaN
             return Refusal(Status.MALFORMED, f"arcs miss each other by {gap:.3g}")
-        if too_fast := self._check_speed(plan):
+        if too_fast := self._check_speed(plan, speed):
             return too_fast
-        speed, push = np.linalg.norm(v, axis=1), np.linalg.norm(plan.u, axis=1)
-        if push.max(initial=0.0) > self.acceleration_max + _BOUND:
-            return Refusal(
-                FlightStatus.BOUNDS, f"|a| reaches {push.max():.2f} m/s^2; allowed {self.acceleration_max:.2f}"
-            )
+        if push > self.acceleration_max + _BOUND:
+            return Refusal(FlightStatus.BOUNDS, f"|a| reaches {push:.2f} m/s^2; allowed {self.acceleration_max:.2f}")
         if not self.reaches_target(plan) or speed[-1] > _BOUND:
-            miss = float(np.linalg.norm(p[-1] - self.target))
+            miss = float(np.linalg.norm(plan.x[-1, :3] - self.target))
             return Refusal(FlightStatus.NO_ARRIVAL, f"ends {miss:.1f} m from the target at {speed[-1]:.2f} m/s")
         return self._check_lag(plan, lag) or self.check_clearance(plan)
 
@@ -187,11 +186,13 @@ class Certificate:
             f"allowed {self.held.allowed:.3g}",
         )
 
-    def _check_speed(self, plan: Plan) -> Refusal | None:
+    def _check_speed(self, plan: Plan, speed: Array) -> Refusal | None:
         """Check |v|, which is convex on an arc, against v_max plus what is left of the start's excess, which is linear
-        up to its end: at both ends of each arc and at that end, and therefore everywhere.
+        up to its end: at both ends of each arc, where it is ``speed`` (K + 1,) [m/s], and at that end, and therefore
+        everywhere.
         """
-        speed = np.linalg.norm(plan.x[:, 3:], axis=1)
+        if float(speed.max()) <= self.speed_max:
+            return None
         excess = max(0.0, float(speed[0]) - self.speed_max)
         duration = max(self.speed_max, _FALL * excess) / self.acceleration_max
         allowed = self.speed_max + excess * np.maximum(0.0, 1.0 - (plan.t - plan.t_start) / duration)
@@ -252,26 +253,47 @@ def _extent(p: Array, v: Array, a: Array, duration: Array) -> tuple[float, float
     return least, greatest
 
 
-def _malformed(plan: Plan) -> Refusal | None:
+@njit(cache=True, nogil=True)
+def _along_arcs(t: Array, x: Array, u: Array) -> tuple[bool, bool, float, Array, float]:
+    """If all is finite, if times increase, by how much arcs miss each other, speeds (K + 1,) [m/s], greatest |u|.
+
+    Arcs: t (K + 1,) [s], x (K + 1, 6) [m, m/s], u (K, 3) [m/s^2].
+    """
+    finite, increasing, gap, push = np.isfinite(t[0]), True, 0.0, 0.0
+    speed = np.empty(len(t))
+    for k in range(len(t)):
+        for i in range(6):
+            finite = finite and np.isfinite(x[k, i])
+        speed[k] = math.sqrt(x[k, 3] * x[k, 3] + x[k, 4] * x[k, 4] + x[k, 5] * x[k, 5])
+    for k in range(len(u)):
+        h = t[k + 1] - t[k]
+        finite, increasing = finite and np.isfinite(t[k + 1]), increasing and h > 0.0
+        for i in range(3):
+            finite = finite and np.isfinite(u[k, i])
+            missed = abs(x[k, i] + h * x[k, 3 + i] + 0.5 * (h * h) * u[k, i] - x[k + 1, i])
+            missed_speed = abs(x[k, 3 + i] + h * u[k, i] - x[k + 1, 3 + i])
+            if not (missed <= gap and missed_speed <= gap) and not np.isnan(gap):  # NaN stays
+                gap = missed + missed_speed if np.isnan(missed + missed_speed) else max(missed, missed_speed)
+        push = max(push, math.sqrt(u[k, 0] * u[k, 0] + u[k, 1] * u[k, 1] + u[k, 2] * u[k, 2]))
+    return finite, increasing, gap, speed, push
+
+
+def _misfit(plan: Plan) -> Refusal | None:
+    """Why the arrays of a plan do not fit together; None if they do."""
     arcs = len(plan.t) - 1
     if arcs < 1 or plan.x.shape != (arcs + 1, 6) or plan.u.shape != (arcs, 3) or plan.phase.shape != (arcs,):
         shapes = f"t {plan.t.shape}, x {plan.x.shape}, u {plan.u.shape}, phase {plan.phase.shape}"
         return Refusal(Status.MALFORMED, f"{shapes}; allowed (K + 1,), (K + 1, 6), (K, 3), (K,) with K >= 1")
-    if not (np.isfinite(plan.t).all() and np.isfinite(plan.x).all() and np.isfinite(plan.u).all()):
-        return Refusal(Status.NOT_FINITE, "t, x or u is not finite")
-    if (np.diff(plan.t) <= 0.0).any():
-        return Refusal(Status.MALFORMED, "times do not increase")
-    if ((plan.phase < 0) | (plan.phase >= len(FlightPhase))).any():
-        return Refusal(
-            Status.MALFORMED, f"phases {np.unique(plan.phase).tolist()}; allowed {[int(p) for p in FlightPhase]}"
-        )
     return None
 
 
 def pass_time(plan: Plan, target: Array, after: float) -> float:
     """First breakpoint [s] later than ``after`` [s] at which the plan is at the target (3,) [m]; inf if none."""
-    near = (np.linalg.norm(plan.x[:, :3] - target, axis=1) <= _PASS) & (plan.t > after + TIME_TOLERANCE)
-    return float(plan.t[near][0]) if near.any() else np.inf
+    first, place = int(plan.t.searchsorted(after + TIME_TOLERANCE, side="right")), target.tolist()
+    for t, position in zip(plan.t[first:].tolist(), plan.x[first:, :3].tolist(), strict=True):
+        if math.dist(position, place) <= _PASS:
+            return float(t)
+    return math.inf
 
 
 def remainder(plan: Plan, t: float) -> Plan:

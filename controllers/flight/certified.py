@@ -160,8 +160,9 @@ class Certified:
     def plan(self, request: PlanRequest) -> Plan:
         """The planner's answer if it may be flown; a failure that says why not otherwise."""
         current, x = request.current, request.estimate.x
-        request = dataclasses.replace(request, messages=(*self._unheard, *request.messages))
-        self._unheard = ()
+        if self._unheard:
+            request = dataclasses.replace(request, messages=(*self._unheard, *request.messages))
+            self._unheard = ()
         if x.shape != (6,):
             self._unheard = request.messages
             return Plan.failure(Status.MALFORMED, f"the estimate's state has shape {x.shape}; allowed: (6,)")

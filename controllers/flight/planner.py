@@ -11,6 +11,7 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Sequence
+from itertools import takewhile
 from typing import Literal, Protocol
 
 import numpy as np
@@ -275,12 +276,10 @@ class RecedingHorizon:
         guess = np.zeros(3 * n + 1)
         if current is not None:
             middles = t_start + problem.matrices.middles
-            arc = np.searchsorted(current.t, middles, side="right") - 1
-            optimised = (arc < len(current.u)) & (
-                current.phase[np.minimum(arc, len(current.u) - 1)] == FlightPhase.OPTIMISED
-            )
-            count = n if optimised.all() else int(optimised.argmin())
-            guess[: 3 * count] = current.u[arc[:count]].ravel()
+            arcs, phases = current.t.searchsorted(middles, side="right") - 1, current.phase.tolist()
+            optimised = (k < len(phases) and phases[k] == FlightPhase.OPTIMISED for k in arcs.tolist())
+            count = sum(1 for _ in takewhile(bool, optimised))
+            guess[: 3 * count] = current.u[arcs[:count]].ravel()
         return guess
 
     def _assembled(self, problem: Problem, solution: PlanSolution, t_start: float, solve_ms: float) -> Plan:

@@ -161,6 +161,8 @@ class RecedingHorizon:
         return solution, spent + 1e3 * (time.thread_time() - began)
 
     def _listen(self, messages: Sequence[Message]) -> None:
+        if not messages:
+            return
         known = self._knowledge.updated_with(messages)
         if known is not self._knowledge:
             certificate = self._certificate.updated_with(messages)
@@ -189,6 +191,8 @@ class RecedingHorizon:
 
     def _length_to_go(self, start: Array, t_start: float) -> LengthToGo | None:
         """Remaining length that the plan should have at p_N; None where no arrival time is asked for."""
+        if self._arrival is None and self._assured is None:
+            return None
         horizon, v_max = self._parameters.horizon, self._certificate.speed_max
         length = float(self._environment.cost(start[:3])[0])
         asked = self._arrival

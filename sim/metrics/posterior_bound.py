@@ -72,7 +72,9 @@ class BoundRecursion:
         """Add readings of the Fisher information W' W, W (m, d)."""
         if self._P is not None:
             PW = self._P @ W.T
-            P = self._P - PW @ np.linalg.solve(np.eye(len(W)) + W @ PW, PW.T)
+            S = np.eye(len(W)) + W @ PW
+            # Of a single reading S is a number, and calling LAPACK for it takes longer than all the rest.
+            P = self._P - PW @ (PW.T * (1.0 / S) if len(W) == 1 else np.linalg.solve(S, PW.T))
             self._P = 0.5 * (P + P.T)
             return
         assert self._J is not None

@@ -40,7 +40,7 @@ CERTIFYING: tuple[Signature, ...] = (
     (state_on, (*PLAN, float64)),
     (offset_from, (*PLAN, float64, ONE)),
     (_along_arcs, (ONE, TWO, TWO)),
-    (_extent, (ONE, ONE, ONE, ONE)),
+    (_extent, (ONE, TWO, TWO, int64)),
     (surface, (*GROUND, ONE, ONE)),
     (path_clearance, (*GROUND, TWO, TWO, TWO, ONE)),
     (arc_clearance, (*GROUND, ONE, ONE, ONE, float64)),

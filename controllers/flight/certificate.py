@@ -152,9 +152,7 @@ class Certificate:
         """
         if misfit := _misfit(plan):
             return misfit
-        # Copies are of one type, whether the plan is read-only or not: the kernel is compiled once.
-        t, x, u = (np.array(values, dtype=np.float64, order="C") for values in (plan.t, plan.x, plan.u))
-        finite, increasing, gap, speed, push = _along_arcs(t, x, u)
+        finite, increasing, gap, speed, push = _along_arcs(*_writable(plan))
         if not finite:
             return Refusal(Status.NOT_FINITE, "t, x or u is not finite")
         if not increasing:
@@ -220,12 +218,10 @@ class Certificate:
                 return Refusal(FlightStatus.OFF_MAP, f"in the {phase.name.lower()} arc at {plan.t[worst]:.1f} s", phase)
             low = f"{clearance[worst]:.1f} m in the {phase.name.lower()} arc at {plan.t[worst]:.1f} s"
             return Refusal(FlightStatus.LOW_CLEARANCE, f"{low}; allowed {self.clearance_min:g}", phase)
-        edge = np.array([self.terrain.width, self.terrain.depth])
-        p, v, duration = plan.x[:, :3], plan.x[:, 3:], np.diff(plan.t)
-        for axis in range(2):
-            # Copies are of one type, whether the plan is read-only or not: the kernel is compiled once.
-            least, greatest = _extent(p[:-1, axis].copy(), v[:-1, axis].copy(), plan.u[:, axis].copy(), duration)
-            room = min(least, edge[axis] - greatest)
+        arcs = _writable(plan)
+        for axis, edge in enumerate((self.terrain.width, self.terrain.depth)):
+            least, greatest = _extent(*arcs, axis)
+            room = min(least, edge - greatest)
             if room < self.border:
                 return Refusal(
                     FlightStatus.OFF_MAP, f"{room:.2f} m from the edge of the map; allowed {self.border:.2f}"
@@ -242,13 +238,14 @@ def raised_ground(terrain: HeightField, across: float, rise: float) -> HeightFie
 
 
 @njit(cache=True, nogil=True)
-def _extent(p: Array, v: Array, a: Array, duration: Array) -> tuple[float, float]:
-    """Least and greatest of p + v t + a t^2 / 2 over 0 <= t <= duration, of all arcs (K,)."""
+def _extent(t: Array, x: Array, u: Array, axis: int) -> tuple[float, float]:
+    """Least and greatest position [m] along an axis on all arcs: t (K + 1,) [s], x (K + 1, 6), u (K, 3)."""
     least, greatest = np.inf, -np.inf
-    for k in range(len(p)):
-        vertex = min(max(-v[k] / a[k], 0.0), duration[k]) if a[k] != 0.0 else duration[k]
-        for t in (0.0, vertex, duration[k]):
-            met = p[k] + t * v[k] + 0.5 * t * t * a[k]
+    for k in range(len(u)):
+        p, v, a, duration = x[k, axis], x[k, 3 + axis], u[k, axis], t[k + 1] - t[k]
+        vertex = min(max(-v / a, 0.0), duration) if a != 0.0 else duration
+        for s in (0.0, vertex, duration):
+            met = p + s * v + 0.5 * s * s * a
             least, greatest = min(least, met), max(greatest, met)
     return least, greatest
 
@@ -276,6 +273,12 @@ def _along_arcs(t: Array, x: Array, u: Array) -> tuple[bool, bool, float, Array,
                 gap = missed + missed_speed if np.isnan(missed + missed_speed) else max(missed, missed_speed)
         push = max(push, math.sqrt(u[k, 0] * u[k, 0] + u[k, 1] * u[k, 1] + u[k, 2] * u[k, 2]))
     return finite, increasing, gap, speed, push
+
+
+def _writable(plan: Plan) -> tuple[Array, Array, Array]:
+    """Copies of t, x and u: of one type, whether the plan is read-only or not, so that a kernel is compiled once."""
+    t, x, u = (np.array(values, dtype=np.float64, order="C") for values in (plan.t, plan.x, plan.u))
+    return t, x, u
 
 
 def _misfit(plan: Plan) -> Refusal | None:

@@ -35,7 +35,7 @@ def flight_bound(recording: Recording, name: str, mission: FlightMission) -> Pos
     W = np.array([[1.0 / mission.position_noise, 0.0, 0.0]])
     variance, discrete = np.zeros((n, 2)), dict[float, tuple[Array, Array, Array]]()
     intervals = [0.0, *(round(each, 10) for each in np.diff(recording.t[:n]).tolist())]
-    fixed: list[bool] = np.isfinite(fixes[:n]).all(axis=1).tolist()
+    fixed = np.all(np.isfinite(fixes[:n]), axis=1).tolist()
     for k, h in enumerate(intervals):
         if k:
             F, _, Q = discrete.get(h) or discrete.setdefault(h, axis.discretised(h))

@@ -44,7 +44,6 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 
 _H = np.array([[1.0, 0.0, 0.0]])  # a fix reads the position
 _EYE = np.eye(3)
-_EACH_AXIS = _EYE[None, :, None, :]  # spreads the covariance of an axis over three
 _AXES = 3
 _OUTLIER = float(chdtri(_AXES, 1e-9))
 _LASTING = 10  # outliers in a row
@@ -150,10 +149,16 @@ class Kalman:
                 self._predict(fix.t, command)
                 self._condition(fix)
         self._predict(t, command)
-        axis = self._excess * self._P[:2, :2]
-        covariance = ((0.5 * (axis + axis.T))[:, None, :, None] * _EACH_AXIS).reshape(6, 6)
         x = self._x
-        return Estimate(t, x[:2].flatten(), covariance, self._timeout_monitor.status(t), {"gust": x[2].copy()})
+        return Estimate(t, x[:2].flatten(), self._covariance(), self._timeout_monitor.status(t), {"gust": x[2].copy()})
+
+    def _covariance(self) -> Array:
+        """Covariance (6, 6) [m, m/s] of position and velocity: that of an axis, symmetric, on each of the three."""
+        (p, c, _), (d, v, _), _ = (self._excess * self._P).tolist()
+        covariance = np.zeros(36)  # written along its diagonals
+        covariance[:15:7], covariance[21::7] = p, v
+        covariance[3:18:7] = covariance[18:33:7] = 0.5 * (c + d)
+        return covariance.reshape(6, 6)
 
     def _predict(self, t: float, command: Array) -> None:
         """From the filter's time to t [s] with the input held."""

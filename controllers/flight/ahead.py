@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from numba import float64, int64
 
-from mathnavi.controllers.flight.certificate import _extent
+from mathnavi.controllers.flight.certificate import _along_arcs, _extent
 from mathnavi.controllers.flight.held_input import _lag_along
 from mathnavi.controllers.flight.kernels.line_search import begin, search
 from mathnavi.controllers.flight.kernels.linearisation import linearise
 from mathnavi.controllers.flight.length_to_go import cost_many
 from mathnavi.controllers.flight.shortest_paths import _settle
 from mathnavi.controllers.flight.tracker import tracking_command
-from mathnavi.models.aerial.kernels import state_on
+from mathnavi.models.aerial.kernels import offset_from, state_on
 from mathnavi.models.terrain.kernels import arc_clearance, path_clearance, surface
 from mathnavi.sim.interfaces.compiled import Signature
 from mathnavi.sim.interfaces.kernel_types import ONE, ONE_READ, THREE, TWO, TWO_READ, array, combined
@@ -38,7 +38,9 @@ TRACKING: tuple[Signature, ...] = (
 )
 CERTIFYING: tuple[Signature, ...] = (
     (state_on, (*PLAN, float64)),
-    (_extent, (ONE, ONE, ONE, ONE)),
+    (offset_from, (*PLAN, float64, ONE)),
+    (_along_arcs, (ONE, TWO, TWO)),
+    (_extent, (ONE, TWO, TWO, int64)),
     (surface, (*GROUND, ONE, ONE)),
     (path_clearance, (*GROUND, TWO, TWO, TWO, ONE)),
     (arc_clearance, (*GROUND, ONE, ONE, ONE, float64)),

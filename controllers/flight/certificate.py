@@ -40,6 +40,7 @@ STATE_TOLERANCE = 1e-6  # [m, m/s] two states closer than this are the same
 _BOUND = 1e-6  # [m/s, m/s^2] rounding allowed on a bound
 _FALL = 4.0  # the part of a_max at which a large excess of speed falls at least
 _PASS = 1e-3  # [m] a breakpoint this close to the target is a pass
+_PHASES = frozenset(int(phase) for phase in FlightPhase)
 
 
 @dataclass(frozen=True)
@@ -54,9 +55,9 @@ class TrackingBound:
     """[m] of both distances that is set aside for the lag of a held input; None for a tracker that keeps its bound over
     every plan within v_max and a_max"""
 
-    def broken_by(self, error: Array) -> bool:
-        """True if an error (6,) [m, m/s] of the state lies outside."""
-        x, y, z = error[:3].tolist()
+    def broken_by(self, error: Array | tuple[float, float, float]) -> bool:
+        """True if an error of the state lies outside, whose first three numbers are those of the position [m]."""
+        x, y, z = error[0], error[1], error[2]
         # Written this way round, so that NaN lies outside.
         return not (math.hypot(x, y) <= self.horizontal and abs(z) <= self.vertical)
 
@@ -142,36 +143,32 @@ class Certificate:
 
     def reaches_target(self, plan: Plan) -> bool:
         """True if a plan ends within ``arrival_radius`` of the target."""
-        return float(np.linalg.norm(plan.x[-1, :3] - self.target)) <= self.arrival_radius
+        return math.dist(plan.x[-1, :3].tolist(), self.target.tolist()) <= self.arrival_radius
 
     def check(self, plan: Plan, lag: Array = NO_LAG) -> Refusal | None:
         """Check C(plan): None if it holds, else the first reason why not.
 
         ``lag`` (6,) [m, m/s] is that of the vehicle when the plan takes over (``HeldInput``).
         """
-        if malformed := _malformed(plan):
-            return malformed
-        duration = np.diff(plan.t)
-        p, v = plan.x[:, :3], plan.x[:, 3:]
-        with np.errstate(over="ignore", invalid="ignore"):  # what overflows does not join
-            joint = np.hstack(
-                [
-                    p[:-1] + duration[:, None] * v[:-1] + 0.5 * duration[:, None] ** 2 * plan.u - p[1:],
-                    v[:-1] + duration[:, None] * plan.u - v[1:],
-                ]
+        if misfit := _misfit(plan):
+            return misfit
+        finite, increasing, gap, speed, push = _along_arcs(*_writable(plan))
+        if not finite:
+            return Refusal(Status.NOT_FINITE, "t, x or u is not finite")
+        if not increasing:
+            return Refusal(Status.MALFORMED, "times do not increase")
+        if not _PHASES.issuperset(plan.phase.tolist()):
+            return Refusal(
+                Status.MALFORMED, f"phases {np.unique(plan.phase).tolist()}; allowed {[int(p) for p in FlightPhase]}"
             )
-        gap = float(np.abs(joint).max(initial=0.0))
         if not gap <= STATE_TOLERANCE:  # nor does NaN
             return Refusal(Status.MALFORMED, f"arcs miss each other by {gap:.3g}")
-        if too_fast := self._check_speed(plan):
+        if too_fast := self._check_speed(plan, speed):
             return too_fast
-        speed, push = np.linalg.norm(v, axis=1), np.linalg.norm(plan.u, axis=1)
-        if push.max(initial=0.0) > self.acceleration_max + _BOUND:
-            return Refusal(
-                FlightStatus.BOUNDS, f"|a| reaches {push.max():.2f} m/s^2; allowed {self.acceleration_max:.2f}"
-            )
+        if push > self.acceleration_max + _BOUND:
+            return Refusal(FlightStatus.BOUNDS, f"|a| reaches {push:.2f} m/s^2; allowed {self.acceleration_max:.2f}")
         if not self.reaches_target(plan) or speed[-1] > _BOUND:
-            miss = float(np.linalg.norm(p[-1] - self.target))
+            miss = float(np.linalg.norm(plan.x[-1, :3] - self.target))
             return Refusal(FlightStatus.NO_ARRIVAL, f"ends {miss:.1f} m from the target at {speed[-1]:.2f} m/s")
         return self._check_lag(plan, lag) or self.check_clearance(plan)
 
@@ -187,11 +184,13 @@ class Certificate:
             f"allowed {self.held.allowed:.3g}",
         )
 
-    def _check_speed(self, plan: Plan) -> Refusal | None:
+    def _check_speed(self, plan: Plan, speed: Array) -> Refusal | None:
         """Check |v|, which is convex on an arc, against v_max plus what is left of the start's excess, which is linear
-        up to its end: at both ends of each arc and at that end, and therefore everywhere.
+        up to its end: at both ends of each arc, where it is ``speed`` (K + 1,) [m/s], and at that end, and therefore
+        everywhere.
         """
-        speed = np.linalg.norm(plan.x[:, 3:], axis=1)
+        if float(speed.max()) <= self.speed_max:
+            return None
         excess = max(0.0, float(speed[0]) - self.speed_max)
         duration = max(self.speed_max, _FALL * excess) / self.acceleration_max
         allowed = self.speed_max + excess * np.maximum(0.0, 1.0 - (plan.t - plan.t_start) / duration)
@@ -219,12 +218,10 @@ class Certificate:
                 return Refusal(FlightStatus.OFF_MAP, f"in the {phase.name.lower()} arc at {plan.t[worst]:.1f} s", phase)
             low = f"{clearance[worst]:.1f} m in the {phase.name.lower()} arc at {plan.t[worst]:.1f} s"
             return Refusal(FlightStatus.LOW_CLEARANCE, f"{low}; allowed {self.clearance_min:g}", phase)
-        edge = np.array([self.terrain.width, self.terrain.depth])
-        p, v, duration = plan.x[:, :3], plan.x[:, 3:], np.diff(plan.t)
-        for axis in range(2):
-            # Copies are of one type, whether the plan is read-only or not: the kernel is compiled once.
-            least, greatest = _extent(p[:-1, axis].copy(), v[:-1, axis].copy(), plan.u[:, axis].copy(), duration)
-            room = min(least, edge[axis] - greatest)
+        arcs = _writable(plan)
+        for axis, edge in enumerate((self.terrain.width, self.terrain.depth)):
+            least, greatest = _extent(*arcs, axis)
+            room = min(least, edge - greatest)
             if room < self.border:
                 return Refusal(
                     FlightStatus.OFF_MAP, f"{room:.2f} m from the edge of the map; allowed {self.border:.2f}"
@@ -241,37 +238,65 @@ def raised_ground(terrain: HeightField, across: float, rise: float) -> HeightFie
 
 
 @njit(cache=True, nogil=True)
-def _extent(p: Array, v: Array, a: Array, duration: Array) -> tuple[float, float]:
-    """Least and greatest of p + v t + a t^2 / 2 over 0 <= t <= duration, of all arcs (K,)."""
+def _extent(t: Array, x: Array, u: Array, axis: int) -> tuple[float, float]:
+    """Least and greatest position [m] along an axis on all arcs: t (K + 1,) [s], x (K + 1, 6), u (K, 3)."""
     least, greatest = np.inf, -np.inf
-    for k in range(len(p)):
-        vertex = min(max(-v[k] / a[k], 0.0), duration[k]) if a[k] != 0.0 else duration[k]
-        for t in (0.0, vertex, duration[k]):
-            met = p[k] + t * v[k] + 0.5 * t * t * a[k]
+    for k in range(len(u)):
+        p, v, a, duration = x[k, axis], x[k, 3 + axis], u[k, axis], t[k + 1] - t[k]
+        vertex = min(max(-v / a, 0.0), duration) if a != 0.0 else duration
+        for s in (0.0, vertex, duration):
+            met = p + s * v + 0.5 * s * s * a
             least, greatest = min(least, met), max(greatest, met)
     return least, greatest
 
 
-def _malformed(plan: Plan) -> Refusal | None:
+@njit(cache=True, nogil=True)
+def _along_arcs(t: Array, x: Array, u: Array) -> tuple[bool, bool, float, Array, float]:
+    """If all is finite, if times increase, by how much arcs miss each other, speeds (K + 1,) [m/s], greatest |u|.
+
+    Arcs: t (K + 1,) [s], x (K + 1, 6) [m, m/s], u (K, 3) [m/s^2].
+    """
+    finite, increasing, gap, push = np.isfinite(t[0]), True, 0.0, 0.0
+    speed = np.empty(len(t))
+    for k in range(len(t)):
+        for i in range(6):
+            finite = finite and np.isfinite(x[k, i])
+        speed[k] = math.sqrt(x[k, 3] * x[k, 3] + x[k, 4] * x[k, 4] + x[k, 5] * x[k, 5])
+    for k in range(len(u)):
+        h = t[k + 1] - t[k]
+        finite, increasing = finite and np.isfinite(t[k + 1]), increasing and h > 0.0
+        for i in range(3):
+            finite = finite and np.isfinite(u[k, i])
+            missed = abs(x[k, i] + h * x[k, 3 + i] + 0.5 * (h * h) * u[k, i] - x[k + 1, i])
+            missed_speed = abs(x[k, 3 + i] + h * u[k, i] - x[k + 1, 3 + i])
+            if not (missed <= gap and missed_speed <= gap) and not np.isnan(gap):  # NaN stays
+                gap = missed + missed_speed if np.isnan(missed + missed_speed) else max(missed, missed_speed)
+        push = max(push, math.sqrt(u[k, 0] * u[k, 0] + u[k, 1] * u[k, 1] + u[k, 2] * u[k, 2]))
+    return finite, increasing, gap, speed, push
+
+
+def _writable(plan: Plan) -> tuple[Array, Array, Array]:
+    """Copies of t, x and u: of one type, whether the plan is read-only or not, so that a kernel is compiled once."""
+    t, x, u = (np.array(values, dtype=np.float64, order="C") for values in (plan.t, plan.x, plan.u))
+    return t, x, u
+
+
+def _misfit(plan: Plan) -> Refusal | None:
+    """Why the arrays of a plan do not fit together; None if they do."""
     arcs = len(plan.t) - 1
     if arcs < 1 or plan.x.shape != (arcs + 1, 6) or plan.u.shape != (arcs, 3) or plan.phase.shape != (arcs,):
         shapes = f"t {plan.t.shape}, x {plan.x.shape}, u {plan.u.shape}, phase {plan.phase.shape}"
         return Refusal(Status.MALFORMED, f"{shapes}; allowed (K + 1,), (K + 1, 6), (K, 3), (K,) with K >= 1")
-    if not (np.isfinite(plan.t).all() and np.isfinite(plan.x).all() and np.isfinite(plan.u).all()):
-        return Refusal(Status.NOT_FINITE, "t, x or u is not finite")
-    if (np.diff(plan.t) <= 0.0).any():
-        return Refusal(Status.MALFORMED, "times do not increase")
-    if ((plan.phase < 0) | (plan.phase >= len(FlightPhase))).any():
-        return Refusal(
-            Status.MALFORMED, f"phases {np.unique(plan.phase).tolist()}; allowed {[int(p) for p in FlightPhase]}"
-        )
     return None
 
 
 def pass_time(plan: Plan, target: Array, after: float) -> float:
     """First breakpoint [s] later than ``after`` [s] at which the plan is at the target (3,) [m]; inf if none."""
-    near = (np.linalg.norm(plan.x[:, :3] - target, axis=1) <= _PASS) & (plan.t > after + TIME_TOLERANCE)
-    return float(plan.t[near][0]) if near.any() else np.inf
+    first, place = int(plan.t.searchsorted(after + TIME_TOLERANCE, side="right")), target.tolist()
+    for t, position in zip(plan.t[first:].tolist(), plan.x[first:, :3].tolist(), strict=True):
+        if math.dist(position, place) <= _PASS:
+            return float(t)
+    return math.inf
 
 
 def remainder(plan: Plan, t: float) -> Plan:

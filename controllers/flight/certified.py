@@ -33,6 +33,7 @@ from mathnavi.controllers.flight.certificate import (
 from mathnavi.controllers.flight.held_input import NO_LAG, HeldInput
 from mathnavi.controllers.flight.planner import StopAndHover
 from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.kernels import offset_from
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
@@ -159,8 +160,9 @@ class Certified:
     def plan(self, request: PlanRequest) -> Plan:
         """The planner's answer if it may be flown; a failure that says why not otherwise."""
         current, x = request.current, request.estimate.x
-        request = dataclasses.replace(request, messages=(*self._unheard, *request.messages))
-        self._unheard = ()
+        if self._unheard:
+            request = dataclasses.replace(request, messages=(*self._unheard, *request.messages))
+            self._unheard = ()
         if x.shape != (6,):
             self._unheard = request.messages
             return Plan.failure(Status.MALFORMED, f"the estimate's state has shape {x.shape}; allowed: (6,)")
@@ -237,7 +239,8 @@ class Certified:
     def _breach(self, request: PlanRequest) -> str | None:
         """Distance in words of a vehicle outside its tracking bound from the plan; None for one within."""
         assert request.current is not None
-        error = request.estimate.x - state_at(request.current, request.t)
+        plan = request.current
+        error = offset_from(plan.t, plan.x, plan.u, request.t, request.estimate.x)
         if not self._bound.broken_by(error):
             return None
         return f"{np.hypot(error[0], error[1]):.1f} m across, {error[2]:.1f} m up from the plan"

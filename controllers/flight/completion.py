@@ -39,10 +39,15 @@ class ArcList:
         """Hold the acceleration ``u`` (3,) [m/s^2] for ``duration`` [s]."""
         if duration <= _NEGLIGIBLE:
             return
-        p, v = self.x[-1][:3], self.x[-1][3:]
-        self.x.append(np.concatenate([p + duration * v + 0.5 * duration**2 * u, v + duration * u]))
+        held = np.asarray(u, dtype=float)
+        half = 0.5 * duration**2
+        # Six numbers are moved on one by one in less time than it takes to call numpy once for each operation.
+        x, y, z, v_x, v_y, v_z = self.x[-1].tolist()
+        u_x, u_y, u_z = held.tolist()
+        p = x + duration * v_x + half * u_x, y + duration * v_y + half * u_y, z + duration * v_z + half * u_z
+        self.x.append(np.array([*p, v_x + duration * u_x, v_y + duration * u_y, v_z + duration * u_z]))
         self.t.append(self.t[-1] + duration)
-        self.u.append(np.asarray(u, dtype=float))
+        self.u.append(held)
         self.phase.append(int(phase))
 
     def wait(self, k: int, duration: float) -> None:

@@ -11,6 +11,7 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Sequence
+from itertools import takewhile
 from typing import Literal, Protocol
 
 import numpy as np
@@ -160,6 +161,8 @@ class RecedingHorizon:
         return solution, spent + 1e3 * (time.thread_time() - began)
 
     def _listen(self, messages: Sequence[Message]) -> None:
+        if not messages:
+            return
         known = self._knowledge.updated_with(messages)
         if known is not self._knowledge:
             certificate = self._certificate.updated_with(messages)
@@ -188,6 +191,8 @@ class RecedingHorizon:
 
     def _length_to_go(self, start: Array, t_start: float) -> LengthToGo | None:
         """Remaining length that the plan should have at p_N; None where no arrival time is asked for."""
+        if self._arrival is None and self._assured is None:
+            return None
         horizon, v_max = self._parameters.horizon, self._certificate.speed_max
         length = float(self._environment.cost(start[:3])[0])
         asked = self._arrival
@@ -275,12 +280,10 @@ class RecedingHorizon:
         guess = np.zeros(3 * n + 1)
         if current is not None:
             middles = t_start + problem.matrices.middles
-            arc = np.searchsorted(current.t, middles, side="right") - 1
-            optimised = (arc < len(current.u)) & (
-                current.phase[np.minimum(arc, len(current.u) - 1)] == FlightPhase.OPTIMISED
-            )
-            count = n if optimised.all() else int(optimised.argmin())
-            guess[: 3 * count] = current.u[arc[:count]].ravel()
+            arcs, phases = current.t.searchsorted(middles, side="right") - 1, current.phase.tolist()
+            optimised = (k < len(phases) and phases[k] == FlightPhase.OPTIMISED for k in arcs.tolist())
+            count = sum(1 for _ in takewhile(bool, optimised))
+            guess[: 3 * count] = current.u[arcs[:count]].ravel()
         return guess
 
     def _assembled(self, problem: Problem, solution: PlanSolution, t_start: float, solve_ms: float) -> Plan:

@@ -47,3 +47,10 @@ def state_on(breaks: Array, x: Array, u: Array, t: float) -> Array:
             state[i] = state[i] + s * state[m + i] + (0.5 * s * s) * u[arc, i]
             state[m + i] = state[m + i] + s * u[arc, i]
     return state
+
+
+@njit(cache=True, nogil=True)
+def offset_from(breaks: Array, x: Array, u: Array, t: float, state: Array) -> tuple[float, float, float]:
+    """Position [m] of a state (6,) less that of arcs at t [s], in three numbers; arguments as of ``state_on``."""
+    planned = state_on(breaks, x, u, t)
+    return state[0] - planned[0], state[1] - planned[1], state[2] - planned[2]

@@ -13,6 +13,7 @@ import math
 import mujoco
 
 _NO_CONSTRAINTS = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)  # contacts among them
+_NO_PASSIVE_FORCES = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
 _ONE_MARGIN = int(mujoco.mjtEnableBit.mjENBL_OVERRIDE)
 _FARTHEST, _NEAREST = 256.0, 1.0  # [m] margins
 _PAUSE = 8  # calls without a survey after one that found something however small its margin
@@ -28,6 +29,8 @@ class ContactFree:
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self.model = copy.copy(model)
         self.model.opt.disableflags |= _NO_CONSTRAINTS
+        if not _resisted(model):  # what is zero is not computed
+            self.model.opt.disableflags |= _NO_PASSIVE_FORCES
         self._surveyed = mujoco.MjData(self.model)
         self._q, self._v = data.qpos, data.qvel
         self._spread = math.sqrt(len(self._v))  # a point moves by the norm of q, times this where axes are not square
@@ -92,3 +95,9 @@ class ContactFree:
         model.opt.enableflags &= ~_ONE_MARGIN
         model.opt.disableflags |= _NO_CONSTRAINTS
         return int(data.ncon) == 0
+
+
+def _resisted(model: mujoco.MjModel) -> bool:
+    """True if passive forces act beside those of springs: of dampers, a fluid, a plug-in, or against gravity."""
+    fluid = model.opt.density or model.opt.viscosity
+    return bool(model.dof_damping.any() or fluid or model.body_gravcomp.any() or model.nplugin)

@@ -40,8 +40,8 @@ def references(t: Array, plans: Sequence[tuple[float, Plan]]) -> Array:
     out = np.full((len(t), 6), np.nan)
     ends = [*(start for start, _ in plans), math.inf][1:]  # none without a plan
     for k, ((adopted, plan), following) in enumerate(zip(plans, ends, strict=True)):
-        begun = t > adopted + TIME_TOLERANCE if k else t > adopted - TIME_TOLERANCE
-        flown = begun & (t <= following + TIME_TOLERANCE)
+        begun = adopted + TIME_TOLERANCE if k else adopted - TIME_TOLERANCE
+        flown = slice(*t.searchsorted((begun, following + TIME_TOLERANCE), side="right"))
         out[flown] = state_at(plan, t[flown])
     return out
 

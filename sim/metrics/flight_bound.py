@@ -33,15 +33,17 @@ def flight_bound(recording: Recording, name: str, mission: FlightMission) -> Pos
     axis = AxisModel(rms, mission.gust.time_constant, mission.position_noise)
     recursion = BoundRecursion(covariance=np.diag([0.0, 0.0, rms**2]))
     W = np.array([[1.0 / mission.position_noise, 0.0, 0.0]])
-    deviation, discrete = np.zeros((n, 6)), dict[float, tuple[Array, Array, Array]]()
-    for k in range(n):
+    variance, discrete = np.zeros((n, 2)), dict[float, tuple[Array, Array, Array]]()
+    intervals = [0.0, *(round(each, 10) for each in np.diff(recording.t[:n]).tolist())]
+    fixed = np.all(np.isfinite(fixes[:n]), axis=1).tolist()
+    for k, h in enumerate(intervals):
         if k:
-            h = round(float(recording.t[k] - recording.t[k - 1]), 10)
             F, _, Q = discrete.get(h) or discrete.setdefault(h, axis.discretised(h))
             recursion.predict(F, Q)
-        if np.isfinite(fixes[k]).all():
+        if fixed[k]:
             recursion.observe(W)
-        P = recursion.covariance
-        assert P is not None
-        deviation[k] = np.repeat(np.sqrt(np.maximum(np.diag(P)[:2], 0.0)), 3)
+        now = recursion.variance
+        assert now is not None
+        variance[k] = now[:2]
+    deviation = np.repeat(np.sqrt(np.maximum(variance, 0.0)), 3, axis=1)
     return judged_bound(deviation, (0, 1, 2), "the position")

@@ -26,11 +26,11 @@ def estimates_at(recording: Recording, name: str, size: int) -> Array:
     """The newest estimate (n, size) at each sample; NaN before the first."""
     estimates = recording.agents[name].estimates
     x = np.full((len(recording.t), size), np.nan)
-    valid = np.array([estimate.t for estimate in estimates])
-    newest = np.searchsorted(valid, recording.t + TIME_TOLERANCE, side="right") - 1
-    for k, index in enumerate(newest):
-        if index >= 0:
-            x[k] = estimates[index].x
+    if estimates:
+        valid = np.array([estimate.t for estimate in estimates])
+        newest = np.searchsorted(valid, recording.t + TIME_TOLERANCE, side="right") - 1
+        states = np.concatenate([estimate.x for estimate in estimates]).reshape(-1, size)
+        x[newest >= 0] = states[newest[newest >= 0]]
     return x
 
 
@@ -61,10 +61,10 @@ def bound_along(
             recursion.predict(F[block], Q[block])
         if len(W):
             recursion.observe(W[:, rows])
-        P = recursion.covariance
-        if P is not None:
+        variance = recursion.variance
+        if variance is not None:
             deviation[k] = 0.0
-            deviation[k, rows] = np.sqrt(np.maximum(np.diag(P), 0.0))
+            deviation[k, rows] = np.sqrt(np.maximum(variance, 0.0))
     return deviation
 
 

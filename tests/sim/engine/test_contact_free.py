@@ -59,6 +59,25 @@ def test_a_flight_among_hills_is_the_same_bit_for_bit_with_every_contact(
     assert contacts > 0
 
 
+@pytest.mark.parametrize("resistance", ["none", "damping", "fluid"])
+def test_what_resists_the_motion_acts_far_from_the_ground_too(terrain: HeightField, resistance: str) -> None:
+    model = build_model(terrain, ["uav"], 400.0)
+    if resistance == "damping":
+        model.dof_damping[:] = 0.3
+    if resistance == "fluid":
+        model.opt.density, model.opt.viscosity = 1.2, 1e-3
+    start = np.array([1000.0, 1000.0, 1500.0, 30.0, -20.0, 5.0])
+    sparing, plain = plant_at(model, start), plant_at(model, start)
+    vars(plain)["_contact_free"] = None
+    for plant in (sparing, plain):
+        for _ in range(50):
+            plant.step({"uav": np.array([1.0, 2.0, 3.0])}, TICKS)
+    free = sparing._contact_free
+    assert free is not None
+    assert free.within(DURATION)
+    assert sparing.state("uav").tobytes() == plain.state("uav").tobytes()
+
+
 def test_nothing_touches_within_a_surveyed_margin(terrain: HeightField, model: mujoco.MjModel) -> None:
     rng, data, other = np.random.default_rng(1), mujoco.MjData(model), mujoco.MjData(model)
     surveys = 0

@@ -122,10 +122,9 @@ def argument_digests(value: Any) -> list[str]:
         return [digest for item in value for digest in argument_digests(item)]
     if dataclasses.is_dataclass(value):
         kind: Any = type(value)
-        marked = {name: names_files(hint) for name, hint in _hints(kind)}
         return [
             digest
-            for name, mark in marked.items()
+            for name, mark in _marks(kind, InputFile)
             for digest in (
                 argument_digests(getattr(value, name))
                 if mark is None
@@ -161,12 +160,11 @@ def names_plugin(hint: Any) -> PluginName | None:
 def _named(config: Any, kind: type[Any], prefix: str) -> Iterator[tuple[str, Any, list[str]]]:
     """Name, mark and places of each marked field that is given, in the order of the fields."""
     made: Any = type(config)
-    for name, hint in _hints(made):
+    for name, mark in _marks(made, kind):
         value = getattr(config, name)
         if dataclasses.is_dataclass(value):
             yield from _named(value, kind, f"{prefix}{name}.")
             continue
-        mark: Any = _mark(hint, kind)
         places = [] if mark is None else list(_places(value))
         if mark is None and kind is InputFile:
             mark, places = _UNDECLARED, [place for place in _places(value) if _is_file(place, isinstance(value, Path))]
@@ -187,6 +185,12 @@ def _places(value: Any) -> Iterator[str]:
 def _hints(config: Any) -> tuple[tuple[str, Any], ...]:
     hints = get_type_hints(config, include_extras=True)
     return tuple((entry.name, hints[entry.name]) for entry in dataclasses.fields(config))
+
+
+@cache
+def _marks(config: Any, kind: type[Any]) -> tuple[tuple[str, Any], ...]:
+    """Name of each field of a configuration, and its mark of that kind: a sweep asks for every trial again."""
+    return tuple((name, _mark(hint, kind)) for name, hint in _hints(config))
 
 
 def _mark(hint: Any, kind: type[Any]) -> Any:

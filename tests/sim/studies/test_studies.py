@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib import rcParams
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -224,16 +225,18 @@ def drawn_once(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A figure is drawn for its file and not again for the page, and nothing in it is given its place before."""
     if name not in LAID_OUT:
         monkeypatch.setattr(study, "lay_out", lambda figure: figure.set_layout_engine(None))
+        monkeypatch.setitem(rcParams, "axes.titley", 1.0)  # or every title is moved off what it meets, all being drawn
         monkeypatch.setattr(page, "inline_svg", lambda figure, name, alt: page.Markup(f"<svg><!-- {name} --></svg>"))
 
 
 @pytest.fixture
-def smaller(name: str, hills: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def smaller(name: str, hills: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """What a study does is as little as shows that it does all of it."""
     for place, value in SMALLER.get(name, {}).items():
         monkeypatch.setattr(f"{STUDIES}.{place}", value)
     if name == "scaling":
         monkeypatch.setattr(f"{STUDIES}.introduction.scaling.curves.GROUND", hills)
+        monkeypatch.setattr(f"{STUDIES}.introduction.scaling.curves._folder", lambda: tmp_path)  # what is made of it
     if name in FLOWN:
         module, changed = FLOWN[name]
         monkeypatch.setattr(

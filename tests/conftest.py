@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from functools import partial
 
 import pytest
@@ -56,6 +57,28 @@ def drawing_here() -> Iterator[None]:
         patch.setattr(clip, "draw", draw_here)
         patch.setattr(report, "write_still", partial(video.write_still, width=320, height=180))
         patch.setattr(figures, "lay_out", lambda figure: figure.set_layout_engine(None))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def stores_wait_for_no_disk() -> Iterator[None]:
+    """What this process commits to a store is with the system, and outlives the process, before it is on the disk.
+
+    A commit waits for the disk several times, 15 ms or more altogether. Commands in processes of their own do.
+    """
+    from mathnavi.sim.records.store import Store
+
+    committed = Store._transaction
+
+    @contextmanager
+    def transaction(store: Store) -> Iterator[None]:
+        if store.path.is_file():  # of a device, to wait for it is what fails
+            store._connection.execute("PRAGMA synchronous = OFF")
+        with committed(store):
+            yield
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Store, "_transaction", transaction)
         yield
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib import rcParams
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -25,7 +26,9 @@ from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.studies.flight.hunt.spaces import SAFE_FLIGHT, UPDATES
 from mathnavi.sim.studies.framework import study
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, as_csv, on_terrain, write_result
+from mathnavi.sim.studies.introduction.scaling.curves import CURVES
 from mathnavi.sim.studies.nodes.missile_closed_loop.flights import CASES, KINDS, OTHERS, PAIRS, selected_kinds
+from mathnavi.sim.studies.nodes.missile_nodes.study import SCHEMES
 from mathnavi.sim.studies.riemannian.mechanisms import runs
 from mathnavi.sim.sweep.trial import Trial, trial
 
@@ -72,21 +75,49 @@ SMALLEST: dict[str, dict[str, int]] = {
     "hunt": {"missions": 2, "tries": 1, "draws": 1, "repeats": 1},
 }
 STUDIES = "mathnavi.sim.studies"
+SHORT = {"DURATION": 6.0, "TIMES": (2.0, 4.0, 6.0)}  # [s]
+SMALL_CURVES = {
+    name: replace(curve, sizes={"fleet": (2, 4), "trials": (10, 20)}.get(name, curve.sizes))
+    for name, curve in CURVES.items()
+}
 SMALLER: dict[str, dict[str, Any]] = {
     "guarantees": {"flight.guarantees._TIMED": 4.0},
     "hunt": {"flight.hunt.study.HUNTS": (SAFE_FLIGHT, UPDATES), "flight.hunt.study.COLOURS": ("#2166ac", "#e08214")},
     "arrival": {"fleet.arrival.study.SIZES": (2,), "fleet.arrival.study.PRINTED_SIZE": 2},
-    "consensus": {f"fleet.consensus.{module}.ROUNDS": (40, 80, 160) for module in ("study", "claims")},
-    "range-convergence": {"ranging.range_convergence.study.TIMED": 1},
-    "scaling": {"introduction.scaling.curves.FLOWN": 2.0, "introduction.scaling.curves.UPDATES": 8},
+    "consensus": {
+        **{f"fleet.consensus.{module}.ROUNDS": (40, 80, 160) for module in ("study", "claims")},
+        "fleet.consensus.study._FRACTIONS": (0.9, 1.1, 1.5),
+    },
+    "range-convergence": {
+        "ranging.range_convergence.study.TIMED": 1,
+        "ranging.range_convergence.costs._PARTICLES": 100,
+    },
+    "missile-nodes": {"nodes.missile_nodes.study.SCHEMES": SCHEMES[::2]},
+    "curvature-sign": {f"riemannian.curvature_sign.{name}": value for name, value in SHORT.items()},
+    "sphere": {"riemannian.sphere.runs.STEPS": {"printed": 4e-4, "repaired": 5e-3}},
+    "scaling": {
+        **{"introduction.scaling.curves.FLOWN": 2.0, "introduction.scaling.curves.UPDATES": 8},
+        **{f"introduction.scaling.{module}.CURVES": SMALL_CURVES for module in ("curves", "study")},
+    },
     "mechanisms": {"riemannian.mechanisms.runs.BEGIN": 0.05},
     "real-arms": {"riemannian.real_arms.BEGIN": 0.05},
 }
 """constants of studies that no field makes smaller, by their places"""
+
+
+def _near(*target: float) -> tuple[float, ...]:
+    """A target at three tenths of the distance."""
+    return tuple(0.3 * x for x in target)
+
+
 FLOWN: dict[str, tuple[str, Callable[[Mapping[str, Any]], dict[str, Any]]]] = {
     "missile-closed-loop": (
         "nodes.missile_closed_loop.flights",
-        lambda fields: {"target": (300.0, 0.0, 0.0), "planner.replan_period": 0.5, **fields},
+        lambda fields: {
+            "planner.replan_period": 0.5,
+            **fields,
+            "target": _near(*fields.get("target", (500.0, 0.0, 0.0))),
+        },
     ),
     "mechanisms": ("riemannian.mechanisms.runs", lambda fields: {**fields, "duration": 0.2}),
     "real-arms": ("riemannian.mechanisms.runs", lambda fields: {**fields, "duration": 0.2}),
@@ -174,8 +205,8 @@ HOLDS: dict[str, dict[str, bool]] = {
 UNMEASURED = {"noise", "ocp-problems", "arrival"}  # over these hills no mission may arrive; not all are solved
 LAID_OUT = {"horizon", "contraction", "fleet-peers"}
 """whose figures are laid out and stand on the page as for a user; those of the others are drawn as they come"""
-ROOM = {"arrival", "separation", "scaling", "noise"}  # for a fleet, or starts far apart
-NARROW, WIDE = 100.0, 330.0  # [m]
+NARROW, BROAD, WIDE = 100.0, 200.0, 330.0  # [m]
+ROOM = {"arrival": BROAD, "noise": BROAD, "scaling": BROAD, "separation": WIDE}  # for a fleet, or starts far apart
 PRINTED = ("A.", "B.", "C.", "D.", "I.")  # the thesis' papers and its Introduction
 NAMES = sorted(entry.name for entry in entry_points(group="mathnavi.studies"))
 
@@ -185,7 +216,7 @@ def hills_by_length(tmp_path_factory: pytest.TempPathFactory) -> dict[float, str
     """Maps of hills by the distance [m] between their nodes."""
     x, y = np.meshgrid(np.arange(16) * 1.0, np.arange(16) * 1.0)
     places = {}
-    for spacing in (NARROW, WIDE):
+    for spacing in (NARROW, BROAD, WIDE):
         places[spacing] = str(tmp_path_factory.mktemp("map") / "hills.npz")
         z = 500.0 + 0.7 * spacing * np.sin(x / 4.0) * np.cos(y / 5.3)
         write_npz(HeightField(z, spacing, "hills"), Path(places[spacing]))
@@ -194,8 +225,8 @@ def hills_by_length(tmp_path_factory: pytest.TempPathFactory) -> dict[float, str
 
 @pytest.fixture
 def hills(name: str, hills_by_length: dict[float, str]) -> str:
-    """1.5 km of hills, crossed in fourteen seconds, or 5 km for those that need room."""
-    return hills_by_length[WIDE if name in ROOM else NARROW]
+    """1.5 km of hills, crossed in fourteen seconds, or 3 or 5 km for those that need room."""
+    return hills_by_length[ROOM.get(name, NARROW)]
 
 
 @pytest.fixture(scope="module")
@@ -224,16 +255,18 @@ def drawn_once(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A figure is drawn for its file and not again for the page, and nothing in it is given its place before."""
     if name not in LAID_OUT:
         monkeypatch.setattr(study, "lay_out", lambda figure: figure.set_layout_engine(None))
+        monkeypatch.setitem(rcParams, "axes.titley", 1.0)  # or every title is moved off what it meets, all being drawn
         monkeypatch.setattr(page, "inline_svg", lambda figure, name, alt: page.Markup(f"<svg><!-- {name} --></svg>"))
 
 
 @pytest.fixture
-def smaller(name: str, hills: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def smaller(name: str, hills: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """What a study does is as little as shows that it does all of it."""
     for place, value in SMALLER.get(name, {}).items():
         monkeypatch.setattr(f"{STUDIES}.{place}", value)
     if name == "scaling":
         monkeypatch.setattr(f"{STUDIES}.introduction.scaling.curves.GROUND", hills)
+        monkeypatch.setattr(f"{STUDIES}.introduction.scaling.curves._folder", lambda: tmp_path)  # what is made of it
     if name in FLOWN:
         module, changed = FLOWN[name]
         monkeypatch.setattr(

@@ -140,11 +140,13 @@ class Message:
 
 @dataclass(frozen=True)
 class Outbox:
-    """Messages of a coordinator at one time: to others, to its own planner, and events."""
+    """Messages of a coordinator at one time: to others, to its own planner, and events.
 
-    messages: tuple[
-        tuple[str | tuple[str, ...], Message], ...
-    ] = ()  # (receiver or receivers, message), for the network
+    The same message to the same several receivers as before, the very objects, is the former one repeated for those
+    that may have lost it: a network that loses none delivers it once. A new message has a time of its own.
+    """
+
+    messages: tuple[tuple[str | tuple[str, ...], Message], ...] = ()  # (receivers, message), for the network
     planner_messages: tuple[Message, ...] = ()  # for the vehicle's own planner: an arrival time that was agreed on
     events: tuple[tuple[str, str], ...] = ()  # (kind, message), for the log
 

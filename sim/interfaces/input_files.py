@@ -157,7 +157,7 @@ def names_plugin(hint: Any) -> PluginName | None:
     return mark
 
 
-def _named(config: Any, kind: type[Any], prefix: str) -> Iterator[tuple[str, Any, list[str]]]:
+def _named(config: Any, kind: Any, prefix: str) -> Iterator[tuple[str, Any, list[str]]]:
     """Name, mark and places of each marked field that is given, in the order of the fields."""
     made: Any = type(config)
     for name, mark in _marks(made, kind):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from mathnavi.models.aerial.dynamics import TICK, continuous_dynamics, discrete_dynamics, flow, input_at, state_at
 from mathnavi.models.aerial.entity import build_model
+from mathnavi.models.aerial.kernels import offset_from
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.signals import Array, Plan
 
@@ -101,6 +102,13 @@ def test_a_plan_waits_before_its_start_and_rests_after_its_end(plan: Plan) -> No
 def test_many_times_are_each_time(plan: Plan) -> None:
     t = np.concatenate([np.linspace(plan.t_start - 1.0, plan.t_end + 1.0, 200), plan.t])
     np.testing.assert_allclose(state_at(plan, t), [state_at(plan, float(now)) for now in t], rtol=0.0, atol=1e-12)
+
+
+def test_the_offset_from_a_plan_is_that_from_its_position(plan: Plan) -> None:
+    state = np.arange(6.0)
+    for t in np.linspace(plan.t_start - 1.0, plan.t_end + 1.0, 50):
+        offset = offset_from(plan.t, plan.x, plan.u, float(t), state)
+        assert offset == tuple(state[:3] - state_at(plan, float(t))[:3])
 
 
 def test_the_input_of_a_plan_moves_its_state(plan: Plan) -> None:

@@ -47,6 +47,18 @@ def test_without_a_prior_it_is_the_limit_of_ever_wider_ones(noise: Array) -> Non
             bound.predict(F, Q)
 
 
+def test_two_readings_at_once_are_the_two_one_after_the_other() -> None:
+    W, start = np.array([[1.0, 0.5, 0.0], [0.2, 0.0, 3.0]]), np.diag([4.0, 1.0, 9.0])
+    together, apart = BoundRecursion(covariance=start), BoundRecursion(covariance=start)
+    together.observe(W)
+    for row in W:
+        apart.observe(row[np.newaxis])
+    variance, covariance = apart.variance, together.covariance
+    assert variance is not None
+    assert covariance is not None
+    np.testing.assert_allclose(variance, np.diag(covariance), rtol=1e-12)
+
+
 def test_what_is_never_observed_has_no_bound() -> None:
     bound = BoundRecursion(information=np.zeros((2, 2)))
     for _ in range(STEPS):

@@ -30,10 +30,18 @@ def mission(hills: Path) -> tuple[str, ...]:
     return ("safe-flight", "--terrain", str(hills), *ends)
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def sources_as_they_are() -> None:
-    """Tests may run while somebody writes: a sweep that begins now is of the sources as they are now."""
+    """Tests may run while somebody writes: what a module sweeps is of the sources as they are when it begins.
+
+    Reading all of them takes as long as a small test, so not every test does.
+    """
     code._own.cache_clear()
+
+
+@pytest.fixture(autouse=True)
+def strangers_as_they_are() -> None:
+    """Tests write packages, some of one name: each is read anew."""
     code._stranger.cache_clear()
 
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
-from functools import cache
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -33,39 +30,19 @@ def mission(hills: Path) -> tuple[str, ...]:
     return ("safe-flight", "--terrain", str(hills), *ends)
 
 
-@pytest.fixture(autouse=True)
-def sources_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Tests may run while somebody writes: a sweep that begins now is of the sources as they are now.
+@pytest.fixture(scope="module", autouse=True)
+def sources_as_they_are() -> None:
+    """Tests may run while somebody writes: what a module sweeps is of the sources as they are when it begins.
 
-    They are read again where the time or the size of one has changed.
+    Reading all of them takes as long as a small test, so not every test does.
     """
-    monkeypatch.setattr(code, "_own", cache(lambda: _own_version(_times())))
+    code._own.cache_clear()
+
+
+@pytest.fixture(autouse=True)
+def strangers_as_they_are() -> None:
+    """Tests write packages, some of one name: each is read anew."""
     code._stranger.cache_clear()
-
-
-_own = code._own.__wrapped__
-
-
-@cache
-def _own_version(times: tuple[tuple[str, int, int], ...]) -> str:
-    return _own()
-
-
-def _times() -> tuple[tuple[str, int, int], ...]:
-    """Path, time of the last change [ns] and size [bytes] of every file that the version of the code is made of."""
-    folders = [folder for name in code.FOLDERS for folder in import_module(f"{code.PACKAGE}.{name}").__path__]
-    return tuple(sorted(entry for folder in folders for entry in _below(folder)))
-
-
-def _below(folder: str) -> Iterator[tuple[str, int, int]]:
-    with os.scandir(folder) as entries:
-        for entry in entries:
-            if entry.name.startswith(".") or entry.name == "__pycache__":
-                continue
-            if entry.is_dir():
-                yield from _below(entry.path)
-            else:
-                yield entry.path, entry.stat().st_mtime_ns, entry.stat().st_size
 
 
 @pytest.fixture

@@ -44,12 +44,17 @@ METHODS = {"read_text", "read_bytes"}  # of a path; by these names alone they ar
 def calls(source: str) -> Iterator[tuple[str, ast.Call]]:
     """Calls that may read a file, by their dotted names."""
     for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Call):
+        if isinstance(node, ast.Call) and _last_name(node.func) in READERS:
             name = ast.unparse(node.func)
             owner, _, last = name.rpartition(".")
-            known = last in READERS and (owner.rpartition(".")[2] in MODULES or last not in OF_MODULES)
+            known = owner.rpartition(".")[2] in MODULES or last not in OF_MODULES
             if known and not (last == "open" and _writes(node, owner)) and (owner or last not in METHODS):
                 yield name, node
+
+
+def _last_name(function: ast.expr) -> str:
+    """What stands behind the last dot of what is called; "" for what has no name."""
+    return function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
 
 
 def _writes(call: ast.Call, owner: str) -> bool:

@@ -2,7 +2,8 @@
 
 Both are a third of what a step of a point mass costs, four times a step, and in most of a flight they find nothing to
 do. A survey detects collisions once, with a margin M around every geom: where it finds none, nothing touches anything
-before it has moved by M, and until then steps without constraints are the same, bit for bit.
+before it has moved by M, and until then steps without constraints are the same, bit for bit. Nor are passive forces
+computed in a model that has none.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import mujoco
 _NO_CONSTRAINTS = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)  # contacts among them
 _NO_PASSIVE_FORCES = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
 _ONE_MARGIN = int(mujoco.mjtEnableBit.mjENBL_OVERRIDE)
+_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 _FARTHEST, _NEAREST = 256.0, 1.0  # [m] margins
 _PAUSE = 8  # calls without a survey after one that found something however small its margin
 
@@ -22,8 +24,9 @@ _PAUSE = 8  # calls without a survey after one that found something however smal
 class ContactFree:
     """The surveys of one simulation in which nothing moves but a vehicle on slides, its forces held over a step.
 
-    ``model`` is a copy without constraints, to step ``data`` with. The copy is its own, for other simulations may step
-    the original at the same time; a later change of the original does not reach it.
+    ``model`` is a copy without constraints, and without passive forces where none act, to step ``data`` with. The copy
+    is its own, for other simulations may step the original at the same time; a later change of the original does not
+    reach it.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -41,13 +44,16 @@ class ContactFree:
 
     @staticmethod
     def applies(model: mujoco.MjModel, slides: int) -> bool:
-        """True if so many slides of a vehicle are all that moves, contacts are all that constrains it, no spring or
-        servo pulls it, and no mocap body collides.
+        """True if so many slides of a vehicle are all that moves, contacts are all that constrains it, motors are all
+        that pulls it, and no mocap body collides.
+
+        A spring, a servo or a callback of MuJoCo's may pull with a force that changes within a step.
         """
         colliding = (model.geom_contype | model.geom_conaffinity) != 0
         moved_from_outside = model.body_mocapid[model.body_rootid[model.geom_bodyid]] >= 0
         constrained = model.neq or model.ntendon or model.jnt_limited.any() or model.dof_frictionloss.any()
-        pulled = model.jnt_stiffness.any() or model.actuator_biastype.any() or model.na
+        springs = model.jnt_stiffness.any() or model.jnt_stiffnesspoly.any()
+        pulled = springs or _actuated_unevenly(model) or _called_back()
         visited = (colliding & moved_from_outside).any() or (model.npair and model.nmocap)
         alone = model.nv == slides and model.nflex == 0 and not visited
         return bool(alone and not constrained and not pulled)
@@ -97,7 +103,22 @@ class ContactFree:
         return int(data.ncon) == 0
 
 
+def _actuated_unevenly(model: mujoco.MjModel) -> bool:
+    """True if the force of an actuator may change while its control is held."""
+    of_the_state = model.actuator_gaintype.any() or model.actuator_biastype.any() or model.na
+    late = model.actuator_delay.any()
+    return bool(of_the_state or late or (model.actuator_trntype != _JOINT).any())
+
+
+def _called_back() -> bool:
+    """True if code of a user's acts within the steps."""
+    callbacks = (mujoco.get_mjcb_passive(), mujoco.get_mjcb_control(), mujoco.get_mjcb_contactfilter())
+    gains = (mujoco.get_mjcb_act_gain(), mujoco.get_mjcb_act_bias())
+    return any(each is not None for each in (*callbacks, *gains))
+
+
 def _resisted(model: mujoco.MjModel) -> bool:
     """True if passive forces act beside those of springs: of dampers, a fluid, a plug-in, or against gravity."""
+    dampers = (model.dof_damping, model.dof_dampingpoly, model.actuator_damping, model.actuator_dampingpoly)
     fluid = model.opt.density or model.opt.viscosity
-    return bool(model.dof_damping.any() or fluid or model.body_gravcomp.any() or model.nplugin)
+    return bool(any(each.any() for each in dampers) or fluid or model.body_gravcomp.any() or model.nplugin)

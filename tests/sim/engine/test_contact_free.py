@@ -59,23 +59,51 @@ def test_a_flight_among_hills_is_the_same_bit_for_bit_with_every_contact(
     assert contacts > 0
 
 
-@pytest.mark.parametrize("resistance", ["none", "damping", "fluid"])
-def test_what_resists_the_motion_acts_far_from_the_ground_too(terrain: HeightField, resistance: str) -> None:
-    model = build_model(terrain, ["uav"], 400.0)
-    if resistance == "damping":
-        model.dof_damping[:] = 0.3
-    if resistance == "fluid":
-        model.opt.density, model.opt.viscosity = 1.2, 1e-3
-    start = np.array([1000.0, 1000.0, 1500.0, 30.0, -20.0, 5.0])
-    sparing, plain = plant_at(model, start), plant_at(model, start)
-    vars(plain)["_contact_free"] = None
-    for plant in (sparing, plain):
-        for _ in range(50):
-            plant.step({"uav": np.array([1.0, 2.0, 3.0])}, TICKS)
-    free = sparing._contact_free
-    assert free is not None
-    assert free.within(DURATION)
-    assert sparing.state("uav").tobytes() == plain.state("uav").tobytes()
+@pytest.mark.parametrize(
+    ("options", "body", "joint", "motor"),
+    [
+        ("", "", "damping='.3'", ""),
+        ("", "", "damping='0 .01'", ""),
+        ("", "", "", "damping='.3'"),
+        ("", "", "", "damping='0 .01'"),
+        ("density='1.2' viscosity='.001'", "", "", ""),
+        ("gravity='-9 0 0'", "gravcomp='.5'", "", ""),
+    ],
+)
+def test_what_resists_the_motion_acts_far_from_everything_too(options: str, body: str, joint: str, motor: str) -> None:
+    model, unresisted = (
+        mujoco.MjModel.from_xml_string(
+            f"<mujoco><option {options}/><worldbody><body {body}><joint name='x' type='slide' axis='1 0 0' {joint}/>"
+            f"<geom size='1'/></body></worldbody><actuator><motor joint='x' {motor}/></actuator></mujoco>"
+        )
+        for options, body, joint, motor in ((options, body, joint, motor), ("", "", "", ""))
+    )
+    assert ContactFree.applies(model, slides=1)
+    reached = []
+    for each in (model, ContactFree(model, mujoco.MjData(model)).model, unresisted):
+        data = mujoco.MjData(each)
+        data.qvel[:], data.ctrl[:] = 30.0, 2.0
+        mujoco.mj_step(each, data, 200)
+        reached.append((data.qpos.tolist(), data.qvel.tolist()))
+    assert reached[0] == reached[1]
+    assert reached[0] != reached[2]
+
+
+def test_passive_forces_that_do_not_act_are_not_computed(model: mujoco.MjModel) -> None:
+    flags = ContactFree(model, mujoco.MjData(model)).model.opt.disableflags
+    assert flags & mujoco.mjtDisableBit.mjDSBL_DAMPER
+    assert flags & mujoco.mjtDisableBit.mjDSBL_SPRING
+
+
+@pytest.mark.parametrize("name", ["passive", "control", "act_gain", "act_bias", "contactfilter"])
+def test_a_model_with_a_callback_is_not_surveyed(model: mujoco.MjModel, name: str) -> None:
+    change = getattr(mujoco, f"set_mjcb_{name}")
+    assert ContactFree.applies(model, slides=3)
+    change(lambda *_: 0)
+    try:
+        assert not ContactFree.applies(model, slides=3)
+    finally:
+        change(None)
 
 
 def test_nothing_touches_within_a_surveyed_margin(terrain: HeightField, model: mujoco.MjModel) -> None:
@@ -130,17 +158,29 @@ def test_only_a_single_vehicle_on_slides_is_surveyed(terrain: HeightField, model
     assert not ContactFree.applies(turning, slides=1)
 
 
-@pytest.mark.parametrize("joint", ["", "range='-1 1' limited='true'", "frictionloss='1'", "stiffness='1'"])
+@pytest.mark.parametrize(
+    "joint", ["", "range='-1 1' limited='true'", "frictionloss='1'", "stiffness='1'", "stiffness='0 1'"]
+)
 def test_a_slide_that_is_held_by_more_than_contacts_is_not_surveyed(joint: str) -> None:
     xml = f"<mujoco><worldbody><body><joint type='slide' {joint}/><geom size='1'/></body></worldbody></mujoco>"
     assert ContactFree.applies(mujoco.MjModel.from_xml_string(xml), slides=1) == (not joint)
 
 
-@pytest.mark.parametrize(("actuator", "held"), [("motor", True), ("position", False), ("velocity", False)])
+@pytest.mark.parametrize(
+    ("actuator", "held"),
+    [
+        ("motor joint='x'", True),
+        ("position joint='x'", False),
+        ("velocity joint='x'", False),
+        ("general joint='x' gaintype='affine' gainprm='1 1 0'", False),
+        ("motor joint='x' delay='.01' nsample='4'", False),
+        ("motor site='s'", False),
+    ],
+)
 def test_a_slide_with_a_servo_whose_force_changes_within_a_step_is_not_surveyed(actuator: str, held: bool) -> None:
     model = mujoco.MjModel.from_xml_string(
-        "<mujoco><worldbody><body><joint name='x' type='slide'/><geom size='1'/></body></worldbody>"
-        f"<actuator><{actuator} joint='x'/></actuator></mujoco>"
+        "<mujoco><worldbody><body><joint name='x' type='slide'/><geom size='1'/><site name='s'/></body></worldbody>"
+        f"<actuator><{actuator}/></actuator></mujoco>"
     )
     assert ContactFree.applies(model, slides=1) == held
 

@@ -73,7 +73,7 @@ class FleetCoordinator:
         self._estimate, self._planning_period, self._grid = estimate, planning_period, grid
         self._assured = assured
         self._queued = 0  # planning instants running at which the vehicle's plan was not admitted
-        self._notice: Message | None = None  # of its deferral, the same every time
+        self._notice: Message | None = None  # of its deferral: a new one every planning period, repeated until then
         self._deferred = False  # True from when its own time of arrival is the assured one
         self._reach = 0.0  # [s] of a plan's optimised part
         self._changed = -math.inf  # [s] when the agreed time last changed
@@ -164,7 +164,8 @@ class FleetCoordinator:
                 self._defer("no room to arrive as agreed", assured)
         if not self._deferred:
             return []
-        self._notice = self._notice or Message(t, self._separation.name, DEFERRAL, None)
+        if self._notice is None or t >= self._notice.t + self._planning_period - TIME_TOLERANCE:
+            self._notice = Message(t, self._separation.name, DEFERRAL, None)
         return [(self._separation.peers, self._notice)]
 
     def _commits(self, t: float, plan: Plan) -> bool:

@@ -143,7 +143,8 @@ class Outbox:
     """Messages of a coordinator at one time: to others, to its own planner, and events.
 
     The same message to the same several receivers as before, the very objects, is the former one repeated for those
-    that may have lost it: a network that loses none delivers it once. A new message has a time of its own.
+    that may have lost it: a network that loses none delivers it once, also to a receiver that could not take it then.
+    What all must know in the end is sent as a new message now and then.
     """
 
     messages: tuple[tuple[str | tuple[str, ...], Message], ...] = ()  # (receivers, message), for the network

@@ -59,10 +59,12 @@ class Fleet:
             )
             self.coordinators[name].adopted(0.0, self.stored[name])
 
-    def exchange(self, begin: float, end: float) -> None:
+    def exchange(self, begin: float, end: float, deaf: str = "") -> None:
+        """What ``deaf`` receives is delivered, and lost there: it is not ready yet, or it has failed."""
         for t in np.arange(begin, end, ROUND):
             for name, coordinator in self.coordinators.items():
-                outbox = coordinator.exchange(float(t), self.network.receive(name, float(t)))
+                received = self.network.receive(name, float(t))
+                outbox = coordinator.exchange(float(t), () if name == deaf else received)
                 assert isinstance(outbox, Outbox)
                 self.network.send(outbox.messages, float(t))
                 self.announced[name] += [m.payload for m in outbox.planner_messages if m.topic == ARRIVAL]
@@ -99,6 +101,21 @@ def test_who_queues_defers_and_all_agree_on_the_time_that_stored_plans_keep() ->
     fleet.exchange(begin, begin + H)
     assert [times[-1] for times in fleet.announced.values()] == [100.0] * 3
     assert [kind for kind, _ in fleet.events].count("arrival-deferred") == 3
+
+
+def test_a_deferral_reaches_who_could_not_take_it_when_it_was_delivered() -> None:
+    fleet = Fleet(dict.fromkeys(NAMES, 50.0), assured=ASSURED)
+    a, c = fleet.coordinators["a"], fleet.coordinators["c"]
+    fleet.exchange(0.0, 1.0)
+    a.propose(1.0, along(900.0, t=1.0 + H, notes=("commits",)))  # in the way of b
+    fleet.exchange(1.0, 2.0, deaf="c")
+    assert [kind for kind, _ in fleet.events].count("arrival-deferred") == 2
+    fleet.exchange(2.0, 2.0 + H)
+    assert [kind for kind, _ in fleet.events].count("arrival-deferred") == 3
+    commitment = along(2500.0, t=2.0 + 2.0 * H, notes=("commits",))
+    c.propose(2.0 + H, commitment)
+    fleet.exchange(2.0 + H, 2.0 + 2.0 * H)
+    assert not c.admits(2.0 + 2.0 * H, commitment)
 
 
 def test_a_refused_commitment_stops_all_others_before_they_adopt_theirs() -> None:

@@ -46,10 +46,6 @@ class Zone:
         """Distances D [m] of plans whose greatest speeds are these [m/s]."""
         return self.distance + 2.0 * self.bound + 2.0 * self.clock_error * np.maximum(self.speed_max, speed)
 
-    def kept(self, a: PlannedTrajectory, b: PlannedTrajectory, t: float) -> bool:
-        """True if the plans are D apart over [t, infinity), t [s]."""
-        return all(self.kept_from_each(a, [b], np.array([t], dtype=np.float64)))
-
     def kept_from_each(self, plan: PlannedTrajectory, others: Sequence[PlannedTrajectory], times: Array) -> list[bool]:
         """For each other plan: True if it and ``plan`` are D apart over [times[k], infinity), (n,) [s]."""
         speeds = np.maximum(plan.speed, [other.speed for other in others])

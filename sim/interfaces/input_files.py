@@ -145,16 +145,12 @@ def declared_inputs(config: Any, prefix: str = "") -> set[str]:
     return {name for name, mark, _ in _named(config, InputFile, prefix) if mark is not _UNDECLARED}
 
 
-def names_files(hint: Any) -> InputFile | None:
-    """The mark of a type that declares files; None for one that does not."""
-    mark: InputFile | None = _mark(hint, InputFile)
-    return mark
-
-
-def names_plugin(hint: Any) -> PluginName | None:
-    """The mark of a type that names a plug-in; None for one that names none."""
-    mark: PluginName | None = _mark(hint, PluginName)
-    return mark
+def mark_of(hint: Any, kind: type[Any]) -> Any:
+    """The mark of a kind, ``InputFile`` or ``PluginName``, anywhere in a type; None for a type without one."""
+    if get_origin(hint) is Annotated:
+        inner, *marks = get_args(hint)
+        return next((mark for mark in marks if isinstance(mark, kind)), None) or mark_of(inner, kind)
+    return next(filter(None, (mark_of(each, kind) for each in get_args(hint))), None)
 
 
 def _named(config: Any, kind: Any, prefix: str) -> Iterator[tuple[str, Any, list[str]]]:
@@ -190,15 +186,7 @@ def _hints(config: Any) -> tuple[tuple[str, Any], ...]:
 @cache
 def _marks(config: Any, kind: Any) -> tuple[tuple[str, Any], ...]:
     """Name and mark of each field of a class of configurations; None for the mark of one that has none."""
-    return tuple((name, _mark(hint, kind)) for name, hint in _hints(config))
-
-
-def _mark(hint: Any, kind: type[Any]) -> Any:
-    """The mark of that kind anywhere in a type."""
-    if get_origin(hint) is Annotated:
-        inner, *marks = get_args(hint)
-        return next((mark for mark in marks if isinstance(mark, kind)), None) or _mark(inner, kind)
-    return next(filter(None, (_mark(each, kind) for each in get_args(hint))), None)
+    return tuple((name, mark_of(hint, kind)) for name, hint in _hints(config))
 
 
 def _is_file(place: str, is_path: bool) -> bool:

@@ -23,13 +23,13 @@ from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound
 
 
 def estimates_at(recording: Recording, name: str, size: int) -> Array:
-    """The newest estimate (n, size) at each sample; NaN before the first."""
+    """The newest estimate (n, size) at each sample; NaN before the first, and for estimates of another size."""
     estimates = recording.agents[name].estimates
     x = np.full((len(recording.t), size), np.nan)
-    if estimates:
+    if estimates and np.shape(estimates[0].x) == (size,):  # all of them have one shape
         valid = np.array([estimate.t for estimate in estimates])
         newest = np.searchsorted(valid, recording.t + TIME_TOLERANCE, side="right") - 1
-        states = np.concatenate([estimate.x for estimate in estimates]).reshape(-1, size)
+        states = np.array([estimate.x for estimate in estimates])
         x[newest >= 0] = states[newest[newest >= 0]]
     return x
 

@@ -37,6 +37,7 @@ from mathnavi.sim.scenarios.flight_parts import check_above_ground, drawn_point
 _DRAWS = 200
 _TARGETS = 10_000
 _TRIES = 5
+_ROOM = 0.95  # of the widest ring that fits: targets that are drawn need some room
 _SLACK = 1.05  # of the assured time: the way flown is longer than a straight line
 
 
@@ -166,10 +167,13 @@ def _checked_ring(config: SimultaneousArrivalConfig, terrain: HeightField) -> li
     east, north = np.ptp(ring, axis=0).tolist()
     if east > terrain.width or north > terrain.depth:
         most = config.slot_spacing * min(terrain.width / max(east, 1e-9), terrain.depth / max(north, 1e-9))
+        if config.target is None:
+            most *= _ROOM
+        allowed = f"<= {math.floor(most)} m, or fewer vehicles" if most >= config.separation else "fewer vehicles"
         raise MissionError(
             f"slot_spacing = {config.slot_spacing!r}: the ring of {n} slots is {max(east, north):.0f} m across and "
             f"does not fit the map, {terrain.width:g} m by {terrain.depth:g} m, wherever the target is; allowed: "
-            f"<= {math.floor(most)} m, or fewer vehicles"
+            f"{allowed}"
         )
     if config.target is not None and not _holds(terrain, config.target, ring):
         raise MissionError(
@@ -211,9 +215,13 @@ def _slots(common: FlightMission, target: Point, ring: Sequence[tuple[float, flo
 
 def _check_starts_apart(config: SimultaneousArrivalConfig, starts: Sequence[Point]) -> None:
     """_NoFleetError for starts that are less than the separation apart: found here, before anything is planned."""
-    nearest = float(pdist(np.array(starts)).min())
-    if nearest < config.separation:
-        raise _NoFleetError(f"two starts are {nearest:.2f} m apart; allowed: >= {config.separation:g} m")
+    apart = pdist(np.array(starts))
+    nearest = int(apart.argmin())
+    if apart[nearest] < config.separation:
+        one, other = (config.names[ends[nearest]] for ends in np.triu_indices(len(starts), 1))
+        raise _NoFleetError(
+            f"start of {one} and of {other} are {apart[nearest]:.2f} m apart; allowed: >= {config.separation:g} m"
+        )
 
 
 def _assigned(assignment: SlotAssignment, starts: Sequence[Point], slots: Sequence[Point]) -> list[Point]:

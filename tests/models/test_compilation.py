@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import stat
 from pathlib import Path
 
@@ -48,6 +49,16 @@ def test_a_damaged_library_is_compiled_anew(damaged: str) -> None:
     again = compiled(solver(1.0))
     assert again.read_bytes() == good
     assert compiled(solver(1.0)) == again
+
+
+def test_what_is_no_library_is_passed_over(cache: Path) -> None:
+    library = compiled(solver(1.0))
+    key = library.stem.partition("-")[0]
+    (cache / f"{key}-0.so").mkdir()  # before the library in their order
+    os.mkfifo(cache / f"{key}-1.so")
+    with (cache / f"{key}-2.so").open("wb") as large:
+        large.truncate(2**30)
+    assert compiled(solver(1.0)) == library
 
 
 def test_what_the_compiler_says_against_it_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -354,8 +354,8 @@ def test_a_plan_faster_than_allowed_brings_its_own_speed_into_the_zone() -> None
     )
     assert zone.required == zone.between(slow, slow) == pytest.approx(13.0)
     assert zone.between(slow, fast) == zone.between(fast, slow) == pytest.approx(14.0)
-    assert not zone.kept(slow, fast, 0.0)
-    assert zone.kept(slow, PlannedTrajectory.from_plan(hover(np.array([0.0, 13.5, 0.0]))), 0.0)
+    still = PlannedTrajectory.from_plan(hover(np.array([0.0, 13.5, 0.0])))
+    assert zone.kept_from_each(slow, [fast, still], np.zeros(2)) == [False, True]
 
 
 @settings(max_examples=40)

@@ -10,12 +10,12 @@ import pytest
 
 from mathnavi.sim.interfaces.input_files import (
     InputFile,
+    PluginName,
     argument_digests,
     content_digest,
     declared_inputs,
     input_digests,
-    names_files,
-    names_plugin,
+    mark_of,
     run_inputs,
 )
 from mathnavi.sim.plugin.groups import GROUPS, installed
@@ -130,7 +130,7 @@ def _texts(hint: Any) -> bool:
 def _undeclared(leaf: Leaf) -> bool:
     """True for a field that may name a file or a plug-in and does not say so by its type."""
     hint = Annotated[(leaf.hint, *leaf.marks)] if leaf.marks else leaf.hint
-    return (_texts(hint) and names_files(hint) is None and names_plugin(hint) is None) or (
+    return (_texts(hint) and mark_of(hint, InputFile) is None and mark_of(hint, PluginName) is None) or (
         "Path" in str(leaf.hint) and not any(isinstance(mark, InputFile) for mark in leaf.marks)
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -20,12 +21,13 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.engine.log import AgentRecorder, Recording
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.interfaces.signals import Array, Estimate
 from mathnavi.sim.metrics.flight_bound import flight_bound
 from mathnavi.sim.metrics.lagrangian_bound import lagrangian_bound
 from mathnavi.sim.metrics.missile_bound import missile_bound
 from mathnavi.sim.metrics.posterior_bound import PosteriorBound
 from mathnavi.sim.metrics.ranging_bound import ranging_bound
+from mathnavi.sim.metrics.recorded_bounds import estimates_at
 from tests.unicycle import STANDARD
 
 NOISY = RangeQuality(0.02, 0.01)
@@ -49,6 +51,15 @@ def ranging(mission: RangingMission, n: int = 60, read: bool = True) -> Posterio
 
 
 FOUR = RangingMission(STANDARD, (0.0, 1.5, 3.0, 4.5), NOISY, OdometryQuality((0.05, 0.05), 0.02))
+
+
+def test_the_newest_estimate_is_taken_and_one_of_another_size_is_none() -> None:
+    run = recording(np.zeros((5, 2)), {}, 1, 1.0)
+    run.agents["it"].estimates += [Estimate(t, np.array([t, -t])) for t in (1.0, 2.0, 3.5)]
+    expected = [[math.nan] * 2, [1.0, -1.0], [2.0, -2.0], [2.0, -2.0], [3.5, -3.5]]
+    np.testing.assert_array_equal(estimates_at(run, "it", 2), expected)
+    for size in (1, 3, 4, 6):
+        assert np.isnan(estimates_at(run, "it", size)).all()
 
 
 def test_ranges_bound_a_start_of_which_nothing_is_known() -> None:

@@ -158,6 +158,8 @@ def start(
         empty = {"cold": ["PYTHONPYCACHEPREFIX"], "first": ["NUMBA_CACHE_DIR"], "warm": []}[state]
         # A caller's switch would have every start compile all modules anew.
         environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "", "PYTHONPATH": str(tree / "src")}
+        # Both trees are one installation for their indices of plug-ins, which each would make anew after the other.
+        environment["XDG_CACHE_HOME"] = str(folder / "caches" / tree.relative_to(tree.anchor))
         environment |= dict.fromkeys(empty, scratch)
         if words[0] == "run" and "--help" not in words:
             words = (*words, "--out", f"{scratch}/run")

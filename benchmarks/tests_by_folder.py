@@ -31,6 +31,7 @@ from annotated_types import Ge
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks import OPENGL
 from benchmarks.comparison import Comparison, alone, within
 from mathnavi.sim.interfaces.bounds import Within, configuration
 
@@ -116,7 +117,7 @@ def run(arguments: Arguments, console: Console) -> TestTimes:
     console.print(f"running {' '.join(arguments.paths)}")
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "tests.json"
-        environment = os.environ | {FILE: str(file), "PYTHONDONTWRITEBYTECODE": ""}  # as of ``make test``
+        environment = os.environ | {FILE: str(file), "PYTHONDONTWRITEBYTECODE": "", "MUJOCO_GL": OPENGL}
         began = time.perf_counter()
         done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
         wall = time.perf_counter() - began

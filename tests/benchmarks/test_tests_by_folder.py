@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from benchmarks.tests_by_folder import FILE, ROOT, Arguments, TestTimes
+from benchmarks import OPENGL
+from benchmarks.tests_by_folder import FILE, ROOT, Arguments, TestTimes, run
 
 BUSY = """
 import subprocess, sys, time
@@ -50,6 +51,14 @@ def test_each_test_has_the_time_of_its_process_and_of_those_it_started(tmp_path:
     assert other >= 0.39 - 1e-9
     assert waiting < 0.2
     assert figures["whole_s"] >= here + other + waiting
+
+
+def test_tests_draw_though_another_part_has_switched_that_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = f"import os\ndef test_drawing():\n    assert os.environ['MUJOCO_GL'] == {OPENGL!r}\n"
+    (tmp_path / "test_it.py").write_text(text, encoding="utf-8")
+    monkeypatch.setenv("MUJOCO_GL", "disable")
+    times = run(Arguments((str(tmp_path),), workers=0), Console(quiet=True))
+    assert len(times.tests) == 1
 
 
 def test_folders_are_summed_and_the_longest_comes_first() -> None:

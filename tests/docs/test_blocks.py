@@ -34,6 +34,7 @@ from pathlib import Path
 import pytest
 
 from mathnavi.sim.commands.cli import main
+from tests.renders.drawn import needs_opengl
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
@@ -65,6 +66,11 @@ def shown(page: Path) -> list[Block]:
     return [block for block in blocks if page != README or block.kind == "console"]
 
 
+def draws(page: Path) -> bool:
+    """True for a page whose commands draw pictures."""
+    return any("mathnavi render " in block.text for block in shown(page) if block.kind == "console")
+
+
 PAGES = [page for page in (README, *sorted((ROOT / "docs").rglob("*.md"))) if shown(page)]
 
 
@@ -83,7 +89,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 @pytest.mark.usefixtures("trials_here")  # tests/sim/sweep has sweeps in child processes
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, marks=needs_opengl if draws(page) else ()) for page in PAGES],
+    ids=[page.relative_to(ROOT).as_posix() for page in PAGES],
+)
 def test_a_page_does_what_it_shows(page: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run_page(shown(page), page.relative_to(ROOT).as_posix(), monkeypatch)
 

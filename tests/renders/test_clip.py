@@ -17,6 +17,7 @@ from mathnavi.renders.overlay import Label, Overlay, OverlayWriter
 from mathnavi.renders.palette import Picture, SceneElement
 from mathnavi.sim.commands.cli import main
 from mathnavi.sim.scenarios.textbook import TextbookConfig, TextbookObserver
+from tests.renders.drawn import needs_opengl
 
 GREY = np.full((360, 640, 3), 128, np.uint8)
 SMALL = {"width": 320, "height": 180, "fps": 4, "length": 1.0}
@@ -30,6 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@needs_opengl
 def test_a_clip_plays_over_and_over_and_holds_its_last_picture(folder: Path, tmp_path: Path) -> None:
     path = write_clip(folder, begin=0.5, end=2.0, path=tmp_path / "clip.webp", **SMALL)  # type: ignore[arg-type]
     assert [file.name for file in tmp_path.iterdir()] == ["clip.webp"]

@@ -18,6 +18,7 @@ from mathnavi.renders.textbook.run_data import TextbookRun, load_run
 from mathnavi.renders.textbook.shot_list import annotations_of
 from mathnavi.renders.video import write_still
 from mathnavi.sim.scenarios.textbook import TextbookConfig, TextbookObserver
+from tests.renders.drawn import needs_opengl
 
 SYSTEMS = ("example-2-1", "camera-and-flags", "kazantzis-kravaris")
 
@@ -46,6 +47,7 @@ def test_a_run_is_drawn_by_its_own_drawing(name: str, runs: dict[str, Path], tmp
     assert ("the solution escaped" in page) == (name == "example-2-1")
 
 
+@needs_opengl
 def test_a_still_is_a_picture(runs: dict[str, Path], tmp_path: Path) -> None:
     path = write_still(runs["camera-and-flags"], path=tmp_path / "still.png", width=640, height=360)
     with Image.open(path) as picture:

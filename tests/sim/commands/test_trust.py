@@ -21,6 +21,7 @@ from mathnavi.renders.report import again
 from mathnavi.sim.commands.cli import main
 from mathnavi.sim.interfaces.errors import RunFolderError, UntrustedError
 from mathnavi.sim.plugin.trust import trusting
+from tests.renders.drawn import needs_opengl
 
 EVIL = """
 from pathlib import Path
@@ -220,6 +221,7 @@ def test_the_command_of_a_report_is_one_that_a_shell_reads_back(name: str) -> No
 NUMPY = "from pathlib import Path\nPath({mark!r}).touch()\nraise RuntimeError('this is no NumPy')\n"
 
 
+@needs_opengl
 @pytest.mark.usefixtures("drawing_apart")
 def test_a_library_of_the_current_folder_is_not_taken_for_the_one_that_draws(
     recorded: Path, mark: Path, tmp_path: Path
@@ -285,6 +287,7 @@ def test_a_saved_copy_follows_no_link(recorded: Path, tmp_path: Path) -> None:
     assert (copy / "config.json").read_text() == (recorded / "config.json").read_text()
 
 
+@needs_opengl
 def test_a_trusted_drawing_is_found_in_the_current_folder(forged: Forge, tmp_path: Path) -> None:
     module = f"mine_{tmp_path.name}"
     (tmp_path / "here" / f"{module}.py").write_text("from mathnavi.renders.ranging.drawing import drawing\n")

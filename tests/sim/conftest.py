@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -30,19 +31,25 @@ def mission(hills: Path) -> tuple[str, ...]:
     return ("safe-flight", "--terrain", str(hills), *ends)
 
 
+_read_anew: Callable[[str], str] = code._stranger.__wrapped__
+
+
 @pytest.fixture(scope="module", autouse=True)
-def sources_as_they_are() -> None:
+def sources_as_they_are() -> Callable[[str], str]:
     """Tests may run while somebody writes: what a module sweeps is of the sources as they are when it begins.
 
-    Reading all of them takes as long as a small test, so not every test does.
+    Reading all of them takes as long as a small test, so not every test does. Returned are the sources of plug-ins that
+    stand in the tests.
     """
     code._own.cache_clear()
+    return cache(_read_anew)
 
 
 @pytest.fixture(autouse=True)
-def strangers_as_they_are() -> None:
+def strangers_as_they_are(monkeypatch: pytest.MonkeyPatch, sources_as_they_are: Callable[[str], str]) -> None:
     """Tests write packages, some of one name: each is read anew."""
-    code._stranger.cache_clear()
+    read = cache(lambda name: (sources_as_they_are if name == "tests" else _read_anew)(name))
+    monkeypatch.setattr(code, "_stranger", read)
 
 
 @pytest.fixture

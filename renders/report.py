@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import shlex
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -21,6 +21,7 @@ from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.video import write_still
 from mathnavi.sim.interfaces.signals import Event
 from mathnavi.sim.interfaces.writing import write_text
+from mathnavi.sim.plugin.trust import uninstalled
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
 from mathnavi.sim.records.run_folder import described
 
@@ -148,22 +149,28 @@ def again(directory: Path, config: Mapping[str, Any]) -> tuple[Markup, ...]:
     text = json.dumps(config, indent=2, ensure_ascii=False, default=str)
     folder = f"./{directory}" if str(directory).startswith("-") else str(directory)
     command = shlex.join(["mathnavi", "run", str(config["scenario"]), "--from", folder])
-    caution = "Its code is not installed: add --trust, and type the command in the folder that has the code."
+    foreign = uninstalled(_plugins(config))
+    caution = (
+        f"Not an installed plug-in: {', '.join(foreign)}. Add --trust, and run the command in the folder that has the "
+        "code."
+    )
     return (
         page.paragraph(
             "The same seed gives the same log: bit for bit on the same kind of processor with the same versions, to "
             "rounding elsewhere."
         ),
         page.card(page.preformatted(command)),
-        *([page.paragraph(caution)] if _names_code(config) else []),
+        *([page.paragraph(caution)] if foreign else []),
         page.card(page.details("config.json", page.preformatted(text))),
     )
 
 
-def _names_code(config: Mapping[str, Any]) -> bool:
-    """True if the scenario or a plug-in was given as "package.module:Class", not by an installed name."""
-    parts = [config["scenario"], *(config.get(part) for part in ("controller", "estimator", "consensus"))]
-    return any(":" in str(part.get("name", "") if isinstance(part, Mapping) else part) for part in parts)
+def _plugins(config: Mapping[str, Any]) -> Iterator[str]:
+    """Scenario and plug-ins of a run as its configuration records them, by name or by place."""
+    yield str(config["scenario"])
+    for part in ("controller", "estimator"):
+        yield str(config.get(part, {}).get("name", ""))
+    yield str(config.get("fields", {}).get("consensus", ""))
 
 
 def why(summary: Mapping[str, Any]) -> str:

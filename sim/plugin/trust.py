@@ -7,7 +7,7 @@ Everything else that a folder names is loaded only within ``trusting()``, which 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
@@ -62,11 +62,23 @@ def check_loaded(place: str) -> None:
 
 def check_place(place: str, where: str) -> None:
     """UntrustedError unless a place that a folder names is that of an installed plug-in, or the folder is trusted."""
-    if not is_trusted() and not any(point.value == place for kind in GROUPS for point in installed(kind)):
+    if not is_trusted() and not _is_installed(place):
         raise UntrustedError(
             f"{where} names code that is not installed: {place!r}; allowed: installed plug-ins, or --trust, with which "
             "the code that the folder names is imported and runs as you"
         )
+
+
+def uninstalled(places: Iterable[str]) -> tuple[str, ...]:
+    """The plug-ins among names and places "package.module:Class" that are not installed, each once.
+
+    A folder that records one of them is run again with ``--trust`` only.
+    """
+    return tuple(place for place in dict.fromkeys(places) if _PLACE.fullmatch(place) and not _is_installed(place))
+
+
+def _is_installed(place: str) -> bool:
+    return any(point.value == place for kind in GROUPS for point in installed(kind))
 
 
 def _texts(value: Any) -> Iterator[str]:

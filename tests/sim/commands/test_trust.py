@@ -218,6 +218,25 @@ def test_the_command_of_a_report_is_one_that_a_shell_reads_back(name: str) -> No
     assert not words[4].startswith("-")
 
 
+def test_a_report_asks_for_trust_where_the_run_is_refused_without_it_and_nowhere_else(
+    recorded: Path, forged: Forge, tmp_path: Path
+) -> None:
+    """Each forged folder names one part that is not installed."""
+    fleet = {"scenario": "simultaneous-arrival", "fields": {"consensus": f"evil_{tmp_path.name}:Controller"}}
+    own = json.loads((recorded / "config.json").read_text())
+    assert own["controller"]["name"] == "mathnavi.controllers.active_sensing.plugin:ActiveSensing"
+    assert "--trust" not in "".join(again(recorded, own))
+    assert main(["run", "--from", str(recorded), "--out", "new"]) in (0, 1)
+    for named in (*NAMED.values(), fleet):
+        folder = forged(**named)
+        text = "".join(again(folder, json.loads((folder / "config.json").read_text())))
+        shutil.rmtree(folder)
+        assert "add --trust" in text.lower()
+        assert f"evil_{tmp_path.name}:" in text
+    a_name_with_a_colon = {**own, "fields": {"mechanism": "dm_control:pendulum"}}
+    assert "--trust" not in "".join(again(recorded, a_name_with_a_colon))
+
+
 NUMPY = "from pathlib import Path\nPath({mark!r}).touch()\nraise RuntimeError('this is no NumPy')\n"
 
 

@@ -1,10 +1,17 @@
-"""dm_control's ``composer`` and ``mjcf``, imported in silence: its renderer, unused here, warns without a display."""
+"""dm_control's ``composer`` and ``mjcf``, imported in silence and without OpenGL: its renderer is not used here.
+
+Whoever draws with dm_control's own renderer in the same process imports dm_control before mathnavi.
+"""
 
 from __future__ import annotations
 
 import warnings
 
-with warnings.catch_warnings():
+import mujoco  # noqa: F401 - before dm_control imports it without OpenGL: it is for ``renders.opengl`` to do that
+
+from mathnavi.models.without_opengl import without_opengl
+
+with without_opengl(), warnings.catch_warnings():
     warnings.simplefilter("ignore")
     from dm_control import composer, mjcf
 

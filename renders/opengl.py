@@ -1,14 +1,21 @@
 """The OpenGL that draws without a screen: that of MUJOCO_GL, else OSMesa, else EGL.
 
-MuJoCo reads MUJOCO_GL once, when it is first imported, and PyOpenGL reads a variable of its own. A process that has
-flown a mission has imported both long ago; so pictures are drawn by child processes started in ``environment()``.
+OpenGL is loaded where something is drawn, and not before: Mesa brings an LLVM with it, and whoever loads another one
+later, as PyTorch's optimisers do with Triton's, ends in a segmentation fault. MuJoCo and PyOpenGL read the choice once,
+when they are first imported, and MuJoCo loads the library then; so ``import_mujoco`` imports it without, and pictures
+are drawn by child processes started in ``environment()``.
 """
 
 from __future__ import annotations
 
-import ctypes
-import ctypes.util
+import functools
+import importlib
 import os
+import subprocess
+import sys
+from typing import Any
+
+from mathnavi.models.without_opengl import without_opengl
 
 HOW_TO_INSTALL = (
     "found no OpenGL that draws without a screen: install OSMesa (Debian, Ubuntu: apt-get install libosmesa6) "
@@ -17,6 +24,16 @@ HOW_TO_INSTALL = (
 # For each backend, in order of preference, the libraries it needs: soname, then the name find_library knows it by.
 LIBRARIES = {"osmesa": ("libOSMesa.so.8", "OSMesa"), "egl": ("libEGL.so.1", "EGL")}
 SWITCHED_OFF = ("disable", "disabled", "off", "false", "0")  # values by which MUJOCO_GL forbids rendering
+
+LOADS = """
+import ctypes, ctypes.util, sys
+for name in (sys.argv[1], ctypes.util.find_library(sys.argv[2])):
+    try:
+        sys.exit(name is None or ctypes.CDLL(name) is None)
+    except OSError:
+        pass
+sys.exit(1)
+"""
 
 
 class NoOpenGLError(RuntimeError):
@@ -40,20 +57,30 @@ def environment() -> dict[str, str]:
     return inherited | {"MUJOCO_GL": backend}
 
 
-def choose_backend() -> str | None:
-    """Set MUJOCO_GL in this process if the user did not, and return the backend; call it before mujoco is imported."""
+def import_mujoco() -> None:
+    """Import MuJoCo without OpenGL, unless it is imported already.
+
+    A ``mujoco.Renderer`` of the user's own still draws in this process: its context loads the library when it is made.
+    """
+    if "mujoco" in sys.modules:
+        return
+    with without_opengl():
+        mujoco: Any = importlib.import_module("mujoco")
+        contexts: Any = importlib.import_module("mujoco.rendering.classic.gl_context")
+    mujoco.GLContext = contexts.GLContext = opengl_context
+
+
+def opengl_context(max_width: int, max_height: int) -> Any:
+    """MuJoCo's OpenGL context of the backend that is available; NoOpenGLError where there is none."""
     backend = available()
-    if backend is not None:
-        os.environ["MUJOCO_GL"] = backend
-    return backend
+    if backend is None:
+        raise NoOpenGLError(HOW_TO_INSTALL)
+    module = importlib.import_module(f"mujoco.{backend if backend in LIBRARIES else 'glfw'}")
+    return module.GLContext(max_width, max_height)
 
 
+@functools.cache
 def _loads(soname: str, name: str) -> bool:
-    for candidate in (soname, ctypes.util.find_library(name)):
-        if candidate is not None:
-            try:
-                ctypes.CDLL(candidate)
-            except OSError:
-                continue
-            return True
-    return False
+    """True if a library can be loaded, which a child process tries."""
+    command = [sys.executable, "-I", "-S", "-c", LOADS, soname, name]
+    return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False).returncode == 0

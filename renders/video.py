@@ -10,7 +10,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import tempfile
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import ExitStack, closing, suppress
@@ -25,6 +24,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from mathnavi.renders import opengl
+from mathnavi.renders.child import child_command, last_line
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import TOUR, Frame, checked_camera
 from mathnavi.renders.palette import Picture
@@ -37,8 +37,6 @@ VIDEO_SAMPLES, STILL_SAMPLES = 0, 4  # per pixel: a video blurs its edges by mov
 LEAST_SIZE, LARGEST_SIZE = 16, 8192  # [pixels]
 FASTEST = 240  # [1/s]
 MOST_WORKERS = 4
-# -P and a path that is set by the process itself: no numpy.py of the current folder is taken for the library.
-START = "import sys; sys.path[:] = sys.argv[1:]; from mathnavi.renders.worker import main; main()"
 
 Codec = Literal["h264", "av1", "vp9"]
 ENCODERS: dict[Codec, tuple[str, dict[str, str]]] = {
@@ -167,7 +165,7 @@ class _Artists:
         self._pictures = [os.fdopen(read, "rb") for read, _ in pipes]
         outputs, errors = [write for _, write in pipes], [file.fileno() for file in self._errors]
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-c", START, *filter(None, sys.path)],
+            child_command("mathnavi.renders.worker"),
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=self._errors[0],
@@ -198,9 +196,7 @@ class _Artists:
         data = self._pictures[artist].read(size)
         if len(data) == size:
             return data
-        self._errors[artist].seek(0)
-        lines = self._errors[artist].read().decode(errors="replace").strip().splitlines() or ["it gave no reason"]
-        raise RuntimeError(f"the process that draws ended: {lines[-1]}")
+        raise RuntimeError(f"the process that draws ended: {last_line(self._errors[artist])}")
 
 
 def _check_codec(codec: str) -> None:

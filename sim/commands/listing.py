@@ -44,7 +44,7 @@ def main(argv: Sequence[str]) -> int:
     if full:
         from mathnavi.sim.commands import opengl
 
-        opengl.choose()
+        opengl.import_physics()
     console = Console(markup=False)
     for each in GROUPS if kind == ALL else (kind,):
         points = installed(each)

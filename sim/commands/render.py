@@ -70,7 +70,7 @@ def main(argv: Sequence[str]) -> int:
         )
     except HelpPrinted:
         return 0
-    opengl.choose()
+    opengl.check_choice()
     from mathnavi.renders.clip import write_clip  # what draws takes a while to import
     from mathnavi.renders.film import TOUR
     from mathnavi.renders.opengl import NoOpenGLError

@@ -110,8 +110,7 @@ def usage(command: str, argv: Sequence[str]) -> bool:
 
 
 def prepare() -> None:
-    """Choose how to draw, and find a user's own plug-in, "my_planner:Mine", where the command is given."""
-    opengl.choose()
+    """Import MuJoCo, and find a user's own plug-in, "my_planner:Mine", where the command is given."""
     opengl.import_physics()
     import_from_here()
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.models.aerial.entity import airframe_pose
-from mathnavi.renders.opengl import HOW_TO_INSTALL, NoOpenGLError, available
+from mathnavi.renders.snapshots import Snapshots
+from mathnavi.renders.stage import View
 from mathnavi.sim.engine.plant import MujocoPlant
 from mathnavi.sim.environments.episode_runner import EpisodeRunner
 from mathnavi.sim.interfaces.errors import ArgumentError
@@ -34,7 +35,7 @@ class Pictures:
     """Draws episodes with what it keeps from one picture to the next."""
 
     def __init__(self) -> None:
-        self._renderer: Any = None
+        self._snapshots: Snapshots | None = None
         self._viewer: Any = None
         self._window: Any = None
         self._shown: mujoco.MjData | None = None
@@ -44,19 +45,10 @@ class Pictures:
         plant = _mujoco_plant(episode)
         if plant is None:
             return _chart(episode)
-        if self._renderer is None:
-            if available() is None:
-                raise NoOpenGLError(HOW_TO_INSTALL)
-            try:
-                self._renderer = mujoco.Renderer(plant.model, HEIGHT, WIDTH)
-            except (mujoco.FatalError, RuntimeError) as error:
-                raise NoOpenGLError(
-                    f"{error}; allowed: MUJOCO_GL=osmesa or egl in the environment before mujoco is imported"
-                ) from None
+        if self._snapshots is None:
+            self._snapshots = Snapshots(WIDTH, HEIGHT)
         _dress(episode, plant)
-        self._renderer.update_scene(plant.data, _camera(episode, plant), _option())
-        pixels: Pixels = self._renderer.render()
-        return pixels
+        return self._snapshots.draw(plant.model, plant.data, _view(episode, plant))
 
     def show(self, episode: EpisodeRunner) -> None:
         """Show the present state in a window, of MuJoCo's viewer where MuJoCo moves the system."""
@@ -70,10 +62,11 @@ class Pictures:
 
             self._shown = mujoco.MjData(plant.model)  # the plant's own is another one in every episode
             self._viewer = mujoco.viewer.launch_passive(plant.model, self._shown)
-            for name, value in vars_of(_camera(episode, plant)).items():
-                setattr(self._viewer.cam, name, value)
+            view = _view(episode, plant)
+            for name in ("distance", "azimuth", "elevation"):
+                setattr(self._viewer.cam, name, getattr(view, name))
         mujoco.mj_copyData(self._shown, plant.model, plant.data)
-        self._viewer.cam.lookat[:] = _camera(episode, plant).lookat
+        self._viewer.cam.lookat[:] = _view(episode, plant).lookat
         self._viewer.sync()
 
     def _show_chart(self, episode: EpisodeRunner) -> None:
@@ -86,21 +79,16 @@ class Pictures:
         plt.pause(1.0 / FPS)
 
     def close(self) -> None:
-        """Free the renderer and close the window."""
-        if self._renderer is not None:
-            self._renderer.close()
+        """End the process that draws and close the window."""
+        if self._snapshots is not None:
+            self._snapshots.close()
         if self._viewer is not None:
             self._viewer.close()
         if self._window is not None:
             import matplotlib.pyplot as plt
 
             plt.close(self._window)
-        self._renderer = self._viewer = self._window = None
-
-
-def vars_of(camera: mujoco.MjvCamera) -> dict[str, Any]:
-    """Distance and direction of a camera."""
-    return {name: getattr(camera, name) for name in ("distance", "azimuth", "elevation")}
+        self._snapshots = self._viewer = self._window = None
 
 
 def _mujoco_plant(episode: EpisodeRunner) -> MujocoPlant | None:
@@ -125,7 +113,7 @@ def _dress(episode: EpisodeRunner, plant: MujocoPlant) -> None:
     mujoco.mj_camlight(plant.model, plant.data)
 
 
-def _camera(episode: EpisodeRunner, plant: MujocoPlant) -> mujoco.MjvCamera:
+def _view(episode: EpisodeRunner, plant: MujocoPlant) -> View:
     """A camera that keeps all vehicles in sight."""
     model, data = plant.model, plant.data
     own = [
@@ -133,19 +121,8 @@ def _camera(episode: EpisodeRunner, plant: MujocoPlant) -> mujoco.MjvCamera:
         if model.body(int(model.geom_bodyid[k])).name.startswith(tuple(f"{name}/" for name in episode.names))
     ]  # fmt: skip
     centres, reach = data.geom_xpos[own], float(model.geom_rbound[own].max())
-    camera = mujoco.MjvCamera()
-    camera.lookat[:] = centres.mean(axis=0)
-    camera.distance = _DISTANCE * max(reach, 0.5 * float(np.ptp(centres, axis=0).max()))
-    camera.azimuth, camera.elevation = _AZIMUTH, _ELEVATION
-    return camera
-
-
-def _option() -> mujoco.MjvOption:
-    """All that is drawn, and not the shapes that only touch."""
-    option = mujoco.MjvOption()
-    option.geomgroup[:] = 1
-    option.geomgroup[3:] = 0
-    return option
+    distance = _DISTANCE * max(reach, 0.5 * float(np.ptp(centres, axis=0).max()))
+    return View(centres.mean(axis=0), distance, _AZIMUTH, _ELEVATION)
 
 
 def _chart(episode: EpisodeRunner) -> Pixels:

@@ -30,6 +30,7 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.renders.opengl import import_mujoco
 from mathnavi.sim.engine.compilation import compilation_reported
 from mathnavi.sim.sweep.task import Ended, SweepTask
 
@@ -48,6 +49,7 @@ def main(descriptor: int) -> None:
     faulthandler.enable(all_threads=False)
     with suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(_OOM_SCORE)
+    import_mujoco()
     connection: Connection[Any, Any] = Connection(descriptor)
     requests: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_hear, args=(connection, requests), daemon=True).start()

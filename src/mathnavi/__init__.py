@@ -224,10 +224,10 @@ if not TYPE_CHECKING:  # else a name that is not there would be taken for one th
             return version(__name__)
         if name not in _PLACES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        if "mujoco" not in sys.modules:  # which looks for OpenGL when it is imported, and never again
-            from mathnavi.renders.opengl import choose_backend
+        if "mujoco" not in sys.modules:  # which loads OpenGL when it is imported
+            from mathnavi.renders.opengl import import_mujoco
 
-            choose_backend()
+            import_mujoco()
         module, _, inside = _PLACES[name].partition(":")
         value = getattr(importlib.import_module(f"{__name__}.{module}"), inside or name)
         globals()[name] = value  # asked for once

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-
 import pytest
 
 from mathnavi.renders import opengl
@@ -11,8 +9,8 @@ from mathnavi.renders import opengl
 
 def test_users_choice_is_respected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "glfw")
-    assert opengl.choose_backend() == "glfw"
-    assert os.environ["MUJOCO_GL"] == "glfw"
+    assert opengl.available() == "glfw"
+    assert opengl.environment()["MUJOCO_GL"] == "glfw"
 
 
 def test_osmesa_comes_first_then_egl_then_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,10 +5,16 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import mujoco
+import numpy as np
 import pytest
 
-from mathnavi.renders.opengl import available, environment
-from mathnavi.sim.environments.gym import ScenarioEnv
+from mathnavi.renders.opengl import NoOpenGLError, environment
+from mathnavi.renders.snapshots import Snapshots
+from mathnavi.renders.stage import View
+from mathnavi.sim.engine.plant import MujocoPlant
+from mathnavi.sim.environments.gym import LearningEnv, ScenarioEnv
+from tests.renders.drawn import needs_opengl
 
 DRAWN = """
 import numpy as np
@@ -29,11 +35,46 @@ for scenario, action in (("sphere-observer", [1.0, -1.0, 0.5]), ("textbook-obser
 """
 
 
-@pytest.mark.skipif(available() is None, reason="no OpenGL that draws without a screen")
+@needs_opengl
 def test_a_picture_shows_the_scene_and_follows_it() -> None:
     script = [sys.executable, "-c", DRAWN]
     drawn = subprocess.run(script, capture_output=True, text=True, env=environment(), check=False)
     assert drawn.returncode == 0, drawn.stderr
+
+
+@needs_opengl
+@pytest.mark.parametrize("scenario", ["range-localisation", "safe-flight"])
+def test_the_process_that_draws_sees_what_mujoco_would_draw_here(scenario: str) -> None:
+    """Beams of range sensors and airframes are drawn from readings and poses that the physics does not compute."""
+    env = LearningEnv(scenario, 1, hold=0.1)
+    env.reset(seed=1)
+    for _ in range(2):
+        env.step(np.zeros(env.action_space.shape))
+    plant = env.episode.present_plant
+    while not isinstance(plant, MujocoPlant):
+        plant = plant.plant
+    size = float(np.ptp(plant.data.geom_xpos[plant.model.geom_bodyid > 0], axis=0).max())
+    view = View(plant.data.xpos[-1], 9.0 * max(size, 0.3), 35.0, -18.0)
+    here = mujoco.Renderer(plant.model, 120, 160)
+    camera, option = mujoco.MjvCamera(), mujoco.MjvOption()
+    camera.lookat[:], camera.distance, camera.azimuth, camera.elevation = view.lookat, view.distance, 35.0, -18.0
+    option.geomgroup[:] = [1, 1, 1, 0, 0, 0]
+    here.update_scene(plant.data, camera, option)
+    snapshots = Snapshots(160, 120)
+    try:
+        np.testing.assert_array_equal(snapshots.draw(plant.model, plant.data, view), here.render())
+    finally:
+        snapshots.close()
+        here.close()
+
+
+def test_a_process_that_cannot_draw_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "quantum")
+    snapshots = Snapshots(16, 16)
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    with pytest.raises(NoOpenGLError, match=r"MUJOCO_GL: quantum; allowed: MUJOCO_GL=osmesa or egl"):
+        snapshots.draw(model, mujoco.MjData(model), View(np.zeros(3), 1.0, 0.0, 0.0))
+    snapshots.close()
 
 
 def test_a_mode_that_is_none_is_refused_and_without_one_nothing_is_drawn() -> None:

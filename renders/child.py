@@ -1,0 +1,23 @@
+"""Child processes that draw: how one is started, and what it said last."""
+
+from __future__ import annotations
+
+import sys
+from typing import IO
+
+_START = "import sys; sys.path[:] = sys.argv[1:]; from {} import main; main()"
+
+
+def child_command(module: str) -> list[str]:
+    """The command that runs ``main()`` of a module with this process' path.
+
+    -P and a path that the process sets itself: no numpy.py of the current folder is taken for the library.
+    """
+    return [sys.executable, "-P", "-c", _START.format(module), *filter(None, sys.path)]
+
+
+def last_line(errors: IO[bytes]) -> str:
+    """The last line that a process wrote to its file of errors."""
+    errors.seek(0)
+    lines = errors.read().decode(errors="replace").strip().splitlines() or ["it gave no reason"]
+    return lines[-1]

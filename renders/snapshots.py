@@ -1,0 +1,116 @@
+"""Pictures of a MuJoCo model in any of its states, drawn by a child process (``mathnavi.renders.opengl`` says why).
+
+parent -> child     the pickled pair ("model", MjModel) or ("state", (state, readings, camera))
+child -> parent     for each state a picture, height x width x 3 bytes
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from mathnavi.renders.child import child_command, last_line
+from mathnavi.renders.opengl import NoOpenGLError, environment
+from mathnavi.renders.palette import Picture
+from mathnavi.renders.stage import View
+
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+SHOWN_GROUPS = 3  # of geoms: those of higher groups only touch
+
+
+class Snapshots:
+    """Draws a model's states; close it when nothing more is drawn."""
+
+    def __init__(self, width: int, height: int) -> None:
+        """``width`` and ``height`` in pixels. NoOpenGLError where there is nothing to draw with."""
+        self._shape = (height, width, 3)
+        self._model: mujoco.MjModel | None = None
+        self._sent = b""
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - until close()
+        self._process = subprocess.Popen(
+            [*child_command(__name__), str(width), str(height)],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, env=environment(), process_group=0,
+        )  # fmt: skip
+
+    def draw(self, model: mujoco.MjModel, data: mujoco.MjData, camera: View) -> Picture:
+        """The picture (height, width, 3) of a state; NoOpenGLError if the process that draws has ended."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        state = np.empty(mujoco.mj_stateSize(model, STATE))
+        mujoco.mj_getState(model, data, state, STATE)
+        try:
+            if model is not self._model:
+                self._model, content = model, pickle.dumps(("model", model))
+                if content != self._sent:  # every episode has a model of its own, most often the same
+                    self._sent = content
+                    self._process.stdin.write(content)
+            readings = np.array(
+                data.sensordata
+            )  # rangefinders draw theirs, and a model may have its sensors switched off
+            pickle.dump(("state", (state, readings, camera)), self._process.stdin)
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            pass  # it has ended, and reading says why
+        size = int(np.prod(self._shape))
+        pixels = self._process.stdout.read(size)
+        if len(pixels) < size:
+            raise NoOpenGLError(
+                f"the process that draws ended: {last_line(self._errors)}; allowed: MUJOCO_GL=osmesa or egl"
+            )
+        return np.frombuffer(pixels, np.uint8).reshape(self._shape).copy()
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.kill()
+        self._process.communicate()
+        self._errors.close()
+
+
+def main() -> None:
+    """Draw what is asked for on standard input, until it is closed."""
+    width, height = map(int, sys.argv[-2:])
+    pictures = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # libraries print what they like
+    option = mujoco.MjvOption()
+    option.geomgroup[:] = np.arange(len(option.geomgroup)) < SHOWN_GROUPS
+    renderer: mujoco.Renderer | None = None
+    while (request := _received()) is not None:
+        what, content = request
+        if what == "model":
+            if renderer is not None:
+                renderer.close()
+            data, renderer = mujoco.MjData(content), mujoco.Renderer(content, height, width)
+        else:
+            assert renderer is not None
+            state, readings, view = content
+            mujoco.mj_setState(renderer.model, data, state, STATE)
+            mujoco.mj_forward(renderer.model, data)
+            data.sensordata[:] = readings
+            renderer.update_scene(data, _camera(view), option)
+            pictures.write(renderer.render().tobytes())
+            pictures.flush()
+    if renderer is not None:
+        renderer.close()
+
+
+def _received() -> tuple[str, Any] | None:
+    """The next request; None at the end."""
+    try:
+        request: tuple[str, Any] = pickle.load(sys.stdin.buffer)
+    except EOFError:
+        return None
+    return request
+
+
+def _camera(view: View) -> mujoco.MjvCamera:
+    camera = mujoco.MjvCamera()
+    camera.lookat[:] = view.lookat
+    camera.distance, camera.azimuth, camera.elevation = view.distance, view.azimuth, view.elevation
+    return camera

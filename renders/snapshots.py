@@ -11,6 +11,7 @@ import pickle
 import subprocess
 import sys
 import tempfile
+from contextlib import suppress
 from typing import Any
 
 import mujoco
@@ -45,7 +46,7 @@ class Snapshots:
         assert self._process.stdout is not None
         state = np.empty(mujoco.mj_stateSize(model, STATE))
         mujoco.mj_getState(model, data, state, STATE)
-        try:
+        with suppress(BrokenPipeError):  # it has ended, and reading says why
             if model is not self._model:
                 self._model, content = model, pickle.dumps(("model", model))
                 if content != self._sent:  # every episode has a model of its own, most often the same
@@ -56,8 +57,6 @@ class Snapshots:
             )  # rangefinders draw theirs, and a model may have its sensors switched off
             pickle.dump(("state", (state, readings, camera)), self._process.stdin)
             self._process.stdin.flush()
-        except BrokenPipeError:
-            pass  # it has ended, and reading says why
         size = int(np.prod(self._shape))
         pixels = self._process.stdout.read(size)
         if len(pixels) < size:

@@ -17,17 +17,18 @@ FLY_OUT ?= renders/out/fly
 FLY_WAY ?= --start 12000 14000 2924 --target 63000 62000 5258
 FLY_RADAR ?= --radar 36000 39000 10000 10 --radar-time 40
 FLY ?= safe-flight --seed 1 $(FLY_WAY) $(FLY_RADAR)
-PYTHONS := $(or $(PYTHON),python3 python3.12 python3.11)
+PYTHONS := $(or $(PYTHON),python3 python3.13 python3.12 python3.11 python3.14)
 WORKERS ?= 3
 ARGS ?=
 SINCE ?= HEAD
 LOCK ?= .ci/requirements.txt
 KERNELS ?=
+, := ,
 
 PACKAGES := models sim controllers estimators renders
 BENCHMARKS := $(wildcard benchmarks)
 DOCS := docs/_build/html
-INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check
+INSTALL := .venv/bin/python .ci/install.py
 
 .PHONY: fly test lint check bench gallery docs wheel lock clean opengl .venv
 .NOTPARALLEL:
@@ -91,39 +92,34 @@ opengl: | .venv/bin/pip
 
 .venv: .venv/.developed
 
-# A change of pyproject.toml, a new entry point for one, installs again. The kernels of a flight are compiled meanwhile.
+# A change of pyproject.toml, a new entry point for one, installs again. The kernels of a flight are compiled and OpenGL
+# is installed meanwhile.
 .venv/.installed: pyproject.toml | .venv/bin/pip
-	@echo "Installing mathnavi and what it needs into .venv: 1.5 GB on disk, one to five minutes"
-	.venv/bin/python .ci/install.py
+	@echo "Installing mathnavi and what it needs into .venv: 1.5 GB on disk, half a minute to five minutes"
+	@bash .ci/opengl & $(INSTALL); status=$$?; wait; exit $$status
 	@touch $@
 
-# Only wheels: what a source is built with would not be locked. The lock has what builds mathnavi itself.
 .venv/.developed: pyproject.toml $(LOCK) | .venv/bin/pip
-	@echo "Installing mathnavi and its development tools into .venv (a few minutes the first time)"
-ifeq ($(LOCK),)
-	$(INSTALL) --editable '.[dev,docs]'
-else
-	$(INSTALL) --only-binary :all: --require-hashes --requirement $(LOCK)
-	$(INSTALL) --no-deps --no-build-isolation --editable .
-endif
+	@echo "Installing mathnavi and its development tools into .venv (half a minute to five minutes the first time)"
+	@bash .ci/opengl & $(INSTALL) $(if $(LOCK),--lock $(LOCK),--extras dev$(,)docs); status=$$?; wait; exit $$status
 	@touch .venv/.installed $@
 
 .venv/.benchmarked: pyproject.toml | .venv/bin/pip
 	@echo "Installing mathnavi and the benchmarks' peers into .venv (a few minutes the first time)"
-	$(INSTALL) --editable '.[bench,dev]'
-	$(INSTALL) --no-deps --upgrade --target .venv/acados 'comma-deps-acados>=0.2.2.post92,<0.3' \
+	$(INSTALL) --extras bench,dev
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --upgrade \
+	    --target .venv/acados 'comma-deps-acados>=0.2.2.post92,<0.3' \
 	    || echo "acados is left out: no wheel for this machine"
 	@touch .venv/.installed $@
 
-# pip comes last into a new environment: where it is, the environment is whole. For Python 3.13 labmaze, which
-# dm-control needs, has no wheel, and is built by a program that few have (bazel).
+# pip comes last into a new environment: where it is, the environment is whole.
 .venv/bin/pip:
 	@for python in $(PYTHONS); do \
-	    if $$python -c 'import ensurepip, sys, venv; sys.exit(not (3, 11) <= sys.version_info < (3, 13))' 2>/dev/null; then \
+	    if $$python -c 'import ensurepip, sys, venv; sys.exit(not (3, 11) <= sys.version_info < (3, 15))' 2>/dev/null; then \
 	        echo "Making .venv with $$python: $$($$python --version)"; \
 	        exec $$python -m venv .venv; \
 	    fi; \
 	done; \
-	echo "No Python 3.11 or 3.12 with its venv module among: $(PYTHONS)." \
+	echo "No Python 3.11 to 3.14 with its venv module among: $(PYTHONS)." \
 	    "Install one (Debian, Ubuntu: apt-get install python3 python3-venv) or name it: make PYTHON=/path/to/python" >&2; \
 	exit 1

@@ -15,7 +15,7 @@ from PIL import Image
 
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import Shot, checked_camera, frames_of
-from mathnavi.renders.video import STILL_SAMPLES, check_rate, check_size, draw, frame_progress
+from mathnavi.renders.video import STILL_SAMPLES, check_rate, check_size, counted, draw
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.writing import write_bytes
@@ -60,11 +60,8 @@ def write_clip(
     seen = [annotation for annotation in drawing.annotations(run) if first <= annotation[0] <= last]
     shots = (Shot(shown, first, last, length), Shot(shown, last, last, 1.0 / fps))
     frames = [replace(frame, brief=True) for frame in frames_of(shots, seen, fps, 0.0)]
-    with (
-        frame_progress("clip", progress) as bar,
-        closing(draw(directory, frames, width, height, STILL_SAMPLES)) as drawn,
-    ):
-        pictures = [Image.fromarray(picture) for picture in bar.track(drawn, total=len(frames))]
+    with closing(draw(directory, frames, width, height, STILL_SAMPLES)) as drawn:
+        pictures = [Image.fromarray(picture) for picture in counted(drawn, "clip", len(frames), progress)]
     target = Path(path) if path is not None else directory / f"{shown}.webp"
     write_bytes(target, _encoded(pictures, fps))
     return target

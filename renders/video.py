@@ -11,6 +11,7 @@ import os
 import signal
 import subprocess
 import tempfile
+import time
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import ExitStack, closing, suppress
 from dataclasses import astuple
@@ -37,6 +38,7 @@ VIDEO_SAMPLES, STILL_SAMPLES = 0, 4  # per pixel: a video blurs its edges by mov
 LEAST_SIZE, LARGEST_SIZE = 16, 8192  # [pixels]
 FASTEST = 240  # [1/s]
 MOST_WORKERS = 4
+SELDOM = 5.0  # [s] between lines of progress where there is no terminal
 
 Codec = Literal["h264", "av1", "vp9"]
 ENCODERS: dict[Codec, tuple[str, dict[str, str]]] = {
@@ -72,23 +74,32 @@ def write_video(
     directory, drawing = Path(run_dir), drawing_of(run_dir)
     frames = drawing.frames(drawing.load_run(directory), camera, fps)
     target = Path(path) if path is not None else directory / "video.mp4"
-    bar = frame_progress("video", progress)
     with (
         whole_files(target) as (scratch,),
-        bar,
         closing(draw(directory, frames, width, height, VIDEO_SAMPLES)) as pictures,
         naming(target),
     ):
-        _encode(scratch, bar.track(pictures, total=len(frames)), width, height, fps, codec)
+        _encode(scratch, counted(pictures, "video", len(frames), progress), width, height, fps, codec)
     return target
 
 
-def frame_progress(name: str, shown: bool) -> Progress:
-    """A bar over the frames that are drawn, on standard error."""
-    return Progress(
+def counted(pictures: Iterable[Picture], name: str, total: int, shown: bool) -> Generator[Picture]:
+    """The pictures as they come, counted on standard error if ``shown``.
+
+    By a bar on a terminal, and elsewhere by a line every ``SELDOM`` seconds.
+    """
+    console = Console(stderr=True, markup=False, highlight=False, soft_wrap=True)
+    bar = Progress(
         TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
-        console=Console(stderr=True, markup=False), disable=not shown,
+        console=console, disable=not (shown and console.is_terminal),
     )  # fmt: skip
+    said = time.monotonic()
+    with bar:
+        for number, picture in enumerate(bar.track(pictures, total=total)):
+            if shown and not console.is_terminal and time.monotonic() - said >= SELDOM:
+                said = time.monotonic()
+                console.print(f"{name}: {number} of {total} frames")
+            yield picture
 
 
 def check_size(width: int, height: int) -> None:

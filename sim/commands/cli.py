@@ -16,6 +16,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
+from mathnavi.models.dm_control_requirement import MissingPackageError, require_dm_control
 from mathnavi.sim.commands.errors import PIPE_CLOSED, UNFORESEEN, BadInputError, one_line
 from mathnavi.sim.commands.interruption import end, exit_code, interrupted_line, interruptible
 from mathnavi.sim.commands.known import COMMANDS
@@ -112,5 +113,9 @@ def _discard_output() -> None:
 def _command(name: str) -> Callable[[Sequence[str]], int]:
     if name not in COMMANDS:
         raise BadInputError(f"COMMAND = {name!r} is not known; {allowed_for(name, list(COMMANDS))}")
+    try:
+        require_dm_control()
+    except MissingPackageError as error:
+        raise BadInputError(str(error)) from None
     command: Callable[[Sequence[str]], int] = importlib.import_module(COMMANDS[name][0]).main
     return command

@@ -86,15 +86,13 @@ def main(argv: Sequence[str]) -> int:
             if options.still:
                 path = write_still(options.folder, options.camera, t=options.time)
             elif options.clip:
-                path = write_clip(
-                    options.folder, options.camera, begin=options.begin, end=options.end, progress=sys.stderr.isatty()
-                )
+                path = write_clip(options.folder, options.camera, begin=options.begin, end=options.end, progress=True)
             else:
                 path = write_video(
                     options.folder,
                     options.camera or TOUR,
                     path=film,
-                    progress=sys.stderr.isatty(),
+                    progress=True,
                     codec=options.codec or "h264",
                 )
     except BadInputError as error:

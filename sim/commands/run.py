@@ -226,7 +226,7 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
         from mathnavi.renders.video import write_video
 
         try:
-            write_video(folder, progress=errors.is_terminal, codec=options.codec or "h264")
+            write_video(folder, progress=True, codec=options.codec or "h264")
         except (NoOpenGLError, NothingToDrawError, RunFolderError, RuntimeError, OSError) as error:
             print(f"mathnavi: no video: {worded(error)}", file=sys.stderr)
             written = not isinstance(error, OSError)
@@ -234,9 +234,17 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
         from mathnavi.renders.report import write_report
 
         try:
-            with errors.status("writing the report") if errors.is_terminal else nullcontext():
+            with _announced(errors, "writing the report"):
                 write_report(folder)
         except (NothingToDrawError, RunFolderError, OSError) as error:
             print(f"mathnavi: no report: {worded(error)}", file=sys.stderr)
             written = written and not isinstance(error, OSError)
     return written
+
+
+def _announced(errors: Console, what: str) -> AbstractContextManager[object]:
+    """Say what is done in here: on a terminal while it is done, elsewhere by a line before it."""
+    if errors.is_terminal:
+        return errors.status(what)
+    errors.print(what, highlight=False)
+    return nullcontext()

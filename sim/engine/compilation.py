@@ -1,8 +1,8 @@
 """Compilation by numba, only where its cache holds nothing: reports of it, and two processes that share it.
 
-    python -m mathnavi.sim.engine.compilation CLAIMS MODULE ...
+    python -m mathnavi.sim.engine.compilation CLAIMS MODULE ... [--first]
 
-is the second process (``compile_ahead``).
+is the second process (``compile_ahead``), which begins with the last kernel, or with the first.
 """
 
 from __future__ import annotations
@@ -121,4 +121,6 @@ def compilation_timed() -> Iterator[CompilationClock]:
 
 
 if __name__ == "__main__":
-    compile_unclaimed(list(enumerate(listed(sys.argv[2:])))[::-1], Path(sys.argv[1]))
+    folder, *named = (word for word in sys.argv[1:] if word != "--first")
+    numbered = list(enumerate(listed(named)))
+    compile_unclaimed(numbered if "--first" in sys.argv else numbered[::-1], Path(folder))

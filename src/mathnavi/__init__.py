@@ -225,8 +225,10 @@ if not TYPE_CHECKING:  # else a name that is not there would be taken for one th
         if name not in _PLACES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         if "mujoco" not in sys.modules:  # which loads OpenGL when it is imported
+            from mathnavi.models.dm_control_requirement import require_dm_control
             from mathnavi.renders.opengl import import_mujoco
 
+            require_dm_control()
             import_mujoco()
         module, _, inside = _PLACES[name].partition(":")
         value = getattr(importlib.import_module(f"{__name__}.{module}"), inside or name)

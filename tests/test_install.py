@@ -40,7 +40,8 @@ def installer(*, follows_overrides: bool) -> Any:
 
 def test_what_the_kernels_need_comes_first_in_its_versions(tmp_path: Path) -> None:
     listed = [
-        "mujoco>=3", "numba>=0.68,<0.69", "numpy-extra", "numpy", "annotated-types", "scipy[all]>=1; os_name == 'posix'",
+        "mujoco>=3", "numba>=0.68,<0.69", "numpy-extra", "numpy", "annotated-types",
+        "scipy[all]>=1; os_name == 'posix'",
     ]  # fmt: skip
     (tmp_path / "pyproject.toml").write_text(f"[project]\ndependencies = {listed}\n", encoding="utf-8")
     first, *rest = install.steps(installer(follows_overrides=True), tmp_path / "pyproject.toml", "dev,docs")
@@ -81,8 +82,8 @@ def test_uv_asks_the_index_that_pip_is_configured_with() -> None:
 
 
 REFUSED = """WARNING: Retrying (Retry(total=0, connect=None, read=None, redirect=None, status=None)) after connection \
-broken by 'NewConnectionError('<pip._vendor.urllib3.connection.HTTPConnection object at 0x7f>: Failed to establish a new \
-connection: [Errno 111] Connection refused')': /simple/numba/
+broken by 'NewConnectionError('<pip._vendor.urllib3.connection.HTTPConnection object at 0x7f>: Failed to establish a \
+new connection: [Errno 111] Connection refused')': /simple/numba/
 ERROR: Ignored the following versions that require a different python version: 1.21.2 Requires-Python >=3.7,<3.11
 ERROR: Could not find a version that satisfies the requirement numba<0.69 (from versions: none)
 ERROR: No matching distribution found for numba<0.69

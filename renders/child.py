@@ -8,6 +8,10 @@ from typing import IO
 _START = "import sys; sys.path[:] = sys.argv[1:]; from {} import main; main()"
 
 
+class DrawingFailedError(RuntimeError):
+    """The process that draws has ended before its pictures were whole; the message has its reason."""
+
+
 def child_command(module: str) -> list[str]:
     """The command that runs ``main()`` of a module with this process' path.
 

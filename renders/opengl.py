@@ -19,10 +19,14 @@ from mathnavi.models.without_opengl import without_opengl
 
 HOW_TO_INSTALL = (
     "found no OpenGL that draws without a screen: install OSMesa (Debian, Ubuntu: apt-get install libosmesa6) "
-    "or EGL (apt-get install libegl1), or set MUJOCO_GL"
+    "or EGL (apt-get install libegl1 libopengl0), or set MUJOCO_GL"
 )
-# For each backend, in order of preference, the libraries it needs: soname, then the name find_library knows it by.
-LIBRARIES = {"osmesa": ("libOSMesa.so.8", "OSMesa"), "egl": ("libEGL.so.1", "EGL")}
+# For each backend, in order of preference, the libraries it needs, and those that may stand for each other: soname, then
+# the name find_library knows it by.
+LIBRARIES = {
+    "osmesa": ((("libOSMesa.so.8", "OSMesa"),),),
+    "egl": ((("libEGL.so.1", "EGL"),), (("libOpenGL.so.0", "OpenGL"), ("libGL.so.1", "GL"))),
+}
 SWITCHED_OFF = ("disable", "disabled", "off", "false", "0")  # values by which MUJOCO_GL forbids rendering
 
 LOADS = """
@@ -45,7 +49,14 @@ def available() -> str | None:
     chosen = os.environ.get("MUJOCO_GL", "").strip().lower()
     if chosen:
         return None if chosen in SWITCHED_OFF else chosen
-    return next((backend for backend, names in LIBRARIES.items() if _loads(*names)), None)
+    return next(
+        (
+            backend
+            for backend, needed in LIBRARIES.items()
+            if all(any(_loads(*names) for names in alternatives) for alternatives in needed)
+        ),
+        None,
+    )
 
 
 def environment() -> dict[str, str]:

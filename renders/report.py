@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from mathnavi.renders import figures, opengl, page
+from mathnavi.renders.child import DrawingFailedError
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.video import write_still
@@ -115,7 +116,10 @@ def still_block(directory: Path, camera: str, t: float, alt: str, caption: str) 
     if opengl.available() is None:
         return page.paragraph(f"No picture of the scene: {opengl.HOW_TO_INSTALL}.")
     with tempfile.TemporaryDirectory() as scratch:
-        still = write_still(directory, camera, Path(scratch) / f"{camera}.png", t=t)
+        try:
+            still = write_still(directory, camera, Path(scratch) / f"{camera}.png", t=t)
+        except DrawingFailedError as error:
+            return page.paragraph(f"No picture of the scene: {error}.")
         return page.picture_block(still, alt, caption)
 
 

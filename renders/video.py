@@ -25,7 +25,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from mathnavi.renders import opengl
-from mathnavi.renders.child import child_command, last_line
+from mathnavi.renders.child import DrawingFailedError, child_command, last_line
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import TOUR, Frame, checked_camera
 from mathnavi.renders.palette import Picture
@@ -203,11 +203,11 @@ class _Artists:
             errors.close()
 
     def read(self, artist: int, size: int) -> bytes:
-        """So many bytes of an artist's pictures; RuntimeError with its last line of error where it has ended."""
+        """So many bytes of an artist's pictures; DrawingFailedError with its last line of error where it has ended."""
         data = self._pictures[artist].read(size)
         if len(data) == size:
             return data
-        raise RuntimeError(f"the process that draws ended: {last_line(self._errors[artist])}")
+        raise DrawingFailedError(f"the process that draws ended: {last_line(self._errors[artist])}")
 
 
 def _check_codec(codec: str) -> None:

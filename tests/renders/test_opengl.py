@@ -15,12 +15,14 @@ def test_users_choice_is_respected(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_osmesa_comes_first_then_egl_then_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    installed = {"OSMesa", "EGL"}
+    installed = {"OSMesa", "EGL", "OpenGL", "GL"}
     monkeypatch.setattr(opengl, "_loads", lambda soname, name: name in installed)
     assert opengl.available() == "osmesa"
     installed.remove("OSMesa")
     assert opengl.available() == "egl"
-    installed.clear()
+    installed.remove("OpenGL")
+    assert opengl.available() == "egl"
+    installed.remove("GL")  # EGL alone makes a context, and nothing to draw with in it
     assert opengl.available() is None
     with pytest.raises(opengl.NoOpenGLError, match="libosmesa6"):
         opengl.environment()

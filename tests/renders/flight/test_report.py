@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mathnavi.renders import figures
+from mathnavi.renders import figures, report
+from mathnavi.renders.child import DrawingFailedError
 from mathnavi.renders.flight.run_data import FlightRun
 from mathnavi.renders.page import inline_svg, quantity
 from mathnavi.renders.report import write_report
@@ -91,6 +92,15 @@ def test_without_opengl_the_report_of_a_vehicle_that_did_not_arrive_says_so_and_
     assert shown["solve time mean"] == shown["arrival time"] == "–"
     assert shown["solve time p50"] == "0.28 ms"
     assert shown["path length"] == "76,211 m"
+
+
+def test_a_report_is_written_where_the_process_that_draws_ends(run_dir: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def ended(*_: object, **__: object) -> Path:
+        raise DrawingFailedError("the process that draws ended: no glGetError")
+
+    monkeypatch.setattr(report, "write_still", ended)
+    text = write_report(run_dir).read_text(encoding="utf-8")
+    assert "No picture of the scene: the process that draws ended: no glGetError." in text
 
 
 def test_a_figure_that_is_no_number_has_a_dash() -> None:

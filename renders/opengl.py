@@ -21,8 +21,8 @@ HOW_TO_INSTALL = (
     "found no OpenGL that draws without a screen: install OSMesa (Debian, Ubuntu: apt-get install libosmesa6) "
     "or EGL (apt-get install libegl1 libopengl0), or set MUJOCO_GL"
 )
-# For each backend, in order of preference, the libraries it needs, and those that may stand for each other: soname, then
-# the name find_library knows it by.
+# For each backend, in order of preference, the libraries it needs, with those that may stand for each other in a row:
+# soname, then the name find_library knows it by.
 LIBRARIES = {
     "osmesa": ((("libOSMesa.so.8", "OSMesa"),),),
     "egl": ((("libEGL.so.1", "EGL"),), (("libOpenGL.so.0", "OpenGL"), ("libGL.so.1", "GL"))),

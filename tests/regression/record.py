@@ -7,7 +7,8 @@ A change that is to leave behaviour as it is records the set before and after::
     python -m tests.regression.compare BEFORE AFTER
 
 The set: each scenario with two seeds and two configurations that are not the default, a refused run of each, pictures,
-three studies, a sweep, an estimator over a recorded run, and a comparison of two runs.
+a study of each paper and of the introduction, a sweep, a search, an estimator over a recorded run, a comparison of two
+runs, a script that flies, an episode of an environment, and the import of an elevation model.
 """
 
 from __future__ import annotations
@@ -17,6 +18,9 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+
+import numpy as np
+from PIL import Image
 
 RUNS: dict[str, tuple[str, str, str]] = {  # a scenario: two configurations and one that is refused
     "safe-flight": (
@@ -67,15 +71,65 @@ RUNS: dict[str, tuple[str, str, str]] = {  # a scenario: two configurations and 
     ),
 }
 SEEDS = (1, 2)
-STUDIES = ("consensus", "ocp-problems", "sphere")
+STUDIES = ("consensus", "ocp-problems", "mismatch", "sphere", "introduction-examples")
 SWEEP = (
     "sweep safe-flight --trials 4 --terrain jacksboro --drawn-separation 0.2 0.3 --workers 2 "
     "--vary faults.solver-failure-rate=0,0.5"
 )
+SEARCH = (
+    "search safe-flight --terrain canyon:3 --drawn-separation 0.2 0.3 --drawn-heights 0 30 --missions 8 --batch 4 "
+    "--workers 2 --minimise clearance_margin_m --over faults.gust-rms=0..2 --over seed=0..9 --worst 1"
+)
+SCRIPT = """
+import json
+import sys
+import numpy as np
+import mathnavi as mn
+
+run = mn.run(
+    "safe-flight", seed=3, terrain="jacksboro", drawn_separation=(0.2, 0.3), noise={"position": 2.0},
+    controller=mn.plugin("flight", nodes=9), estimator="kalman",
+)
+np.savez(sys.argv[1] + ".npz", **{name: run[name] for name in ("t", "truth.x", "estimate.x", "command.u")})
+sweep = mn.sweep("textbook-observer", 2, vary={"noise": [0.0, 0.01]}, workers=1, duration=2.0)
+with open(sys.argv[1] + ".json", "w") as file:
+    json.dump({"run": dict(run.summary), "events": len(run.events), "sweep": sweep.rows}, file, default=str)
+"""
+EPISODE = """
+import sys
+import numpy as np
+import mathnavi as mn
+
+kept = {}
+for scenario, fields in {
+    "safe-flight": {"terrain": "jacksboro", "faults.gust_rms": 0.5}, "range-localisation": {}, "sphere-observer": {},
+}.items():
+    environment = mn.make(scenario, seed=4, **fields)
+    steps = [environment.reset()]
+    generator, spec = np.random.default_rng(4), environment.action_spec()
+    for _ in range(40):
+        steps.append(environment.step(generator.uniform(-1.0, 1.0, spec.shape)))
+    for name in steps[0].observation:
+        kept[f"{scenario}.{name}"] = np.array([step.observation[name] for step in steps])
+    kept[f"{scenario}.reward"] = np.array([float(step.reward or 0.0) for step in steps])
+    kept[f"{scenario}.last"] = np.array([step.last() for step in steps])
+np.savez(sys.argv[1] + ".npz", **kept)
+"""
+IMPORT = "terrain import heights.png --spacing 90 --scale 0.1 --resample 60 --crop 500 500 7500 6500 --out imported.npz"
+
+
+def write_heights(path: Path) -> None:
+    """A 16-bit PNG of hills that rise to 400 m."""
+    south, west = np.mgrid[0:100, 0:120] / 20.0
+    heights = 2000.0 * (1.0 + np.sin(west) * np.cos(1.3 * south))
+    Image.fromarray(heights.astype(np.uint16)).save(path)
 
 
 def commands(folder: Path) -> dict[str, list[str]]:
-    """The command lines of the set, each under its name; they write below ``folder``."""
+    """The command lines of the set, each under its name; they write below ``folder``.
+
+    A first word "python" stands for the interpreter beside the command that is recorded.
+    """
     every: dict[str, list[str]] = {}
     for scenario, (first, second, refused) in RUNS.items():
         for seed in SEEDS:
@@ -91,6 +145,11 @@ def commands(folder: Path) -> dict[str, list[str]]:
     store = folder / "sweep.db"
     every["sweep"] = [*SWEEP.split(), "--store", str(store)]
     every["sweep-export"] = ["store", "export", str(store), "--out", str(folder / "sweep.csv")]
+    every["search"] = [*SEARCH.split(), "--store", str(folder / "search.db"), "--out", str(folder / "search")]
+    every["search-export"] = ["store", "export", str(folder / "search.db"), "--out", str(folder / "search.csv")]
+    every["script"] = ["python", "-c", SCRIPT, str(folder / "script")]
+    every["episode"] = ["python", "-c", EPISODE, str(folder / "episode")]
+    every["terrain-import"] = IMPORT.split()
     every["estimate"] = ["estimate", "range_ekf", str(folder / "range-localisation-seed1")]
     pair = [str(folder / f"safe-flight-seed{seed}") for seed in SEEDS]
     every["compare"] = ["compare", *pair, "--out", str(folder / "comparison.html")]
@@ -106,12 +165,14 @@ def main() -> int:
     arguments = parser.parse_args()
     folder = arguments.folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    for name, command in commands(folder).items():
+    write_heights(folder / "heights.png")
+    programs = {"python": arguments.mathnavi.absolute().with_name("python")}
+    for name, (first, *rest) in commands(folder).items():
         if arguments.only not in name:
             continue
         began = time.perf_counter()
         ended = subprocess.run(
-            [str(arguments.mathnavi.absolute()), *command],
+            [programs[first], *rest] if first in programs else [arguments.mathnavi.absolute(), first, *rest],
             cwd=folder,  # where nothing else can be imported from
             capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False,
         )  # fmt: skip

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-KERNELS = "mathnavi.controllers.flight.ahead"
+KERNELS = ("mathnavi.controllers.flight.ahead", "mathnavi.models.terrain.ahead")
 NEEDED = ("annotated-types", "numba", "numpy", "scipy")
 """what the module of the kernels imports"""
 UV = "uv>=0.13.9,<0.14"
@@ -147,7 +147,7 @@ def reported(process: subprocess.Popen[bytes], progress: Callable[[], str]) -> N
 def compiling(claims: str, *options: str) -> subprocess.Popen[bytes]:
     """A process that compiles those kernels of a flight that no other process has claimed."""
     return subprocess.Popen(
-        [sys.executable, "-m", "mathnavi.sim.engine.compilation", claims, KERNELS, *options],
+        [sys.executable, "-m", "mathnavi.sim.engine.compilation", claims, *KERNELS, *options],
         env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip

@@ -16,7 +16,7 @@ from mathnavi.controllers.flight.length_to_go import cost_many
 from mathnavi.controllers.flight.shortest_paths import _settle
 from mathnavi.controllers.flight.tracker import tracking_command
 from mathnavi.models.aerial.kernels import offset_from, state_on
-from mathnavi.models.terrain.kernels import arc_clearance, path_clearance, sights, surface
+from mathnavi.models.terrain.kernels import arc_clearance, path_clearance, surface
 from mathnavi.sim.interfaces.compiled import Signature
 from mathnavi.sim.interfaces.kernel_types import ONE, ONE_READ, THREE, TWO, TWO_READ, array, combined
 
@@ -42,7 +42,6 @@ CERTIFYING: tuple[Signature, ...] = (
     (_along_arcs, (ONE, TWO, TWO)),
     (_extent, (ONE, TWO, TWO, int64)),
     (surface, (*GROUND, ONE, ONE)),
-    (sights, (*GROUND, ONE, TWO)),
     (path_clearance, (*GROUND, TWO, TWO, TWO, ONE)),
     (arc_clearance, (*GROUND, ONE, ONE, ONE, float64)),
 )

@@ -239,7 +239,7 @@ def fill(app: Sphinx, docname: str, source: list[str]) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    opengl.choose()  # before a scenario imports mujoco
+    opengl.import_physics()  # before a scenario imports mujoco
     for name in ("absl", "OpenGL"):  # they report what they have chosen, which is no warning
         logging.getLogger(name).setLevel(logging.WARNING)
     StandaloneHTMLBuilder.supported_image_types = [*StandaloneHTMLBuilder.supported_image_types, "image/webp"]

@@ -1,6 +1,6 @@
 """Pictures of runs, with and without parts of what they show: KIND OUT.npz RUN_DIR [RUN_DIR ...].
 
-``tests.renders.drawn`` runs it: OpenGL's backend must be chosen before mujoco is imported.
+``tests.renders.drawn`` runs it, with OpenGL's backend chosen in the environment.
 Arrays are named CAMERA.with, CAMERA.pixels (m, 3) where what matters should be, CAMERA.labels, CAMERA.without.PART, and
 CAMERA.earlier, without all parts at an earlier time.
 """
@@ -16,18 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.renders.opengl import choose_backend
-
-choose_backend()
-
-from mathnavi.renders.drawing import drawing_of  # noqa: E402
-from mathnavi.renders.lagrangian.run_data import LagrangianRun  # noqa: E402
-from mathnavi.renders.lagrangian.scene import MechanismScene  # noqa: E402
-from mathnavi.renders.quadrotor.scene import NEAR_GROUP  # noqa: E402
-from mathnavi.renders.ranging.run_data import RangingRun  # noqa: E402
-from mathnavi.renders.ranging.scene import ABOVE, ROBOT_GROUP, RangingScene  # noqa: E402
-from mathnavi.sim.interfaces.signals import Array  # noqa: E402
-from tests.renders.ranging.believers import ELSEWHERE  # noqa: E402
+from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.lagrangian.run_data import LagrangianRun
+from mathnavi.renders.lagrangian.scene import MechanismScene
+from mathnavi.renders.quadrotor.scene import NEAR_GROUP
+from mathnavi.renders.ranging.run_data import RangingRun
+from mathnavi.renders.ranging.scene import ABOVE, ROBOT_GROUP, RangingScene
+from mathnavi.sim.interfaces.signals import Array
+from tests.renders.ranging.believers import ELSEWHERE
 
 NOT_DRAWN = 5  # a group of geoms that no scene shows
 EARLY = 0.2  # [s] the estimate of a robot is well off

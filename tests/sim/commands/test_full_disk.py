@@ -131,6 +131,7 @@ def test_a_run_whose_pictures_find_no_room_is_kept(
     assert main([*RUN, "--video", "--report", "--out", str(folder)]) == 1
     assert capsys.readouterr().err.splitlines() == [
         "mathnavi: no video: run/picture: No space left on device",
+        "writing the report",
         "mathnavi: no report: run/picture: No space left on device",
     ]
     assert (folder / "summary.json").is_file()

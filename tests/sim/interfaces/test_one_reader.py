@@ -18,6 +18,7 @@ ALLOWED = {
     ("sim/interfaces/compiled.py", "file.read_bytes"),
     ("sim/sweep/serve.py", "pickle.loads"),  # what its own parent sends
     ("renders/worker.py", "json.load"),  # likewise
+    ("renders/snapshots.py", "pickle.load"),
     ("sim/commands/interruption.py", "open"),  # a pipe of its own
     ("models/unicycle/entity.py", "mjcf.from_path"),  # parts of the package
     ("models/missile/entity.py", "mjcf.from_path"),

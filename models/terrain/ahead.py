@@ -1,4 +1,4 @@
-"""The kernel of sight over terrain, which a flight with radars calls, compiled before it (``sim.engine.compilation``)."""
+"""The kernel of sight over terrain, which flights with radars call, compiled ahead (``sim.engine.compilation``)."""
 
 from __future__ import annotations
 

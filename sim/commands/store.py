@@ -16,17 +16,13 @@ from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.evidence import print_evidence, verdict
 from mathnavi.sim.interfaces.checks import check_spares
-from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.records.computing_environment import difference, environment_digest
-from mathnavi.sim.records.crate import write_crate
 from mathnavi.sim.records.parquet import write_parquet
 from mathnavi.sim.records.store import Record, Store, canonical_json
 from mathnavi.sim.records.sweep_data import Sweep, grouped
 
 USAGE = """usage: mathnavi store show FILE.db
-       mathnavi store export FILE.db --out FILE.csv|FILE.jsonl|FILE.parquet
-       mathnavi store export FILE.db --out DIR --crate [--parquet]
-                             [--licence SPDX|ADDRESS]"""
+       mathnavi store export FILE.db --out FILE.csv|FILE.jsonl|FILE.parquet"""
 
 PLUGINS = ("controller", "estimator")  # they decide which other fields there are
 
@@ -48,19 +44,7 @@ class StoreExportOptions:
     file: File
     """store of a sweep"""
     out: Path
-    """the file to write: .csv or .parquet, one line a trial, or .jsonl, one JSON object a trial; with --crate a new
-    folder"""
-    crate: bool = False
-    """write an RO-Crate: the tables with what was asked and which software answered; needs mathnavi[crate]"""
-    parquet: bool = False
-    """with --crate: write each table as Parquet too; needs mathnavi[parquet]"""
-    licence: str = ""
-    """with --crate: of the records, an SPDX identifier as CC-BY-4.0 or an address"""
-
-    def __post_init__(self) -> None:
-        for name in ("parquet", "licence"):
-            if getattr(self, name) and not self.crate:
-                raise FieldError(f"{name} = {getattr(self, name)}; allowed: only together with --crate")
+    """file to write: .csv or .parquet, one line a trial, or .jsonl, one JSON object a trial"""
 
 
 def main(argv: Sequence[str]) -> int:
@@ -118,26 +102,21 @@ def _changed_files(records: Sequence[Record]) -> list[str]:
 
 
 def _export(argv: Sequence[str]) -> None:
-    (options,) = parse(
-        argv, "mathnavi store export", "Write a store as a table or as an RO-Crate.", FlagGroup(StoreExportOptions)
-    )
+    (options,) = parse(argv, "mathnavi store export", "Write a store as a table.", FlagGroup(StoreExportOptions))
     with bad_input(), Store.existing(options.file) as store:
         check_spares(options.out, [options.file], "--out")
         write = _writer(options, store)
         try:
             write(options.out)
         except OSError as error:
-            made = "new folder" if options.crate else "file"
             raise BadInputError(
                 f"--out = {options.out}: {error.strerror}; "
-                f"allowed: a {made} in a folder that is there and can be written to, with room for it"
+                f"allowed: a file in a folder that is there and can be written to, with room for it"
             ) from error
     print(options.out)
 
 
 def _writer(options: StoreExportOptions, store: Store) -> Callable[[Path], None]:
-    if options.crate:
-        return lambda out: write_crate(store, out, licence=options.licence, parquet=options.parquet)
     writers: dict[str, Callable[[Path], None]] = {
         ".csv": store.export_csv,
         ".jsonl": store.export_jsonl,

@@ -7,7 +7,7 @@ from typing import Any
 
 from mathnavi.sim.interfaces.errors import FieldError
 
-EXTRAS = {"pyarrow": "parquet", "rocrate": "crate"}  # by package
+EXTRAS = {"pyarrow": "parquet"}  # by package
 
 
 def extra(module: str, name: str) -> Any:

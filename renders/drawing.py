@@ -25,7 +25,6 @@ from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.failures import failures_named
 from mathnavi.sim.plugin.groups import installed
 from mathnavi.sim.plugin.trust import check_place
-from mathnavi.sim.records.former_names import present_name
 from mathnavi.sim.records.run_folder import CONFIG, existing_folder, read_run_document
 
 if TYPE_CHECKING:  # what makes pages takes a while to import, and the processes that draw make none
@@ -87,7 +86,7 @@ def drawing_of(directory: str | Path) -> Drawing[Any]:
     if document.drawing is None and document.terrain is None and "terrain" not in document.fields:
         made: Drawing[Any] = pkgutil.resolve_name(GENERIC)(folder)
         return made
-    return _drawing_at(present_name(FLIGHT if document.drawing is None else document.drawing), str(folder / CONFIG))
+    return _drawing_at(FLIGHT if document.drawing is None else document.drawing, str(folder / CONFIG))
 
 
 def _drawing_at(name: str, where: str) -> Drawing[Any]:

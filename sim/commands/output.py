@@ -35,12 +35,12 @@ def output_folder(folder: Path) -> Iterator[None]:
 @contextmanager
 def run_folder(folder: Path) -> Iterator[ClaimedFolder]:
     """Claim the folder of a run before anything is flown; BadInputError where it cannot be had."""
-    from mathnavi.sim.records.run_folder import CONFIG, LEFT, RECORDED  # takes a while to import
+    from mathnavi.sim.records.run_folder import CONFIG, RECORDED  # takes a while to import
 
     with ExitStack() as opened:
         try:
             found = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
-            if CONFIG not in found and found - {*RECORDED, LEFT}:
+            if CONFIG not in found and found - set(RECORDED):
                 raise RunFolderError(
                     f"{folder} holds other files than a run's; allowed: a new folder, or that of a run"
                 )

@@ -31,7 +31,7 @@ from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.interfaces.input_files import run_inputs
 from mathnavi.sim.plugin.trust import trusting, within_record
 from mathnavi.sim.records.figure_names import PLANNER_STATUS
-from mathnavi.sim.records.run_folder import LEFT, SCENE, NothingToDrawError
+from mathnavi.sim.records.run_folder import SCENE, NothingToDrawError
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def _run(
         replaced = request.options.out is None and (folder / "summary.json").exists()
         result.write_files(claim.new)
         removed = _stale(folder, claim.new)
-        claim.install(dropped=(*removed, LEFT, SCENE))
+        claim.install(dropped=(*removed, SCENE))
         when_interrupted(lambda: f"the run is in {folder}, its pictures may not be; to begin again")
         if replaced:  # by chance, perhaps: nobody named the folder
             gone = f", and removed its {', '.join(removed)}" if removed else ""

@@ -12,7 +12,6 @@ from mathnavi.sim.interfaces.errors import UntrustedError
 from mathnavi.sim.interfaces.fields import flattened, instance
 from mathnavi.sim.plugin.trust import check_place, recorded_places, within_record
 from mathnavi.sim.records.documents import RunDocument
-from mathnavi.sim.records.former_names import present_fields, present_name
 from mathnavi.sim.records.run_folder import CONFIG, read_run_document
 
 
@@ -47,7 +46,7 @@ class RunConfig:
                 raise BadInputError(f"{path}: $.{kind} is missing; allowed: what `mathnavi run` writes")
         assert document.controller is not None
         assert document.estimator is not None
-        controller, estimator = (present_name(each.name) for each in (document.controller, document.estimator))
+        controller, estimator = document.controller.name, document.estimator.name
         by_user = {word.partition("=")[2] or word for word in argv}
         try:
             for place in (document.scenario, controller, estimator):
@@ -60,7 +59,7 @@ class RunConfig:
             path=path,
             scenario=document.scenario,
             seed=document.seed,
-            fields=present_fields(document.scenario, document.fields),
+            fields=document.fields,
             controller=controller,
             controller_fields=document.controller.fields,
             estimator=estimator,

@@ -36,14 +36,12 @@ from mathnavi.sim.records.claimed_folder import claimed
 from mathnavi.sim.records.computing_environment import machine, versions
 from mathnavi.sim.records.documents import ArrayIndexDocument, RunDocument, check_summary
 from mathnavi.sim.records.files import jsonable, write_json
-from mathnavi.sim.records.former_names import with_present_names
 from mathnavi.sim.records.log_arrays import COMMAND, TIME, TRUTH, check_arrays
 
 CONFIG, SUMMARY, EVENTS, ARRAYS, ARRAY_INDEX = "config.json", "summary.json", "events.jsonl", "log.npz", "log.json"
 SCENE = "scene.npz"
 RUN_FILES = (CONFIG, EVENTS, ARRAYS, ARRAY_INDEX, SUMMARY)
 RECORDED = (*RUN_FILES, SCENE)  # all that a run may write
-LEFT = f".{ARRAYS}.partial"  # left by a run of an earlier version that was killed
 STATUS_CHANGE = "estimator-status"  # kind of the events that say so
 FLEET_TRUTH = f".{TRUTH}"  # ending of the names of a fleet's arrays of true states
 
@@ -243,7 +241,7 @@ def _read_texts(folder: Path) -> tuple[dict[str, Any], dict[str, Any], tuple[Eve
         raise RunFolderError(f"{folder / SUMMARY}: {error}") from None
     known = known_fields(RunDocument)
     config = {name: value for name, value in config.items() if value is not None or name not in known}
-    return with_present_names(config), summary, _read_events(folder / EVENTS)
+    return config, summary, _read_events(folder / EVENTS)
 
 
 def _check_named(path: Path, prefix: str, x: Array, names: Sequence[str]) -> None:

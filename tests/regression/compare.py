@@ -22,8 +22,6 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from mathnavi.sim.records.former_names import present_name
-
 _NAMES = r"solve_ms\w*|wall_s|\w+_wall_s|wall_seconds|real_time_factor|versions?|code|key"
 TIMES = re.compile(rf"(^|[._ ])({_NAMES})($|[.\[])")
 
@@ -111,7 +109,7 @@ def _plain(one: Any, other: Any, where: str, renamed: Mapping[str, str]) -> Iter
         for k, (a, b) in enumerate(zip(one, other, strict=False)):
             yield from _plain(a, b, f"{where}[{k}]", renamed)
     elif isinstance(one, str) and isinstance(other, str):
-        if renamed.get(one, present_name(one)) != other:
+        if renamed.get(one, one) != other:
             yield "words" if " " in one or " " in other else f"{where}: {one!r} became {other!r}"
     elif one != other and not (one != one and other != other):
         yield f"{where}: {one!r} became {other!r}"

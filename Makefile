@@ -5,7 +5,7 @@
 #   make check   lint, and the tests of what has changed since HEAD   make check SINCE=main
 #   make docs    the documentation, docs/_build/html/index.html, every link of it followed; papers and exercises as PDF
 #   make gallery the committed pictures made again (hours)   make gallery ARGS=safe_flight
-#   make wheel   sdist and wheel, into dist/   make wheel KERNELS=1   and a wheel for this platform with compiled kernels
+#   make wheel   sdist and wheel, into dist/
 #   make bench   one table: mathnavi compared with other solvers   make bench ARGS=--quick
 #   make clean   remove caches and outputs
 #   make lock    the tested versions chosen anew, .ci/requirements.txt
@@ -22,7 +22,6 @@ WORKERS ?= 3
 ARGS ?=
 SINCE ?= HEAD
 LOCK ?= .ci/requirements.txt
-KERNELS ?=
 , := ,
 
 PACKAGES := models sim controllers estimators renders
@@ -50,7 +49,7 @@ lint: .venv/.developed
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy --strict -p mathnavi $(BENCHMARKS:%=-p %)
 	.venv/bin/mypy --strict .ci/open_reports.py
-	.venv/bin/mypy --strict .ci/install.py hatch_build.py
+	.venv/bin/mypy --strict .ci/install.py
 	.venv/bin/lint-imports
 
 check: export PYTHONDONTWRITEBYTECODE =
@@ -75,9 +74,6 @@ docs: .venv/.developed
 wheel: .venv/.developed
 	rm -rf dist
 	.venv/bin/hatchling build --directory $(CURDIR)/dist
-ifneq ($(KERNELS),)
-	MATHNAVI_KERNELS=all .venv/bin/hatchling build --target wheel --directory $(CURDIR)/dist
-endif
 	@ls -1 $(CURDIR)/dist/*
 
 lock: | .venv/bin/pip

@@ -12,17 +12,14 @@ import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from mathnavi.renders import opengl
-from mathnavi.sim.commands.cli import main
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("controllers", "estimators", "models", "renders", "sim")
 DATA = (".xml", ".css", ".html", ".js", ".json", ".png", ".md", ".typed")
 FLIGHT = ["safe-flight", "--terrain", "jacksboro", "--start", "3000", "4000", "900", "--target", "6000", "7000", "1000"]
-SPHERE = ["sphere-observer", "--duration", "1", "--settled", "0.5"]
 
 SCRIPT = """
 import json
@@ -71,19 +68,7 @@ def wheel(built: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def compiled_wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel with compiled kernels, those of one list, as ``make wheel KERNELS=1`` builds it with all of them."""
-    folder = tmp_path_factory.mktemp("platform")
-    command = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder)]
-    environment = {**os.environ, "MATHNAVI_KERNELS": "mathnavi.models.manifold.ahead"}
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=600)
-    assert done.returncode == 0, done.stderr
-    (path,) = folder.glob("*.whl")
-    return path
-
-
-@pytest.fixture(scope="module")
-def python(compiled_wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An interpreter of an environment in which the wheel is installed, and everything that it needs but mathnavi.
 
     What it needs is seen through a .pth file: a folder so named adds itself and none of its own .pth files, so the
@@ -93,7 +78,7 @@ def python(compiled_wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(home)], check=True, timeout=120)
     python = home / "bin" / "python"
     pip = [sys.executable, "-m", "pip", "--python", str(python), "--disable-pip-version-check"]
-    alone = ["install", "--quiet", "--no-deps", "--no-index", "--no-compile", str(compiled_wheel)]
+    alone = ["install", "--quiet", "--no-deps", "--no-index", "--no-compile", str(wheel)]
     done = subprocess.run([*pip, *alone], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     (site,) = home.glob("lib/python*/site-packages")
@@ -133,20 +118,6 @@ def test_the_wheel_holds_each_file_once_and_all_of_them(wheel: Path) -> None:
     assert others.pop().endswith(".dist-info")
 
 
-def test_the_wheel_for_a_platform_holds_compiled_kernels_and_else_the_same(wheel: Path, compiled_wheel: Path) -> None:
-    assert wheel.name.endswith("-py3-none-any.whl")
-    assert f"-cp3{sys.version_info.minor}-cp3{sys.version_info.minor}-" in compiled_wheel.name
-    with zipfile.ZipFile(wheel) as one, zipfile.ZipFile(compiled_wheel) as other:
-        pure, more = (
-            {name: each.read(name) for name in each.namelist() if "dist-info/" not in name} for each in (one, other)
-        )
-        (about,) = (name for name in other.namelist() if name.endswith("/WHEEL"))
-        assert b"Root-Is-Purelib: false" in other.read(about)
-    kernels = {name for name in more if name.startswith("mathnavi/sim/interfaces/shipped_kernels/")}
-    assert len(kernels) == 8
-    assert pure == {name: content for name, content in more.items() if name not in kernels}
-
-
 def test_the_sdist_holds_each_file_once_and_all_of_them(built: Path) -> None:
     (path,) = built.glob("*.tar.gz")
     with tarfile.open(path) as archive:
@@ -157,7 +128,7 @@ def test_the_sdist_holds_each_file_once_and_all_of_them(built: Path) -> None:
     inside = {name.removeprefix("src/mathnavi/") for name in names if name.startswith("src/mathnavi/")}
     assert inside == set(installed_files())
     beside = {name for name in names if not name.startswith("src/")}
-    assert beside >= {"CHANGELOG.md", "CITATION.cff", "LICENSE", "README.md", "hatch_build.py", "pyproject.toml"}
+    assert beside >= {"CHANGELOG.md", "CITATION.cff", "LICENSE", "README.md", "pyproject.toml"}
 
 
 def test_a_wheel_built_from_the_sdist_is_the_same(built: Path, wheel: Path, tmp_path: Path) -> None:
@@ -184,12 +155,3 @@ def test_it_lists_flies_draws_and_sweeps_beside_a_strangers_folders(python: Path
     assert Path(used.pop("place")).is_relative_to(python.parents[1])
     assert used == {"again": True, "trials": 1, "succeeded": 1}
     assert (folder / "overview.png").is_file() == (opengl.available() is not None)
-
-
-def test_the_wheels_kernels_give_the_bits_of_those_that_are_compiled_here(python: Path, folder: Path) -> None:
-    kernels = folder / "kernels"
-    said(python, folder, "mathnavi", "run", *SPHERE, "--out", "shipped", NUMBA_CACHE_DIR=str(kernels))
-    assert not list(kernels.iterdir()), "the wheel's kernels were not used"
-    assert main(["run", *SPHERE, "--out", str(folder / "native")]) == 0
-    shipped, native = (np.load(folder / run / "log.npz") for run in ("shipped", "native"))
-    assert {name: shipped[name].tobytes() for name in shipped} == {name: native[name].tobytes() for name in native}

@@ -6,10 +6,6 @@ kernel and of every kernel that it calls, types of its arguments, options, proce
 installed wheels with the same kernels share one copy, and a change of a kernel compiles anew those of other files that
 call it, which numba's own cache does not notice. Without a folder to write to, every process compiles for itself.
 
-A wheel may carry kernels compiled for a common level of the processor, x86-64-v3 or that of every 64-bit ARM
-(``SHIPPED``, made by ``mathnavi.sim.plugin.ship_kernels``). They are used where the user's folder has none, if Python,
-numba and llvmlite have the versions that compiled them and the processor has that level. Nothing is written there.
-
 Much of what a kernel takes to compile is its machine code, and the code that lets Python call it. An *inner* kernel,
 ``inner_njit``, is called by other kernels only: it has neither, and is optimised, translated and kept as a part
 of those that call it.
@@ -21,7 +17,6 @@ import hashlib
 import importlib
 import os
 import pickle
-import platform
 import sys
 import tempfile
 import time
@@ -29,7 +24,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numba
 import numpy as np
@@ -47,28 +42,6 @@ _llvmlite: Any = importlib.import_module("llvmlite")
 _KEPT = 90 * 86400.0  # [s] since its last use, for which an entry is kept
 _FORMAT = 3  # of a file of compiled code
 _REMARKED = 86400.0  # [s] between two notes that an entry is in use
-
-SHIPPED = Path(__file__).parent / "shipped_kernels"
-"""the compiled kernels that a wheel carries; the only folder besides the user's from which any are loaded"""
-
-
-class ProcessorLevel(NamedTuple):
-    """A common processor: LLVM's name of it and the features that it has, for numba to compile for."""
-
-    name: str
-    features: str
-
-
-LEVELS = {
-    "x86_64": ProcessorLevel(
-        "x86-64-v3",
-        "+avx,+avx2,+bmi,+bmi2,+cmov,+crc32,+cx16,+cx8,+f16c,+fma,+fxsr,+lzcnt,+mmx,+movbe,+popcnt,+sahf,"
-        "+sse,+sse2,+sse3,+sse4.1,+sse4.2,+ssse3,+xsave",
-    ),
-    "aarch64": ProcessorLevel("generic", ""),
-}
-"""by the machine's architecture"""
-
 
 if TYPE_CHECKING:
     from numba import njit as njit
@@ -227,20 +200,19 @@ class KernelCache(_Cache):
             return None
         # Of numba a loaded kernel needs the memory management; what translates Python takes a while to import.
         _runtime.rtsys.initialize(target_context)
-        for file in self.files(sig, target_context.codegen()):
-            if (kept := _read(file)) is None:
-                continue
-            with suppress(OSError):
-                if file.parent != SHIPPED and time.time() - file.stat().st_mtime > _REMARKED:
-                    os.utime(file)
-            return _rebuilt(target_context, pickle.loads(kept))
-        return None
+        file = self.file(sig, target_context.codegen())
+        if (kept := _read(file)) is None:
+            return None
+        with suppress(OSError):
+            if time.time() - file.stat().st_mtime > _REMARKED:
+                os.utime(file)
+        return _rebuilt(target_context, pickle.loads(kept))
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the compiled code, whole or not at all; nothing happens where it cannot be written."""
         if not self._enabled or data.library.has_dynamic_globals or data.lifted or data.reload_init:
             return
-        file, kept = self.files(sig, data.codegen)[0], _serialize.dumps((_symbols(data.library), data._reduce()))
+        file, kept = self.file(sig, data.codegen), _serialize.dumps((_symbols(data.library), data._reduce()))
         with suppress(OSError):
             file.parent.mkdir(parents=True, exist_ok=True)
             handle, partial = tempfile.mkstemp(dir=file.parent, prefix=".partial-")
@@ -256,7 +228,7 @@ class KernelCache(_Cache):
     def keeps(self, sig: Any) -> bool:
         """True if compiled code for arguments of the types ``sig`` is kept."""
         context: Any = self._kernel.targetctx
-        return any(file.exists() for file in self.files(sig, context.codegen()))
+        return self.file(sig, context.codegen()).exists()
 
     def enable(self) -> None:
         """Use the cache."""
@@ -275,27 +247,12 @@ class KernelCache(_Cache):
     def _name(self) -> str:
         return f"{self._kernel.__module__}.{self._kernel.py_func.__name__}"
 
-    def files(self, sig: Any, codegen: Any) -> list[Path]:
-        """The files that may hold compiled code for arguments of the types ``sig``: the user's, then a shipped one."""
+    def file(self, sig: Any, codegen: Any) -> Path:
+        """The file of compiled code for arguments of the types ``sig``."""
         versions = _FORMAT, sys.implementation.cache_tag, sys.abiflags, numba.__version__, _llvmlite.__version__
         types = [repr(sig), *map(repr, _fields(sig))]
-        content = types, kernel_digest(self._kernel)
-        processors = {kernel_folder(): codegen.magic_tuple()}
-        if SHIPPED.is_dir() and (level := _shipped_for(*codegen.magic_tuple())):
-            processors[SHIPPED] = level
-        return [
-            folder
-            / f"{self._name}-{hashlib.sha256(repr((versions, processor, *content)).encode()).hexdigest()[:32]}.nbc"
-            for folder, processor in processors.items()
-        ]
-
-
-def _shipped_for(triple: str, name: str, features: str) -> tuple[str, str, str] | None:
-    """Target, name and features that shipped kernels were compiled for; None if this processor lacks one of these."""
-    level = LEVELS.get(platform.machine())
-    if level is None or _config.CPU_NAME is not None:
-        return None
-    return (triple, *level) if set(level.features.split(",")) <= {"", *features.split(",")} else None
+        content = versions, codegen.magic_tuple(), types, kernel_digest(self._kernel)
+        return kernel_folder() / f"{self._name}-{hashlib.sha256(repr(content).encode()).hexdigest()[:32]}.nbc"
 
 
 Signature = tuple[Any, tuple[Any, ...]]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import platform
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,10 +14,8 @@ import pytest
 from numba import typeof
 from numba.core import config
 from numba.core.dispatcher import Dispatcher
-from numba.core.registry import cpu_target
 
 import mathnavi
-from mathnavi.sim.interfaces import compiled
 from mathnavi.sim.interfaces.compiled import any_missing, kernel_digest, njit
 from tests.one_name import FOLDERS
 
@@ -206,42 +203,3 @@ def test_kernels_are_missing_until_they_are_compiled(tmp_path: Path) -> None:
     assert any_missing([(caller.outer, (pair,))])
     caller.outer.compile((pair,))
     assert not any_missing([(caller.outer, (pair,))])
-
-
-@pytest.mark.parametrize("lacking", ["", "+nonesuch"])
-def test_a_shipped_kernel_is_loaded_where_the_processor_has_its_level(
-    folder: Path, lacking: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    _, name, features = cpu_target.target_context.codegen().magic_tuple()
-    monkeypatch.setattr(compiled, "LEVELS", {platform.machine(): compiled.ProcessorLevel(name, features + lacking)})
-    shipped = tmp_path / "shipped"
-    monkeypatch.setattr(compiled, "SHIPPED", shipped)
-    assert called(written(tmp_path / "one")) == 5.0
-    folder.rename(shipped)
-    before = {file: file.stat().st_mtime_ns for file in shipped.iterdir()}
-    again = written(tmp_path / "two")
-    pair = typeof(again[0].Pair(a=3.0, b=1.0))
-    assert any_missing([(again[1].outer, (pair,))]) == bool(lacking)
-    assert called(again) == 5.0
-    assert hits(again[1].outer) == (0 if lacking else 1)
-    assert {file: file.stat().st_mtime_ns for file in shipped.iterdir()} == before
-    assert bool(list(folder.iterdir())) == bool(lacking)
-
-
-@pytest.mark.parametrize("damage", ["numba of another version", "cut short"])
-def test_a_shipped_kernel_that_does_not_fit_is_compiled(
-    folder: Path, damage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    _, *level = cpu_target.target_context.codegen().magic_tuple()
-    monkeypatch.setattr(compiled, "LEVELS", {platform.machine(): compiled.ProcessorLevel(*level)})
-    monkeypatch.setattr(compiled, "SHIPPED", tmp_path / "shipped")
-    assert called(written(tmp_path / "one")) == 5.0
-    folder.rename(tmp_path / "shipped")
-    if damage == "cut short":
-        for file in (tmp_path / "shipped").iterdir():
-            file.write_bytes(file.read_bytes()[:100])
-    else:
-        monkeypatch.setattr(compiled.numba, "__version__", "0.0")
-    again = written(tmp_path / "two")
-    assert called(again) == 5.0
-    assert hits(again[1].outer) == 0

@@ -7,6 +7,7 @@
 #   make gallery the committed pictures made again (hours)   make gallery ARGS=safe_flight
 #   make wheel   sdist and wheel, into dist/
 #   make bench   one table: mathnavi compared with other solvers   make bench ARGS=--quick
+#   make release VERSION=0.2.0   version, changelog and tag checked, sdist and wheel built and tried
 #   make clean   remove caches and outputs
 #   make lock    the tested versions chosen anew, .ci/requirements.txt
 # PYTHON=python3.12 chooses the interpreter that .venv is made with; MUJOCO_GL=egl the rendering backend. What the
@@ -29,7 +30,7 @@ BENCHMARKS := $(wildcard benchmarks)
 DOCS := docs/_build/html
 INSTALL := .venv/bin/python .ci/install.py
 
-.PHONY: fly test lint check bench gallery docs wheel lock clean opengl .venv
+.PHONY: fly test lint check bench gallery docs wheel release lock clean opengl .venv
 .NOTPARALLEL:
 
 fly: .venv/.installed opengl
@@ -50,6 +51,7 @@ lint: .venv/.developed
 	.venv/bin/mypy --strict -p mathnavi $(BENCHMARKS:%=-p %)
 	.venv/bin/mypy --strict .ci/open_reports.py
 	.venv/bin/mypy --strict .ci/install.py
+	.venv/bin/mypy --strict .ci/release.py
 	.venv/bin/lint-imports
 
 check: export PYTHONDONTWRITEBYTECODE =
@@ -75,6 +77,9 @@ wheel: .venv/.developed
 	rm -rf dist
 	.venv/bin/hatchling build --directory $(CURDIR)/dist
 	@ls -1 $(CURDIR)/dist/*
+
+release: .venv/.developed
+	@.venv/bin/python .ci/release.py $(VERSION)
 
 lock: | .venv/bin/pip
 	@bash .ci/lock

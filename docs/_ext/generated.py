@@ -207,6 +207,10 @@ def _rows(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
     return "\n".join(["{.data}", *(f"| {' | '.join(cells)} |" for cells in lines)])
 
 
+PAGES = {"ARCHITECTURE.md": ROOT / "docs" / "architecture.md", "CHANGELOG.md": ROOT / "docs" / "changelog.md"}
+"""pages that hold a file from outside"""
+
+
 def outside(path: str, page: Path) -> str:
     """A file of the repository, its links and pictures made to lead there from a page."""
     file = ROOT / path
@@ -216,6 +220,7 @@ def outside(path: str, page: Path) -> str:
         if re.match(r"[a-z]+:|#", target):
             return found[0]
         there = (file.parent / target.partition("#")[0]).resolve()
+        there = PAGES.get(there.relative_to(ROOT).as_posix(), there)
         return f"{found[1]}{os.path.relpath(there, page.parent)}{found[3]}"
 
     text = file.read_text(encoding="utf-8")

@@ -32,11 +32,11 @@ from mathnavi.sim.interfaces.input_files import run_inputs
 from mathnavi.sim.plugin.trust import trusting, within_record
 from mathnavi.sim.records.figure_names import PLANNER_STATUS
 from mathnavi.sim.records.run_folder import SCENE, NothingToDrawError
-from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 if TYPE_CHECKING:
     from mathnavi.sim.commands.run_web import FollowedRun
     from mathnavi.sim.engine.loop import Loop
+    from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 UNPLANNED = 3  # exit status of a run that did what it should without its planner
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 from rich.text import Text
@@ -11,7 +11,9 @@ from rich.text import Text
 from mathnavi.sim.interfaces.short_tables import value_text
 from mathnavi.sim.interfaces.signals import Event
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, label
-from mathnavi.sim.scenarios.closed_loop import RunResult
+
+if TYPE_CHECKING:
+    from mathnavi.sim.scenarios.closed_loop import RunResult
 
 SHOWN_ELSEWHERE = ("seed", "version", "efficiency_basis", SHORTFALL, PLANNER_STATUS)
 

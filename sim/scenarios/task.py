@@ -12,12 +12,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from mathnavi.controllers.flight.command_filter import FilteredCommand
 from mathnavi.sim.interfaces.signals import Array, Estimate
+
+if TYPE_CHECKING:  # it imports numba, and help and descriptions of fields do not need it
+    from mathnavi.controllers.flight.command_filter import FilteredCommand
 
 
 @dataclass(frozen=True, eq=False)

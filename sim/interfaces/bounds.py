@@ -17,6 +17,7 @@ those defined here. A ``Literal`` allows what it lists, and None is allowed wher
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import math
 import operator
 import types
@@ -194,7 +195,7 @@ def declared(config: Any) -> tuple[Declared, ...]:
     unless its type there is marked with ``ANEW``.
     """
     bases = [base for base in reversed(config.__mro__) if "__dataclass_fields__" in vars(base)]
-    hints = [(vars(base).get("__annotations__", ()), get_type_hints(base, include_extras=True)) for base in bases]
+    hints = [(inspect.get_annotations(base), get_type_hints(base, include_extras=True)) for base in bases]
     return tuple(
         Declared(entry.name, optional, each, condition.holds, condition.allowed, condition.hint)
         for entry in dataclasses.fields(config)

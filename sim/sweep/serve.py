@@ -37,6 +37,8 @@ from mathnavi.sim.sweep.task import Ended, SweepTask
 Send = Callable[[str, Any], None]
 
 MOST_CHARACTERS = 10_000  # of an error
+# Its many lines would leave no room for what the task printed last.
+WITHOUT_C_STACK: dict[str, Any] = {"c_stack": False} if sys.version_info >= (3, 14) else {}
 _OOM_SCORE = "1000"  # the most that Linux takes: where memory runs out, this process goes and not the sweep
 _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]+")
 _LOADED = re.compile(r"^Extension modules:.*\n?", re.MULTILINE)
@@ -46,7 +48,7 @@ def main(descriptor: int) -> None:
     """Serve until the other end of the connection is closed."""
     os.set_inheritable(descriptor, False)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
-    faulthandler.enable(all_threads=False)
+    faulthandler.enable(all_threads=False, **WITHOUT_C_STACK)
     with suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(_OOM_SCORE)
     import_mujoco()

@@ -291,3 +291,16 @@ def test_bounds_that_are_declared_anew_may_be_wider() -> None:
 def test_a_subclass_without_fields_of_its_own_keeps_the_bounds() -> None:
     with pytest.raises(FieldError, match=r"scale = 0\.0; allowed: a finite value > 0"):
         Nothing(scale=0.0)
+
+
+def test_bounds_hold_in_a_module_whose_annotations_are_not_texts() -> None:
+    """From Python 3.14 on they are evaluated when they are asked for, and are not among the attributes of the class."""
+    names: dict[str, Any] = {}
+    source = "@configuration\nclass Wind:\n    speed: NonNegative = 1.0\n"
+    exec(
+        compile(source, "wind.py", "exec", dont_inherit=True),
+        {"configuration": configuration, "NonNegative": NonNegative},
+        names,
+    )
+    with pytest.raises(ValueError, match=r"speed = -1\.0"):
+        names["Wind"](speed=-1.0)

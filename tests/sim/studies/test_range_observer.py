@@ -11,15 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mathnavi.models.unicycle.kernels import integrate
+from mathnavi.sim.studies.ranging import range_observer_runs as runs
 from mathnavi.sim.studies.ranging.observability.maps import SENSORS, STANDARD
-from mathnavi.sim.studies.ranging.range_observer import runs
-from mathnavi.sim.studies.ranging.range_observer.claims import LockResults, falls
-from mathnavi.sim.studies.ranging.range_observer.identities import complex_step, identities
-from mathnavi.sim.studies.ranging.range_observer.observer_run import RunErrors, follow
-from mathnavi.sim.studies.ranging.range_observer.runs import START, ObserverGains, ThesisRun
-from mathnavi.sim.studies.ranging.range_observer.study import PRINTED_START, SETS
+from mathnavi.sim.studies.ranging.range_observer import DRAWN, OBSERVERS, PRINTED_START, SETS, falls
+from mathnavi.sim.studies.ranging.range_observer_runs import START, ThesisRun, complex_step, follow, identities
 
-OURS, AS_PRINTED = ObserverGains("s", 5.0, 1.0), ObserverGains("none", 5.0, 1.0)
+OURS, AS_PRINTED = OBSERVERS["s"], OBSERVERS["none"]
 STEP = 1e-4  # [s]
 
 
@@ -37,10 +34,13 @@ def test_the_complex_step_is_the_derivative_of_what_rays_read(sensors: str, seed
 
 @pytest.mark.parametrize("sensors", SETS)
 def test_on_the_truth_nothing_is_left_but_what_heun_leaves(sensors: str) -> None:
-    for one in identities((sensors, 1, 20)):
-        assert max(one.Q, one.s, one.rho_dot, one.manifold) <= 1e-12
-        assert min(one.heun_s, one.heun_rho_dot) > 0.0
-        assert max(one.heun_s, one.heun_rho_dot) <= 1e-3
+    residuals = identities((sensors, 1, 20))
+    for name in ("Q", "s", "rho_dot", "manifold"):
+        assert residuals[name].shape == (20,)
+        assert residuals[name].max() <= 1e-12
+    for name in ("heun_s", "heun_rho_dot"):
+        assert residuals[name].min() > 0.0
+        assert residuals[name].max() <= 1e-3
 
 
 def test_the_first_estimates_are_in_the_vicinity_of_the_thesis_start() -> None:
@@ -70,18 +70,18 @@ def test_an_estimate_on_the_image_of_the_truth_is_not_off() -> None:
     run = runs.from_thesis_start(asked).run
     image = STANDARD.images(START)[1]
     turned = dataclasses.replace(run, mission=runs.mission_with("2t", run.mission.ranging, image))
-    seen = follow(turned, OURS.config())
+    seen = follow(turned, OURS)
     assert np.linalg.norm(seen.x[:, :2] - seen.truth[:, :2], axis=1).min() > 1.0
     assert max(seen.position.max(), seen.in_z.max()) <= 1e-3
 
 
 def test_turning_from_the_thesis_start_the_print_loses_lock_and_the_feed_forward_does_not() -> None:
-    printed, ours = (runs.thesis_verdict(ThesisRun("circle", gains, 0, 8)) for gains in (AS_PRINTED, OURS))
-    assert not printed.locked
-    assert not printed.locked_z
-    assert ours.locked
-    assert ours.locked_z
-    assert ours.position < 1e-3
+    printed, ours = (runs.thesis_errors(ThesisRun("circle", observer, 0, 8)) for observer in (AS_PRINTED, OURS))
+    assert not printed["keeps_lock"]
+    assert not printed["keeps_lock_in_z"]
+    assert ours["keeps_lock"]
+    assert ours["keeps_lock_in_z"]
+    assert ours["position_rms_m"] < 1e-3
 
 
 def test_the_mean_of_a_true_and_a_faulty_ray_errs_less_than_the_faulty_one() -> None:
@@ -90,7 +90,10 @@ def test_the_mean_of_a_true_and_a_faulty_ray_errs_less_than_the_faulty_one() -> 
 
 
 def test_an_error_falls_only_where_lock_is_kept_at_both_gains() -> None:
-    near, nearer, lost = (RunErrors(p, h, 0.0, 0.0, 0.0, 0.0) for p, h in ((0.2, 0.1), (0.02, 0.01), (0.9, 0.1)))
-    drawn = {("2s", "standard", 1.0): [near, lost, near], ("2s", "standard", 10.0): [nearer, nearer, lost]}
-    e = LockResults([], np.zeros(3), {}, {}, {}, drawn, {}, [])
-    assert falls(e) == {("2s", "standard"): [pytest.approx(10.0)]}
+    near, nearer, lost = (0.2, True), (0.02, True), (0.9, False)
+    rows = [
+        {"what": DRAWN, "sensors": "2s", "motion": "standard", "k_v": k, "position_rms_m": error, "keeps_lock": kept}
+        for k, runs_at_k in ((1.0, (near, lost, near)), (10.0, (nearer, nearer, lost)))
+        for error, kept in runs_at_k
+    ]
+    assert falls(rows) == falls(rows, sensors="2s", motion="standard") == [pytest.approx(10.0)]

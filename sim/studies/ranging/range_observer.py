@@ -32,12 +32,11 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.heat_map import readable_on
 from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
-from mathnavi.sim.studies.ranging.observability.maps import SENSORS, STANDARD
+from mathnavi.sim.studies.ranging.observability_measures import SENSORS, STANDARD, THESIS_START
 from mathnavi.sim.studies.ranging.range_observer_runs import (
     DRIVES,
     MOTIONS,
     RESIDUALS,
-    START,
     DrawnRun,
     ObserverRun,
     ThesisRun,
@@ -312,7 +311,7 @@ def _as_printed(rows: Sequence[Row]) -> Claim:
 
 
 def _printed(rows: Sequence[Row]) -> list[Claim]:
-    psi = np.append(STANDARD.ranges(START, np.radians(SENSORS["2t"]))[1], START[2])
+    psi = np.append(STANDARD.ranges(THESIS_START, np.radians(SENSORS["2t"]))[1], THESIS_START[2])
     error = float(np.abs(wrapped(PRINTED_START - psi)).max())
     worst = {row["feedforward"]: row["worst_m"] for row in chosen(rows, what=KNOWN)}
     moving = {motion: chosen(rows, what=THESIS, motion=motion, feedforward="none") for motion in MOVING}
@@ -462,14 +461,16 @@ def _field(axes: Axes, runs: Mapping[FeedForward, ObserverRun], *, noisy: bool) 
     axes.plot(*wall.T, color=INK, lw=1.8)
     first = next(iter(runs.values()))
     alpha = first.run.mission.alpha
-    for end in STANDARD.points(STANDARD.ranges(START, alpha)[1]):
-        axes.plot([START[0], end[0]], [START[1], end[1]], color=hexadecimal(COLOURS[SceneElement.RAY]), lw=0.9)
+    for end in STANDARD.points(STANDARD.ranges(THESIS_START, alpha)[1]):
+        axes.plot(
+            [THESIS_START[0], end[0]], [THESIS_START[1], end[1]], color=hexadecimal(COLOURS[SceneElement.RAY]), lw=0.9
+        )
     for feedforward, width in zip(PAIR, (1.1, 1.5), strict=True):
         run = runs[feedforward]
         axes.plot(run.x[:, 0], run.x[:, 1], color=COLOUR[feedforward], lw=width, zorder=3)
         axes.plot(*run.x[0, :2], "o", ms=4.5, color=COLOUR[feedforward], zorder=5)
     axes.plot(first.truth[:, 0], first.truth[:, 1], color=TRUTH, lw=1.8, ls=(0, (4, 2)), zorder=4)
-    axes.fill(*outline(START).T, facecolor="white", edgecolor=INK, lw=1.1, zorder=6)
+    axes.fill(*outline(THESIS_START).T, facecolor="white", edgecolor=INK, lw=1.1, zorder=6)
     least = first.truth[np.argmin(first.truth[:, 0])]
     astray = runs["none"].x[np.argmax(runs["none"].position)]
     halo = [patheffects.withStroke(linewidth=2.6, foreground="#f3f5f6")]

@@ -32,9 +32,15 @@ from mathnavi.models.unicycle.quality import KnownStart, RangeQuality
 from mathnavi.sim.interfaces.signals import Array, Measurement
 from mathnavi.sim.metrics.convergence import LAST
 from mathnavi.sim.metrics.ranging import HEADING, POSITION, rms
-from mathnavi.sim.studies.ranging.observability.maps import HALF_AXES, SENSORS, STANDARD, drawn_start, driving
+from mathnavi.sim.studies.ranging.observability_measures import (
+    HALF_AXES,
+    SENSORS,
+    STANDARD,
+    THESIS_START,
+    drawn_start,
+    driving,
+)
 
-START = np.array([1.0, -1.0, 0.5 * math.pi])  # x(0) of C.5
 NOISE = 0.05  # of a range
 VICINITY = 0.2  # [rad] by which each component of the first z is off at most
 STRIDE = 5  # readings from one at which errors are taken to the next
@@ -166,7 +172,7 @@ def identities(asked: tuple[str, int, int]) -> dict[str, Array]:
 def from_thesis_start(asked: ThesisRun) -> ObserverRun:
     """Run the observer from the thesis' start."""
     rng = np.random.default_rng(asked.seed).spawn(1)[0]
-    z, x = ((), START) if asked.true_start else first_z(asked.seed)
+    z, x = ((), THESIS_START) if asked.true_start else first_z(asked.seed)
     quality = RangeQuality(NOISE if any(asked.noisy) else 0.0)
     exact = _thesis_truth(asked.motion, asked.seconds)
     run = dataclasses.replace(exact, mission=mission_with("2t", quality, x))
@@ -178,9 +184,9 @@ def from_thesis_start(asked: ThesisRun) -> ObserverRun:
 def first_z(seed: int) -> tuple[tuple[float, ...], Array]:
     """z^(0) (3,) in the vicinity of Psi(x(0)), of which Phi is within the wall, and that pose (3,)."""
     rng, alpha = np.random.default_rng(seed), np.radians(SENSORS["2t"])
-    rho, s = STANDARD.ranges(START, alpha)
+    rho, s = STANDARD.ranges(THESIS_START, alpha)
     while True:
-        z: Array = np.append(s, START[2]) + rng.uniform(-VICINITY, VICINITY, 3)
+        z: Array = np.append(s, THESIS_START[2]) + rng.uniform(-VICINITY, VICINITY, 3)
         x: Array = np.append(places(z, rho, alpha).mean(axis=0), z[2])
         if STANDARD.contains(x[:2]):
             return tuple(z.tolist()), x
@@ -202,7 +208,7 @@ def mission_with(sensors: str, quality: RangeQuality, start: Array, period: floa
 
 @lru_cache(maxsize=8)
 def _thesis_truth(motion: str, seconds: int) -> ExactRun:
-    return exact_run(mission_with("2t", RangeQuality(), START), START, MOTIONS[motion], float(seconds))
+    return exact_run(mission_with("2t", RangeQuality(), THESIS_START), THESIS_START, MOTIONS[motion], float(seconds))
 
 
 def _with_noise(run: ExactRun, relative: Array, rng: np.random.Generator) -> ExactRun:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mathnavi.sim.studies.ranging.observability.maps import (
+from mathnavi.sim.studies.ranging.observability_measures import (
     FAMILIES,
     HALF_AXES,
     MARGIN,

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.studies.ranging import range_observer_runs as runs
-from mathnavi.sim.studies.ranging.observability.maps import SENSORS, STANDARD
+from mathnavi.sim.studies.ranging.observability_measures import SENSORS, STANDARD, THESIS_START
 from mathnavi.sim.studies.ranging.range_observer import DRAWN, OBSERVERS, PRINTED_START, SETS, falls
-from mathnavi.sim.studies.ranging.range_observer_runs import START, ThesisRun, complex_step, follow, identities
+from mathnavi.sim.studies.ranging.range_observer_runs import ThesisRun, complex_step, follow, identities
 
 OURS, AS_PRINTED = OBSERVERS["s"], OBSERVERS["none"]
 STEP = 1e-4  # [s]
@@ -51,8 +51,10 @@ def test_the_first_estimates_are_in_the_vicinity_of_the_thesis_start() -> None:
         assert np.abs(error).max() <= runs.VICINITY + 1e-4
         assert STANDARD.contains(x[:2])
         np.testing.assert_array_equal(z, runs.first_z(seed)[0])
-    rho, s = STANDARD.ranges(START, alpha)
-    np.testing.assert_allclose(runs.places(np.append(s, START[2]), rho, alpha), [START[:2]] * 2, atol=1e-12)
+    rho, s = STANDARD.ranges(THESIS_START, alpha)
+    np.testing.assert_allclose(
+        runs.places(np.append(s, THESIS_START[2]), rho, alpha), [THESIS_START[:2]] * 2, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("noisy", [(True, True), (True, False), (False, True), (False, False)])
@@ -68,7 +70,7 @@ def test_an_estimate_on_the_image_of_the_truth_is_not_off() -> None:
     """The half-turn of the ellipse, in X and in Z."""
     asked = ThesisRun("circle", OURS, 0, 2, true_start=True)
     run = runs.from_thesis_start(asked).run
-    image = STANDARD.images(START)[1]
+    image = STANDARD.images(THESIS_START)[1]
     turned = dataclasses.replace(run, mission=runs.mission_with("2t", run.mission.ranging, image))
     seen = follow(turned, OURS)
     assert np.linalg.norm(seen.x[:, :2] - seen.truth[:, :2], axis=1).min() > 1.0

@@ -19,7 +19,7 @@ from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.sphere_observer import SphereObserverConfig, config_mission
 from mathnavi.sim.scenarios.textbook import TextbookConfig
-from mathnavi.sim.studies.ranging.observability.maps import STANDARD, MapCase, drawn_start, driving
+from mathnavi.sim.studies.ranging.observability_measures import STANDARD, MapCase, drawn_start, driving
 
 MEASURE = "mathnavi.sim.studies.introduction.observer_properties.measures:property_figures"
 

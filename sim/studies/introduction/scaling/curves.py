@@ -36,7 +36,7 @@ from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.store import Store
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.studies.introduction.scaling.memory import PeakMemory
-from mathnavi.sim.studies.ranging.observability.maps import STANDARD
+from mathnavi.sim.studies.ranging.observability_measures import STANDARD
 from mathnavi.sim.studies.ranging.range_convergence.costs import START
 from mathnavi.sim.studies.ranging.range_convergence.runs import declared_mission, noisy_run
 from mathnavi.sim.sweep.execution import run_trials

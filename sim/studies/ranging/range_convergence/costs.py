@@ -27,7 +27,7 @@ from mathnavi.estimators.ranging.particle_clusters import Cells
 from mathnavi.estimators.ranging.unscented import RangeUkf
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.interfaces.signals import Array, Measurement
-from mathnavi.sim.studies.ranging.observability.maps import STANDARD
+from mathnavi.sim.studies.ranging.observability_measures import STANDARD
 from mathnavi.sim.studies.ranging.range_convergence.cost_kernels import (
     Quality,
     RecordedReadings,

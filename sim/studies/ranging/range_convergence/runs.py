@@ -25,7 +25,7 @@ from mathnavi.sim.metrics.convergence import LAST
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.scenarios.ranging_fields import RangingNoise
-from mathnavi.sim.studies.ranging.observability.maps import SENSORS, drawn_start, driving, spread
+from mathnavi.sim.studies.ranging.observability_measures import SENSORS, drawn_start, driving, spread
 
 BANK, EKF, UKF, PARTICLES, FLOOR = "bank", "EKF", "UKF", "particle filter", "EKF from nearby"
 PLUGINS: Mapping[str, str] = {

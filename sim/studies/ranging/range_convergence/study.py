@@ -20,7 +20,7 @@ from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
-from mathnavi.sim.studies.ranging.observability.maps import SENSORS, STANDARD
+from mathnavi.sim.studies.ranging.observability_measures import SENSORS, STANDARD
 from mathnavi.sim.studies.ranging.range_convergence.claims import (
     BEAN_WALL,
     BEYOND_EKF,

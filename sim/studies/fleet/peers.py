@@ -25,7 +25,7 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunResult
-from mathnavi.sim.studies.fleet.arrival.narrow import swapping
+from mathnavi.sim.studies.fleet.arrival import swapping
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.sweep.trial import Trial, trial
 

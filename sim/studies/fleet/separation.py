@@ -24,7 +24,7 @@ from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.studies.fleet.arrival.study import SIZES
+from mathnavi.sim.studies.fleet.arrival import SIZES
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, TerrainReference
 from mathnavi.sim.sweep.trial import Trial, trial
 

@@ -18,7 +18,7 @@ from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, 
 from mathnavi.sim.interfaces.protocols import Consensus, ConsensusPlugin
 from mathnavi.sim.interfaces.signals import Array, Message
 from mathnavi.sim.plugin.registry import PluginSpec, checked_consensus, load, names
-from mathnavi.sim.studies.fleet.consensus.exchange import exchanged
+from mathnavi.sim.studies.fleet.message_exchange import exchanged
 from tests.fleet import NAMES, Shuffled, graphs, started, starts_for
 
 PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.consensus")}

@@ -7,10 +7,25 @@ import math
 import numpy as np
 import pytest
 
-from mathnavi.sim.studies.fleet.consensus.claims import WITHIN, distance_to_average
-from mathnavi.sim.studies.fleet.consensus.exchange import H, disagreement, graph_of, laplacians, names_of, slope
-from mathnavi.sim.studies.fleet.consensus.following import FAR, OutlierCase, with_outlier
-from mathnavi.sim.studies.fleet.consensus.runs import SLOW, DelayCase, LinkCase, RateCase, delayed, over_links, rate_on
+from mathnavi.sim.studies.fleet.consensus import WITHIN
+from mathnavi.sim.studies.fleet.message_exchange import (
+    FAR,
+    SLOW,
+    DelayCase,
+    H,
+    LinkCase,
+    OutlierCase,
+    RateCase,
+    delayed,
+    disagreement,
+    graph_of,
+    laplacians,
+    names_of,
+    over_links,
+    rate_on,
+    slope,
+    with_outlier,
+)
 
 
 def test_in_short_rounds_the_rate_is_the_connectivity_and_in_long_ones_it_is_not() -> None:
@@ -46,7 +61,7 @@ def test_an_outlier_moves_the_others_by_one_round_of_what_it_hears_and_no_more()
     heard = 0.5 * (starts[FAR - 1] + starts[FAR + 1])
     amount = 60.0 * 5.0 / 3.0 / 400  # s h, on two links
     # Its first value lags the others' by a round, what it gives and takes afterwards adds up to nothing.
-    assert distance_to_average(found) == pytest.approx(2.0 * amount * (heard - found.agreed[1]) / 7.0, rel=0.02)
+    assert found.shift == pytest.approx(2.0 * amount * (heard - found.agreed[1]) / 7.0, rel=0.02)
     assert list(found.follows) == [False, True]
     assert found.everybody[1] - found.others[1] > 15.0
 

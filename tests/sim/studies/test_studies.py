@@ -84,10 +84,7 @@ SMALLER: dict[str, dict[str, Any]] = {
     "guarantees": {"flight.guarantees._TIMED": 4.0},
     "hunt": {"flight.hunt.study.HUNTS": (SAFE_FLIGHT, UPDATES), "flight.hunt.study.COLOURS": ("#2166ac", "#e08214")},
     "arrival": {"fleet.arrival.SIZES": (2,), "fleet.arrival.PRINTED_SIZE": 2},
-    "consensus": {
-        **{f"fleet.consensus.{module}.ROUNDS": (40, 80, 160) for module in ("study", "claims")},
-        "fleet.consensus.study._FRACTIONS": (0.9, 1.1, 1.5),
-    },
+    "consensus": {"fleet.consensus.ROUNDS": (40, 80, 160), "fleet.consensus._FRACTIONS": (0.9, 1.1, 1.5)},
     "range-convergence": {
         "ranging.range_convergence.study.TIMED": 1,
         "ranging.range_convergence.costs._PARTICLES": 100,

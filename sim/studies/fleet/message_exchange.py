@@ -1,0 +1,406 @@
+"""Vehicles that exchange messages in rounds over a network: the fast time scale of A.8.2 alone, where no plant flies.
+
+For the study ``consensus``: the rate of the Laplacian protocol, with delays, on links that switch or lose messages;
+clocks that agree (Remark A.6); and outliers that follow (A.14).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import cycle, islice
+from typing import Any, Literal
+
+import numpy as np
+from scipy.special import lambertw
+
+from mathnavi.controllers.arrival.clock import ClockConfig, ClockConsensus
+from mathnavi.controllers.arrival.laplacian import LaplacianConfig, LaplacianConsensus
+from mathnavi.controllers.arrival.maximum import MaximumConfig, MaximumConsensus
+from mathnavi.models.fleet.graph import Graph
+from mathnavi.models.fleet.switching import Switching
+from mathnavi.sim.engine.network import (
+    Addressed,
+    DelayedLinks,
+    IdealNetwork,
+    Linked,
+    LossyLinks,
+    Network,
+    single_messages,
+)
+from mathnavi.sim.interfaces.protocols import Consensus
+from mathnavi.sim.interfaces.signals import Array, Message
+
+H = 1.0 / 60.0  # [s] of a round, where nothing else is said
+PLANNING = 5.0 / 3.0  # [s] of a planning period
+Kind = Literal["line", "ring", "complete", "random"]
+KINDS: tuple[Kind, ...] = ("line", "ring", "complete", "random")
+_FINE, SLOW = 0.25, 0.04  # s h d_max and s h lambda_2 at most, so that rounds are nearly continuous time
+LOSS = 0.2
+_STAY = 12  # rounds on one graph
+FAR = 3  # which of the eight has another arrival time; in the middle of a line, so that without it two parts are left
+_BACK = 3  # planning period at which its arrival time is as the others' again
+
+
+def names_of(n: int) -> tuple[str, ...]:
+    """vehicle-00, vehicle-01, ..."""
+    return tuple(f"vehicle-{k:02d}" for k in range(n))
+
+
+def graph_of(kind: Kind, n: int, seed: int = 0) -> Graph:
+    """A connected graph; a random one has weights from .5 to 2."""
+    if kind == "random":
+        return Graph.random_connected(names_of(n), 0.3, np.random.default_rng([n, seed]), 0.5, 2.0)
+    return {"line": Graph.line, "ring": Graph.ring, "complete": Graph.complete}[kind](names_of(n))
+
+
+def exchanged(
+    parts: Mapping[str, Consensus],
+    graph: Graph | Switching,
+    network: Network,
+    rounds: int,
+    begin: float = 0.0,
+    clocks: Mapping[str, Callable[[float], float]] | None = None,
+) -> Array:
+    """(rounds + 1, n) values after each round, the first at ``begin`` [s].
+
+    In a round every vehicle processes the messages that have arrived, and then sends to its present neighbours in the
+    graph. ``clocks`` map the true time [s] to each vehicle's own, with which its messages are stamped.
+    """
+    network = Linked(network, graph.linked) if isinstance(graph, Switching) else network
+    union = graph.union if isinstance(graph, Switching) else graph
+    receivers = {name: union.neighbours(name) for name in parts}
+    period = next(iter(parts.values())).period
+    values = np.empty((rounds + 1, len(parts)))
+    for k in range(rounds + 1):
+        t = begin + k * period
+        shown = {name: clocks[name](t) if clocks else t for name in parts}
+        sent = {name: part.exchange(shown[name], network.receive(name, t)) for name, part in parts.items()}
+        values[k] = [part.value for part in parts.values()]
+        for name, payload in sent.items():
+            message = Message(shown[name], name, "consensus", payload)
+            network.send([(receiver, message) for receiver in receivers[name]], t)
+    return values
+
+
+def laplacians(graph: Graph | Switching, starts: Sequence[float] | Array, **fields: Any) -> dict[str, Consensus]:
+    """A vehicle each with the Laplacian protocol, started."""
+    config = LaplacianConfig(**fields)
+    parts: dict[str, Consensus] = {name: LaplacianConsensus(config, graph.node(name)) for name in graph.names}
+    for part, start in zip(parts.values(), starts, strict=True):
+        part.start(float(start))
+    return parts
+
+
+def disagreement(values: Array) -> Array:
+    """(k,) Euclidean distance of the values (k, n) from their average."""
+    distance: Array = np.linalg.norm(values - values.mean(axis=1, keepdims=True), axis=1)
+    return distance
+
+
+def slope(t: Array, size: Array) -> float:
+    """[1/s] of log size by least squares."""
+    return float(np.polyfit(t, np.log(size), 1)[0])
+
+
+def moved(values: Array) -> float:
+    """How far the average of the values (k, n) has moved, over the first disagreement."""
+    return float(abs(values[-1].mean() - values[0].mean()) / disagreement(values)[0])
+
+
+# ---- the rate on one graph
+
+
+@dataclass(frozen=True)
+class RateCase:
+    """A graph, and the step of the protocol on it."""
+
+    kind: Kind
+    n: int
+    seed: int
+    amount: float = 0.0  # s h d_max; 0: so small that rounds are nearly continuous time
+
+
+@dataclass(frozen=True, eq=False)
+class RateFound:
+    """Measured rate of consensus on one graph."""
+
+    case: RateCase
+    connectivity: float  # lambda_2
+    rate: float  # measured over the scaling
+    above: float  # largest disagreement from a random start over exp(-s lambda_2 t), less 1
+    moved: float  # of the average, over the first disagreement
+    diameter: int
+    rounds_to_maximum: int
+
+    @property
+    def error(self) -> float:
+        """Of the rate, relative to the connectivity."""
+        return self.rate / self.connectivity - 1.0
+
+
+def rate_on(case: RateCase) -> RateFound:
+    """The decay of log disagreement, started in the slowest mode and a tenth of noise; and max-consensus beside it."""
+    graph = graph_of(case.kind, case.n, case.seed)
+    second = graph.algebraic_connectivity
+    valency = float(graph.weights.sum(axis=1).max())
+    s = (case.amount / valency if case.amount else min(_FINE / valency, SLOW / second)) / H
+    rng = np.random.default_rng([case.n, case.seed, 1])
+    slowest = np.linalg.eigh(graph.laplacian)[1][:, 1]
+    rounds = max(math.ceil(5.0 / (s * second * H)), 12)
+    starts = 100.0 + 10.0 * (slowest + 0.1 * rng.standard_normal(case.n) / math.sqrt(case.n))
+    values = exchanged(laplacians(graph, starts, scaling=s), graph, IdealNetwork(graph.names), rounds)
+    size, t = disagreement(values), H * np.arange(rounds + 1)
+    tail = t >= 0.4 * t[-1]
+    drawn = exchanged(
+        laplacians(graph, rng.uniform(50, 150, case.n), scaling=s), graph, IdealNetwork(graph.names), rounds // 2
+    )
+    bound = disagreement(drawn) / disagreement(drawn)[0] * np.exp(s * second * t[: len(drawn)])
+    return RateFound(
+        case,
+        second,
+        -slope(t[tail], size[tail]) / s,
+        float(bound.max()) - 1.0,
+        moved(values),
+        int(graph.diameter),
+        _rounds_to_maximum(graph, rng),
+    )
+
+
+def _rounds_to_maximum(graph: Graph, rng: np.random.Generator) -> int:
+    parts: dict[str, Consensus] = {name: MaximumConsensus(MaximumConfig(), graph.node(name)) for name in graph.names}
+    starts = rng.uniform(50.0, 150.0, len(parts))
+    for part, start in zip(parts.values(), starts, strict=True):
+        part.start(float(start))
+    values = exchanged(parts, graph, IdealNetwork(graph.names), int(graph.diameter) + 1)
+    return int(np.flatnonzero((values == starts.max()).all(axis=1))[0])
+
+
+# ---- delays
+
+
+@dataclass(frozen=True)
+class DelayCase:
+    """A delay, as a multiple of the bound pi / (2 s lambda_n)."""
+
+    fraction: float
+    own: Literal["now", "then"]
+    n: int = 8
+
+
+@dataclass(frozen=True, eq=False)
+class DelayFound:
+    """Disagreement over time with a delay on every link."""
+
+    case: DelayCase
+    t: Array  # (k,) over the bound
+    size: Array  # (k,) disagreement, over the first
+    rate: float  # measured decay over s
+    predicted: float  # by the roots of z + s lambda exp(-z tau) = 0; NaN where only the neighbours are delayed
+    moved: float  # of the average, over the first disagreement
+
+
+def delayed(case: DelayCase) -> DelayFound:
+    """Run consensus on a random graph, with the same delay on every link."""
+    graph = graph_of("random", case.n)
+    s = 0.05 / (graph.eigenvalues[-1] * H)
+    bound = math.pi / (2.0 * s * graph.eigenvalues[-1])  # [s]
+    tau = H * round(case.fraction * bound / H)
+    rounds = math.ceil(30.0 * bound / H)
+    rng = np.random.default_rng(case.n)
+    modes = np.linalg.eigh(graph.laplacian)[1]
+    starts = 100.0 + 30.0 * (modes[:, 1] + modes[:, -1]) + 0.1 * rng.standard_normal(case.n)  # one of them dominates
+    parts = laplacians(graph, starts, scaling=s, own=case.own, memory=tau + 2.0 * H)
+    values = exchanged(parts, graph, DelayedLinks(IdealNetwork(graph.names), tau, tau, rng), rounds)
+    size, t = disagreement(values), H * np.arange(rounds + 1)
+    held = tau - 0.5 * H  # [s] a value is used for a round from its arrival on, so it is as old as this on average
+    roots = [complex(lambertw(-s * value * held)) / held for value in graph.eigenvalues[1:]]
+    dominant = max(roots, key=lambda z: z.real)
+    swing = min(rounds // 4, math.ceil(math.pi / max(abs(dominant.imag), 1e-9) / H))  # rounds of half a swing
+    envelope = np.array([size[k : k + swing].max() for k in range(rounds + 1 - swing)])
+    tail = slice(rounds // 3, None) if case.own == "then" else slice(rounds // 3, rounds - swing)
+    return DelayFound(
+        case,
+        t / bound,
+        size / size[0],
+        -slope(t[: len(envelope)][tail], envelope[tail]) / s,
+        -dominant.real / s if case.own == "then" else math.nan,
+        moved(values),
+    )
+
+
+# ---- switching and loss
+
+
+@dataclass(frozen=True)
+class LinkCase:
+    """Links that change, or lose messages."""
+
+    name: Literal["switching", "matchings", "loss"]
+    seed: int
+    n: int = 8
+
+
+@dataclass(frozen=True, eq=False)
+class LinkFound:
+    """Disagreement over time on links that change or lose messages."""
+
+    case: LinkCase
+    t: Array  # (k,) [s] times s
+    size: Array  # (k,) disagreement, over the first
+    rate: float  # measured over s
+    reference: float  # lambda_2 that it is held against
+    least: float  # slowest decay over any one graph's stay, over s
+    moved: float  # of the average, over the first disagreement
+
+
+def over_links(case: LinkCase) -> LinkFound:
+    """Switching among connected graphs; among two of which neither is connected; and a ring that loses messages."""
+    names = names_of(case.n)
+    ring, line, complete = Graph.ring(names), Graph.line(names), Graph.complete(names)
+    s, rounds = 0.04 / H, 240 if case.name == "switching" else 720
+    rng = np.random.default_rng([case.seed, 7])
+    network: Network = IdealNetwork(names)
+    graph: Graph | Switching = ring
+    memory, stay, reference = 0.25, _STAY, ring.algebraic_connectivity
+    if case.name == "switching":
+        graph, memory, reference = _alternating((line, ring, complete), _STAY), 1.5 * H, line.algebraic_connectivity
+    elif case.name == "matchings":
+        pairs = [(names[k], names[(k + 1) % case.n]) for k in range(case.n)]
+        halves = tuple(Graph.from_edges(names, dict.fromkeys(pairs[k::2], 1.0)) for k in range(2))
+        graph, memory = _alternating(halves, 2), 1.5 * H
+        reference = 0.5 * ring.algebraic_connectivity  # of the mean of the two
+        stay = 4
+    else:
+        network = LossyLinks(network, LOSS, 0.0, rng)
+    graph.checked_connected()
+    starts = 100.0 + 10.0 * np.linalg.eigh(line.laplacian)[1][:, 1] + rng.standard_normal(case.n)
+    values = exchanged(laplacians(graph, starts, scaling=s, memory=memory), graph, network, rounds)
+    size, t = disagreement(values), H * np.arange(rounds + 1)
+    heard = size > 1e-9 * size[0]  # what is left is rounding
+    size, t = size[heard], t[heard]
+    tail = t >= 0.3 * t[-1]
+    stays = np.diff(np.log(size[1::stay])) / (stay * H)  # what is sent first is taken in with the second round
+    rate, least = -slope(t[tail], size[tail]) / s, float(-stays.max()) / s
+    return LinkFound(case, s * t, size / size[0], rate, reference, least, moved(values))
+
+
+def _alternating(graphs: Sequence[Graph], stay: int) -> Switching:
+    """Switch between graphs, each for ``stay`` rounds, over and over; it changes between two rounds."""
+    return Switching(tuple((H * (stay * k - 0.5), graph) for k, graph in enumerate(islice(cycle(graphs), 1000))))
+
+
+# ---- clocks
+
+
+@dataclass(frozen=True)
+class ClockCase:
+    """Delays [s] from a vehicle to the next and back, each with its spread."""
+
+    name: str
+    there: tuple[float, float]
+    back: tuple[float, float]
+    drift: float = 0.0  # of the clocks, at most
+    rate_scaling: float = 0.0
+    n: int = 8
+
+
+@dataclass(frozen=True)
+class ClockFound:
+    """Differences between clocks before and after agreement."""
+
+    case: ClockCase
+    first: float  # [s] by which the clocks differ at most
+    last: float  # [s] by which the corrected ones do
+    allowed: float  # [s] what the delays' asymmetry adds up to along the line
+
+
+class _EachWay:
+    """Delays of their own to vehicles that are later in the alphabet, and to earlier ones."""
+
+    def __init__(self, network: IdealNetwork, case: ClockCase, rng: np.random.Generator) -> None:
+        self._network = network
+        self._there, self._back = (DelayedLinks(network, *span, rng) for span in (case.there, case.back))
+
+    def send(self, messages: Sequence[Addressed], t: float) -> None:
+        for receiver, message in single_messages(messages):
+            (self._there if message.sender < receiver else self._back).send(((receiver, message),), t)
+
+    def receive(self, receiver: str, t: float) -> list[Message]:
+        return self._network.receive(receiver, t)
+
+
+def clocks_agree(case: ClockCase) -> ClockFound:
+    """Run clock consensus on a line, with clocks that are up to 5 s off and drift."""
+    graph, period, seconds = graph_of("line", case.n), 0.01, 15.0
+    rng = np.random.default_rng(3)
+    offsets, drifts = rng.uniform(-5.0, 5.0, case.n), rng.uniform(-case.drift, case.drift, case.n)
+    clocks = {
+        name: (lambda t, o=float(offset), r=float(drift): t + o + r * t)
+        for name, offset, drift in zip(graph.names, offsets, drifts, strict=True)
+    }
+    config = ClockConfig(period=period, scaling=25.0, rate_scaling=case.rate_scaling, baseline=1.0)
+    parts: dict[str, Consensus] = {name: ClockConsensus(config, graph.node(name)) for name in graph.names}
+    network = _EachWay(IdealNetwork(graph.names), case, rng)
+    values = exchanged(parts, graph, network, round(seconds / period), clocks=clocks)
+    shown = np.array([clocks[name](seconds) for name in graph.names])
+    worst = max(abs(a - b) for a, b in ((case.there[0], case.back[1]), (case.there[1], case.back[0])))
+    return ClockFound(case, float(np.ptp(shown)), float(np.ptp(shown + values[-1])), 0.5 * worst * (case.n - 1))
+
+
+# ---- outliers
+
+
+@dataclass(frozen=True)
+class OutlierCase:
+    """Number of rounds in a planning period, and whether the rule (A.14) is followed."""
+
+    rounds: int  # in a planning period
+    delta: float | None = 0.3  # None: everybody takes part
+    steps: int = 5
+
+
+@dataclass(frozen=True, eq=False)
+class OutlierFound:
+    """Values that the vehicles hold, with an outlier among them."""
+
+    case: OutlierCase
+    t: Array  # (k,) [s]
+    values: Array  # (k, n) [s] eta, and the values that an outlier sends
+    follows: Array  # (steps,) whether the far one is an outlier
+    others: Array  # (steps,) [s] average of the others' starts
+    agreed: Array  # (steps,) [s] average of what the others hold at the end
+    spread: Array  # (steps,) [s] of what all hold at the end
+    everybody: Array  # (steps,) [s] average of all starts
+
+    @property
+    def shift(self) -> float:
+        """[s] of the others' agreement from their own average, in the first period in which the outlier follows."""
+        return float(self.agreed[1] - self.others[1])
+
+
+def with_outlier(case: OutlierCase) -> OutlierFound:
+    """Eight vehicles on a line over some planning periods; each one's estimate falls as time passes."""
+    graph, n = graph_of("line", 8), 8
+    period = PLANNING / case.rounds
+    delta = 1.0 if case.delta is None else case.delta  # with 1 the rule lets everything up to twice the own time pass
+    config = LaplacianConfig(scaling=60.0, period=period, memory=1.5 * period, delta=delta)
+    far = 220.0
+    starts = 100.0 + np.random.default_rng(5).uniform(-10.0, 10.0, n)
+    parts = {name: LaplacianConsensus(config, graph.node(name)) for name in graph.names}
+    network = IdealNetwork(graph.names)
+    found: list[tuple[Array, bool, float, float, float, float]] = []
+    for step in range(case.steps):
+        own = starts - PLANNING * step
+        own[FAR] = (far if step < _BACK else 115.0) - PLANNING * step
+        for part, eta in zip(parts.values(), own, strict=True):
+            part.start(float(eta))
+        values = exchanged(parts, graph, network, case.rounds - 1, begin=PLANNING * step)
+        rest = np.delete(np.arange(n), FAR)
+        follows = parts[graph.names[FAR]].outlier
+        last = values[-1]
+        found.append((values, follows, own[rest].mean(), last[rest].mean(), float(np.ptp(last)), own.mean()))
+    blocks, *by_step = zip(*found, strict=True)
+    t = period * np.arange(case.rounds * case.steps, dtype=np.float64)
+    return OutlierFound(case, t, np.concatenate(blocks), *(np.array(each, dtype=np.float64) for each in by_step))

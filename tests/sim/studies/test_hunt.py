@@ -15,9 +15,8 @@ from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.interfaces.fields import plain
 from mathnavi.sim.interfaces.signals import Event
 from mathnavi.sim.search.space import drawn
-from mathnavi.sim.studies.flight.hunt.measures import ANNOUNCED, clearance_in_bounds, violations
-from mathnavi.sim.studies.flight.hunt.spaces import FLEET, HOLES, QUADROTOR, SAFE_FLIGHT, UPDATES, Hunt
-from mathnavi.sim.studies.flight.hunt.study import Hole
+from mathnavi.sim.studies.flight.guarantee_holes import ANNOUNCED, clearance_in_bounds, violations
+from mathnavi.sim.studies.flight.hunt import FLEET, HOLES, QUADROTOR, SAFE_FLIGHT, UPDATES, Hole, Hunt
 
 T = np.arange(0.0, 10.0, 0.1)
 
@@ -40,7 +39,7 @@ def outcome(heights: np.ndarray, *events: tuple[float, str], left: float | None 
 @pytest.fixture(autouse=True)
 def flat(monkeypatch: pytest.MonkeyPatch) -> None:
     ground = SimpleNamespace(height=lambda x, y: np.zeros_like(x))
-    monkeypatch.setattr("mathnavi.sim.studies.flight.hunt.measures._ground", lambda *_: ground)
+    monkeypatch.setattr("mathnavi.sim.studies.flight.guarantee_holes._ground", lambda *_: ground)
 
 
 SAFE = np.full(len(T), 30.0)

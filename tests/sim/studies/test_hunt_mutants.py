@@ -18,7 +18,7 @@ from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.aerial.plan_status import FlightStatus
 from mathnavi.sim.interfaces.signals import Estimate, Plan, PlanRequest, Status
 from mathnavi.sim.search.space import drawn
-from mathnavi.sim.studies.flight.hunt.mutants import (
+from mathnavi.sim.studies.flight.guarantee_holes import (
     BlindCertificate,
     CertifiedFromAnywhere,
     CertifiedTooEarly,
@@ -28,7 +28,7 @@ from mathnavi.sim.studies.flight.hunt.mutants import (
     NoClearanceCheck,
     NoStartCheck,
 )
-from mathnavi.sim.studies.flight.hunt.spaces import HOLES, HoledHunt
+from mathnavi.sim.studies.flight.hunt import HOLES, HoledHunt
 from tests.flight import mission
 
 CONFIG = FlightConfig()

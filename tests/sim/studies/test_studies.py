@@ -23,7 +23,7 @@ from mathnavi.renders import page
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.store import Store
 from mathnavi.sim.scenarios.closed_loop import RunResult
-from mathnavi.sim.studies.flight.hunt.spaces import SAFE_FLIGHT, UPDATES
+from mathnavi.sim.studies.flight.hunt import SAFE_FLIGHT, UPDATES
 from mathnavi.sim.studies.framework import study
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, as_csv, on_terrain, write_result
 from mathnavi.sim.studies.introduction.scaling.curves import CURVES
@@ -82,7 +82,7 @@ SMALL_CURVES = {
 }
 SMALLER: dict[str, dict[str, Any]] = {
     "guarantees": {"flight.guarantees._TIMED": 4.0},
-    "hunt": {"flight.hunt.study.HUNTS": (SAFE_FLIGHT, UPDATES), "flight.hunt.study.COLOURS": ("#2166ac", "#e08214")},
+    "hunt": {"flight.hunt.HUNTS": (SAFE_FLIGHT, UPDATES), "flight.hunt.COLOURS": ("#2166ac", "#e08214")},
     "arrival": {"fleet.arrival.SIZES": (2,), "fleet.arrival.PRINTED_SIZE": 2},
     "consensus": {"fleet.consensus.ROUNDS": (40, 80, 160), "fleet.consensus._FRACTIONS": (0.9, 1.1, 1.5)},
     "range-convergence": {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mathnavi.sim.studies.nodes.missile_closed_loop.monte_carlo import drawn_trial, quantile_limits
+from mathnavi.sim.studies.nodes.missile_closed_loop import drawn_trial, quantile_limits
 
 
 def test_a_number_draws_the_same_flight_and_another_one_another() -> None:

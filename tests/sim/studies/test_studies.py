@@ -27,7 +27,7 @@ from mathnavi.sim.studies.flight.hunt import SAFE_FLIGHT, UPDATES
 from mathnavi.sim.studies.framework import study
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, as_csv, on_terrain, write_result
 from mathnavi.sim.studies.introduction.scaling.curves import CURVES
-from mathnavi.sim.studies.nodes.missile_closed_loop.flights import CASES, KINDS, OTHERS, PAIRS, selected_kinds
+from mathnavi.sim.studies.nodes.missile_closed_loop import CASES, KINDS, OTHERS, PAIRS, selected_kinds
 from mathnavi.sim.studies.nodes.missile_nodes.study import SCHEMES
 from mathnavi.sim.studies.riemannian.mechanisms import runs
 from mathnavi.sim.sweep.trial import Trial, trial
@@ -109,7 +109,7 @@ def _near(*target: float) -> tuple[float, ...]:
 
 FLOWN: dict[str, tuple[str, Callable[[Mapping[str, Any]], dict[str, Any]]]] = {
     "missile-closed-loop": (
-        "nodes.missile_closed_loop.flights",
+        "nodes.missile_closed_loop",
         lambda fields: {
             "planner.replan_period": 0.5,
             **fields,

@@ -34,7 +34,7 @@ from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.heat_map import heat_map
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
-from mathnavi.sim.studies.nodes.missile_nodes.study import control_error
+from mathnavi.sim.studies.nodes.missile_nodes import control_error
 
 ROUNDS = (1, 3)
 RADAU = RadauIIA(3)

@@ -28,7 +28,7 @@ from mathnavi.sim.studies.framework import study
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, as_csv, on_terrain, write_result
 from mathnavi.sim.studies.introduction.scaling.curves import CURVES
 from mathnavi.sim.studies.nodes.missile_closed_loop import CASES, KINDS, OTHERS, PAIRS, selected_kinds
-from mathnavi.sim.studies.nodes.missile_nodes.study import SCHEMES
+from mathnavi.sim.studies.nodes.missile_nodes import SCHEMES
 from mathnavi.sim.studies.riemannian.mechanisms import runs
 from mathnavi.sim.sweep.trial import Trial, trial
 
@@ -89,7 +89,7 @@ SMALLER: dict[str, dict[str, Any]] = {
         "ranging.range_convergence.study.TIMED": 1,
         "ranging.range_convergence.costs._PARTICLES": 100,
     },
-    "missile-nodes": {"nodes.missile_nodes.study.SCHEMES": SCHEMES[::2]},
+    "missile-nodes": {"nodes.missile_nodes.SCHEMES": SCHEMES[::2]},
     "curvature-sign": {f"riemannian.curvature_sign.{name}": value for name, value in SHORT.items()},
     "sphere": {"riemannian.sphere.runs.STEPS": {"printed": 4e-4, "repaired": 5e-3}},
     "scaling": {

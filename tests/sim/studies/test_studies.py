@@ -91,7 +91,7 @@ SMALLER: dict[str, dict[str, Any]] = {
     },
     "missile-nodes": {"nodes.missile_nodes.SCHEMES": SCHEMES[::2]},
     "curvature-sign": {f"riemannian.curvature_sign.{name}": value for name, value in SHORT.items()},
-    "sphere": {"riemannian.sphere.runs.STEPS": {"printed": 4e-4, "repaired": 5e-3}},
+    "sphere": {"riemannian.sphere.STEPS": {"printed": 4e-4, "repaired": 5e-3}},
     "scaling": {
         **{"introduction.scaling.curves.FLOWN": 2.0, "introduction.scaling.curves.UPDATES": 8},
         **{f"introduction.scaling.{module}.CURVES": SMALL_CURVES for module in ("curves", "study")},

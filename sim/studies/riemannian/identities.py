@@ -26,18 +26,12 @@ _WEIGHTS = (3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0)
 _GAINS = IntrinsicGains(2.0, 0.8, "constant", "matched")
 
 
-@dataclass(frozen=True)
-class IdentityCase:
-    """A space of constant curvature, and the seed of a pair of points."""
+def residuals(seed: int, n: int, kappa: float) -> dict[str, float]:
+    """Largest component, by equation, of its left side less its right; "printed" ones are those of the thesis.
 
-    n: int
-    kappa: float
-    seed: int
-
-
-def residuals(place: IdentityCase) -> dict[str, float]:
-    """Largest component, by equation, of its left side less its right; "printed" ones are those of the thesis."""
-    space, rng = ConstantCurvature(place.n, place.kappa), np.random.default_rng(place.seed)
+    The pair of points, in a space of constant curvature, is drawn from ``seed``.
+    """
+    space, rng = ConstantCurvature(n, kappa), np.random.default_rng(seed)
     x = space.draw(rng)
     xi = space.exp(x, rng.uniform(0.05, FARTHEST) * space.draw_vector(rng, x))
     tried = _Tried(space, x, xi)

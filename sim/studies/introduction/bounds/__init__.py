@@ -1,1 +1,0 @@
-"""Estimators of all kinds against the posterior Cramér-Rao bound."""

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from mathnavi.models.textbook.example_2_1 import EXAMPLE_2_1
-from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2
-from mathnavi.sim.studies.introduction.examples.measures import example_2_2, in_coordinates, predicted
-from mathnavi.sim.studies.introduction.examples.study import expected_exponent, unseen_directions
+from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2, error_dynamics
+from mathnavi.sim.studies.introduction.examples import example_2_2, in_coordinates, predicted, unseen_directions
 from mathnavi.sim.sweep.trial import trial
 
 
@@ -22,7 +21,8 @@ def test_a_linear_equation_is_predicted() -> None:
 def test_the_exponent_of_example_2_2_is_that_of_its_slower_root(alpha: float, beta: float) -> None:
     fields = {"estimator.alpha": alpha, "estimator.beta": beta, "duration": 3.0, "start_error": (1.0, 0.4, 1.0)}
     measured = example_2_2(trial("textbook-observer", 0, estimator="example_2_2", fields=fields).build().run())
-    assert measured["exponent_per_s"] == pytest.approx(expected_exponent(alpha, beta), abs=1e-4)
+    slower = np.linalg.eigvals(error_dynamics(alpha, beta)[:2, :2]).real.max()  # of s^2 + beta s + alpha
+    assert measured["exponent_per_s"] == pytest.approx(slower, abs=1e-4)
     assert measured["deviation"] < 1e-6
 
 

@@ -37,11 +37,11 @@ def others() -> None:
     """A missile, robots that range in every mode of active sensing, and bodies on a manifold."""
     from mathnavi.sim.scenarios.attitude_tracking import AttitudeTrackingScenario
     from mathnavi.sim.scenarios.range_localisation import RangeLocalisation
-    from mathnavi.sim.studies.ranging.active_control.flights import FAST, MODES, TRACKS, LocalisationRun, tracking
+    from mathnavi.sim.studies.ranging.active_control import FAST, MODES, TRACKS, localisation, tracking
     from tests.missile import fly
 
     fly(target=(200.0, 0.0, 0.0))
-    trials = [LocalisationRun(mode, FAST, 0, 1.0).trial for mode in MODES]
+    trials = [localisation(mode, FAST, 0, 1.0) for mode in MODES]
     for trial in (*trials, *(tracking(kind, 0, 1.0) for kind in TRACKS)):
         trial.build().run()
     RangeLocalisation.build(RangeLocalisation.Config(duration=0.5), 0).run()

@@ -13,9 +13,11 @@ from mathnavi.controllers.active_sensing.kernels import PredictionHorizon, expec
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.studies.ranging.active_control.flights import SLOW, WALL
-from mathnavi.sim.studies.ranging.active_control.input_search import (
+from mathnavi.sim.studies.ranging.active_control import start
+from mathnavi.sim.studies.ranging.input_search import (
     NODE,
+    SLOW,
+    WALL,
     InputSearch,
     KnownPoseProblem,
     advance,
@@ -69,7 +71,7 @@ def test_a_robot_at_the_margin_rests() -> None:
 
 
 def test_no_policy_is_sooner_than_the_best_inputs_and_a_lower_limit_takes_longer() -> None:
-    near, far = (soonest(InputSearch(3, limit, 20.0, 2)) for limit in (0.1, 0.2))
+    near, far = (soonest(InputSearch(3, start(SLOW, 20.0, 3), limit, 20.0, 2)) for limit in (0.1, 0.2))
     for times in (near, far):
         assert 0.0 < times["best"] <= min(times["active"], times["random"]) < 20.0
     assert far["best"] < near["best"]

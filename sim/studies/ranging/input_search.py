@@ -30,9 +30,11 @@ from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians
 from mathnavi.models.unicycle.mission import LEAST_NOISE, RangingMission
 from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig
-from mathnavi.sim.studies.ranging.active_control.flights import SLOW, START_ERROR, WALL, start
+from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig, WallFields
 
+WALL = WallFields().curve()
+SLOW = 0.15  # [rad/s] bound of the turn rate
+START_ERROR = (0.3, 0.3, math.degrees(0.3))  # [m, m, deg] of what is known of the start
 NODE = 0.02  # [s] h
 SEARCHED: tuple[ModeName, ...] = ("active", "random")  # modes that the best sequence is compared with
 
@@ -53,6 +55,7 @@ class InputSearch:
     """A search from the start of the runs of a seed, at the low turn rate."""
 
     seed: int
+    start: tuple[float, float, float]  # X Y HEADING [m, m, deg]
     limit: float  # [m]
     seconds: float
     depth: int  # inputs of a sequence
@@ -65,7 +68,7 @@ def soonest(search: InputSearch) -> dict[str, float]:
         WALL, tuple(map(math.radians, fields.sensors)), fields.noise.ranging(), turn_rate_max=SLOW,
         speed_max=fields.speed_max, margin=fields.margin,
     )  # fmt: skip
-    x_1, x_2, heading = start(SLOW, search.seconds, search.seed)
+    x_1, x_2, heading = search.start
     pose = np.array([x_1, x_2, math.radians(heading)])
     P = np.diag(np.square([*START_ERROR[:2], math.radians(START_ERROR[2])]))
     problem = known_pose_problem(mission, search.limit, search.seconds)

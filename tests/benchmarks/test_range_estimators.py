@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from benchmarks.range_estimators import Arguments, RangeFindings, run
-from mathnavi.sim.studies.ranging.range_convergence.costs import (
+from mathnavi.sim.studies.ranging.estimator_runs import (
     ALL_ALIVE,
     BANK_LOOP,
     EKF_LOOP,
@@ -20,7 +20,7 @@ from mathnavi.sim.studies.ranging.range_convergence.costs import (
 
 def test_every_repetition_times_every_estimator() -> None:
     taken = costs(read("4", 1.0, np.random.default_rng(0)), 2)
-    assert set(taken) == {ALL_ALIVE, BANK_LOOP, EKF_LOOP, PARTICLE_LOOP, *PLUGINS}
+    assert set(taken) == {ALL_ALIVE, BANK_LOOP, EKF_LOOP, PARTICLE_LOOP, *PLUGINS.values()}
     assert all(figures.shape == (2,) and (figures > 0.0).all() for figures in taken.values())
     assert np.median(taken[EKF_LOOP]) < np.median(taken[ALL_ALIVE]) < np.median(taken[PARTICLE_LOOP])
 

@@ -86,8 +86,8 @@ SMALLER: dict[str, dict[str, Any]] = {
     "arrival": {"fleet.arrival.SIZES": (2,), "fleet.arrival.PRINTED_SIZE": 2},
     "consensus": {"fleet.consensus.ROUNDS": (40, 80, 160), "fleet.consensus._FRACTIONS": (0.9, 1.1, 1.5)},
     "range-convergence": {
-        "ranging.range_convergence.study.TIMED": 1,
-        "ranging.range_convergence.costs._PARTICLES": 100,
+        "ranging.range_convergence.TIMED": 1,
+        "ranging.estimator_runs._PARTICLES": 100,
     },
     "missile-nodes": {"nodes.missile_nodes.SCHEMES": SCHEMES[::2]},
     "curvature-sign": {f"riemannian.curvature_sign.{name}": value for name, value in SHORT.items()},

@@ -36,9 +36,8 @@ from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.store import Store
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.studies.introduction.scaling.memory import PeakMemory
+from mathnavi.sim.studies.ranging.estimator_runs import START, declared_mission, noisy_run
 from mathnavi.sim.studies.ranging.observability_measures import STANDARD
-from mathnavi.sim.studies.ranging.range_convergence.costs import START
-from mathnavi.sim.studies.ranging.range_convergence.runs import declared_mission, noisy_run
 from mathnavi.sim.sweep.execution import run_trials
 from mathnavi.sim.sweep.trial import Trial, contents, trial
 

@@ -16,7 +16,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -30,7 +30,6 @@ from rich.table import Table
 
 from benchmarks.comparison import Comparison, Machine, alone
 from benchmarks.ocp_attempts import LEVELS, Attempt, level
-from benchmarks.ocp_table import peers_table
 from benchmarks.progress import progress
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.sim.interfaces.bounds import Within, configuration
@@ -200,6 +199,46 @@ def contenders(problem: str) -> list[str]:
     """Ours, and of the others those that are installed and can do the problem."""
     peers = [name for name in ("maptor", "dymos") if find_spec(name)]
     return [OURS, *(name for name in peers if name != "dymos" or problem in SMALL)]
+
+
+def peers_table(findings: PeerFindings, software: Mapping[str, str], machine: Mapping[str, Any]) -> str:
+    """Table with a row for each problem and two columns for each ``software``, by its key in the entries.
+
+    The last columns are the level of accuracy at which ours and MAPTOR are compared, and the ratio of their times.
+    """
+    found = {(entry.problem, entry.software): entry for entry in findings.entries}
+    ratios = {row.what: row.ratio for row in findings.comparisons() if row.software == software["maptor"]}
+    heads = [f"{name}: {what}" for name in software.values() for what in ("accuracy", "CPU s")]
+    lines = [_markdown_row(["problem", *heads, "compared at", f"ours / {software['maptor']}"])]
+    lines.append(_markdown_row(["---", *["--:"] * (len(heads) + 2)]))
+    for problem in dict.fromkeys(entry.problem for entry in findings.entries):
+        cells = [cell for key in software for cell in _shown_cells(found.get((problem, key)))]
+        compared = [(what, ratio) for what, ratio in ratios.items() if what.rpartition(", ")[0] == problem]
+        ending = [compared[0][0].rpartition(", ")[2], f"{compared[0][1]:.2f}"] if compared else ["", ""]
+        lines.append(_markdown_row([problem, *cells, *ending]))
+    lines.append("")
+    lines += [
+        f"{claim['statement']}: **{claim['measured']:.3g}**, wanted {claim['expected']}." for claim in findings.claims()
+    ]
+    versions = machine["versions"]
+    named = ", ".join(f"{name} {versions[name]}" for name in ("casadi", "maptor", "dymos") if versions.get(name))
+    load = machine["load_before"][0]
+    lines += ["", f"{machine['processor']}, {machine['cores']} cores, load {load:g} at the start; {named}.", ""]
+    return "\n".join(lines)
+
+
+def _shown_cells(entry: Entry | None) -> list[str]:
+    """Accuracy and CPU seconds of the attempt that is shown."""
+    if entry is None:
+        return ["", ""]
+    best = entry.best
+    if best is None:
+        return ["none", entry.ended]
+    return [f"{best.accuracy:.0e}", f"{np.median(best.seconds):.3g}"]
+
+
+def _markdown_row(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
 
 
 def run(arguments: Arguments, console: Console) -> PeerFindings:

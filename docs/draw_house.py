@@ -5,7 +5,7 @@
 
 A room is a folder of the sources; its floor is the layer that pyproject.toml gives it. An arrow leads from a room to
 one that it imports from; it is left out where other arrows lead there too. Circles of modules, by imports inside
-functions and for type checkers too, are counted below.
+functions and for type checkers too, are counted below, those of the benchmarks among them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from xml.sax.saxutils import escape
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / "docs" / "_static" / "house.svg"
-FOLDERS = ("models", "controllers", "estimators", "renders", "sim")
+FOLDERS = ("models", "controllers", "estimators", "renders", "sim", "benchmarks")
 
 WIDTH, BOX, HEIGHT, GAP, MARGIN = 1200, 250, 46, 44, 24  # [px]
 COLUMN = {  # of the width, so that few arrows cross; a room that is not named stands in the middle
@@ -49,7 +49,7 @@ PURPOSE = {
 
 
 def modules() -> dict[str, Path]:
-    """Every module of the sources by its name without ``mathnavi.``."""
+    """Every module of the sources by its name without ``mathnavi.``, and those of the benchmarks."""
     files = (path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py")))
     return {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path for path in files}
 
@@ -63,7 +63,7 @@ def imports(path: Path, known: Mapping[str, Path]) -> Iterator[str]:
         elif isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         for name in names:
-            while name.startswith("mathnavi."):
+            while name.startswith(("mathnavi.", "benchmarks.")):
                 if (inner := name.removeprefix("mathnavi.")) in known:
                     yield inner
                     break

@@ -25,10 +25,10 @@ from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
-from mathnavi.sim.studies.riemannian.mechanisms.figure import COLOURS
-from mathnavi.sim.studies.riemannian.mechanisms.runs import (
+from mathnavi.sim.studies.riemannian.mechanisms import (
     BITS,
     BUTTERWORTH,
+    COLOURS,
     EKF,
     HIGH_GAIN,
     MOMENTUM,

@@ -29,7 +29,7 @@ from mathnavi.sim.studies.framework.study import Setup, StudyResult, as_csv, on_
 from mathnavi.sim.studies.introduction.scaling.curves import CURVES
 from mathnavi.sim.studies.nodes.missile_closed_loop import CASES, KINDS, OTHERS, PAIRS, selected_kinds
 from mathnavi.sim.studies.nodes.missile_nodes import SCHEMES
-from mathnavi.sim.studies.riemannian.mechanisms import runs
+from mathnavi.sim.studies.riemannian import mechanisms
 from mathnavi.sim.sweep.trial import Trial, trial
 
 SMALLEST: dict[str, dict[str, int]] = {
@@ -96,7 +96,7 @@ SMALLER: dict[str, dict[str, Any]] = {
         **{"introduction.scaling.curves.FLOWN": 2.0, "introduction.scaling.curves.UPDATES": 8},
         **{f"introduction.scaling.{module}.CURVES": SMALL_CURVES for module in ("curves", "study")},
     },
-    "mechanisms": {"riemannian.mechanisms.runs.BEGIN": 0.05},
+    "mechanisms": {"riemannian.mechanisms.BEGIN": 0.05},
     "real-arms": {"riemannian.real_arms.BEGIN": 0.05},
 }
 """constants of studies that no field makes smaller, by their places"""
@@ -116,8 +116,8 @@ FLOWN: dict[str, tuple[str, Callable[[Mapping[str, Any]], dict[str, Any]]]] = {
             "target": _near(*fields.get("target", (500.0, 0.0, 0.0))),
         },
     ),
-    "mechanisms": ("riemannian.mechanisms.runs", lambda fields: {**fields, "duration": 0.2}),
-    "real-arms": ("riemannian.mechanisms.runs", lambda fields: {**fields, "duration": 0.2}),
+    "mechanisms": ("riemannian.mechanisms", lambda fields: {**fields, "duration": 0.2}),
+    "real-arms": ("riemannian.mechanisms", lambda fields: {**fields, "duration": 0.2}),
 }
 """fields of the missions of a module, for those that it asks for"""
 CLAIMS = {
@@ -269,9 +269,9 @@ def smaller(name: str, hills: str, tmp_path: Path, monkeypatch: pytest.MonkeyPat
         monkeypatch.setattr(
             f"{STUDIES}.{module}.trial", lambda *named, fields, **more: trial(*named, fields=changed(fields), **more)
         )
-    runs.recorded.cache_clear()
+    mechanisms.recorded.cache_clear()
     yield
-    runs.recorded.cache_clear()
+    mechanisms.recorded.cache_clear()
 
 
 def test_every_study_is_in_this_suite() -> None:

@@ -75,8 +75,8 @@ docs: .venv/.developed
 # A file that is no longer there must not be left in dist/ from a build before.
 wheel: .venv/.developed
 	rm -rf dist
-	.venv/bin/hatchling build --directory $(CURDIR)/dist
-	@ls -1 $(CURDIR)/dist/*
+	.venv/bin/hatchling build --directory "$(CURDIR)/dist"
+	@ls -1 "$(CURDIR)"/dist/*
 
 release: .venv/.developed
 	@.venv/bin/python .ci/release.py $(VERSION)

@@ -10,8 +10,15 @@ import pytest
 
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.records.store import Record
-from mathnavi.sim.studies.introduction.observer_properties.measures import Decay, OnTruth, decay, ranging_drift
-from mathnavi.sim.studies.introduction.observer_properties.verdicts import STAYS, PropertyRuns, verdicts
+from mathnavi.sim.studies.introduction.observer_properties import (
+    STAYS,
+    Decay,
+    OnTruth,
+    PropertyRuns,
+    decay,
+    ranging_drift,
+    verdicts,
+)
 
 T = np.linspace(0.0, 10.0, 1001)
 SOUND = ObserverProperties(Domain.GLOBAL, Rate.EXPONENTIAL, InputDependence.UNIFORM, Domain.LOCAL, Domain.GLOBAL)
@@ -45,7 +52,7 @@ LOST = record(found=False, decay=int(Decay.NONE))
 
 
 def broken(declared: ObserverProperties, evidence: PropertyRuns, depends: bool = False) -> set[str]:
-    return {one.name for one in verdicts(declared, evidence, depends) if not one.kept}
+    return {row["property"] for row in verdicts(declared, evidence, depends) if not row["kept"]}
 
 
 def test_what_is_seen_of_a_sound_observer_refutes_nothing() -> None:

@@ -39,7 +39,7 @@ from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.sphere_observer import SphereObserverConfig, config_mission
 from mathnavi.sim.scenarios.textbook import TextbookConfig
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
-from mathnavi.sim.studies.ranging.observability.maps import STANDARD, MapCase, drawn_start, driving
+from mathnavi.sim.studies.ranging.observability_measures import STANDARD, MapCase, drawn_start, driving
 from mathnavi.sim.sweep.trial import Trial, trial
 
 SLOW = ("camera-and-flags",)  # the robot has to come near the flags

@@ -16,18 +16,26 @@ from hypothesis import strategies as st
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.encoding import MeasuredTime
-from mathnavi.sim.studies.introduction.scaling.curves import (
+from mathnavi.sim.studies.introduction.cost_measurement import (
     CURVES,
     Measured,
+    PeakMemory,
     SizedCase,
-    exponent,
+    SweepCase,
+    delayed,
     measured,
-    serves_up_to,
+    swept,
 )
-from mathnavi.sim.studies.introduction.scaling.memory import PeakMemory
-from mathnavi.sim.studies.introduction.scaling.relay import delayed
-from mathnavi.sim.studies.introduction.scaling.study import Growth, claims, grown, of_cluster
-from mathnavi.sim.studies.introduction.scaling.sweeps import SweepCase, SweepRate, swept
+from mathnavi.sim.studies.introduction.scaling import (
+    Growth,
+    claims,
+    exponent,
+    grown,
+    medians,
+    of_cluster,
+    serves_up_to,
+    trials_a_second,
+)
 from mathnavi.sim.sweep.trial import trial
 
 SIZES = (4, 8, 16, 32, 64)
@@ -55,11 +63,18 @@ def test_a_limit_that_was_met_is_where_it_last_served() -> None:
 def test_claims_follow_from_the_exponents_and_what_breaks_is_named() -> None:
     def growths(map_flown: float, fleet: float) -> list[Growth]:
         exponents = dict.fromkeys(CURVES, 1.0) | {"map, built": 2.0, "map, flown": map_flown, "fleet": fleet}
-        costs = {
-            name: tuple(1e-9 * (size / curve.today) ** exponents[name] for size in curve.sizes)
-            for name, curve in CURVES.items()
-        }
-        return [Growth(name, curve, curve.sizes, costs[name], ()) for name, curve in CURVES.items()]
+        return grown(
+            [
+                {
+                    "curve": name,
+                    "size": size,
+                    "cost_wall_s": 1e-9 * (size / curve.today) ** exponents[name],
+                    "memory_wall_s": 0.0,
+                }
+                for name, curve in CURVES.items()
+                for size in curve.sizes
+            ]
+        )
 
     assert [each.holds for each in claims(growths(map_flown=0.0, fleet=1.0))] == [True, True, True]
     bad = claims(growths(map_flown=2.0, fleet=6.0))
@@ -70,8 +85,8 @@ def test_claims_follow_from_the_exponents_and_what_breaks_is_named() -> None:
 def test_medians_over_the_repetitions() -> None:
     cases = [SizedCase("fleet", size, seed) for size in (4, 8) for seed in range(3)]
     results = [Measured(MeasuredTime(case.size * (1.0 + case.seed)), MeasuredTime(1.0)) for case in cases]
-    (growth,) = grown(cases, results)
-    assert (growth.sizes, growth.costs, growth.memory) == ((4, 8), (8.0, 16.0), (1.0, 1.0))
+    (growth,) = grown(medians(cases, results))
+    assert (growth.sizes, growth.costs, growth.memory) == ([4, 8], [8.0, 16.0], [1.0, 1.0])
 
 
 @pytest.mark.parametrize("curve", ["bank", "observer", "radars", "trials"])
@@ -105,11 +120,11 @@ def test_what_is_made_counts_as_memory_only_where_it_is_kept(monkeypatch: pytest
 
 @pytest.mark.parametrize(("commit", "named"), [(0.1, "store's single writer"), (1e-6, "scheduler")])
 def test_what_holds_a_cluster_up_is_named(commit: float, named: str) -> None:
-    far = SweepRate(4, 0.05, MeasuredTime(1.0), MeasuredTime(0.01))
+    far = {"delay_s": 0.05, "cost_wall_s": 0.01}
     text = of_cluster([far], commit)
     assert named in text.partition("the first limit, ")[2]
     assert "the sweep does not hold" in text
-    assert "the sweep holds" in of_cluster([replace(far, interval=MeasuredTime(1e-4))], 1e-4)
+    assert "the sweep holds" in of_cluster([{**far, "cost_wall_s": 1e-4}], 1e-4)
 
 
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="the system does not say")
@@ -120,9 +135,9 @@ def test_memory_that_was_given_back_counts() -> None:
 
 
 def test_a_sweep_of_nothing_ends() -> None:
-    (rate,) = swept([SweepCase(workers=1, trials=3)])
-    assert rate.start > 0.0
-    assert rate.rate > 0.0
+    (row,) = swept([SweepCase(workers=1, trials=3)])
+    assert row["start_wall_s"] > 0.0
+    assert trials_a_second(row) > 0.0
 
 
 def test_the_relay_holds_every_byte_back_and_loses_none() -> None:

@@ -26,7 +26,7 @@ from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.studies.flight.hunt import SAFE_FLIGHT, UPDATES
 from mathnavi.sim.studies.framework import study
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, as_csv, on_terrain, write_result
-from mathnavi.sim.studies.introduction.scaling.curves import CURVES
+from mathnavi.sim.studies.introduction.cost_measurement import CURVES
 from mathnavi.sim.studies.nodes.missile_closed_loop import CASES, KINDS, OTHERS, PAIRS, selected_kinds
 from mathnavi.sim.studies.nodes.missile_nodes import SCHEMES
 from mathnavi.sim.studies.riemannian import mechanisms
@@ -93,8 +93,8 @@ SMALLER: dict[str, dict[str, Any]] = {
     "curvature-sign": {f"riemannian.curvature_sign.{name}": value for name, value in SHORT.items()},
     "sphere": {"riemannian.sphere.STEPS": {"printed": 4e-4, "repaired": 5e-3}},
     "scaling": {
-        **{"introduction.scaling.curves.FLOWN": 2.0, "introduction.scaling.curves.UPDATES": 8},
-        **{f"introduction.scaling.{module}.CURVES": SMALL_CURVES for module in ("curves", "study")},
+        **{"introduction.cost_measurement.FLOWN": 2.0, "introduction.cost_measurement.UPDATES": 8},
+        **{f"introduction.{module}.CURVES": SMALL_CURVES for module in ("cost_measurement", "scaling")},
     },
     "mechanisms": {"riemannian.mechanisms.BEGIN": 0.05},
     "real-arms": {"riemannian.real_arms.BEGIN": 0.05},
@@ -262,8 +262,8 @@ def smaller(name: str, hills: str, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     for place, value in SMALLER.get(name, {}).items():
         monkeypatch.setattr(f"{STUDIES}.{place}", value)
     if name == "scaling":
-        monkeypatch.setattr(f"{STUDIES}.introduction.scaling.curves.GROUND", hills)
-        monkeypatch.setattr(f"{STUDIES}.introduction.scaling.curves._folder", lambda: tmp_path)  # what is made of it
+        monkeypatch.setattr(f"{STUDIES}.introduction.cost_measurement.GROUND", hills)
+        monkeypatch.setattr(f"{STUDIES}.introduction.cost_measurement._folder", lambda: tmp_path)  # what is made of it
     if name in FLOWN:
         module, changed = FLOWN[name]
         monkeypatch.setattr(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 import matplotlib
@@ -17,17 +16,16 @@ from mathnavi.renders.study_report import Table
 from mathnavi.sim.interfaces.bounds import Count, Within, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
-from mathnavi.sim.studies.introduction.scaling.curves import (
+from mathnavi.sim.studies.introduction.cost_measurement import (
     CURVES,
-    LEAST_FIT,
     Measured,
     ScalingCurve,
     SizedCase,
-    exponent,
+    SweepCase,
     measured,
-    serves_up_to,
+    swept,
+    written,
 )
-from mathnavi.sim.studies.introduction.scaling.sweeps import SweepCase, SweepRate, swept, written
 
 FACTOR = 100.0  # times today's size
 MACHINES, CORES, MISSION = 100, 2, 1.4  # of a cluster; [s] CPU time of a mission
@@ -35,6 +33,9 @@ WORKERS = (1, 2, 4)
 DELAYS = (None, 0.0, 0.05)  # [s] no cluster, a cluster, and one that is far away
 LEAST_MEMORY = 1.0  # [MB] that counts as more than chance
 PROPORTIONAL, CONSTANT = 1.15, 0.15  # exponents that count as such
+LEAST_FIT = 3  # the largest sizes that an exponent is fitted to
+_MOST = 1e9  # times a size
+Rows = Sequence[dict[str, Any]]
 
 
 @configuration
@@ -51,32 +52,6 @@ class ScalingConfig:
     """how many of 1, 2, 4 processes for a sweep"""
     slow_network: bool = True
     """whether sweeps on a cluster are measured too, where Dask is installed"""
-
-
-@dataclass(frozen=True)
-class Growth:
-    """A curve as it was measured."""
-
-    name: str
-    curve: ScalingCurve
-    sizes: tuple[int, ...]
-    costs: tuple[float, ...]  # medians
-    memory: tuple[float, ...]  # [MB] medians
-
-    @property
-    def exponent(self) -> float:
-        return exponent(self.sizes, self.costs)
-
-    @property
-    def memory_exponent(self) -> float:
-        """That of the memory; NaN where it is too little to be seen."""
-        seen = self.memory[-LEAST_FIT:]
-        return exponent(self.sizes, self.memory) if seen and min(seen) >= LEAST_MEMORY else math.nan
-
-    @property
-    def factor(self) -> float:
-        """Times today's size up to which it serves."""
-        return serves_up_to(self.curve, self.sizes, self.costs)
 
 
 class Scaling:
@@ -96,11 +71,12 @@ class Scaling:
             for size in curve.sizes[: config.sizes]
             for seed in range(config.repetitions)
         ]
-        found = grown(cases, setup.compute(measured, cases))
+        curves = medians(cases, setup.compute(measured, cases))
         delays = DELAYS if config.slow_network else DELAYS[:1]
         sweeps = tuple(SweepCase(w, config.trials, delay) for delay in delays for w in WORKERS[: config.worker_counts])
         (rates,) = setup.compute(swept, [sweeps])  # alone: they are measured by the clock on the wall
         (commit,) = setup.compute(written, [config.trials])
+        found = grown(curves)
         first = min(found, key=lambda each: each.factor)
         return StudyResult(
             summary=(
@@ -110,7 +86,7 @@ class Scaling:
                 f"{_times(first.factor)} today's {first.curve.today} {first.curve.size}.",
                 of_cluster(rates, commit),
             ),
-            rows=[*_curve_rows(found), *_sweep_rows(rates)],
+            rows=[*curves, *rates],
             tables=(_growth_table(found), _sweep_table(rates)),
             figure=_figure(found, rates),
             caption=(
@@ -119,21 +95,6 @@ class Scaling:
             ),
             claims=claims(found),
         )  # fmt: skip
-
-
-def grown(cases: Sequence[SizedCase], results: Sequence[Measured]) -> list[Growth]:
-    """The curves, of the medians over the repetitions."""
-    by_size: dict[str, dict[int, list[Measured]]] = {}
-    for case, result in zip(cases, results, strict=True):
-        by_size.setdefault(case.curve, {}).setdefault(case.size, []).append(result)
-    return [
-        Growth(
-            name, CURVES[name], tuple(sizes),
-            tuple(float(np.median([each.cost for each in group])) for group in sizes.values()),
-            tuple(float(np.median([each.memory for each in group])) for group in sizes.values()),
-        )
-        for name, sizes in by_size.items()
-    ]  # fmt: skip
 
 
 def claims(found: Sequence[Growth]) -> list[Claim]:
@@ -158,22 +119,6 @@ def claims(found: Sequence[Growth]) -> list[Claim]:
     ]  # fmt: skip
 
 
-def _curve_rows(found: Sequence[Growth]) -> list[dict[str, Any]]:
-    return [
-        {"curve": each.name, "size": size, "unit": each.curve.unit, "cost_wall_s": cost, "memory_wall_s": memory}
-        for each in found
-        for size, cost, memory in zip(each.sizes, each.costs, each.memory, strict=True)
-    ]
-
-
-def _sweep_rows(rates: Sequence[SweepRate]) -> list[dict[str, Any]]:
-    return [
-        {"curve": "sweep", "size": rate.workers, "unit": "s a trial", "delay_s": rate.delay,
-         "cost_wall_s": rate.interval, "start_wall_s": rate.start}
-        for rate in rates
-    ]  # fmt: skip
-
-
 def _breaks(found: Sequence[Growth]) -> str:
     broken = sorted((each for each in found if each.factor < FACTOR), key=lambda each: each.factor)
     if not broken:
@@ -186,13 +131,13 @@ def _times(factor: float) -> str:
     return "any size" if math.isinf(factor) else f"{factor:.3g} times"
 
 
-def of_cluster(rates: Sequence[SweepRate], commit: float) -> str:
-    """A cluster's work, and what holds it up, by the rates of sweeps and the time [s] of a commit."""
+def of_cluster(rates: Rows, commit: float) -> str:
+    """A cluster's work, and what holds it up, by the rows of sweeps and the time [s] of a commit."""
     needed = MACHINES * CORES / MISSION
-    far = [rate for rate in rates if rate.delay]
+    far = [trials_a_second(row) for row in rates if row["delay_s"]]
     parts = {"the store's single writer": 1.0 / commit}
     if far:
-        parts[f"the scheduler, with workers {DELAYS[-1]:g} s away,"] = max(each.rate for each in far)
+        parts[f"the scheduler, with workers {DELAYS[-1]:g} s away,"] = max(far)
     first = min(parts, key=lambda part: parts[part])
     held = " and ".join(f"{part} {rate:.0f}" for part, rate in parts.items())
     verdict = "holds" if parts[first] >= needed else "does not hold"
@@ -216,19 +161,27 @@ def _growth_table(found: Sequence[Growth]) -> Table:
     return Table("Growth", head, body)
 
 
-def _sweep_table(rates: Sequence[SweepRate]) -> Table:
+def _sweep_table(rates: Rows) -> Table:
     body = [
-        (_place(rate), rate.workers, f"{rate.start:.2f}", f"{1e3 * rate.interval:.2f}", f"{rate.rate:.0f}")
-        for rate in rates
-    ]
+        (
+            _place(row), row["size"], f"{row['start_wall_s']:.2f}", f"{1e3 * row['cost_wall_s']:.2f}",
+            f"{trials_a_second(row):.0f}",
+        )
+        for row in rates
+    ]  # fmt: skip
     return Table("Trials that do nothing", ("", "workers", "start [s]", "ms a trial", "trials a second"), body)
 
 
-def _place(rate: SweepRate) -> str:
-    return "processes" if rate.delay is None else f"Dask, {1e3 * rate.delay:g} ms away"
+def _place(row: dict[str, Any]) -> str:
+    return "processes" if row["delay_s"] is None else f"Dask, {1e3 * row['delay_s']:g} ms away"
 
 
-def _figure(found: Sequence[Growth], rates: Sequence[SweepRate]) -> Figure:
+def trials_a_second(row: dict[str, Any]) -> float:
+    """Rate of a sweep; infinite where all others had ended when the last worker's first trial had."""
+    return 1.0 / row["cost_wall_s"] if row["cost_wall_s"] > 0.0 else math.inf
+
+
+def _figure(found: Sequence[Growth], rates: Rows) -> Figure:
     columns = 4
     rows = math.ceil((len(found) + 1) / columns)
     with matplotlib.rc_context(STYLE):
@@ -251,12 +204,77 @@ def _figure(found: Sequence[Growth], rates: Sequence[SweepRate]) -> Figure:
             axes.set_xticks(each.sizes, [str(size) for size in each.sizes], fontsize=7.0)
             axes.set_title(f"{each.name}: exponent {each.exponent:.2f}")
         axes = drawn[len(found)]
-        for place in dict.fromkeys(_place(rate) for rate in rates):
-            group = [rate for rate in rates if _place(rate) == place]
-            axes.plot([rate.workers for rate in group], [rate.rate for rate in group], "o-", label=place)
+        for place in dict.fromkeys(map(_place, rates)):
+            group = [row for row in rates if _place(row) == place]
+            axes.plot([row["size"] for row in group], [trials_a_second(row) for row in group], "o-", label=place)
         axes.set(xlabel="workers", ylabel="trials a second", ylim=(0.0, None))
         axes.set_title("sweep")
         axes.legend()
         for unused in drawn[len(found) + 1 :]:
             unused.set_axis_off()
     return page
+
+
+def medians(cases: Sequence[SizedCase], results: Sequence[Measured]) -> Rows:
+    """Rows of the curves, of the medians over the repetitions."""
+    by_size: dict[tuple[str, int], list[Measured]] = {}
+    for case, result in zip(cases, results, strict=True):
+        by_size.setdefault((case.curve, case.size), []).append(result)
+    return [
+        {
+            "curve": curve, "size": size, "unit": CURVES[curve].unit,
+            "cost_wall_s": float(np.median([each.cost for each in group])),
+            "memory_wall_s": float(np.median([each.memory for each in group])),
+        }
+        for (curve, size), group in by_size.items()
+    ]  # fmt: skip
+
+
+class Growth:
+    """A curve as it was measured, of its rows."""
+
+    def __init__(self, name: str, rows: Rows) -> None:
+        self.name, self.curve = name, CURVES[name]
+        self.sizes: list[int] = [row["size"] for row in rows]
+        self.costs: list[float] = [row["cost_wall_s"] for row in rows]
+        self.memory: list[float] = [row["memory_wall_s"] for row in rows]  # [MB]
+
+    @property
+    def exponent(self) -> float:
+        return exponent(self.sizes, self.costs)
+
+    @property
+    def memory_exponent(self) -> float:
+        """That of the memory; NaN where it is too little to be seen."""
+        seen = min(self.memory[-LEAST_FIT:]) >= LEAST_MEMORY
+        return exponent(self.sizes, self.memory) if seen else math.nan
+
+    @property
+    def factor(self) -> float:
+        """Times today's size up to which it serves."""
+        return serves_up_to(self.curve, self.sizes, self.costs)
+
+
+def grown(rows: Rows) -> list[Growth]:
+    """The curves, by their rows."""
+    names = dict.fromkeys(row["curve"] for row in rows)
+    return [Growth(name, [row for row in rows if row["curve"] == name]) for name in names]
+
+
+def exponent(sizes: Sequence[int], costs: Sequence[float]) -> float:
+    """p of cost ~ size^p, by least squares of logarithms over the largest sizes."""
+    x, y = np.log(sizes[-LEAST_FIT:]), np.log(costs[-LEAST_FIT:])
+    return float(np.polyfit(x, y, 1)[0])
+
+
+def serves_up_to(curve: ScalingCurve, sizes: Sequence[int], costs: Sequence[float]) -> float:
+    """Times today's size at which the limit is met, by the fit through the largest size.
+
+    Infinite where that is more than a billion times.
+    """
+    if costs[-1] >= curve.limit:
+        within = [size for size, cost in zip(sizes, costs, strict=True) if cost < curve.limit]
+        return max(within, default=0) / curve.today
+    p = exponent(sizes, costs)
+    further = math.log(curve.limit / costs[-1]) / p if p > 0.0 else math.inf
+    return sizes[-1] * math.exp(further) / curve.today if further < math.log(_MOST) else math.inf

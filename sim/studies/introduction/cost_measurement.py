@@ -1,22 +1,33 @@
-"""Quantities that grow, their sizes, and the cost of each size: CPU time and memory of one process.
+"""What is measured for ``scaling``: CPU time and memory of one process for each size of what grows, and sweeps.
 
-Each measurement is a job of its own. It does its work once in the smallest size, so that kernels are loaded, and then
-in the size that is asked for. No map is read twice: each has a file that is new.
+Each size is a job of its own. It does its work once in the smallest size, so that kernels are loaded, and then in the
+size that is asked for. No map is read twice: each has a file that is new.
+
+Sweeps are of trials that do nothing: how many a second one process after the other, a Dask cluster and the store hold.
+The cluster's workers are processes of this machine that reach their scheduler through a relay which holds every byte
+back, as a network would.
 """
 
 from __future__ import annotations
 
+import asyncio
 import atexit
+import importlib
+import importlib.util
 import itertools
 import math
 import os
+import subprocess
+import sys
 import tempfile
+import threading
 import time
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -35,10 +46,10 @@ from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.store import Store
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
-from mathnavi.sim.studies.introduction.scaling.memory import PeakMemory
 from mathnavi.sim.studies.ranging.estimator_runs import START, declared_mission, noisy_run
 from mathnavi.sim.studies.ranging.observability_measures import STANDARD
-from mathnavi.sim.sweep.execution import run_trials
+from mathnavi.sim.sweep.execution import Progress, run_jobs, run_trials
+from mathnavi.sim.sweep.job import Job, job
 from mathnavi.sim.sweep.trial import Trial, contents, trial
 
 GROUND = "tian_shan"
@@ -46,6 +57,10 @@ FLOWN = 20.0  # [s] of a fleet's flight
 SLOT_SPACING = 600.0  # [m] with which the slots of the largest fleet lie on the map
 UPDATES = 200  # of an estimator
 FIGURES = 40  # of a trial's summary
+PATIENCE = 60.0  # [s] until the workers of a cluster are there
+_CHUNK = 1 << 16  # bytes that the relay reads at once
+_STATUS, _RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+_RESET_PEAK = "5"  # proc(5): the peak becomes what is resident now
 
 
 @dataclass(frozen=True)
@@ -97,6 +112,34 @@ def measured(case: SizedCase) -> Measured:
             watched.enter_context(memory)
         cost = curve.cost(made)
     return Measured(MeasuredTime(cost), MeasuredTime(memory.grown))
+
+
+class PeakMemory:
+    """Context in which the memory of this process is watched: ``grown`` [MB] is how far its peak rose above the start.
+
+    NaN where the system does not say, outside Linux for one.
+    """
+
+    def __init__(self) -> None:
+        self.grown = math.nan
+        self._before = math.nan
+
+    def __enter__(self) -> PeakMemory:
+        try:
+            _RESET.write_text(_RESET_PEAK)
+            self._before = _megabytes("VmRSS")
+        except OSError:
+            self._before = math.nan
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        if not math.isnan(self._before):
+            self.grown = _megabytes("VmHWM") - self._before
+
+
+def _megabytes(name: str) -> float:
+    rows = (row.split() for row in _STATUS.read_text().splitlines())
+    return next(float(row[1]) for row in rows if row[:1] == [f"{name}:"]) / 1024.0
 
 
 # ---- flight
@@ -224,7 +267,7 @@ def _updating(replay: _Replay) -> float:
     return float(np.median(taken[len(taken) // 4 :]))
 
 
-# ---- sweeps
+# ---- stored trials
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,24 +332,139 @@ CURVES: dict[str, ScalingCurve] = {
 }
 """by name"""
 
-_MOST = 1e9  # times a size
-LEAST_FIT = 3  # the largest sizes that an exponent is fitted to
+
+# ---- sweeps of trials that do nothing
 
 
-def exponent(sizes: Sequence[int], costs: Sequence[float]) -> float:
-    """p of cost ~ size^p, by least squares of logarithms over the largest sizes."""
-    x, y = np.log(sizes[-LEAST_FIT:]), np.log(costs[-LEAST_FIT:])
-    return float(np.polyfit(x, y, 1)[0])
+@dataclass(frozen=True)
+class SweepCase:
+    """A sweep."""
+
+    workers: int
+    trials: int
+    delay: float | None = None  # [s] one way, between a cluster's scheduler and its workers; None: no cluster
 
 
-def serves_up_to(curve: ScalingCurve, sizes: Sequence[int], costs: Sequence[float]) -> float:
-    """Times today's size at which the limit is met, by the fit through the largest size.
+def nothing(number: int) -> int:
+    """A trial."""
+    return number
 
-    Infinite where that is more than a billion times.
+
+def trials(count: int) -> list[Job]:
+    """So many trials that do nothing."""
+    return [job(nothing, number) for number in range(count)]
+
+
+def swept(cases: Sequence[SweepCase]) -> list[dict[str, Any]]:
+    """A job: rows of the sweeps, one after the other; those on a cluster only where Dask is installed.
+
+    ``start_wall_s`` is the time until every worker had ended a trial, ``cost_wall_s`` that between the ends of two
+    trials after that.
     """
-    if costs[-1] >= curve.limit:
-        within = [size for size, cost in zip(sizes, costs, strict=True) if cost < curve.limit]
-        return max(within, default=0) / curve.today
-    p = exponent(sizes, costs)
-    further = math.log(curve.limit / costs[-1]) / p if p > 0.0 else math.inf
-    return sizes[-1] * math.exp(further) / curve.today if further < math.log(_MOST) else math.inf
+    return [_swept(case) for case in cases if case.delay is None or importlib.util.find_spec("distributed")]
+
+
+def written(count: int) -> MeasuredTime:
+    """A job: [s] in which the store commits a record, each by itself."""
+    made = [each.record(each.content, "ok", result=str(number)) for number, each in enumerate(trials(count))]
+    with tempfile.TemporaryDirectory() as folder, Store.open(Path(folder) / "trials.db") as store:
+        began = time.perf_counter()
+        for record in made:
+            store.add(record)
+        return MeasuredTime((time.perf_counter() - began) / count)
+
+
+def _swept(case: SweepCase) -> dict[str, Any]:
+    ends: list[float] = []
+
+    def note(state: Progress) -> None:
+        ends.extend([time.perf_counter() - began] * (state.done - len(ends)))
+
+    with ExitStack() as opened:
+        folder = Path(opened.enter_context(tempfile.TemporaryDirectory()))
+        store = opened.enter_context(Store.open(folder / "trials.db"))
+        address = None if case.delay is None else opened.enter_context(_cluster(case.workers, case.delay))
+        began = time.perf_counter()
+        run_jobs(trials(case.trials), store, workers=case.workers, cluster=address, progress=note)
+    start = ends[case.workers - 1]
+    interval = (ends[-1] - start) / (len(ends) - case.workers)
+    return {
+        "curve": "sweep", "size": case.workers, "unit": "s a trial", "delay_s": case.delay,
+        "cost_wall_s": MeasuredTime(interval), "start_wall_s": MeasuredTime(start),
+    }  # fmt: skip
+
+
+@contextmanager
+def _cluster(workers: int, delay: float) -> Iterator[str]:
+    """The address of a Dask scheduler on this machine, with workers that are ``delay`` away from it."""
+    dask: Any = importlib.import_module("distributed")  # an extra, without types
+    with dask.LocalCluster(n_workers=0, dashboard_address=None) as cluster, ExitStack() as opened:
+        scheduler = str(cluster.scheduler_address)
+        host, _, port = scheduler.rpartition("/")[2].rpartition(":")
+        relay = opened.enter_context(delayed(host, int(port), delay))
+        command = [
+            sys.executable, "-m", "distributed.cli.dask_worker", f"tcp://127.0.0.1:{relay}", "--nthreads", "1",
+            "--no-dashboard", "--no-nanny",
+        ]  # fmt: skip
+        for _ in range(workers):
+            process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            opened.callback(process.wait)
+            opened.callback(process.terminate)
+        with dask.Client(scheduler, set_as_default=False) as client:
+            client.wait_for_workers(workers, timeout=PATIENCE)
+        yield scheduler
+
+
+@contextmanager
+def delayed(host: str, port: int, delay: float) -> Iterator[int]:
+    """Port of this machine whose connections lead to ``host:port``, ``delay`` [s] away in both directions."""
+    loop = asyncio.new_event_loop()
+    thread = threading.Thread(target=loop.run_forever, daemon=True)
+    thread.start()
+
+    async def meet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        there, onward = await asyncio.open_connection(host, port)
+        await asyncio.gather(_carry(reader, onward, delay), _carry(there, writer, delay))
+
+    async def open_server() -> asyncio.Server:
+        return await asyncio.start_server(meet, "127.0.0.1", 0)
+
+    async def close() -> None:
+        server.close()
+        others = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in others:
+            task.cancel()
+        await asyncio.gather(*others, return_exceptions=True)
+
+    server = asyncio.run_coroutine_threadsafe(open_server(), loop).result()
+    try:
+        yield int(server.sockets[0].getsockname()[1])
+    finally:
+        asyncio.run_coroutine_threadsafe(close(), loop).result()
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+        loop.close()
+
+
+async def _carry(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, delay: float) -> None:
+    """Write what is read, each chunk ``delay`` after it came; what comes meanwhile does not wait for it."""
+    waiting: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue()
+    clock = asyncio.get_running_loop().time
+
+    async def write() -> None:
+        while True:
+            due, data = await waiting.get()
+            await asyncio.sleep(due - clock())
+            if not data:
+                return
+            writer.write(data)
+            await writer.drain()
+
+    writing = asyncio.create_task(write())
+    with suppress(ConnectionError):
+        while data := await reader.read(_CHUNK):
+            waiting.put_nowait((clock() + delay, data))
+    waiting.put_nowait((clock() + delay, b""))
+    with suppress(ConnectionError):
+        await writing
+    writer.close()

@@ -1,1 +1,0 @@
-"""Time and memory against size, for everything that can grow."""

@@ -11,9 +11,8 @@ import os
 import signal
 import subprocess
 import tempfile
-import time
 from collections.abc import Generator, Iterable, Sequence
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack, closing, nullcontext, suppress
 from dataclasses import astuple
 from pathlib import Path
 from typing import IO, Literal
@@ -28,6 +27,7 @@ from mathnavi.renders import opengl
 from mathnavi.renders.child import DrawingFailedError, child_command, last_line
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import TOUR, Frame, checked_camera
+from mathnavi.renders.heartbeat import lines_of_progress
 from mathnavi.renders.palette import Picture
 from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.writing import naming, whole_files, write_bytes
@@ -38,7 +38,6 @@ VIDEO_SAMPLES, STILL_SAMPLES = 0, 4  # per pixel: a video blurs its edges by mov
 LEAST_SIZE, LARGEST_SIZE = 16, 8192  # [pixels]
 FASTEST = 240  # [1/s]
 MOST_WORKERS = 4
-SELDOM = 5.0  # [s] between lines of progress where there is no terminal
 
 Codec = Literal["h264", "av1", "vp9"]
 ENCODERS: dict[Codec, tuple[str, dict[str, str]]] = {
@@ -84,22 +83,17 @@ def write_video(
 
 
 def counted(pictures: Iterable[Picture], name: str, total: int, shown: bool) -> Generator[Picture]:
-    """The pictures as they come, counted on standard error if ``shown``.
-
-    By a bar on a terminal, and elsewhere by a line every ``SELDOM`` seconds.
-    """
-    console = Console(stderr=True, markup=False, highlight=False, soft_wrap=True)
+    """The pictures as they come, counted on standard error if ``shown``: by a bar, or by lines without a terminal."""
+    console = Console(stderr=True, markup=False)
     bar = Progress(
         TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
         console=console, disable=not (shown and console.is_terminal),
     )  # fmt: skip
-    said = time.monotonic()
-    with bar:
-        for number, picture in enumerate(bar.track(pictures, total=total)):
-            if shown and not console.is_terminal and time.monotonic() - said >= SELDOM:
-                said = time.monotonic()
-                console.print(f"{name}: {number} of {total} frames")
+    number = 0
+    with bar, lines_of_progress(console, lambda: f"{name}: {number} of {total} frames") if shown else nullcontext():
+        for picture in bar.track(pictures, total=total):
             yield picture
+            number += 1
 
 
 def check_size(width: int, height: int) -> None:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 from rich.console import Console
 
+from mathnavi.renders.heartbeat import lines_of_progress
 from mathnavi.renders.opengl import NoOpenGLError
 from mathnavi.sim.commands.arguments import HelpPrinted, given, value_of
 from mathnavi.sim.commands.deadline import WallDeadline, watched
@@ -243,8 +245,9 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
 
 
 def _announced(errors: Console, what: str) -> AbstractContextManager[object]:
-    """Say what is done in here: on a terminal while it is done, elsewhere by a line before it."""
+    """Say what is done in here: on a terminal while it is done, elsewhere by a line before it and one now and then."""
     if errors.is_terminal:
         return errors.status(what)
     errors.print(what, highlight=False)
-    return nullcontext()
+    began = time.monotonic()
+    return lines_of_progress(errors, lambda: f"{what}: {time.monotonic() - began:.0f} s")

@@ -1,4 +1,4 @@
-"""Square roots of covariances, as filterpy's sigma points ask for them."""
+"""Square roots of covariances, in the form that filterpy's sigma points need."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _LEAST = 1e-12  # variance that a covariance keeps in every direction
 
 
 def square_root(P: Array) -> Array:
-    """Upper triangular U (n, n) with U' U = P (n, n); of the nearest positive definite matrix where P is none."""
+    """Upper triangular U (n, n) with U' U = P (n, n), or of the nearest positive definite matrix if P is not one."""
     P = 0.5 * (P + P.T)
     try:
         lower: Array = np.asarray(np.linalg.cholesky(P), np.float64)

@@ -1,8 +1,8 @@
-"""The state as a sensor reads it: the estimator of a simulation that is not about estimating.
+"""Estimator that takes the state from a sensor of the full state, for simulations that are not about estimation.
 
-The newest reading of the sensor "full_state" is the estimate. Between readings the vehicle's declared motion under the
-held input carries it on ((A.2), B.4); what the gusts do meanwhile stays unknown and widens the covariance. What
-kind of vehicle it is, its mission knows.
+The newest reading of the sensor "full_state" is the estimate. Between readings the estimate is propagated by the
+vehicle's declared motion under the held input ((A.2), B.4); the effect of gusts in between is unknown and widens the
+covariance. The mission says what kind of vehicle it is.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class FullStateMission(Protocol):
         ...
 
     def full_state_quality(self, rate: float | None, timeout: float) -> Any:
-        """Quality of readings ``rate`` [Hz] times a second, lost after ``timeout`` [s], in the scenario's terms."""
+        """Quality of readings at ``rate`` [Hz], lost after ``timeout`` [s], in the scenario's terms."""
         ...
 
 
@@ -53,8 +53,10 @@ class FullStateMission(Protocol):
 class FullStateConfig:
     """Fields of the command line."""
 
-    rate: Positive | None = None  # [Hz] of the readings; that of the estimates if not given
-    timeout: Positive = 0.5  # [s] without a reading after which the estimate is lost
+    rate: Positive | None = None
+    """rate of the readings; that of the estimates if not given [Hz]"""
+    timeout: Positive = 0.5
+    """time without a reading after which the estimate is lost [s]"""
 
 
 class FullState:
@@ -66,7 +68,7 @@ class FullState:
         self.period = mission.control_period
         self._timeout_monitor = TimeoutMonitor(config.timeout)
         self._mission = mission
-        self._fresh = mission.full_state_covariance(0.0)  # of a reading that is not old
+        self._fresh = mission.full_state_covariance(0.0)  # covariance of a reading of age 0
         self._x = mission.start_state
         self._t = -math.inf  # [s] of _x
 
@@ -87,7 +89,7 @@ class FullState:
 
     @staticmethod
     def properties(config: FullStateConfig) -> ObserverProperties:
-        """Table 2.1: the first reading is the state."""
+        """Properties of the observer (Table 2.1): the first reading is the state."""
         return ObserverProperties(
             Domain.GLOBAL, Rate.FINITE_TIME, InputDependence.UNIFORM, Domain.LOCAL, Domain.GLOBAL,
             note="a reading is the state: there is nothing to observe",
@@ -100,7 +102,7 @@ class FullState:
                 self._x, self._t = reading.value, reading.t
                 self._timeout_monitor.note(reading.t)
         if self._t == -math.inf:
-            self._t = t  # the start, as the mission states it, is all that is known
+            self._t = t  # nothing is known but the mission's start
         if t > self._t:
             self._x, self._t = self._mission.flow(self._x, command, t - self._t), t
         status, age = self._timeout_monitor.status(t), t - self._timeout_monitor.t

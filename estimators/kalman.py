@@ -13,12 +13,12 @@ covariance in Joseph's form, which rounding leaves positive:
 
 H = (1, 0, 0), K = P H' / (H P H' + R).
 
-A gust vector clipped to a length has a smaller variance than its rms says; the filter uses that of the clipped one.
+A gust vector clipped to a length has a smaller variance than its rms says; the filter uses the variance after clipping.
 
 The filter watches the normalised innovations nu' S^-1 nu of its fixes, chi-squared with three degrees of freedom while
-gusts and noise are what the mission declares. A fix beyond all likelihood is an outlier and is not used, unless many
-follow each other: then it is the filter that is off. Where the last fixes together are unlikely, the gusts or the noise
-are stronger than declared, and the covariance of the estimate is that of the filter times how much stronger.
+gusts and noise are what the mission declares. A very unlikely fix is an outlier and is not used, unless many follow
+each other: then the filter is wrong. If the last fixes together are unlikely, the gusts or the noise are stronger than
+declared, and the covariance of the estimate is that of the filter, scaled up accordingly.
 """
 
 from __future__ import annotations
@@ -55,11 +55,16 @@ _UNLIKELY = float(chdtri(_AXES * _WINDOW, 1e-9))
 class KalmanConfig:
     """Fields of the command line."""
 
-    timeout: Positive = 1.0  # [s] without a fix after which the estimate is lost
-    start_position_std: Positive | None = None  # [m] of the stated start, per axis; if not given, as good as later on
-    start_velocity_std: Positive | None = None  # [m/s] likewise
-    noise_floor: Positive = 0.1  # [m] least standard deviation that a fix is trusted with: R stays positive
-    gust_floor: Positive = 0.05  # [m/s^2] least gust assumed: without any the filter would stop listening to its fixes
+    timeout: Positive = 1.0
+    """time without a fix after which the estimate is lost [s]"""
+    start_position_std: Positive | None = None
+    """standard deviation of the declared start on each axis; that of the stationary filter if not given [m]"""
+    start_velocity_std: Positive | None = None
+    """standard deviation of the initial velocity on each axis; that of the stationary filter if not given [m/s]"""
+    noise_floor: Positive = 0.1
+    """least standard deviation that the filter assumes for a fix, so that R stays positive [m]"""
+    gust_floor: Positive = 0.05
+    """least rms of the gusts that the filter assumes; without gusts its gain would fall to zero [m/s^2]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,10 +122,11 @@ class Kalman:
 
     @staticmethod
     def quality(config: KalmanConfig, mission: FlightMission) -> EstimateQuality:
-        """The stationary filter, by its discrete Riccati equation at the rate of the fixes.
+        """Quality of the stationary filter, by its discrete Riccati equation at the rate of the fixes.
 
-        P is the covariance just before a fix, when each variance is largest; a fix feeds K S K' into the estimate, with
-        S = H P H' + R. The time between fixes is the longest that there can be while the estimate is not lost.
+        P is the covariance just before a fix, when each variance is largest; each fix changes the estimate with
+        covariance K S K', S = H P H' + R. The time between fixes is the longest that there can be while the estimate is
+        not lost.
         """
         model = AxisModel.from_config(config, mission)
         interval = longest_gap(1.0 / mission.position_rate, mission.dropout_rate, config.timeout)
@@ -133,10 +139,10 @@ class Kalman:
 
     @staticmethod
     def properties(config: KalmanConfig) -> ObserverProperties:
-        """Table 2.1: the model is linear and observable from fixes, whatever the known input."""
+        """Properties of the observer (Table 2.1): linear and observable from fixes under any known input."""
         return ObserverProperties(
             Domain.GLOBAL, Rate.EXPONENTIAL, InputDependence.UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
-            note="linear; gusts and noise leave an error of their size",
+            note="linear; gusts and noise leave an error in proportion to them",
         )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
@@ -161,7 +167,7 @@ class Kalman:
         return covariance.reshape(6, 6)
 
     def _predict(self, t: float, command: Array) -> None:
-        """From the filter's time to t [s] with the input held."""
+        """Predict from the filter's time to t [s] with the input held."""
         if self._t is None:
             self._t = t
         h = time_ahead(t, self._t, "a fix")
@@ -197,7 +203,8 @@ class Kalman:
 
 
 def first_covariance(config: KalmanConfig, mission: FlightMission) -> Array:
-    """Covariance (3, 3) of the filter at the start, which the mission states: the stationary one, but for the stated.
+    """Initial covariance (3, 3) of the filter: the stationary one, except where the configuration gives a standard
+    deviation.
 
     Anything wider would let the first fixes move the estimate by more than the declared quality says.
     """
@@ -210,7 +217,7 @@ def first_covariance(config: KalmanConfig, mission: FlightMission) -> Array:
 
 
 def clipped_rms(gust: DeclaredGusts) -> float:
-    """[m/s^2] on each axis, of a gust vector with three independent normal components, clipped to the length L.
+    """Rms [m/s^2] on each axis of a gust vector with three independent normal components, clipped to the length L.
 
     E min(|g|^2, L^2) = 3 s^2 F_5(L^2 / s^2) + L^2 (1 - F_3(L^2 / s^2)), F_k the chi-squared distribution with k degrees
     of freedom, s the rms before clipping.

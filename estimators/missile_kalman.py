@@ -1,12 +1,12 @@
-"""The extended Kalman filter for a missile whose readings are noisy and on which something unknown acts.
+"""Extended Kalman filter for a missile with noisy readings and an unknown disturbance.
 
 The thesis' state x (B.4) is joined by the disturbance d = (d_F, d_M), a force in the Earth frame [N] and a moment about
 the body's axes [N m], each component a first-order Gauss-Markov process:
 
     x' = f(x, u + (R' d_F, d_M)),   d' = -d / tau + noise of intensity 2 sigma^2 / tau,   y = x + noise of variance R.
 
-A gust that lasts is such a disturbance, and so is what a wrong mass or thrust makes of the commanded input. The filter
-(filterpy's) carries (x, d) on by Runge-Kutta steps and its covariance by their Jacobian, which CasADi derives; it
+A lasting gust is such a disturbance, and so is the effect of a wrong mass or thrust on the commanded input. The filter
+(filterpy's) propagates (x, d) by Runge-Kutta steps and its covariance by their Jacobian, which CasADi derives; it
 predicts at its period and conditions on each reading at the time of the reading. Differences of angles are wrapped.
 """
 
@@ -41,20 +41,30 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 class MissileKalmanConfig:
     """Fields of the command line."""
 
-    rate: Positive | None = None  # [Hz] of the readings; that of the estimates if not given
-    timeout: Positive = 0.5  # [s] without a reading after which the estimate is lost
-    start_position_std: Positive = 1.0  # [m] of the start as the mission states it, per axis
-    start_velocity_std: Positive = 1.0  # [m/s] per axis
-    start_angle_std: Annotated[float, Radians(0.0, 0.25 * math.pi, open_low=True)] = 0.02  # [rad]
-    start_rate_std: Annotated[float, Radians(0.0, 20.0, open_low=True, unit="rad/s")] = 0.02  # [rad/s]
-    force_std: Positive = 500.0  # [N] sigma of the disturbance on each axis, beside the declared gusts
-    moment_std: Positive = 30.0  # [N m] sigma, likewise
-    time_constant: Positive = 5.0  # [s] tau
-    noise_floor: Positive = 1e-3  # [m, m/s, rad, rad/s] least standard deviation that a reading is trusted with
+    rate: Positive | None = None
+    """rate of the readings; that of the estimates if not given [Hz]"""
+    timeout: Positive = 0.5
+    """time without a reading after which the estimate is lost [s]"""
+    start_position_std: Positive = 1.0
+    """standard deviation of the declared start on each axis [m]"""
+    start_velocity_std: Positive = 1.0
+    """standard deviation of the initial velocity on each axis [m/s]"""
+    start_angle_std: Annotated[float, Radians(0.0, 0.25 * math.pi, open_low=True)] = 0.02
+    """standard deviation of the initial attitude angles [rad]"""
+    start_rate_std: Annotated[float, Radians(0.0, 20.0, open_low=True, unit="rad/s")] = 0.02
+    """standard deviation of the initial angular velocity on each axis [rad/s]"""
+    force_std: Positive = 500.0
+    """sigma of the disturbing force on each axis, in addition to the declared gusts [N]"""
+    moment_std: Positive = 30.0
+    """sigma of the disturbing moment about each axis, in addition to the declared gusts [N m]"""
+    time_constant: Positive = 5.0
+    """tau, correlation time of the disturbance [s]"""
+    noise_floor: Positive = 1e-3
+    """least standard deviation that the filter assumes for a reading [m, m/s, rad, rad/s]"""
 
 
 class MissileKalman:
-    """Noisy readings of a missile's state to its state and to what disturbs it."""
+    """Estimator of a missile's state and of the disturbance that acts on it, from noisy readings of the state."""
 
     Config = MissileKalmanConfig
 
@@ -93,17 +103,17 @@ class MissileKalman:
 
     @staticmethod
     def properties(config: MissileKalmanConfig) -> ObserverProperties:
-        """Table 2.1: the state is read, the disturbance is found along the linearisation."""
+        """Properties of the observer (Table 2.1): the state is read, the disturbance is estimated by linearisation."""
         return ObserverProperties(
             Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.UNIFORM, Domain.LOCAL, Domain.LOCAL,
-            note="as far as the linearisation holds, which is not for a nose across the plane of the pitch",
+            note="as far as the linearisation holds, which it does not for a nose across the pitch plane",
         )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (nx,) at t [s] from the readings since the last call, ``command`` (nu,) [N, N m] held in between.
 
-        ``extra["disturbance"]`` (nu,) [N, N m] acts beside the input, along the body's axes. Raises ValueError for a
-        reading of another shape, or older than the filter.
+        ``extra["disturbance"]`` (nu,) [N, N m] acts in addition to the input, along the body's axes. Raises ValueError
+        for a reading of another shape, or older than the filter.
         """
         held = np.clip(command, -self._input_max, self._input_max)
         if self._called is not None:
@@ -120,7 +130,9 @@ class MissileKalman:
         return Estimate(t, x[: self._size].copy(), 0.5 * (P + P.T), status, {"disturbance": disturbance})
 
     def _predict(self, t: float) -> None:
-        """From the filter's time to t [s] with the inputs that act by then, as late as the thrusters are declared."""
+        """Predict from the filter's time to t [s] with the inputs that act until then, delayed by the thrusters'
+        declared delay.
+        """
         if self._t is None:
             self._t = t
         for h, u in self._inputs.acting(self._t, self._t + time_ahead(t, self._t, "a reading")):
@@ -140,7 +152,7 @@ class MissileKalman:
             h -= step
 
     def _condition(self, reading: Measurement) -> None:
-        # Both the state and the reading are flat: filterpy makes a square of a flat one and a column.
+        # Both the state and the reading are flat: filterpy broadcasts a flat array and a column to a square matrix.
         if reading.value.shape != (self._size,):
             raise ArgumentError(f"a reading of the state has shape {reading.value.shape}; allowed: ({self._size},)")
         self._filter.update(reading.value, lambda _: self._H, lambda x: x[: self._size], residual=self._difference)
@@ -154,7 +166,7 @@ class MissileKalman:
 
 
 def disturbance_deviation(config: MissileKalmanConfig, mission: MissileMission) -> Array:
-    """Standard deviations (nu,) [N, N m] of the disturbance, with the gusts that the mission declares."""
+    """Standard deviations (nu,) [N, N m] of the disturbance, the mission's declared gusts included."""
     return np.array(
         [
             math.hypot(config.force_std, mission.gust.force)
@@ -166,7 +178,7 @@ def disturbance_deviation(config: MissileKalmanConfig, mission: MissileMission) 
 
 
 def start_deviation(config: MissileKalmanConfig, mission: MissileMission) -> Array:
-    """Standard deviations (nx,) of the start as the mission states it."""
+    """Standard deviations (nx,) of the mission's declared start."""
     kinds = {"m": config.start_position_std, "m/s": config.start_velocity_std}
     kinds |= {"rad": config.start_angle_std, "rad/s": config.start_rate_std}
     return np.array([kinds[unit] for unit in mission.coordinates.units])

@@ -1,10 +1,10 @@
 """Moving-horizon estimation as a plug-in for ranges, the missile, the flight by fixes, and mechanisms.
 
 The models are those of the Kalman filters ``range_ekf``, ``missile_kalman``, ``kalman`` and ``lagrangian_ekf`` with
-their standard fields; see ``mathnavi.estimators.stagewise.horizon`` for the method. However a solve ends, it ends as a
-status: where the programme was not solved the estimate is the prediction, and ``SOLVER_FAILED``; where the readings
-have not agreed with the estimate for the timeout, or its state leads nowhere, it is ``LOST``, and in the latter case
-begins anew at the next reading.
+their standard fields; see ``mathnavi.estimators.stagewise.horizon`` for the method. Every failure is a status: if the
+programme was not solved the estimate is the prediction, with ``SOLVER_FAILED``; if no reading has agreed with the
+estimate for the timeout, or its state cannot be propagated, the status is ``LOST``, and in the latter case the
+estimator starts again at the next reading.
 """
 
 from __future__ import annotations
@@ -37,24 +37,24 @@ class MovingHorizonConfig:
     """Fields of the command line."""
 
     stages: Annotated[int, Interval(ge=2, le=200), FINITE] = 6
-    """of the window: times with readings, and the newest"""
+    """number of stages of the window: times with readings, and the newest time"""
     iterations: Annotated[int, Interval(ge=1, le=20), FINITE] = 1
-    """of Gauss and Newton at each of them; 1 is the real-time iteration"""
+    """number of Gauss-Newton iterations at each reading; 1 is the real-time iteration"""
     slope: Positive = 1.5
-    """of Huber's function: standard deviations beyond which a residual counts by its size, not by its square"""
+    """threshold of Huber's loss, in standard deviations: a larger residual counts by its size, not by its square"""
     acceleration: Positive = 0.1
-    """of a mechanism: square root of the density of the acceleration that its model lacks [rad/s^1.5, m/s^1.5]"""
+    """square root of the density of the acceleration that a mechanism's model lacks [rad/s^1.5, m/s^1.5]"""
     timeout: Positive = 0.5
-    """without a reading that agrees after which the estimate is lost [s]"""
+    """time without a reading that agrees with the estimate after which the estimate is lost [s]"""
 
 
 class MovingHorizonEstimator:
-    """Least squares over the last readings, with an arrival cost for all before."""
+    """Estimator by least squares over the last readings, with an arrival cost for all readings before."""
 
     Config = MovingHorizonConfig
 
     def __init__(self, config: MovingHorizonConfig, model: StagewiseModel, period: float, unknown: Array) -> None:
-        """``unknown`` is the state that is answered before there is one."""
+        """``unknown`` is the state that is returned before there is an estimate."""
         self.period = period
         self._model, self._builder = model, StageBuilder(model)
         self._horizon = MovingHorizon(model, config.stages, config.iterations, config.slope)
@@ -104,7 +104,7 @@ class MovingHorizonEstimator:
 
     @staticmethod
     def quality(config: MovingHorizonConfig, mission: HorizonMission) -> Any:
-        """Quality in the terms of the mission: that of the Kalman filter of the same model."""
+        """Quality in the mission's terms: that of the Kalman filter with the same model."""
         if isinstance(mission, RangingMission):
             return mission.ranging
         if isinstance(mission, MissileMission):
@@ -113,10 +113,10 @@ class MovingHorizonEstimator:
 
     @staticmethod
     def properties(config: MovingHorizonConfig) -> ObserverProperties:
-        """Table 2.1."""
+        """Properties of the observer (Table 2.1)."""
         return ObserverProperties(
             Domain.LOCAL, Rate.ASYMPTOTIC, InputDependence.NON_UNIFORM, Domain.LOCAL, Domain.GLOBAL,
-            note="as far as Gauss and Newton come in one iteration a reading",
+            note="as far as one Gauss-Newton iteration for each reading converges",
         )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:

@@ -1,8 +1,8 @@
-"""The state of a quadrotor as a sensor reads it, in the terms of the planner above it and of the tracker beneath.
+"""Estimator that takes a quadrotor's state from a sensor, in the form that planner and tracker need.
 
-``mathnavi.estimators.full_state`` carries the readings (13,) on; the estimate is x = (p, v) (6,) in the map frame, with
+``mathnavi.estimators.full_state`` propagates the readings (13,); the estimate is x = (p, v) (6,) in the map frame, with
 extra["attitude"], the unit quaternion (4,) of the body, and extra["rate"], its angular velocity (3,) [rad/s] in its own
-frame. So a planner and a certificate of the point mass take it as it is.
+frame. So a planner and a certificate of the point mass use it unchanged.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _POINT = np.concatenate([_INDICES[POSITION], _INDICES[VELOCITY]])
 
 
 class QuadrotorState:
-    """Hands the newest full-state reading on, split in two."""
+    """Estimator that passes on the newest full-state reading, split into point mass and body."""
 
     Config = FullStateConfig
 

@@ -13,12 +13,12 @@ class TimeoutMonitor:
     """Monitor of the time since the last reading was used."""
 
     def __init__(self, timeout: float) -> None:
-        """``timeout`` [s] without a reading after which the estimate is lost."""
+        """``timeout`` is the time [s] without a reading after which the estimate is lost."""
         self._timeout = timeout
         self.t = -math.inf  # [s] of the last reading that was used
 
     def note(self, t: float, usable: bool = True) -> None:
-        """Note a reading of t [s], if it was usable."""
+        """Note the time t [s] of a reading if it was usable."""
         if usable:
             self.t = t
 

@@ -3,13 +3,13 @@
     R' = R omega^,   omega' = F(R, omega, u) + w,   y = R Exp(n),   n of variance sigma^2 about each axis.
 
 The attitude's error is left-invariant, R = R^ Exp(xi), and the rate's is that of its components in the body's own axes.
-A reading is then linear, nu = Log(R^' y) = xi + n to first order whatever R^ is, and over h, in which the estimate
-turns by Log(R^' R^+) = theta,
+A reading is then linear, nu = Log(R^' y) = xi + n to first order at every R^, and over h, in which the estimate turns
+by Log(R^' R^+) = theta,
 
     xi <- Exp(-theta) xi + h J_r(theta) domega,    domega <- the derivative of the flow's rate by xi and omega,
 
-the latter by differences: the attitude itself appears there through the forces alone, of a body with the same inertia
-about every axis not at all, so that the propagation does not depend on it.
+the latter by differences: the attitude enters it through the forces only. For a body with the same inertia about every
+axis it does not enter at all, and the propagation does not depend on it.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ class AttitudeIekf(LagrangianEkf):
     def build(config: LagrangianEkfConfig, mission: LagrangianMission) -> PositionObserver:
         """Build the estimator of one run.
 
-        Raises FieldError for a system that is not one body that turns.
+        Raises FieldError for a system that is not a single rotating body.
         """
         return PositionObserver(_AttitudeFilter(config, mission), mission, config.timeout)
 
     @staticmethod
     def properties(config: LagrangianEkfConfig) -> ObserverProperties:
-        """Table 2.1."""
-        return filter_properties("as far as the linearisation holds, that of the forces and of a reading")
+        """Properties of the observer (Table 2.1)."""
+        return filter_properties("as far as the linearisations of the forces and of a reading hold")
 
 
 class _AttitudeFilter(ErrorStateFilter):
@@ -59,7 +59,7 @@ class _AttitudeFilter(ErrorStateFilter):
     def __init__(self, config: LagrangianEkfConfig, mission: LagrangianMission) -> None:
         manifold = mission.system.manifold
         if (manifold.size, manifold.vector_size, manifold.dimension) != (4, _N, _N):
-            raise FieldError(f"system = one on {manifold.name}; allowed: a body that turns, its attitude a quaternion")
+            raise FieldError(f"system = one on {manifold.name}; allowed: a rotating body with a quaternion")
         super().__init__(FilterModel(config.acceleration, config.noise_floor, config.gate), mission, linearised)
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
@@ -77,7 +77,7 @@ class _AttitudeFilter(ErrorStateFilter):
         self._nis = math.nan
 
     def _put(self, state: Array, error: Array, P: Array) -> None:
-        """The error into the state; P is of the error in the body's axes, which an attitude does not turn."""
+        """Add the error to the state; P is in the body's axes, and so does not change with the attitude."""
         if not np.isfinite(P).all():
             raise np.linalg.LinAlgError("the covariance of the errors is not finite")
         x = self._manifold.point(state[:4], error[:_N]) if error.any() else state[:4]

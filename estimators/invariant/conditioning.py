@@ -1,4 +1,4 @@
-"""The update of an invariant filter: the error xi of X = X^ Exp(xi) is Gaussian, mean zero, covariance P, and
+"""Measurement update of an invariant filter: the error xi of X = X^ Exp(xi) is Gaussian, mean zero, covariance P, and
 
     nu = H xi + n,   S = H P H' + R,   K = P H' S^-1,   X^ <- X^ Exp(K nu),   P <- (I - K H) P (I - K H)' + K R K'
 

@@ -1,18 +1,18 @@
 """The plug-in ``floating_base_iekf``: a mechanism whose base carries an IMU and whose joints carry encoders.
 
-The base is found by an invariant extended Kalman filter on SE_2(3), X = (R, v, p) of the IMU, see ``inertial``; nothing
-reads its pose. While a foot stands, in every reading of its switch from one to the next, its velocity is that of the
-ground, zero (M. Bloesch et al., State Estimation for Legged Robots, RSS 2012; R. Hartley et al., IJRR 39(4), 2020):
-with the foot's lowest point at p_f of the base, J its Jacobian there and q^ the joints,
+The base is found by an invariant extended Kalman filter on SE_2(3), X = (R, v, p) of the IMU, see ``inertial``; no
+sensor reads its pose. While a foot stands, that is, its switch is closed in consecutive readings, its velocity is that
+of the ground, zero (M. Bloesch et al., State Estimation for Legged Robots, RSS 2012; R. Hartley et al., IJRR 39(4),
+2020): with the foot's lowest point at p_f of the base, J its Jacobian there and q^ the joints,
 
     0 = R_b' v_b + omega x p_f + J q^',    z = R' v = what that leaves,    z - R^' v^ = xi_v + (R^' v^) x xi_R + n.
 
-So the velocity of the base is observed while a foot stands, and its attitude against gravity with it; the place and the
-heading never are: they drift. In the air all but the rate is integrated and drifts, and the estimate says by how much;
-once the velocity's standard deviation is beyond a limit it is lost.
+So the velocity of the base, and with it the attitude relative to gravity, is observable while a foot stands; position
+and heading never are: they drift. In the air everything but the rate is integrated and drifts; the covariance says by
+how much, and the estimate is lost once the velocity's standard deviation exceeds a limit.
 
-Biases of the IMU are not estimated. The joints' velocities are those of another plug-in, to which the base's pose is
-shown as if it had been read.
+Biases of the IMU are not estimated. Another plug-in estimates the joints' velocities; it gets the estimated pose of the
+base as if it had been read.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 JointObserverName = Literal["riemannian_observer", "momentum_observer", "filtered_differences"]
 
-_SLIPS_FOR = 0.05  # [s] over which a foot's slip stays the same
+_SLIPS_FOR = 0.05  # [s] over which a foot's slip velocity stays the same
 _OBSERVERS: Mapping[str, Any] = {
     "riemannian_observer": RiemannianObserver,
     "momentum_observer": MomentumObserver,
@@ -74,25 +74,25 @@ class FloatingBaseIekfConfig:
     """Fields of ``--estimator``."""
 
     joints: JointObserverName = "riemannian_observer"
-    """the plug-in that finds the velocities of the joints"""
+    """plug-in that estimates the velocities of the joints"""
     start_attitude: Positive = 0.02
-    """standard deviation of the base's attitude at the start, about each axis [rad]"""
+    """standard deviation of the base's initial attitude, about each axis [rad]"""
     start_velocity: Positive = 0.05
-    """likewise of its velocity, along each axis [m/s]"""
+    """standard deviation of the base's initial velocity, along each axis [m/s]"""
     start_position: Positive = 0.01
-    """likewise of its place [m]"""
+    """standard deviation of the base's initial position, along each axis [m]"""
     slip: Positive = 0.05
     """standard deviation of the velocity of a foot that stands, along each axis [m/s]"""
     gate: Probability = 1e-4
-    """probability with which a foot that stands is taken for one that slides"""
+    """probability that a standing foot is taken for a sliding one"""
     deviation_max: Positive = 0.5
     """standard deviation of the base's velocity, in its worst direction, beyond which the estimate is lost [m/s]"""
     timeout: Positive = 0.5
-    """without the IMU, or without the encoders, after which the estimate is lost [s]"""
+    """time without IMU readings, or without encoder readings, after which the estimate is lost [s]"""
 
 
 class FloatingBaseIekf:
-    """Estimator of all of a mechanism's state from an IMU on its base, foot switches and encoders."""
+    """Estimator of a mechanism's full state from an IMU on its base, foot switches and encoders."""
 
     Config = FloatingBaseIekfConfig
 
@@ -139,22 +139,22 @@ class FloatingBaseIekf:
 
     @staticmethod
     def quality(config: FloatingBaseIekfConfig, mission: LagrangianMission) -> None:
-        """Nothing is certified from it."""
+        """Return None: no plan is certified from these estimates."""
 
     @staticmethod
     def properties(config: FloatingBaseIekfConfig) -> ObserverProperties:
-        """Table 2.1."""
+        """Properties of the observer (Table 2.1)."""
         return ObserverProperties(
             Domain.LOCAL, Rate.NONE, InputDependence.NON_UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
-            note="the base's velocity and its attitude against gravity while a foot stands; its place and heading not",
+            note="velocity and attitude relative to gravity while a foot stands; not its position and heading",
         )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (nq + nv,) at t [s]; ``command`` (nu,) was held since the last call.
 
         ``extra`` has ``base_deviation`` (9,), standard deviations of the attitude about the IMU's axes [rad], of its
-        velocity [m/s] and of its place [m] along those of the world, ``standing`` (k,), 1 for each foot whose velocity
-        was used, and what the joints' observer says.
+        velocity [m/s] and of its position [m] along those of the world, ``standing`` (k,), 1 for each foot whose
+        velocity was used, and the extra arrays of the joints' observer.
         """
         self._standing[:] = 0.0
         order = {IMU: 0, JOINTS: 1, FEET: 2}
@@ -187,7 +187,7 @@ class FloatingBaseIekf:
         return [] if self._observer is None else self._observer.events()
 
     def _stand(self, reading: Measurement) -> None:
-        """Condition on the feet that stand, of a reading of their switches."""
+        """Condition on the velocities of the feet that stand by a reading of their switches."""
         standing = reading.value > 0.5
         still, self._stood = standing & self._stood, standing
         h, self._contact_t = reading.t - self._contact_t, reading.t
@@ -216,7 +216,7 @@ class FloatingBaseIekf:
                 self._standing[k] = 1.0
 
     def _position(self) -> Array:
-        """All of q (nq,), the base by the filter and the joints as they were read."""
+        """Position q (nq,): the base as estimated by the filter, the joints as read."""
         R = self._strapdown.X[:3, :3] @ self._base.mounting.T
         return np.concatenate([self._strapdown.X[:3, 4] - R @ self._base.offset, quaternion(R), self._joints])
 
@@ -228,7 +228,7 @@ class FloatingBaseIekf:
         return np.concatenate([self._position(), v, omega, self._joint_rates])
 
     def _deviation(self) -> Array:
-        """Standard deviations (9,); those of velocity and place along the axes of the world."""
+        """Standard deviations (9,) of attitude [rad], velocity [m/s] and position [m] along world axes."""
         P, R = self._strapdown.P, self._strapdown.X[:3, :3]
         turn, speed, place = (P[part, part] for part in (strapdown.TURN, strapdown.SPEED, strapdown.PLACE))
         turned = [turn, R @ speed @ R.T, R @ place @ R.T]
@@ -237,12 +237,12 @@ class FloatingBaseIekf:
 
 
 def _base_of(mission: LagrangianMission) -> FloatingBase:
-    """The floating base of a mission's system. Raises FieldError where there is none, or no IMU on it."""
+    """The floating base of a mission's system. Raises FieldError if there is none, or if it carries no IMU."""
     if not isinstance(mission.system, MechanismSystem):
         raise FieldError(f"system = one on {mission.system.manifold.name}; allowed: a mechanism with a floating base")
     return mission.system.floating_base
 
 
 def _worse(one: Status, other: Status) -> Status:
-    """The worse of two."""
+    """Worse one of two statuses."""
     return next((status for status in (Status.INITIALISING, Status.LOST) if status in (one, other)), Status.OK)

@@ -11,9 +11,9 @@ exactly, however large it is and whatever the state: the motion is group affine 
 S. Bonnabel, IEEE TAC 62(4), 2017, Theorem 2). A fix is a left-invariant observation: R^' (y - p^) = xi_p + R^' n to
 first order.
 
-Where the IMU is silent the vehicle's declared motion under its input goes on in its place; it errs by the declared
-gusts. What an IMU's readings are off by for long, its biases, is not modelled. Turning about the vertical shows in the
-fixes only while the vehicle accelerates sideways; the heading at the start is the mission's.
+While IMU readings are missing the estimate is propagated by the vehicle's declared motion under its input, with the
+declared gusts as its noise. The IMU's biases are not modelled. A rotation about the vertical shows in the fixes only
+while the vehicle accelerates sideways; the initial heading is the mission's.
 """
 
 from __future__ import annotations
@@ -52,15 +52,17 @@ class InertialIekfConfig:
     """Fields of the command line."""
 
     gate: Probability = 1e-6
-    """probability with which a good fix is refused"""
+    """probability that a good fix is refused"""
     timeout: Positive = 1.0
-    """without a fix, or without the IMU, after which the estimate is lost [s]"""
+    """time without a fix, or without IMU readings, after which the estimate is lost [s]"""
     fix_floor: Positive = 0.01
-    """least standard deviation that a fix is trusted with [m]"""
+    """least standard deviation that the filter assumes for a fix [m]"""
     start_attitude: Positive | None = None
-    """standard deviation of the stated start's attitude, about each axis; if not given, as good as later on [rad]"""
+    """standard deviation of the declared initial attitude, about each axis; that of the stationary filter if not given
+    [rad]"""
     start_velocity: Positive | None = None
-    """likewise of its velocity, along each axis [m/s]"""
+    """standard deviation of the declared initial velocity, along each axis; that of the stationary filter if not given
+    [m/s]"""
 
 
 class InertialIekf:
@@ -92,9 +94,9 @@ class InertialIekf:
 
     @staticmethod
     def quality(config: InertialIekfConfig, mission: QuadrotorMission) -> EstimateQuality:
-        """The stationary filter in hover, along any axis; the gust is not estimated.
+        """Quality of the stationary filter in hover, along any axis; the gust is not estimated.
 
-        The covariance is that just before a fix; a fix feeds K S K' into the estimate.
+        The covariance is that just before a fix; each fix changes the estimate with covariance K S K'.
         """
         interval, before, R = _stationary(config, mission)
         correction = np.outer(before[:2, 0], before[:2, 0]) / ((before[0, 0] + R) * interval)
@@ -105,7 +107,7 @@ class InertialIekf:
 
     @staticmethod
     def properties(config: InertialIekfConfig) -> ObserverProperties:
-        """Table 2.1."""
+        """Properties of the observer (Table 2.1)."""
         return ObserverProperties(
             Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.NON_UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
             note="the heading shows only while the vehicle accelerates sideways",
@@ -115,8 +117,8 @@ class InertialIekf:
         """Estimate of the point mass (6,) [m, m/s] at t [s]; ``command`` (4,) [N] was held since the last call.
 
         ``extra`` has the ``attitude`` (4,) and the ``rate`` (3,) [rad/s] of the body, the standard deviations
-        ``attitude_deviation`` (3,) [rad] about its axes, and ``nis`` (2,) of the newest fix with its size, NaN where
-        none was used.
+        ``attitude_deviation`` (3,) [rad] about its axes, and ``nis`` (2,) of the newest fix with its number of
+        components, NaN if none was used.
         """
         nis = np.full(2, np.nan)
         strapdown = self._strapdown
@@ -146,7 +148,7 @@ class InertialIekf:
         return Estimate(t, x, 0.5 * (P + P.T), self._status(t), extra)
 
     def _coast(self, t: float, command: Array) -> None:
-        """To t [s], where no reading of the IMU is, by the declared motion under the command (4,) [N]."""
+        """Propagate to t [s] without an IMU reading, by the declared motion under the command (4,) [N]."""
         strapdown = self._strapdown
         assert strapdown.t is not None
         dt = t - strapdown.t
@@ -159,7 +161,7 @@ class InertialIekf:
         turned = SO3.log(X[:3, :3].T @ moved[:3, :3])
         force = moved[:3, :3].T @ ((moved[:3, 3] - X[:3, 3]) / dt - self._gravity)
         _, A = propagation(X, turned / dt, force, self._gravity, dt)
-        effect = np.zeros((9, 3))  # of an acceleration that the declared motion lacks, held for so long
+        effect = np.zeros((9, 3))  # of a constant acceleration that the declared motion lacks
         effect[SPEED], effect[PLACE] = dt * np.eye(3), 0.5 * dt * dt * np.eye(3)
         gust = self._mission.flight.gust
         variance = (2.0 * gust.time_constant * gust.rms**2 + _UNMODELLED**2) / dt
@@ -167,7 +169,7 @@ class InertialIekf:
         strapdown.rate, strapdown.t = after[RATE].copy(), t
 
     def _fix(self, reading: Measurement) -> Array:
-        """Condition on a fix; NIS and its size, NaN where it was refused."""
+        """Condition on a fix; return NIS and its number of components, NaN if the fix was refused."""
         X = self._strapdown.X
         nu = X[:3, :3].T @ (reading.value - X[:3, 4])
         d, P, nis = condition(self._strapdown.P, _H, nu, self._R)
@@ -178,7 +180,7 @@ class InertialIekf:
         return np.array([nis, 3.0])
 
     def _status(self, t: float) -> Status:
-        """The worse of the two sensors'."""
+        """Worse status of the two sensors at t [s]."""
         both = (self._fixes.status(t), self._imu.status(t))
         return next((status for status in (Status.INITIALISING, Status.LOST) if status in both), Status.OK)
 
@@ -187,7 +189,7 @@ def _stationary(config: InertialIekfConfig, mission: QuadrotorMission) -> tuple[
     """Time [s] between fixes, covariance (3, 3) of (p, v, tilt) along an axis just before one, variance of a fix.
 
     In hover, p' = v, v' = g tilt + force, tilt' = gyro. The vehicle accelerates by up to a_max, and an error of its
-    heading then acts as one of its tilt does: g stands for the length of both accelerations.
+    heading then acts like an error of its tilt: g is the length of both accelerations together.
     """
     flight, (gyro, force) = mission.flight, _deviations(mission)
     interval = longest_gap(1.0 / flight.position_rate, flight.dropout_rate, config.timeout)
@@ -200,7 +202,7 @@ def _stationary(config: InertialIekfConfig, mission: QuadrotorMission) -> tuple[
 
 
 def _first(config: InertialIekfConfig, mission: QuadrotorMission) -> Array:
-    """Covariance (9, 9) at the start, which the mission states: the stationary one, but for what is stated.
+    """Initial covariance (9, 9): the stationary one, except where the configuration gives a standard deviation.
 
     Anything wider would let the first fixes move the estimate by more than the declared quality says.
     """
@@ -224,5 +226,5 @@ def _deviations(mission: QuadrotorMission) -> tuple[float, float]:
 
 
 def _fix_deviation(config: InertialIekfConfig, mission: QuadrotorMission) -> float:
-    """Standard deviation [m] that a fix is trusted with."""
+    """Standard deviation [m] that the filter assumes for a fix."""
     return max(mission.flight.position_noise, config.fix_floor)

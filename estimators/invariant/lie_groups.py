@@ -1,4 +1,4 @@
-"""Matrix Lie groups of poses, SO(3), SE(2) and SE_2(3), with what an invariant filter needs of them.
+"""Matrix Lie groups of poses, SO(3), SE(2) and SE_2(3), with the maps that an invariant filter needs.
 
 An element X is a matrix, an element xi (n,) of the Lie algebra a vector. With the bracket [xi^, eta^] = (ad_xi eta)^,
 
@@ -19,7 +19,7 @@ import numpy as np
 
 from mathnavi.sim.interfaces.signals import Array
 
-_SMALL = 0.05  # [rad] below which the coefficients are Taylor's: what they leave out is less than 1e-14
+_SMALL = 0.05  # [rad] below which the coefficients are Taylor series, truncated below 1e-14
 
 
 class SO3:

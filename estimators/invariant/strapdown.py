@@ -9,9 +9,9 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.signals import Array
 
 TURN, SPEED, PLACE = slice(0, 3), slice(3, 6), slice(6, 9)
-"""of xi: attitude [rad], velocity [m/s] and position [m]"""
+"""components of xi: attitude [rad], velocity [m/s] and position [m]"""
 
-_LEAST_GYRO, _LEAST_FORCE = 1e-4, 1e-3  # [rad/s, m/s^2] that an IMU is trusted with, however good it is said to be
+_LEAST_GYRO, _LEAST_FORCE = 1e-4, 1e-3  # [rad/s, m/s^2] least that are assumed for any IMU
 
 
 class Strapdown:
@@ -25,7 +25,7 @@ class Strapdown:
         self._variances = np.repeat(np.square(trusted(deviations)), 3)
 
     def propagate(self, t: float, reading: Array) -> None:
-        """To t [s], by a reading (6,) of the IMU there; the first one only notes the time and the rate."""
+        """Propagate to t [s] by a reading (6,) of the IMU there; the first one only sets the time and the rate."""
         gyro, force = reading[:3], reading[3:]
         dt, rate = 0.0 if self.t is None else t - self.t, 0.5 * (self.rate + gyro)
         self.t, self.rate = t, gyro.copy()
@@ -38,12 +38,14 @@ class Strapdown:
         self.X, self.P = moved, A @ self.P @ A.T + G * self._variances @ G.T
 
     def correct(self, d: Array, P: Array) -> None:
-        """Put an error d (9,) into X, which leaves the covariance P (9, 9)."""
+        """Correct X by an error d (9,), after which the covariance is P (9, 9)."""
         self.X, self.P = self.X @ SE23.exp(d), P
 
 
 def trusted(deviations: tuple[float, float]) -> tuple[float, float]:
-    """Standard deviations [rad/s, m/s^2] that readings of an IMU are trusted with, of those that it is said to have."""
+    """Standard deviations [rad/s, m/s^2] that a filter assumes for an IMU's readings: the declared ones, but no less
+    than a floor.
+    """
     return max(deviations[0], _LEAST_GYRO), max(deviations[1], _LEAST_FORCE)
 
 

@@ -5,8 +5,8 @@ back within the plane across the tangent,
 
     F(x) = 0,   t . (x - (x_0 + ds t)) = 0,
 
-which works where the curve turns back in every coordinate. The curve ends where it closes, at the boundary of what is
-allowed, which shortened steps approach. They are also shortened where the curve bends much within one.
+which also works where the curve turns back in a coordinate. The curve ends where it closes, or at the boundary of the
+allowed set, which shortened steps approach. Steps are also shortened where the curve bends much within one.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ Difference = Callable[[Array, Array], Array]
 _NEWTON = 12  # steps
 _NEAR = 1e-5  # |F| of a start
 _CONVERGED = 1e-12  # of |F| over the size of its unknowns
-_NEAREST = 1e-8  # how near to the boundary the last point lies, in units of the step
+_NEAREST = 1e-8  # distance of the last point from the boundary, in units of the step
 _STRAIGHT = 1.2  # a step is shortened where it is longer, or turns more, than it would nearly straight on
 _LEAST_POINTS = 4  # of a closed curve
 
 
 class End(Enum):
-    """Why a curve ends; the value says it to the user."""
+    """Reason why a curve ends; the value is its text for the user."""
 
     CLOSED = "it closes"
     BOUNDARY = "it leaves what is allowed"
@@ -56,7 +56,7 @@ class TracedCurve:
 
 
 def subtract(a: Array, b: Array) -> Array:
-    """Difference a - b (n,) of a, b (n,), where every unknown is a plain number."""
+    """Difference a - b (n,) of a, b (n,), if no unknown is an angle."""
     difference: Array = a - b
     return difference
 
@@ -70,8 +70,8 @@ def trace_curve(
 ) -> TracedCurve:
     """The curve through ``start`` (n,), a point on it to 1e-5, both ways, at points ``step`` apart.
 
-    ``difference`` knows unknowns that are angles, so that a curve may close after a turn. ArgumentError if the start is
-    not on the curve, and if the step or the length is not positive.
+    ``difference`` wraps the unknowns that are angles, so that a curve may close after a turn. Raises ArgumentError if
+    the start is not on the curve, or if the step or the length is not positive.
     """
     if not (math.isfinite(step) and step > 0.0 and longest > 0.0):
         raise ArgumentError(f"step = {step!r}, longest = {longest!r}; allowed: positive numbers")
@@ -87,7 +87,9 @@ def trace_curve(
 
 
 def on_curve(equations: Equations, x: Array) -> tuple[Array, Array] | None:
-    """The point of the curve next to x (n,), where F is zero to 1e-5, and the tangent at x; None for none."""
+    """The point of the curve next to x (n,), where F is zero to 1e-5, and the tangent at x; None if there is no such
+    point.
+    """
     F, J = equations(x)
     if not (np.isfinite(J).all() and np.abs(F).max() <= _NEAR):
         return None
@@ -97,7 +99,7 @@ def on_curve(equations: Equations, x: Array) -> tuple[Array, Array] | None:
 
 
 def corrected(equations: Equations, point: Array, tangent: Array) -> Array | None:
-    """The point (n,) of the curve in the plane across ``tangent`` (n,) through ``point``; None where none is found."""
+    """The point (n,) of the curve in the plane across ``tangent`` (n,) through ``point``; None if none is found."""
     x = point
     for _ in range(_NEWTON):
         F, J = equations(x)
@@ -116,7 +118,7 @@ def corrected(equations: Equations, point: Array, tangent: Array) -> Array | Non
 def _followed(
     equations: Equations, start: Array, tangent: Array, step: float, longest: float, difference: Difference
 ) -> tuple[Array, End]:
-    """Points (k, n) from the start on along a tangent, and why they end."""
+    """Points (k, n) from the start on along a tangent, and the reason why they end."""
     points, length = [start], 0.0
     while length < longest:
         x, ds = points[-1], step
@@ -133,7 +135,7 @@ def _followed(
 
 
 def _next(equations: Equations, x: Array, tangent: Array, ds: float) -> tuple[Array, Array] | None:
-    """The next point and the tangent there; None for none, and for one that may belong to another branch."""
+    """The next point and the tangent there; None if there is none, or if it may belong to another branch."""
     found = corrected(equations, x + ds * tangent, tangent)
     if found is None or np.linalg.norm(found - x) > _STRAIGHT * ds:
         return None

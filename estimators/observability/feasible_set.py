@@ -2,9 +2,9 @@
 
 Its dimension is 3 - l: with one sensor a surface, given here by its slices at constant headings; with two sensors
 curves, closed or from wall to wall; with three or more, in general, points. Each curve is followed by continuation.
-Their starts are searched everywhere: reading y_1 while pointing at theta(s) is being at theta(s) - y_1 e, so the
-poses that read y_1 are a surface over (s, phi), on which a grid is laid. A node is a start if the other ranges may
-become y within the cells around it, or if the surface ends there.
+Starts are searched everywhere: a sensor that reads y_1 and points at theta(s) along e is at theta(s) - y_1 e, so the
+poses that read y_1 are a surface over (s, phi), which a grid covers. A node is a start if the other ranges may equal y
+within the cells around it, or if the surface ends there.
 
 In a field that is not convex the output map jumps where a ray grazes the wall, and a curve may end there too.
 """
@@ -37,7 +37,7 @@ class FeasibleSet:
 
     @property
     def poses(self) -> Array:
-        """Poses (n, 3) [m, m, rad] of the whole set, as it is sampled."""
+        """Sampled poses (n, 3) [m, m, rad] of the whole set."""
         return np.vstack([self.points, *(curve.points for curve in self.curves)])
 
 
@@ -84,7 +84,7 @@ def _slice(outputs: RangeOutputs, y: Array, phi: float, step: float, grid: int) 
 
 
 def _surface(outputs: RangeOutputs, y_1: float, grid: int, headings: Array) -> Array:
-    """(grid, k, 3) the poses that read y_1 with the first sensor, over s and headings (k,); NaN where it cannot."""
+    """Poses (grid, k, 3) that read y_1 with the first sensor, over s and headings (k,); NaN where there is none."""
     s = 2.0 * math.pi * np.arange(grid) / grid
     ends = outputs.curve.points(s)
     poses = np.empty((grid, len(headings), 3))
@@ -92,12 +92,12 @@ def _surface(outputs: RangeOutputs, y_1: float, grid: int, headings: Array) -> A
         beta = phi + outputs.angles[0]
         poses[:, j, :2], poses[:, j, 2] = ends - y_1 * np.array([math.cos(beta), math.sin(beta)]), phi
     seen = np.array([[outputs.at(x)[0][0] for x in row] for row in poses])
-    poses[~(np.abs(seen - y_1) <= _SEEN)] = np.nan  # outside, or something stands between
+    poses[~(np.abs(seen - y_1) <= _SEEN)] = np.nan  # outside, or the ray is blocked
     return poses
 
 
 def _starts(outputs: RangeOutputs, y: Array, grid: int) -> Array:
-    """(k, 3) the nodes around which the residuals of the other sensors may all vanish, and those at the surface's edge.
+    """Nodes (k, 3) around which the residuals of the other sensors may all vanish, and those at the surface's edge.
 
     At the edge a curve may run between the last nodes and the wall.
     """
@@ -107,7 +107,7 @@ def _starts(outputs: RangeOutputs, y: Array, grid: int) -> Array:
     reach, at_edge = np.zeros_like(r), np.zeros((grid, grid), dtype=bool)
     for shift in itertools.product((-1, 0, 1), repeat=2):
         around = np.roll(r, shift, axis=(0, 1))
-        reach = np.fmax(reach, np.abs(around - r))  # what is NaN is passed over
+        reach = np.fmax(reach, np.abs(around - r))  # NaN is ignored
         at_edge |= np.isnan(around).any(axis=2)
     near: Array = poses[(np.isfinite(r) & ((np.abs(r) <= reach) | at_edge[..., None])).all(axis=2)]
     return near

@@ -1,12 +1,13 @@
-"""States that no input distinguishes, counted, and states that none distinguishes soon (Definitions C.1, C.8).
+"""Search for states that no input distinguishes, at all or within a time T (Definitions C.1, C.8).
 
-What the robot reads under several inputs is stacked, and every pose that reads the same is searched: least squares
-from many starts, drawn all over the field, and what fits is clustered. As many poses as are found are indistinguishable
-*under these inputs*; the more they excite, the less they leave. In a field that m rotations map onto itself m always
-remain.
+The readings under several inputs are stacked, and the poses with the same readings are searched for: by least squares
+from many starts, drawn all over the field; poses that fit are clustered. The poses found are indistinguishable *under
+these inputs*; the more exciting the inputs, the fewer poses remain. In a field that m rotations map onto itself m
+always remain.
 
-Definition C.8 asks of a state x_1 that for any x_2 and T > 0 an input distinguishes the two by T. As printed x_2 =
-x_1 is not excepted, and no input does; here it is. Weakly, x_2 is searched in a neighbourhood of x_1 only.
+Definition C.8 requires of a state x_1 that for any x_2 and T > 0 an input distinguishes the two by T. As printed it
+does not except x_2 = x_1, which no input distinguishes; here x_2 = x_1 is excepted. For the weak property x_2 is in a
+neighbourhood of x_1 only.
 """
 
 from __future__ import annotations
@@ -33,10 +34,10 @@ _SAME = 1e-4  # clusters are farther apart
 
 @dataclass(frozen=True)
 class Indistinguishable:
-    """The states that read the same as one of them."""
+    """States with the same readings as a given one."""
 
     states: Array  # (k, 3), that one first
-    hits: Integers  # (k,) from how many of the starts each was found: one that is hardly hit may have missed peers
+    hits: Integers  # (k,) number of starts from which each was found: if few, others may have been missed
 
 
 @dataclass(frozen=True)
@@ -48,12 +49,12 @@ class SmallTime:
 
     @property
     def observable(self) -> bool:
-        """Small-time observable, x_2 = x_1 excepted."""
+        """True if x_1 is small-time observable, x_2 = x_1 excepted."""
         return self.nearest == math.inf
 
     @property
     def weakly_observable(self) -> bool:
-        """Weakly small-time observable: no state near x_1 reads the same."""
+        """True if x_1 is weakly small-time observable: no state near x_1 reads the same."""
         return self.nearest > 0.0
 
 
@@ -62,7 +63,7 @@ def indistinguishable_states(
 ) -> Indistinguishable:
     """States that read the same as x (3,) [m, m, rad] along every one of ``motions`` (K_j, 3) (Definition C.1).
 
-    Where they are not isolated, in a circle or standing still, each of the starts may end at another one. Raises
+    If they are not isolated, as in a circle or at rest, each start may end at another one. Raises
     ArgumentError where a motion from x leaves the field.
     """
     motion = np.vstack(motions)
@@ -85,10 +86,11 @@ def small_time(
     rng: np.random.Generator,
     starts: int = 200,
 ) -> SmallTime:
-    """Definition C.8 at x (3,), its input chosen among ``inputs``: which states none of them distinguishes by T [s].
+    """Small-time observability at x (3,) (Definition C.8), and the states that none of ``inputs`` distinguishes from x
+    by T [s].
 
-    Two states that read the same under each of them have a largest difference of zero, so it is they that are searched
-    for. That x is not isolated among them is read off the outputs' derivative: its least singular value is zero.
+    These are the states that read the same as x under each of the inputs. If x is not isolated among them, the least
+    singular value of the outputs' derivative is zero.
     """
     motions = [motion_under(u, T) for u in inputs]
     isolation = np.linalg.svd(outputs.along(x, np.vstack(motions))[1], compute_uv=False)[-1]

@@ -1,8 +1,8 @@
 """Outputs of range sensors along a motion, compiled, and the pose that fits readings.
 
-A motion is what a given input makes of the unicycle in the frame that it starts in: d_k = (forward, left) [m] and the
-turn c_k [rad] at the instants k = 0, ..., K - 1. From the pose x = (p, phi) the robot is then at (p + R_phi d_k,
-phi + c_k), as if sensors were mounted along a rigid body, and reads
+A motion is the unicycle's path under a given input, in its initial frame: d_k = (forward, left) [m] and the turn c_k
+[rad] at the instants k = 0, ..., K - 1. From the pose x = (p, phi) the robot comes to (p + R_phi d_k, phi + c_k), as if
+sensors were mounted along a rigid body, and reads
 
     y_{k i}(x) = rho(p + R_phi d_k, phi + c_k + alpha_i).
 """
@@ -54,10 +54,11 @@ def outputs_along(
 def fit_pose(
     coefficients: Array, polyline: Array, motion: Array, angles: Array, y: Array, start: Array, steps: int
 ) -> tuple[Array, float]:
-    """Fit a pose (3,) near ``start`` (3,) to the outputs y (K l,) [m], by Levenberg and Marquardt's method.
+    """Fit a pose (3,) near ``start`` (3,) to the outputs y (K l,) [m], by the Levenberg-Marquardt method.
 
-    Returns the pose and its largest residual [m]. Where fewer outputs than unknowns are given, it is nearly the nearest
-    one that fits. Steps that leave the field are shortened; NaN for a start from where the motion leaves it.
+    Returns the pose and its largest residual [m]. With fewer outputs than unknowns, the pose is close to the nearest
+    one that fits. Steps that leave the field are shortened; the result is NaN if the motion from ``start`` leaves the
+    field.
     """
     pose, damping = start.copy(), 1e-6
     found, J = outputs_along(coefficients, polyline, pose, motion, angles)

@@ -8,8 +8,8 @@ whose outputs may depend on x through variables w that G defines (where on the w
 function F(x, w) along solutions of G = 0 is D F = F_x - F_w G_w^{-1} G_x, and L_X F = (D F) X is its Lie derivative.
 The codistribution of order k is spanned by D L_{X_1} ... L_{X_j} h, j = 0, ..., k, the X_i taken from given fields:
 
-- from f + g u with u held, for one input: d(h, y', ..., y^(k)), what an observer sees that drives with it;
-- from f and every g_j: what some input or other shows. If the rank is n the system is locally weakly observable there.
+- from f + g u with u held, for one input: d(h, y', ..., y^(k)), what an observer sees under that input;
+- from f and every g_j: what some input shows. If the rank is n the system is locally weakly observable there.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _RANK_TOLERANCE = 1e-9  # of the largest singular value
 
 
 Map = Callable[[casadi.SX, casadi.SX], casadi.SX]
-"""(x (n,), u (p,)) to an expression"""
+"""function of x (n,) and u (p,) that returns an expression"""
 
 
 def _none() -> casadi.SX:
@@ -47,7 +47,7 @@ class ControlAffineSystem:
 
     @staticmethod
     def from_functions(f: Map, h: Map, states: int, inputs: int) -> ControlAffineSystem:
-        """System x' = f(x, u), y = h(x, u), where f is affine in u and h does not depend on it.
+        """System x' = f(x, u), y = h(x, u), where f is affine in u and h does not depend on u.
 
         Raises ArgumentError otherwise.
         """
@@ -80,7 +80,7 @@ def codistribution(system: ControlAffineSystem, fields: Sequence[casadi.SX], ord
     """Codistribution: (x (n,), w (q,)) to the differentials (m (1 + r + ... + r^order), n) of h and its Lie
     derivatives.
 
-    r is the number of ``fields``. Raises ArgumentError for an order that is negative, and for no fields.
+    r is the number of ``fields``. Raises ArgumentError for a negative order, and without fields.
     """
     if order < 0 or not fields:
         raise ArgumentError(f"order = {order}, {len(fields)} fields; allowed: an order >= 0 and a field or more")
@@ -92,7 +92,9 @@ def codistribution(system: ControlAffineSystem, fields: Sequence[casadi.SX], ord
 
 
 def singular_values(differentials: casadi.Function, x: Array, w: Array | None = None) -> Array:
-    """Singular values (n,) of a codistribution at x (n,), w (q,), falling; not finite where it is not defined."""
+    """Singular values (n,) of a codistribution at x (n,), w (q,), in descending order; not finite where it is not
+    defined.
+    """
     matrix = np.array(differentials(x, [] if w is None else w))
     if not np.isfinite(matrix).all():
         return np.full(matrix.shape[1], np.nan)

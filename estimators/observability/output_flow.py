@@ -1,4 +1,4 @@
-"""States of one output flow, and whether they and the feasible ones leave one state only (Definition C.11, Prop. C.1).
+"""States with the same output flow, and a test whether only one of them is feasible (Definition C.11, Prop. C.1).
 
 Under an input u(.) a state x_1 is output flow equivalent to x_0 if, for all t in some [0, T],
 
@@ -9,9 +9,9 @@ only if it does for all. Its derivative at t = 0 is y'(x_1) = y'(x_0), which Q =
 
     Q_i = theta'(s_i)^T R_{phi + alpha_i} e_2 (y_i'(x_0) - y_i'(x_1)),
 
-so {Q = 0} contains the set and is larger: what follows of an output flow is more than its first derivative.
+so {Q = 0} contains the set and is larger: an output flow determines more than its first derivative.
 
-States that are feasible and of the same output flow are those that read the same all along the motion.
+The feasible states with the same output flow are those that read the same all along the motion.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ def equal_rates(outputs: RangeOutputs, x_0: Array, u: tuple[float, float]) -> Eq
 
 @dataclass(frozen=True)
 class Intersection:
-    """FS_y and OF together, seen from x_0."""
+    """Intersection of FS_y and OF, relative to x_0."""
 
-    others: Array  # (k, 3) its states but x_0, where they are isolated
+    others: Array  # (k, 3) its states without x_0, if they are isolated
     nearest: float  # from x_0 to another of its states; infinite without one, zero where x_0 is not isolated
     isolation: float  # least singular value of d(outputs along the motion) / dx at x_0 [m per metre or radian]
 
@@ -67,11 +67,11 @@ class Intersection:
 
 
 def intersection(outputs: RangeOutputs, x_0: Array, motion: Array, feasible: FeasibleSet) -> Intersection:
-    """Intersection of FS_y and OF^u of a state x_0 (3,), under the input that makes ``motion`` (K, 3), looked for along
-    FS_y.
+    """Intersection of FS_y and OF^u of a state x_0 (3,), under the input of ``motion`` (K, 3), searched along FS_y.
 
-    ``feasible`` is the feasible set of h(x_0). Its states whose outputs follow nearly those of x_0 are moved to where
-    they do exactly; those that cannot be are none. Raises ArgumentError where the motion from x_0 leaves the field.
+    ``feasible`` is the feasible set of h(x_0). States of it whose outputs nearly follow those of x_0 are moved to where
+    they follow exactly; a state that cannot be moved there is left out. Raises ArgumentError if the motion from x_0
+    leaves the field.
     """
     y, J = outputs.along(x_0, motion)
     if not np.isfinite(y).all():

@@ -2,7 +2,8 @@
 
     y_i = rho(p, phi + alpha_i),   i = 1, ..., l                                                   (thesis C.4)
 
-A pose is x = (p, phi) [m, m, rad]. Poses are compared with a radian counted as a metre, angles the short way round.
+A pose is x = (p, phi) [m, m, rad]. Poses are compared with a radian counted as a metre, angles by their wrapped
+difference.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
 Input = Callable[[float], tuple[float, float]]
-"""t [s] to u = (u_1, u_2) [m/s, rad/s]"""
+"""function of t [s] that returns u = (u_1, u_2) [m/s, rad/s]"""
 
 STILL = np.zeros((1, 3))
-"""the motion that is none: one reading on the spot"""
+"""motion (1, 3) at rest: one reading at the start"""
 
 DEFICIENT = 1e-6
-"""a singular value of a derivative of outputs [m] by the pose, below which it is zero"""
+"""singular value of a derivative of outputs [m] by the pose, below which it counts as zero"""
 
 _FIT_STEPS = 60
 _FITTED = 1e-9  # [m] of the largest residual
@@ -36,7 +37,7 @@ _FITTED = 1e-9  # [m] of the largest residual
 
 @configuration
 class RangeOutputs:
-    """h for sensors at ``angles`` (l,) [rad] off the heading within a wall."""
+    """Output map h of sensors at ``angles`` (l,) [rad] off the heading within a wall."""
 
     curve: Curve
     angles: Annotated[tuple[float, ...], Condition(bool, "one sensor or more")]
@@ -64,7 +65,7 @@ class RangeOutputs:
         return y, J
 
     def fit(self, y: Array, start: Array, motion: Array = STILL) -> Array | None:
-        """Pose (3,) that reads y (K l,) [m] along a motion (K, 3), from ``start`` (3,); None where none is found."""
+        """Pose (3,) that reads y (K l,) [m] along a motion (K, 3), from ``start`` (3,); None if none is found."""
         start = np.asarray(start, np.float64)
         x, residual = fit_pose(self.curve.table, self.curve.polyline, motion, self.alpha, y, start, _FIT_STEPS)
         x[2] = wrapped(x[2])
@@ -80,8 +81,8 @@ class RangeOutputs:
 def motion_under(input_at: Input, duration: float, instants: int = 20) -> Array:
     """Motion (instants, 3) under an input: forward, left [m], turned [rad] at equal times up to ``duration`` [s].
 
-    The first instant is 0; inputs are held in between, at their value in the middle. Raises ValueError for a duration
-    or a number of instants that leaves nothing to read.
+    The first instant is 0; inputs are held in between, at their value in the middle. Raises ArgumentError for a
+    duration that is not positive, or fewer than two instants.
     """
     if not (math.isfinite(duration) and duration > 0.0 and instants >= 2):
         raise ArgumentError(f"duration = {duration!r} s, instants = {instants!r}; allowed: > 0, and 2 or more")
@@ -102,7 +103,7 @@ def pose_difference(a: Array, b: Array) -> Array:
 
 
 def different_poses(poses: Array, tolerance: float) -> Array:
-    """Poses (k, 3): the ``poses`` (n, 3) without those within ``tolerance`` of one before."""
+    """Different poses (k, 3): ``poses`` (n, 3) without those within ``tolerance`` of an earlier one."""
     kept: list[Array] = []
     for x in poses:
         if all(np.linalg.norm(pose_difference(x, other)) > tolerance for other in kept):

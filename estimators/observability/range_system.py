@@ -35,5 +35,5 @@ def range_system(outputs: RangeOutputs) -> ControlAffineSystem:
 
 
 def ray_ends(outputs: RangeOutputs, x: Array) -> Array:
-    """Ray ends w (l,) of ``range_system`` at a pose x (3,): where on the wall the rays end."""
+    """Ray ends w (l,) of ``range_system`` at a pose x (3,): parameters s of the wall where the rays end."""
     return outputs.curve.ranges(x, outputs.alpha)[1]

@@ -1,7 +1,7 @@
-"""Regions of convergence: from which initial estimates does an observer find the true state, without any noise?
+"""Regions of convergence: the initial estimates from which an observer finds the true state without noise.
 
-One run of the truth is made once, with what exact sensors read along it, and fed to an estimator that is built anew for
-every initial estimate. It has converged if the root mean square of its error over the last part of the run, modulo the
+One true run with the readings of exact sensors is replayed to an estimator that is built again for every initial
+estimate. The estimator has converged if the root mean square of its error over the last part of the run, modulo the
 symmetry of the wall, is small enough.
 """
 
@@ -28,17 +28,17 @@ class ConvergenceCriterion:
 
     position: float  # [m] root mean square
     heading: float  # [rad] root mean square
-    last: float  # share of the run, at its end, over which it is taken
+    last: float  # share of the run, at its end, over which both are taken
 
 
 @dataclass(frozen=True)
 class ExactRun:
-    """A run and what exact range sensors and odometry read along it, once a period."""
+    """A run and the readings of exact range sensors and odometry along it, once a period."""
 
     mission: RangingMission
     t: Array  # (n,) [s]
     truth: Array  # (n, 3)
-    readings: tuple[tuple[Measurement, ...], ...]  # (n) as they reach an estimator
+    readings: tuple[tuple[Measurement, ...], ...]  # (n) readings of each period
     commands: Array  # (n, 2) held since the reading before
 
 
@@ -64,7 +64,7 @@ def exact_run(mission: RangingMission, start: Array, input_at: Input, duration: 
 
 
 def converges(estimator: Estimator, run: ExactRun, criterion: ConvergenceCriterion) -> bool:
-    """True if an estimator that is fed a run has converged by its end."""
+    """True if an estimator with the readings of a run has converged by its end."""
     first = round((1.0 - criterion.last) * (len(run.t) - 1))
     errors = []
     for k in range(len(run.t)):
@@ -85,7 +85,7 @@ def region_of_convergence(
 ) -> NDArray[np.bool_]:
     """True (n,) where the estimator of a plug-in converges from each of the initial ``estimates`` (n, 3) [m, m, rad].
 
-    The plug-in is built for the mission of the run with that estimate as the known start, said to have the standard
+    The plug-in is built for the mission of the run, with that estimate as the known start, of the standard
     ``deviation`` [m, m, rad].
     """
     converged = np.empty(len(estimates), dtype=bool)

@@ -1,4 +1,4 @@
-"""The kernels of the bank of feasible poses, compiled before a run (``sim.engine.compilation``)."""
+"""Compilation of the feasible-set bank's kernels before a run (``sim.engine.compilation``)."""
 
 from __future__ import annotations
 

@@ -2,22 +2,23 @@
 
     L <- forgetting L + ln p(rho),   L <- L - max L
 
-is the logarithm of how likely a hypothesis is beside the best one, the past being forgotten. One whose score falls
-below a limit is dropped (its score is NaN), and so is a twin of the best: one that, turned by a rotation that maps the
-wall onto itself, is no farther from the best than its covariance allows, d' P^-1 d < twin.
+is the logarithm of a hypothesis' likelihood relative to the best one, with exponential forgetting. A hypothesis whose
+score falls below a limit is dropped (its score is NaN), and so is a twin of the best: one that, after a rotation that
+maps the wall onto itself, is no farther from the best than its covariance allows, d' P^-1 d < twin.
 
 **Noise.** Ranges have the noise and the outliers that the residuals of the best hypothesis show (``noise_kernels``).
 
-**Slip.** Wheels that slip, or whose size is another, move the robot where odometry does not say. A hypothesis then
-predicts less well than it believes, and its innovations are no longer white: nu_k correlates with those before it
-(Mehra, 1970). With the mean of white innovations n_i that forgets, m_i, of variance v, and the noise's share a_i of
-each innovation's variance,
+**Slip.** Wheels that slip, or whose radius is not the declared one, move the robot in a way that odometry does not
+measure. The predictions of a hypothesis are then worse than its covariance says, and its innovations are no longer
+white: nu_k correlates with those before it (Mehra, 1970). With the exponentially weighted mean m_i of white innovations
+n_i, of variance v, and the noise's share a_i of each innovation's variance,
 
     ln q <- ln q + eta (mean_i (a_i n_i m_i / sqrt v) - delta),
     m_i <- mu m_i + (1 - mu) n_i,   v = (1 - mu) / (1 + mu),
 
-ends where they are as good as white again (Robbins and Monro, 1951), delta keeping it low where they are. The process
-noise that a hypothesis adds to its pose and to the scale of its odometry has the intensity q - q_0 [m^2/s], none below,
+converges where they are nearly white again (Robbins and Monro, 1951); delta keeps q low where they are white. The
+process noise that a hypothesis adds to its pose and to the scale of its odometry has the intensity q - q_0 [m^2/s], or
+zero if that is negative,
 
     P <- P + max(q - q_0, 0) dt diag(w_1, w_1, w_2 c_phi^2, c_b^2),   q between a least and a most value,
 
@@ -59,12 +60,12 @@ class Hypotheses(NamedTuple):
 
     x: Array  # (K, 4)
     P: Array  # (K, 4, 4)
-    score: Array  # (K,) L, NaN where there is none
+    score: Array  # (K,) L, NaN for a hypothesis that was dropped
     misfit: Array  # (K,) the mean of NIS per ray
     slip: Array  # (K,) [m^2/s] q
     mean: Array  # (K, l) m
     recent: Array  # (K, l, WINDOW) last residuals of each ray over their declared deviation
-    readings: Integers  # (K, l) how many there were
+    readings: Integers  # (K, l) number of readings of each ray
 
 
 class Scoring(NamedTuple):
@@ -81,7 +82,9 @@ Symmetry = tuple[int, float, float]
 
 
 def no_hypotheses(count: int, rays: int, window: int) -> Hypotheses:
-    """Room for so many hypotheses of a robot with so many rays."""
+    """Empty arrays for ``count`` hypotheses of a robot with ``rays`` range sensors, with ``window`` residuals for each
+    ray.
+    """
     return Hypotheses(
         np.zeros((count, 4)),
         np.zeros((count, 4, 4)),
@@ -96,8 +99,8 @@ def no_hypotheses(count: int, rays: int, window: int) -> Hypotheses:
 
 @njit(cache=True, nogil=True)
 def predict_each(bank: Hypotheses, u: Array, W: Array, wall: WallShape, dt: float, weights: Array) -> None:
-    """Predict every hypothesis that is alive, in place, over dt [s] under a reading u (2,) of variances W (2,); see
-    ``predict``. The process noise of slip of place and heading has the ``weights`` w (2,).
+    """Predict every hypothesis that was not dropped, in place, over dt [s] under a reading u (2,) of variances W (2,);
+    see ``predict``. The process noise of slip in position and heading has the ``weights`` w (2,).
     """
     for k in range(len(bank.score)):
         if math.isnan(bank.score[k]):
@@ -121,11 +124,12 @@ def condition_each(
     scoring: Scoring,
     innovations: Innovations,
 ) -> tuple[int, float, int]:
-    """Condition every hypothesis that is alive on ranges z (l,) [m], NaN where lost, in place; see ``condition``.
+    """Condition every hypothesis that was not dropped on ranges z (l,) [m], NaN where lost, in place; see
+    ``condition``.
 
-    ``sensors`` have the declared noise, ``noise`` what is known of the true one, updated by the best hypothesis.
-    Updates scores, misfits and slips too. Returns the index of the best hypothesis, ``best`` among equals, its NIS, and
-    the number of rays in it.
+    ``sensors`` have the declared noise, ``noise`` the estimate of the true one, updated by the best hypothesis. Updates
+    scores, misfits and slips too. Returns the index of the best hypothesis (``best`` if several are equal), its NIS,
+    and the number of rays in the NIS.
     """
     score, misfit = bank.score, bank.misfit
     sigma, epsilon = noise_of(noise)

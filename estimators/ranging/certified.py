@@ -30,9 +30,9 @@ class RangeCertifiedConfig:
     """Fields of the command line."""
 
     method: Literal["feasible_set_bank", "range_ekf", "range_iekf"] = "feasible_set_bank"
-    """the estimator whose pose is certified, with its own defaults"""
+    """estimator whose pose is certified, with its default configuration"""
     every: Positive = 1.0
-    """between two certificates [s]"""
+    """time between two certificates [s]"""
     certificate: PoseCertificateConfig = field(default_factory=PoseCertificateConfig)
 
 
@@ -67,17 +67,17 @@ class RangeCertified:
 
     @staticmethod
     def properties(config: RangeCertifiedConfig) -> ObserverProperties:
-        """Table 2.1, of the estimator that is certified."""
+        """Properties (Table 2.1) of the estimator whose pose is certified."""
         kind = _KINDS[config.method]
         declared: ObserverProperties = kind.properties(kind.Config())
         return declared
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """Estimate (3,) [m, m, rad] of the certified estimator at t [s]; ``command`` (2,) where odometry says nothing.
+        """Estimate (3,) [m, m, rad] of the certified estimator at t [s]; ``command`` (2,) replaces missing odometry.
 
-        Beside its own arrays ``extra`` has those of the last certificate: ``certified`` (1,), 1 or 0, and ``others``
-        (8, 3), the poses that explained the readings too. Both are NaN where there is nothing to say: until there are
-        enough readings, and while the estimate is not OK.
+        In addition to the estimator's own arrays ``extra`` has those of the last certificate: ``certified`` (1,), 1 or
+        0, and ``others`` (8, 3), the other poses that explained the readings. Both are NaN until there are enough
+        readings, and while the estimate is not OK.
         """
         rho, u = self._model.ranges(measurements), self._model.input(measurements, command)
         estimate = self._estimator.update(t, measurements, command)

@@ -1,6 +1,6 @@
-"""filterpy's extended Kalman filter for a robot that reads ranges: the yardstick of the other filters.
+"""filterpy's extended Kalman filter for a robot that reads ranges: the baseline of the other filters.
 
-It knows nothing of what the linearisation leaves out.
+It does not account for linearisation errors.
 """
 
 from __future__ import annotations

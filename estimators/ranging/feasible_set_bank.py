@@ -1,13 +1,13 @@
-"""The feasible-set bank: the set of feasible states (Definition C.9) as the start of a bank of Kalman filters.
+"""The feasible-set bank: a bank of Kalman filters that starts on the set of feasible states (Definition C.9).
 
-What a robot reads at first does not fix where it is, but on which set it is: FS_y, of dimension 3 - l for l sensors.
-So its first readings are averaged, random poses are projected onto FS_y, and those that are farthest from each other
-become the hypotheses, an extended Kalman filter each (``kalman_kernels``). What the rays read while the robot moves
-decides between them (``bank_kernels``), and the best one's estimate is the estimate. Where the start is known there is
-but one.
+A robot's first readings do not determine its pose, but a set that contains it: FS_y, of dimension 3 - l for l sensors.
+So the first readings are averaged, random poses are projected onto FS_y, and those that are farthest from each other
+become the hypotheses, each with an extended Kalman filter (``kalman_kernels``). The ranges that are read while the
+robot moves decide between them (``bank_kernels``); the estimate is that of the best one. If the start is known there is
+one hypothesis only.
 
-**Weights.** Errors that the model leaves out are the same for many readings, so that ten of them count as one: with the
-logarithm L_k of its likelihood a hypothesis has the weight
+**Weights.** Model errors are correlated over many readings, so that ten readings count as one: with the logarithm L_k
+of its likelihood a hypothesis has the weight
 
     w_k = exp(L_k / 10) / sum_j exp(L_j / 10)
 
@@ -16,11 +16,11 @@ less than twice that of all others together, the readings do not distinguish the
 ``INITIALISING``, and ``extra`` has all poses with their weights.
 
 **Noise, outliers and slip** need not be as declared: the bank estimates the scale of the ranges' noise and the share of
-outliers (``noise_kernels``) and how much wheels slip (``bank_kernels``) while it runs.
+outliers (``noise_kernels``) and the slip of the wheels (``bank_kernels``) while it runs.
 
-**Misfit.** A hypothesis that is the best of all and still at odds with the rays, by the mean of NIS per ray over the
-last .2 s or by more slip than wheels have, is not believed: the robot was carried away, or no hypothesis was near the
-truth. Then the last readings make new ones, which the old one has to beat.
+**Misfit.** The best hypothesis is rejected if it contradicts the rays, by the mean of NIS per ray over the last 0.2 s
+or by more slip than wheels have: the robot was carried away, or no hypothesis was near the truth. Then new hypotheses
+are made from the last readings, and compete with the old one.
 """
 
 from __future__ import annotations
@@ -64,9 +64,9 @@ from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 _OF_MEDIAN = 0.5 * np.pi  # variance of the median of many Gaussian numbers over that of their mean
-_MOVED = 0.005  # of a range: between what is read on the way and what is read in the middle of it
-_FEASIBLE = 1e-4  # probability that a pose which is feasible is refused
-_MORE_OUTLIERS = 1.5  # times their share that there may be by chance over the time of a misfit
+_MOVED = 0.005  # of a range: error of the range in the middle of a motion, from ranges read along it
+_FEASIBLE = 1e-4  # probability that a feasible pose is refused
+_MORE_OUTLIERS = 1.5  # times their share that may occur by chance while a misfit is averaged
 _NEAREST = 0.1  # [m, rad] between hypotheses at the start
 _LEFT = 0.25  # share of the greatest slip with which new hypotheses begin at most
 _REMEMBERED = 0.2  # [s] over which the misfit is averaged
@@ -82,33 +82,33 @@ class FeasibleSetBankConfig:
     kernels: ClassVar[str] = "mathnavi.estimators.ranging.ahead"  # compiled before the first run
 
     hypotheses: CountInMemory = 16
-    """at most so many"""
+    """largest number of hypotheses"""
     candidates: CountInMemory = 300
-    """random poses that are projected onto the feasible set"""
+    """number of random poses that are projected onto the feasible set"""
     readings: CountInMemory = 10
-    """that are averaged for it"""
+    """number of readings that are averaged for the feasible set"""
     projections: CountInMemory = 3
-    """steps of the projection"""
+    """number of steps of the projection onto the feasible set"""
     deviation: Annotated[
         tuple[float, float, float], Each(Interval(gt=0.0, le=100.0), allowed="three values > 0 and <= 100")
     ] = (0.6, 0.4, 0.5)
-    """standard deviations of a hypothesis at the start, X Y HEADING [m, m, rad]"""
+    """standard deviations X Y HEADING of a new hypothesis [m, m, rad]"""
     forgetting: Probability = 0.9999
-    """what is left of a score after an update"""
+    """factor on a score at each update: the share of the past that is kept"""
     lowest: Annotated[float, Lt(0.0)] = -20.0
-    """score beside the best one's at which a hypothesis is dropped"""
+    """log-likelihood relative to the best hypothesis below which a hypothesis is dropped"""
     misfit: Annotated[float, Within(Gt(1.0), allowed="a value > 1, the mean of one that fits")] = 2.5
-    """mean of NIS per ray, beside that of outliers, from which the best hypothesis is not believed"""
+    """mean of NIS per ray, not counting outliers, above which the best hypothesis is rejected"""
     gate: Probability = 1e-4
-    """probability with which a good range is refused"""
+    """probability that a good range is refused"""
     timeout: Positive = 0.5
-    """without a range after which the estimate is lost [s]"""
+    """time without a range after which the estimate is lost [s]"""
 
     def __post_init__(self) -> None:
         check_angle(self.deviation[2], "deviation: of the heading", Radians(0.0, math.pi, open_low=True))
 
     seed: Seed = 0
-    """of the random poses"""
+    """seed of the random poses"""
 
 
 class FeasibleSetBank:
@@ -157,7 +157,7 @@ class FeasibleSetBank:
 
     @staticmethod
     def properties(config: FeasibleSetBankConfig) -> ObserverProperties:
-        """Table 2.1."""
+        """Properties of the observer (Table 2.1)."""
         return ObserverProperties(
             domain_of_attraction=Domain.GLOBAL,
             rate=Rate.ASYMPTOTIC,
@@ -170,10 +170,10 @@ class FeasibleSetBank:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (3,) [m, m, rad] at t [s]: pose and covariance of the best hypothesis.
 
-        ``command`` (2,) stands in where odometry says nothing. ``extra`` has the ``hypotheses`` (K, 3), their
-        ``scores`` (K,) and ``weights`` (K,), NaN where there is none; ``nis`` (2,), that of the best and the number of
-        rays in it, NaN where there was no update; ``noise`` (2,), the ranges' standard deviation over the declared one
-        and the share of outliers; and ``slip`` (1,) [m^2/s], the intensity of the process noise by which wheels slip.
+        ``command`` (2,) replaces missing odometry. ``extra`` has the ``hypotheses`` (K, 3), their ``scores`` (K,) and
+        ``weights`` (K,), NaN for hypotheses that do not exist; ``nis`` (2,), the NIS of the best and its number of
+        rays, NaN without an update; ``noise`` (2,), the ranges' standard deviation over the declared one and the share
+        of outliers; and ``slip`` (1,) [m^2/s], the intensity of the process noise of wheel slip.
         """
         rho, u = self._model.ranges(measurements), self._model.input(measurements, command)
         self._timeout_monitor.note(t, not np.isnan(rho).all())
@@ -202,7 +202,9 @@ class FeasibleSetBank:
 
     @property
     def _is_believed(self) -> bool:
-        """True if the best hypothesis explains the rays, an outlier counting as the gate, by as much slip as may be."""
+        """True if the best hypothesis explains the rays with no more than the largest slip; an outlier counts as the
+        gate.
+        """
         limit = self._config.misfit + _MORE_OUTLIERS * noise_of(self._noise)[1] * self._gate
         return bool(self._bank.misfit[self._best] <= limit and self._bank.slip[self._best] < MOST_SLIP)
 
@@ -219,7 +221,7 @@ class FeasibleSetBank:
         return np.array([nis, rays]) if rays else np.full(2, np.nan)
 
     def _start(self) -> None:
-        """New hypotheses from the last readings, where there are enough, beside the best one so far."""
+        """Make new hypotheses from the last readings, if there are enough, and keep the best one so far."""
         enough = 2 * np.isfinite(self._ranges).sum(axis=0) >= len(self._ranges)  # (l,) of each ray
         if self._calls < len(self._ranges) or enough.sum() < min(2, len(enough)):
             return
@@ -238,10 +240,10 @@ class FeasibleSetBank:
         self._best = 0
 
     def _feasible(self, rays: Array) -> Array:
-        """States (k, 4) whose poses are feasible by the ``rays`` (l,) that there are enough of, far from each other.
+        """Feasible states (k, 4), far from each other, by the ``rays`` (l,) that have enough readings.
 
-        The average is the median, so that it may hold outliers. The robot moved meanwhile: it is what the pose in the
-        middle of the readings would read, from where odometry leads to now.
+        The readings are averaged by their median, which tolerates outliers. As the robot moves meanwhile, this stands
+        for the reading at the pose in the middle of them, from which odometry leads to the present pose.
         """
         config, model, wall = self._config, self._model, self._model.wall
         y = np.full(len(rays), np.nan)

@@ -1,9 +1,9 @@
-"""Poses of the set of feasible states (Definition C.9), compiled.
+"""Projection of poses onto the set of feasible states (Definition C.9), compiled.
 
     FS_y = {x : h(x) = y}
 
-A pose is brought onto it by Gauss-Newton steps d, each the shortest that solves the linearised equations. Readings err,
-so y is an average with variances v_i, and the step solves them as well as the errors deserve:
+A pose is projected onto it by Gauss-Newton steps d, each the shortest that solves the linearised equations. Readings
+are noisy, so y is an average with variances v_i, and the step weighs the equations accordingly:
 
     d = argmin sum_i (y_i - h_i - H_i d)^2 / v_i + |d|^2   [m, rad],   which is the shortest one where v is small.
 """
@@ -27,8 +27,9 @@ _LONGEST = 1.0  # [m, rad] of a step in any coordinate
 def project(states: Array, y: Array, v: Array, wall: WallShape, angles: Array, steps: int) -> tuple[Array, Array]:
     """Take ``steps`` steps from ``states`` (m, 4) to FS_y.
 
-    Returns the states (m, 4) and how far from FS_y they then are, sum_i (y_i - h_i)^2 / v_i (m,). y (l,) [m] is NaN
-    where a ray was lost, v (l,) [m^2], ``angles`` (l,) [rad]. A pose with a ray of no information is infinitely far.
+    Returns the states (m, 4) and their squared distances from FS_y then, sum_i (y_i - h_i)^2 / v_i (m,). y (l,) [m] is
+    NaN where a ray was lost, v (l,) [m^2], ``angles`` (l,) [rad]. The distance is infinite for a pose with a ray
+    without information.
     """
     projected, far = states.copy(), np.empty(len(states))
     A, g, H, D = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
@@ -70,9 +71,9 @@ def pushed(states: Array, inputs: Array, wall: WallShape, dt: float, first: floa
 
 @njit(cache=True, nogil=True)
 def farthest_points(states: Array, first: int, count: int, nearest: float) -> Integers:
-    """Indices of up to ``count`` states (m, 4): the ``first``, and then always the one farthest from all before.
+    """Indices of up to ``count`` states (m, 4): the ``first``, then repeatedly the one farthest from all before.
 
-    Distances are sqrt(|dx|^2 [m^2] + dphi^2 [rad^2]); it ends where the farthest is no farther than ``nearest``.
+    Distances are sqrt(|dx|^2 [m^2] + dphi^2 [rad^2]); the search ends when the farthest is no farther than ``nearest``.
     """
     far = np.full(len(states), np.inf)
     chosen = np.empty(count, np.int64)

@@ -1,10 +1,11 @@
-"""Feed-forwards Psi_* F that carry the observer's state z from one instant to the next, compiled; none as (C.5) has it.
+"""Feed-forwards Psi_* F that carry the observer's state z from one instant to the next, compiled; (C.5) as printed has
+none.
 
-(C.5) as printed only descends: on the truth, where V_rho = 0 and Q = 0, its right side is zero while Psi(x) moves on.
-So it is no observer in the sense of Definition C.7, and lags by an error of order |Psi(x)'| / k. Each feed-forward
-below gives Psi(x)' on the truth; off the truth they differ. All have the same arguments: the wall, alpha (l,) [rad], z
-(l + 1,), the readings (2, l) of rho and rho_dot ``here`` and ``there``, the input u (2,) that is held for dt [s]
-between them. What depends on a reading that is NaN is NaN.
+(C.5) as printed is a gradient descent only: on the truth, where V_rho = 0 and Q = 0, its right side is zero while
+Psi(x) moves on. So it is no observer in the sense of Definition C.7, and lags by an error of order |Psi(x)'| / k. Each
+feed-forward below gives Psi(x)' on the truth; off the truth they differ. All have the same arguments: the wall, alpha
+(l,) [rad], z (l + 1,), the readings (2, l) of rho and rho_dot ``here`` and ``there``, the input u (2,) that is held for
+dt [s] between them. What depends on a reading that is NaN is NaN.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ def rho_dot_rate(table: Array, alpha: Array, z: Array, rho: Array, rho_dot: Arra
 
 @njit(cache=True, nogil=True)
 def stay(wall: WallShape, alpha: Array, z: Array, here: Array, there: Array, u: Array, dt: float) -> Array:
-    """Return z (l + 1,) as it is: no feed-forward, (C.5) as printed."""
+    """Return z (l + 1,) unchanged: no feed-forward, (C.5) as printed."""
     return z.copy()
 
 
@@ -83,7 +84,7 @@ def forward_rho_dot(wall: WallShape, alpha: Array, z: Array, here: Array, there:
 
 @njit(cache=True, nogil=True)
 def forward_manifold(wall: WallShape, alpha: Array, z: Array, here: Array, there: Array, u: Array, dt: float) -> Array:
-    """Feed z (l + 1,) forward as Psi of the pose that Phi(z) moves to: without error of its own, and on Psi(X)."""
+    """Feed z (l + 1,) forward as Psi of the pose that Phi(z) moves to: exact, and in the image of Psi."""
     pose = output(wall, alpha, z, here[0])
     if math.isnan(pose[0]):
         return np.full(len(z), math.nan)

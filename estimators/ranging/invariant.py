@@ -1,17 +1,18 @@
 """The plug-in ``range_iekf``: the invariant extended Kalman filter on SE(2) of a robot that reads ranges.
 
-The pose is an element X of SE(2), with the scale error b of the odometry beside it. With the odometry u, held for dt,
+The state is the pose, an element X of SE(2), and the scale error b of the odometry. With the odometry u, held for dt,
 
     X <- X Exp(v),   v = dt ((1 - b) u_1, 0, (1 - b) u_2),
 
-exactly. The error is left-invariant, X = X^ Exp(xi): it is that in the robot's own axes, in which the odometry errs. So
+exactly. The error is left-invariant, X = X^ Exp(xi): it is expressed in the robot's own axes, as the error of the
+odometry is. So
 
     xi <- Ad_{Exp(-v)} xi - J_r(v) dt u db + J_r(v) dt w
 
-whatever the pose is: for b known, the propagation of the error is exact, and its covariance does not depend on the
-estimate; a Gaussian of xi is a banana in (x_1, x_2, phi). A ray reads rho_i = h_i(X) of a wall that no motion leaves as
-it is, so the update is linearised about the estimate, as in ``range_ekf``, from which this filter differs in nothing
-else.
+at every pose: if b is known, the propagation of the error is exact, and its covariance does not depend on the estimate;
+a Gaussian of xi is banana-shaped in (x_1, x_2, phi). A ray reads rho_i = h_i(X) of a wall that is not invariant under
+motions, so the update is linearised about the estimate, as in ``range_ekf``. There is no other difference from that
+filter.
 """
 
 from __future__ import annotations

@@ -7,22 +7,22 @@ variances W = diag(w_1, w_2) per reading, b constant. With F, G the derivatives 
 
 Ray i reads rho_i = h_i(x) + noise of variance r_i = (relative h_i)^2 + absolute^2 + tr(h_i'' P- h_i'' P-) / 2, P- being
 the prediction's covariance, independent of the others, so that conditioning on one ray after the other, all linearised
-at the prediction, is the update with all of them at once, whatever their order:
+at the prediction, equals the update with all of them at once, in any order:
 
     nu_i = rho_i - h_i - H_i (x - x_predicted),   s_i = H_i P H_i' + r_i,
     x <- x + P H_i' nu_i / s_i,   P <- P - P H_i' H_i P / s_i,   NIS = sum nu_i^2 / s_i.
 
-The last term of r_i is the variance of what the linearisation leaves out, for a Gaussian error of covariance P-. It is
-zero next to the others once the filter has locked, and until then keeps it from believing what it cannot know.
+The last term of r_i is the variance of the linearisation error, for a Gaussian error of covariance P-. It is negligible
+once the filter has converged, and until then keeps the filter from being overconfident.
 
-A share epsilon of the ranges are outliers, uniform up to the longest range L in sight. A reading is none with the
-probability beta (probabilistic data association, Bar-Shalom and Tse, 1975), by which the update is weighed:
+A share epsilon of the ranges are outliers, uniform up to the longest range L in sight. A reading is not an outlier with
+the probability beta (probabilistic data association, Bar-Shalom and Tse, 1975), which weights the update:
 
     p_i = (1 - epsilon) N(nu_i; 0, s_i),   beta_i = p_i / (p_i + epsilon / L),   ln L = sum ln (p_i + epsilon / L),
     x <- x + beta_i P H_i' nu_i / s_i,
     P <- P - (beta_i - beta_i (1 - beta_i) nu_i^2 / s_i) P H_i' H_i P / s_i.
 
-With epsilon = 0 that is the extended Kalman filter. A ray that was lost is passed over; one with nu_i^2 / s_i above the
+With epsilon = 0 that is the extended Kalman filter. A ray that was lost is skipped; one with nu_i^2 / s_i above the
 gate counts as one at the gate in NIS.
 """
 
@@ -48,7 +48,7 @@ class RaySensors(NamedTuple):
 
     angles: Array  # (l,) [rad] off the heading
     relative: float  # standard deviation of a range over its length
-    absolute: float  # standard deviation of a range beside that [m]
+    absolute: float  # further standard deviation of a range, independent of its length [m]
     gate: float  # nu^2 / s that no reading exceeds in NIS
     outliers: float = 0.0  # epsilon, fraction of single ranges
     longest: float = 1.0  # L [m]
@@ -64,7 +64,7 @@ class Innovations(NamedTuple):
 
 
 def no_innovations(rays: int) -> Innovations:
-    """Room for the innovations of one update of so many rays."""
+    """Empty innovations of one update with ``rays`` rays."""
     residual, variance, white, share = np.full((4, rays), np.nan)
     return Innovations(residual, variance, white, share)
 
@@ -93,7 +93,7 @@ def within(wall: WallShape, points: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def move(x: Array, u: Array, wall: WallShape, dt: float) -> None:
-    """Move x (4,), in place, over dt [s] under a reading u (2,) [m/s, rad/s], but not out of the wall."""
+    """Move x (4,), in place, over dt [s] under a reading u (2,) [m/s, rad/s], but not through the wall."""
     after = integrate(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
     d_1, d_2 = after[0] - x[0], after[1] - x[1]
     step = step_within(wall, x[0], x[1], d_1, d_2)
@@ -153,7 +153,7 @@ def expected_range(
 
 @njit(cache=True, nogil=True)
 def expected_ranges(wall: WallShape, pose: Array, angles: Array) -> tuple[Array, Array]:
-    """Ranges h (l,) [m] of all rays from a pose (3,) and their derivatives H (l, 3); NaN where a ray has none."""
+    """Ranges h (l,) [m] of rays from a pose (3,) and their derivatives H (l, 3); NaN for a ray without information."""
     h, H, D = np.empty(len(angles)), np.full((len(angles), 3), np.nan), np.empty(3)
     for i in range(len(angles)):
         h[i], _, _ = expected_range(wall, pose[0], pose[1], pose[2] + angles[i], H[i], D)

@@ -1,8 +1,8 @@
-"""The mission as compiled filters take it: the wall, the rays and the errors.
+"""The mission in the form that compiled filters use: wall, rays and errors.
 
 Their state is (x_1, x_2, phi, b), the pose and the scale error of the odometry, u = (1 - b) u_measured; see
-``kalman_kernels``. An error that lasts adds up where a new one at each reading averages out. To a filter that takes it
-for the latter it is what limits it.
+``kalman_kernels``. A constant error accumulates, whereas errors that are independent between readings average out: for
+a filter that models a constant error as independent ones, it limits the accuracy.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mathnavi.sim.interfaces.signals import Array, Measurement
 
 STATES = 4
 FROM_WHERE = "from most starts with two rays or more where the robot drives; standing still not with one or two rays"
-"""what an estimator that claims to converge locally has to add"""
+"""condition that an estimator with local convergence states in addition"""
 
 _LEAST_VARIANCE = 1e-12  # [m^2/s^2, rad^2/s^2] of an input
 _DRAWN = 500  # poses that stand for "anywhere"
@@ -51,7 +51,7 @@ class RangeModel:
         return usable_ranges(measurements, len(self.angles), self.longest)
 
     def input(self, measurements: Sequence[Measurement], command: Array) -> Array:
-        """Input u (2,) [m/s, rad/s] over the period that ends now; ``command`` (2,) where odometry says nothing."""
+        """Input u (2,) [m/s, rad/s] over the period that ends now; ``command`` (2,) if odometry is missing."""
         return measured_input(measurements, command, self._limits)
 
     def range_variance(self, rho: Array) -> Array:
@@ -68,7 +68,7 @@ class RangeModel:
         return np.diag(np.square([*deviation, self.scale]))
 
     def anywhere(self, rng: np.random.Generator, count: int) -> Array:
-        """Draw states (count, 4): poses uniform over all that is within the wall, and b as declared."""
+        """Draw states (count, 4): poses uniform within the wall, and b as declared."""
         low, high = self.wall[1].min(axis=0), self.wall[1].max(axis=0)
         points = np.empty((0, 2))
         while len(points) < count:
@@ -77,7 +77,9 @@ class RangeModel:
         return np.column_stack((points[:count], headings, scales))
 
     def particles(self, count: int, rng: np.random.Generator) -> Array:
-        """Draw states (count, 4) at t = 0: the start as it is known, but within the wall, or anywhere."""
+        """Draw states (count, 4) at t = 0: around the known start within the wall, or anywhere if the start is not
+        known.
+        """
         known = self._mission.start
         if known is None:
             return self.anywhere(rng, count)
@@ -89,7 +91,9 @@ class RangeModel:
         return x
 
     def start(self) -> tuple[Array, Array]:
-        """State x (4,) and covariance P (4, 4) at t = 0: the start as it is known, or the middle of all that may be."""
+        """State x (4,) and covariance P (4, 4) at t = 0: the known start, or the middle of the field if the start is
+        not known.
+        """
         known = self._mission.start
         if known is not None:
             return np.array([*known.pose, 0.0]), self.covariance(known.deviation)
@@ -106,14 +110,16 @@ def chi_square_gate(probability: float) -> float:
 
 
 class Gate:
-    """Gate that refuses rays whose nu^2 / s says that they are outliers; what lasts is none but the filter's error."""
+    """Gate that refuses rays whose nu^2 / s marks them as outliers; if that lasts it is the filter's error, and they
+    pass.
+    """
 
     def __init__(self, probability: float, sensors: int) -> None:
         self._limit = chi_square_gate(probability)
         self._beyond = np.zeros(sensors, dtype=int)  # readings in a row
 
     def passes(self, squares: Array) -> Flags:
-        """True (l,) where a ray is to be used, by nu^2 / s (l,), NaN where a ray was lost."""
+        """True (l,) where a ray is to be used, by its nu^2 / s (l,), NaN where a ray was lost."""
         self._beyond = np.where(squares > self._limit, self._beyond + 1, np.where(np.isnan(squares), self._beyond, 0))
         passed: Flags = np.isfinite(squares) & ((self._beyond == 0) | (self._beyond > _LASTING))
         return passed

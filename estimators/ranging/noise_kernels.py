@@ -1,18 +1,20 @@
 """The noise of ranges, estimated while a filter runs, compiled.
 
-Declared is a standard deviation sqrt(r) of each range and a share of outliers; true are sigma sqrt(r) and epsilon. What
-is wrong with an estimate of the pose shifts the residuals e = (rho - h) / sqrt(r) of a ray for many readings alike,
-noise only one: so of the last n = 9 residuals of a ray the one in the middle is compared with the median of all,
+The declared standard deviation of each range is sqrt(r); the true one is sigma sqrt(r), with a share epsilon of
+outliers. An error of the estimated pose shifts the residuals e = (rho - h) / sqrt(r) of a ray by nearly the same amount
+for many readings, noise shifts each on its own: so the middle one of the last n = 9 residuals of a ray is compared with
+their median,
 
-    d = e_middle - median(e),     var d = (1 - 2 / n + var median) sigma^2 = .944 sigma^2   for a Gaussian,
+    d = e_middle - median(e),     var d = (1 - 2 / n + var median) sigma^2 = 0.944 sigma^2   for a Gaussian,
 
-which neither an error that grows steadily nor up to four outliers change much. d is an outlier's with a probability
-1 - beta, p = (1 - epsilon) N(d; 0, .944 sigma^2), beta = p / (p + epsilon sqrt(r) / L), L the longest range in sight.
-Sums that forget, S <- lambda S + ..., make this expectation maximisation on line (Neal and Hinton, 1998):
+which neither a steadily growing error nor up to four outliers change much. d belongs to an outlier with the probability
+1 - beta, p = (1 - epsilon) N(d; 0, 0.944 sigma^2), beta = p / (p + epsilon sqrt(r) / L), L the longest range in sight.
+Sums with exponential forgetting, S <- lambda S + ..., make this an online expectation maximisation (Neal and Hinton,
+1998):
 
-    sigma^2 = sum beta d^2 / .944 / sum beta,     epsilon = sum (1 - beta) / sum 1,
+    sigma^2 = sum beta d^2 / 0.944 / sum beta,     epsilon = sum (1 - beta) / sum 1,
 
-both from what is declared, as if so many readings had said it.
+both starting at the declared values, which count as ``_PRIOR`` readings.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 WINDOW = 9
-"""n: residuals of a ray that are kept"""
+"""n: number of residuals of a ray that are kept"""
 
 _SPREAD = 0.944  # variance of the middle one of WINDOW Gaussian numbers less their median
 _PRIOR = 50.0  # readings that the declared errors count as
@@ -36,14 +38,14 @@ _LEAST_VARIANCE, _MOST_VARIANCE = 0.25, 1e4  # sigma^2
 
 
 class NoiseSums(NamedTuple):
-    """Sums that forget, changed in place."""
+    """Sums with exponential forgetting, changed in place."""
 
-    squares: Array  # (2,) sum of beta d^2 / .944, and of beta
+    squares: Array  # (2,) sum of beta d^2 / 0.944, and of beta
     outliers: Array  # (2,) sum of 1 - beta, and of 1
 
 
 def declared_noise(outliers: float) -> NoiseSums:
-    """Sums of a noise that is as declared, with a share of outliers."""
+    """Initial sums for the declared noise, with a share of ``outliers``."""
     return NoiseSums(_PRIOR * np.ones(2), _PRIOR * np.array([outliers, 1.0]))
 
 
@@ -73,7 +75,7 @@ def remember(recent: Array, count: Integers, residual: Array, variance: Array) -
 def learn_noise(
     sums: NoiseSums, recent: Array, count: Integers, residual: Array, variance: Array, longest: float
 ) -> None:
-    """Update the sums, in place, by the rays that ``remember`` has just been given a reading of."""
+    """Update the sums, in place, by the rays whose readings ``remember`` has just appended."""
     for i in range(len(residual)):
         if math.isnan(residual[i]) or count[i] < WINDOW:
             continue

@@ -1,13 +1,12 @@
-"""The active observer of Paper C, (C.5), and what it needs to be one.
+"""The active observer of Paper C, (C.5), with a feed-forward, without which it would lag.
 
     z' = feed-forward - k_V [dV_rho / dz]' - k_Q [dQ / dz]' Q,   x_hat = Phi(z),   z = (s_1, ..., s_l, phi),
 
-with V_rho and Q of ``observer_kernels``. It is stiff, so a period dt is one linearly implicit step,
-z + feed-forward - dt (I + dt H)^-1 gradient. (C.5) as printed has no feed-forward and so does not stay on the truth;
+with V_rho and Q of ``observer_kernels``. It is stiff, so a period dt is one linearly implicit step, z + feed-forward -
+dt (I + dt H)^-1 gradient. (C.5) as printed has no feed-forward and so does not stay on the truth;
 ``feedforward_kernels`` has three that do. Phi is the thesis' vector average: the mean of the positions that the rays
-give. Range rates come from a window of readings, at the centre of which the observer runs (``range_rate``); from
-there the estimate is pushed forward with the inputs that odometry measured. What a ray that was lost cannot say is
-taken from that motion too.
+imply. Range rates come from a window of readings, at the centre of which the observer runs (``range_rate``); from there
+the estimate is pushed forward with the inputs that odometry measured. A lost ray is replaced by that motion too.
 """
 
 from __future__ import annotations
@@ -62,21 +61,22 @@ class RangeObserverConfig:
     """Fields of the command line."""
 
     feedforward: FeedForward = "s"
-    """what feeds z forward: none (as printed), s, rho_dot or manifold"""
+    """feed-forward of z: none (as printed), s, rho_dot or manifold"""
     k_v: Gain = 1.0
     """k_V, gain of V_rho [1/(m^2 s)]"""
     k_q: Gain = 1.0
     """k_Q, gain of |Q|^2 / 2 [s/m^4]"""
     fitted: Fitted | None = None
-    """what range rates are fitted to: the innovation, or as printed the ranges, if not given"""
+    """data that range rates are fitted to: innovation or ranges; the innovation, or as printed the ranges, if not
+    given"""
     window: int | None = None
-    """readings to a fit; 101, or 3 of ranges that the mission says are exact, if not given"""
+    """number of readings in a fit; 101, or 3 if the mission declares exact ranges, if not given"""
     order: int | None = None
-    """of the polynomial; 1 for the innovation and 3, or 2 with a window of 3, for ranges, if not given"""
+    """order of the fitted polynomial; 1 for the innovation and 3, or 2 with a window of 3, for ranges, if not given"""
     z_0: Annotated[NumberList, FINITE_NUMBERS] = ()
-    """S_1 ... S_L PHI [rad] at the start; from what the mission says of the start if not given"""
+    """initial observer state S_1 ... S_L PHI [rad]; that of the mission's start if not given"""
     timeout: Positive = 0.5
-    """without a range after which the estimate is lost [s]"""
+    """time without a range after which the estimate is lost [s]"""
 
     def __post_init__(self) -> None:
         for exact in (False, True):
@@ -84,7 +84,7 @@ class RangeObserverConfig:
 
     @property
     def fits_innovation(self) -> bool:
-        """True if range rates are fitted to the innovation, False if to the ranges."""
+        """True if range rates are fitted to the innovation, False if they are fitted to the ranges."""
         return (self.fitted or ("ranges" if self.feedforward == "none" else "innovation")) == "innovation"
 
     def fit(self, exact: bool) -> tuple[int, int]:
@@ -108,7 +108,7 @@ class RangeObserver:
         self.period = mission.period
         self._timeout_monitor, self._gains = TimeoutMonitor(config.timeout), (config.k_v, config.k_q)
         self._advance, self._fits_innovation = FEED_FORWARDS[config.feedforward], config.fits_innovation
-        # What is expected before there is a range rate must do without one.
+        # Before there is a range rate, the expectation uses none.
         self._foresee = forward_s if config.feedforward == "rho_dot" else self._advance
         self._wall, self._alpha = curve.wall, mission.alpha
         self._longest = mission.sensors_carried()[0].longest
@@ -127,13 +127,13 @@ class RangeObserver:
     def build(config: RangeObserverConfig, mission: RangingMission) -> RangeObserver:
         """Build the estimator of one run.
 
-        Raises FieldError for a ``z_0`` of another length than the mission's sensors ask for.
+        Raises FieldError for a ``z_0`` whose length does not fit the mission's sensors.
         """
         return RangeObserver(config, mission)
 
     @staticmethod
     def properties(config: RangeObserverConfig) -> ObserverProperties:
-        """Table 2.1."""
+        """Properties of the observer (Table 2.1)."""
         printed, corrected = config.feedforward == "none", min(config.k_v, config.k_q) > 0.0
         converges = corrected and not printed
         behind = "without a feed-forward a robot that moves leaves it behind"
@@ -158,9 +158,9 @@ class RangeObserver:
         return mission.ranging
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) stands in where odometry says nothing.
+        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) replaces missing odometry.
 
-        ``extra`` has z (l + 1,) at ``t``, and V_rho and |Q|^2 / 2 (2,) where the observer is.
+        ``extra`` has z (l + 1,) at ``t``, and V_rho and |Q|^2 / 2 (2,) at the window's centre, where the observer runs.
         """
         window = self._window
         rho = usable_ranges(measurements, len(self._alpha), self._longest)
@@ -173,7 +173,7 @@ class RangeObserver:
         return Estimate(t, x, None, status, {"z": z, "value": self._value.copy()})
 
     def _observe(self) -> None:
-        """One period on, at the window's centre."""
+        """Advance the observer by one period, at the window's centre."""
         wall, alpha, window = self._wall, self._alpha, self._window
         u, begins = window.inputs[window.half - 1], window.is_at_start
         predicted = self._pose if begins else integrate(self._pose, u[0], u[1], self.period)

@@ -5,16 +5,16 @@ theta. Its observer state is z = Psi(x) = (s_1, ..., s_l, phi), and
 
     theta(s_i) = (x_1, x_2) + rho_i R_{phi + alpha_i} e_1.                                                       (C.4)
 
-    v_i(z) = theta(s_i) - rho_i R_{phi + alpha_i} e_1,           which is where ray i says that the robot is,
+    v_i(z) = theta(s_i) - rho_i R_{phi + alpha_i} e_1,           the robot's position by ray i,
     V_rho = sum_{i < j} |v_i - v_j|^2 = |r|^2,                   r = sqrt(m) (v_i - v_mean), stacked,
     Q_i = t_i' R_phi w_i,   w_i = u_1 e_2 + rho_dot_i R_{alpha_i} e_2 - rho_i u_2 R_{alpha_i} e_1,
 
-over the m rays that are there: a range that is NaN is left out of both, a range rate that is NaN of Q. With
+over the m rays that were read: a NaN range is left out of both, a NaN range rate is left out of Q. With
 beta_i = phi + alpha_i, t_i = theta'(s_i) and n_i = -rho_i R_{beta_i} e_2, dv_i / ds_i = t_i and dv_i / dphi = n_i.
 
-z is feasible where V_rho = 0, and equivalent to the truth in output flow only where Q = 0. What the proof of
-Proposition C.2 takes for granted, that V_rho + |Q|^2 / 2 is locally positive definite around the truth to second
-order, is that rank [J_v; J_q] = l + 1 there, with J_v = dr / dz and J_q = dQ / dz.
+z is feasible where V_rho = 0, and equivalent to the truth in output flow only where Q = 0. The proof of Proposition C.2
+assumes that V_rho + |Q|^2 / 2 is locally positive definite around the truth to second order, that is, rank [J_v; J_q] =
+l + 1 there, with J_v = dr / dz and J_q = dQ / dz.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ def descent(
     """Gradient (l + 1,) of k_V V_rho + k_Q |Q|^2 / 2, the matrix H (l + 1, l + 1), V_rho [m^2] and |Q|^2 / 2.
 
     ``table`` (K + 1, 4) are the coefficients of the wall, alpha (l,) [rad], z (l + 1,), rho (l,) [m], rho_dot (l,)
-    [m/s] and u (2,) [m/s, rad/s]. H = 2 k_V J_v' J_v + k_Q J_q' J_q with J_v = dr/dz and J_q = dQ/dz is what is left of
-    the Hessian on the truth, where r = 0 and Q = 0.
+    [m/s] and u (2,) [m/s, rad/s]. H = 2 k_V J_v' J_v + k_Q J_q' J_q with J_v = dr/dz and J_q = dQ/dz equals the Hessian
+    on the truth, where r = 0 and Q = 0.
     """
     k_V, k_Q = gains
     l = len(alpha)  # noqa: E741
@@ -80,7 +80,7 @@ def descent(
         V += m * (r_x * r_x + r_y * r_y)
         gradient[i] += 2.0 * k_V * m * (r_x * t[i, 0] + r_y * t[i, 1])
         gradient[l] += 2.0 * k_V * m * (r_x * n[i, 0] + r_y * n[i, 1])
-        for j in range(l):  # a ray that is not there has t_j = 0
+        for j in range(l):  # a lost ray has t_j = 0
             H[i, j] -= 2.0 * k_V * (t[i, 0] * t[j, 0] + t[i, 1] * t[j, 1])
         H[i, i] += 2.0 * k_V * m * (t[i, 0] * t[i, 0] + t[i, 1] * t[i, 1])
         bent = 2.0 * k_V * m * (t[i, 0] * (n[i, 0] - n_x) + t[i, 1] * (n[i, 1] - n_y))
@@ -114,7 +114,7 @@ def corrected(
     """Take the linearly implicit step z - dt (I + dt H)^-1 gradient over dt [s] from z (l + 1,).
 
     Returns z after it (l + 1,), and V_rho and |Q|^2 / 2 before it. An explicit step would be unstable: the largest
-    eigenvalue of H is in the hundreds and more. No component goes further than ``LONGEST_STEP``.
+    eigenvalue of H is in the hundreds and more. No component changes by more than ``LONGEST_STEP``.
     """
     gradient, H, V, squares = descent(table, alpha, z, rho, rho_dot, u, gains)
     if not (np.isfinite(gradient).all() and np.isfinite(H).all()):
@@ -130,7 +130,7 @@ def corrected(
 
 @njit(cache=True, nogil=True)
 def output(wall: WallShape, alpha: Array, z: Array, rho: Array) -> Array:
-    """Phi: the pose (3,) at the mean of the v_i that are there, put back within the wall.
+    """Phi: the pose (3,) at the mean of the v_i of the rays that were read, moved back within the wall.
 
     alpha (l,) [rad], z (l + 1,), rho (l,) [m]; NaN where z does not determine it.
     """
@@ -152,14 +152,14 @@ def output(wall: WallShape, alpha: Array, z: Array, rho: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def anchored(wall: WallShape, alpha: Array, z: Array, rho: Array, otherwise: Array) -> Array:
-    """Phi(z) (3,) by the ranges rho (l,) [m], or where they or z do not fix it, ``otherwise`` (3,)."""
+    """Phi(z) (3,) by the ranges rho (l,) [m], or ``otherwise`` (3,) if they or z do not determine it."""
     pose = output(wall, alpha, z, rho)
     return pose if not math.isnan(pose[0]) else otherwise
 
 
 @njit(cache=True, nogil=True)
 def kept_within(wall: WallShape, x: float, y: float) -> tuple[float, float]:
-    """The point (x, y) [m] itself if it is within the wall, otherwise one just within where the wall is nearest."""
+    """The point (x, y) [m] if it is within the wall, otherwise a point just within the nearest part of the wall."""
     coefficients, polyline = wall
     if is_inside(coefficients, polyline, x, y):
         return x, y
@@ -184,7 +184,7 @@ def kept_within(wall: WallShape, x: float, y: float) -> tuple[float, float]:
 def seen_from(wall: WallShape, alpha: Array, pose: Array, near: Array) -> Array:
     """Psi: z (l + 1,) of a pose (3,) within the wall, each s_i on the turn that is nearest to ``near`` (l + 1,).
 
-    Of a ray that passes the wall by, s_i is that of ``near``, or any.
+    For a ray that misses the wall, s_i is that of ``near``, or any.
     """
     coefficients, polyline = wall
     l = len(alpha)  # noqa: E741
@@ -210,9 +210,8 @@ def observed(
 ) -> tuple[Array, Array, Array]:
     """Correct the observer by readings (2, l) of rho [m] and rho_dot [m/s] under the input u (2,) over dt [s].
 
-    ``z`` (l + 1,) is what was fed forward, NaN where nothing said how, and ``predicted`` the pose (3,) that odometry
-    leads to: what rays that were lost do not give is taken from it. Returns z (l + 1,), the pose (3,) and (V_rho, |Q|^2
-    / 2) (2,).
+    ``z`` (l + 1,) is the state after the feed-forward, NaN where that is not known, and ``predicted`` the pose (3,) by
+    odometry, which replaces lost rays. Returns z (l + 1,), the pose (3,) and (V_rho, |Q|^2 / 2) (2,).
     """
     coefficients, _ = wall
     l = len(alpha)  # noqa: E741
@@ -236,7 +235,7 @@ def pushed_forward(
 ) -> tuple[Array, Array]:
     """Propagate z (l + 1,) and ``pose`` (3,) under the ``inputs`` (m, 2), each held for a period [s].
 
-    z stays as far off Psi as it is.
+    The difference of z from Psi of the pose is kept.
     """
     here, after = seen_from(wall, alpha, pose, z), pose
     for u in inputs:

@@ -1,9 +1,9 @@
 """Augmented Monte Carlo localisation of a robot that reads ranges, with KLD sampling.
 
-Particles (``particle_kernels``) that start where the robot may be, as many as the cells that they occupy need. Where
-readings are less likely than they used to be, a share max(0, 1 - w_fast / w_slow) of them is drawn anew from anywhere,
-w_slow and w_fast being averages of their likelihood over a long and a short time (Probabilistic Robotics, table 8.3).
-The estimate is the mean of the heaviest cluster.
+Particles (``particle_kernels``) start where the robot may be, as many as the cells that they occupy need. If readings
+become less likely than before, a share max(0, 1 - w_fast / w_slow) of the particles is drawn again from anywhere;
+w_slow and w_fast are averages of their likelihood over a long and a short time (Probabilistic Robotics, table 8.3). The
+estimate is the mean of the heaviest cluster.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 _KNOWN = 2.0 / 3.0  # weight of the heaviest cluster, twice that of all others, with which the pose is known
-_RECOVERING = 0.25  # share of new particles from which there is resampling whatever n_eff is
-_GATE = math.inf  # nothing is refused: outliers have their part of the likelihood
+_RECOVERING = 0.25  # share of new particles above which there is resampling at any n_eff
+_GATE = math.inf  # nothing is refused: the likelihood accounts for outliers
 
 
 @configuration
@@ -39,29 +39,29 @@ class RangeParticleConfig:
     """Fields of the command line."""
 
     min_particles: CountInMemory = 500
-    """least number"""
+    """least number of particles"""
     max_particles: CountInMemory = 5000
-    """greatest number, with which an unknown start begins"""
+    """greatest number of particles, which is used at first if the start is unknown"""
     kld_error: Annotated[float, Within(Interval(gt=0.0, le=1.0), allowed="> 0 and <= 1")] = 0.05
-    """epsilon: bound of the Kullback-Leibler divergence from the posterior over the cells"""
+    """epsilon, bound of the Kullback-Leibler divergence from the posterior over the cells"""
     kld_probability: Probability = 0.99
-    """1 - delta: with which that bound is to hold"""
+    """1 - delta, probability with which the bound kld_error holds"""
     cell_position: Positive = 0.1
-    """side of a cell [m]"""
-    cell_heading: Annotated[float, Within(Interval(gt=1e-3, le=2.0), allowed="> .001 and <= 2")] = 0.1
-    """side of a cell [rad]"""
+    """side of a cell in position [m]"""
+    cell_heading: Annotated[float, Within(Interval(gt=1e-3, le=2.0), allowed="> 0.001 and <= 2")] = 0.1
+    """side of a cell in heading [rad]"""
     recovery_slow: Positive = 10.0
-    """over which the likelihood is averaged for w_slow [s]"""
+    """time over which the likelihood is averaged for w_slow [s]"""
     recovery_fast: Positive = 0.5
-    """over which it is averaged for w_fast [s]"""
+    """time over which the likelihood is averaged for w_fast [s]"""
     outliers: Annotated[float, Within(Interval(gt=0.0, lt=1.0), allowed="> 0 and < 1")] = 0.02
-    """epsilon: share of outliers for which the likelihood leaves room where fewer are declared"""
+    """epsilon, least share of outliers that the likelihood assumes, however few are declared"""
     spread: Annotated[float, Gt(0.0)] = 0.3
     """largest standard deviation of the heaviest cluster with which the pose is known [m, rad]"""
     timeout: Positive = 0.5
-    """without a range after which the estimate is lost [s]"""
+    """time without a range after which the estimate is lost [s]"""
     seed: Seed = 0
-    """of the particles"""
+    """seed of the particles"""
 
     def __post_init__(self) -> None:
         if self.min_particles > self.max_particles:
@@ -113,7 +113,7 @@ class RangeParticle:
 
     @staticmethod
     def properties(config: RangeParticleConfig) -> ObserverProperties:
-        """Table 2.1."""
+        """Properties of the observer (Table 2.1)."""
         return ObserverProperties(
             domain_of_attraction=Domain.NONE,
             rate=Rate.NONE,
@@ -121,11 +121,11 @@ class RangeParticle:
             observer_domain=Domain.GLOBAL,
             system_domain=Domain.GLOBAL,
             stays_on_truth=False,
-            note="its particles are drawn: it comes near the truth, and no nearer",
+            note="its particles are random: a small error remains",
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) stands in where odometry says nothing.
+        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) replaces missing odometry.
 
         ``extra`` has ``effective`` (1,), n_eff, ``particles`` (1,), their number, and ``weight`` (1,), that of the
         heaviest cluster.
@@ -156,7 +156,7 @@ class RangeParticle:
         return estimate
 
     def _average(self, likelihood: float, dt: float) -> None:
-        """Average a likelihood into w_slow and w_fast, equally with those before until their time has passed."""
+        """Average a likelihood into w_slow and w_fast, as a plain mean until the averaging time has passed."""
         self._averaged += 1
         least = 1.0 / self._averaged
         self._slow += max(least, min(1.0, dt / self._config.recovery_slow)) * (likelihood - self._slow)

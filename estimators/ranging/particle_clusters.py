@@ -1,9 +1,9 @@
-"""Cells and clusters of weighted particles, compiled: what adaptive Monte Carlo localisation counts and reports.
+"""Cells and clusters of weighted particles for adaptive Monte Carlo localisation, compiled.
 
-Poses fall into cells of a grid over (x_1, x_2, phi), the heading's cells closing to a ring. Occupied cells that touch,
-with a face, an edge or a corner, are one cluster. The number k of occupied cells bounds the number of particles (KLD
-sampling, Fox, 2003): with the probability 1 - delta the Kullback-Leibler divergence between the sampled and the true
-posterior over the cells stays below epsilon if
+A grid over (x_1, x_2, phi) divides the poses into cells; the heading is periodic. Occupied cells that share a face, an
+edge or a corner form one cluster. The number k of occupied cells bounds the number of particles (KLD sampling, Fox,
+2003): with the probability 1 - delta the Kullback-Leibler divergence between the sampled and the true posterior over
+the cells stays below epsilon if
 
     n >= (k - 1) / (2 epsilon) (1 - 2 / (9 (k - 1)) + sqrt(2 / (9 (k - 1))) z_{1 - delta})^3.
 """
@@ -38,7 +38,7 @@ class Clusters(NamedTuple):
     weight: Array  # (K,) summing to one
     members: Integers  # (K,) numbers of particles
     origin: Integers  # (K,) heaviest particle of each
-    offset: Array  # (K, 4) mean less that particle
+    offset: Array  # (K, 4) mean minus that particle
     covariance: Array  # (K, 4, 4)
 
 
@@ -107,7 +107,7 @@ def clusters_of(x: Array, w: Array, cells: Cells) -> Clusters:
 
 @njit(cache=True, nogil=True)
 def difference(a: Array, b: Array, d: Array) -> None:
-    """Write a (4,) less b (4,), the heading's wrapped, into d (4,)."""
+    """Write a - b, of a, b (4,), with the heading wrapped, into d (4,)."""
     for i in range(4):
         d[i] = a[i] - b[i]
     d[2] = wrapped(d[2])
@@ -132,7 +132,7 @@ def fold(x: Array, heading: float, symmetry: int, c_1: float, c_2: float) -> Non
 
 @inner_njit(nogil=True)
 def _connected(coordinates: Integers, cells: Cells) -> Integers:
-    """Parents (k,) of the forest, a tree of which is a set of cells that are connected."""
+    """Parents (k,) in a forest whose trees are the sets of connected cells."""
     k = len(coordinates)
     table, parent = _table(k), np.arange(k)
     for a in range(k):

@@ -7,13 +7,13 @@ Thrun, Burgard and Fox, Probabilistic Robotics (2005), tables 8.2 to 8.4. Partic
     weigh       w_m <- w_m prod_i p_i(x_m)^beta,   p_i = (1 - epsilon) N(rho_i; h_i, r_i) + epsilon / L
     resample    where n_eff = 1 / sum w^2 < n / 2: as many as the occupied cells need (KLD sampling), systematically
 
-beta is one, or as much less as keeps n_eff from falling below a tenth of n in one update: readings more exact than
-particles are dense would otherwise leave one (adaptive likelihood: Pfaff, Burgard and Fox, 2006). Resampled particles
+beta is one, or less if n_eff would otherwise fall below a tenth of n in one update: with readings more accurate than
+the particles are dense, only one would be left (adaptive likelihood: Pfaff, Burgard and Fox, 2006). Resampled particles
 are regularised (Musso, Oudjane and Le Gland, 2001): with the mean m and the covariance C = A A' of their cluster
 
     x <- m + sqrt(1 - s^2) (x - m) + s A eta,   eta ~ N(0, 1),   s = (4 / (d + 2) / n)^(1 / (d + 4)),   d = 4,
 
-s being less where C is larger than a cell, so that mean and covariance stay as they are.
+with a smaller s where C is larger than a cell. This preserves mean and covariance.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from mathnavi.models.unicycle.kernels import integrate, wrapped
 from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import Array, Integers
 
-_SCALE_TIME = 3.0  # [s] correlation time of b: particles that all have the same one could find no other
+_SCALE_TIME = 3.0  # [s] correlation time of b: if all particles had the same b, none could find another
 _LEAST_EFFECTIVE = 0.1  # n_eff over n after one update
 _HALVINGS = 20  # of beta
 _GROWTH = 1.25  # of the number of particles while the bound is searched
-_FEW = 8  # particles of a cluster, whose covariance is not known
+_FEW = 8  # particles of a cluster, too few for a covariance
 _DIMENSION = 4
 _TRIALS = 1000  # of a point within the wall
 
@@ -59,8 +59,8 @@ def propagate(
 def weigh(x: Array, w: Array, z: Array, wall: WallShape, sensors: RaySensors) -> tuple[float, float]:
     """Weigh particles x (n, 4), w (n,), in place, by ranges z (l,) [m], NaN where lost.
 
-    Returns n_eff and the mean likelihood of the particles a range, its geometric mean over the ranges that were read,
-    so that lost ones make no difference; NaN where none was.
+    Returns n_eff and the mean likelihood of the particles per range: the geometric mean over the ranges that were read,
+    so that lost ones make no difference; NaN if none was read.
     """
     angles, relative, absolute, _, outliers, longest = sensors
     coefficients, polyline = wall
@@ -114,10 +114,10 @@ def resample(
     wall: WallShape,
     rng: np.random.Generator,
 ) -> Array:
-    """Particles (m, 4) of equal weight in place of x (n, 4) with the weights w (n,), which are in ``clusters``.
+    """Resample particles x (n, 4) of weights w (n,) and of ``clusters``; returns particles (m, 4) of equal weight.
 
-    A share ``random`` is drawn anew from all that is within the wall, b with the standard deviation ``scale``. m is
-    within ``limits``, least and most, and else the least that satisfies the bound for ``kld``, epsilon and z.
+    A share ``random`` is drawn uniformly within the wall, b with the standard deviation ``scale``. m is the least
+    number that satisfies the bound for ``kld``, epsilon and z, within ``limits``, least and most.
     """
     cell, _ = occupied_cells(x, cells)
     start, count = rng.random(), limits[0]
@@ -205,7 +205,7 @@ def _distinct(cell: Integers, chosen: Integers) -> int:
 
 @njit(cache=True, nogil=True)
 def _draw(x: Array, low: Array, high: Array, scale: float, wall: WallShape, rng: np.random.Generator) -> None:
-    """Draw a state (4,) anew, in place; it keeps its position where the wall holds next to nothing of its extent."""
+    """Draw a new state (4,), in place, at a point within the wall, or at the wall's first vertex if no trial is."""
     coefficients, polyline = wall
     x[:2] = polyline[0]
     for _ in range(_TRIALS):
@@ -218,7 +218,7 @@ def _draw(x: Array, low: Array, high: Array, scale: float, wall: WallShape, rng:
 
 @njit(cache=True, nogil=True)
 def _place(x: Array, pose: Array, wall: WallShape) -> None:
-    """Give a particle (4,) a pose (3,), in place, or as much of the way there as is within the wall."""
+    """Give a particle (4,) a pose (3,), in place, or move it there as far as the wall permits."""
     d_1, d_2 = pose[0] - x[0], pose[1] - x[1]
     step = step_within(wall, x[0], x[1], d_1, d_2)
     x[0] += step * d_1

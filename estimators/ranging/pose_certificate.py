@@ -1,15 +1,15 @@
-"""A certificate of a pose: no pose of the room but those near the estimate explains the last readings.
+"""A certificate of a pose: no pose in the room explains the last readings except those near the estimate.
 
 A pose x explains n sets of ranges, read at the poses x m_k of a motion that odometry measured from the middle one, if
 
-    |rho(x m_k, alpha_i) - y_ki| <= b_ki    for all k, i, but for as many outliers as are declared,
+    |rho(x m_k, alpha_i) - y_ki| <= b_ki    for all k, i, except as many outliers as are declared,
 
-and where none are, if the sum of the squares over the variances is what chi-square allows. The bounds b are kappa
-standard deviations of the range, and as much as the motion since may be off; all of this holds of the true pose but for
-the declared probability. Branch and bound (``pose_certificate_kernels``) divides the set of all
-poses into boxes until each is refuted by interval bounds or lies near a pose that does explain the readings: the
-estimate, or another one, which is listed. Nothing is refuted that explains them, so the answer is a proof as far as the
-bounds hold.
+and, if no outliers are declared, if the sum of the squares over the variances is within its chi-square limit. The
+bounds b are kappa standard deviations of the range plus the largest error of the motion in between; the true pose
+satisfies all of them except with the configured probability. Branch and bound (``pose_certificate_kernels``) divides
+the set of all poses into boxes until each is refuted by interval bounds or lies near a pose that does explain the
+readings: the estimate, or another one, which is listed. No pose that explains them is refuted, so the answer is a proof
+as far as the bounds hold.
 """
 
 from __future__ import annotations
@@ -33,32 +33,32 @@ _NODES = 400  # of the grid of distances, along the longer side of the room
 MOST_OTHERS = 8
 _MOST_BOXES = 20_000
 _SIZES = np.array([[0.06, 0.06], [0.008, 0.008]])  # [m, rad] at which a pose is sought in a box, and it is undecided
-_OBLIQUE = 3.0  # a range changes by so much at most where its ray's end moves by 1, unless it nearly grazes the wall
+_OBLIQUE = 3.0  # largest change of a range if its ray's end moves by 1, unless it nearly grazes the wall
 _LEAST_SPREAD = 0.2  # of 1 - kappa r: with more noise a reading has too little information
 _ALONG = (0.25, 0.5, 0.75)  # shares of a ray that have to be within the wall
 
 
 @configuration
 class PoseCertificateConfig:
-    """Readings that are used, and what is assumed of them."""
+    """Readings that a certificate uses, and its assumptions about them."""
 
     readings: CountInMemory = 16
-    """sets of ranges, the newest one included"""
+    """number of sets of ranges, the newest one included"""
     spacing: Positive = 0.25
-    """between two sets [s]"""
+    """time between two sets of ranges [s]"""
     probability: Probability = 1e-3
-    """with which the bounds of all readings together exclude the truth"""
+    """probability that the bounds of all readings together exclude the true pose"""
     radius: Positive = 0.4
-    """within which a pose is the same place as the estimate [m]"""
+    """distance within which a pose counts as the estimate [m]"""
     angle: Positive = 0.4
-    """likewise of the heading [rad]"""
+    """difference of headings within which a pose counts as the estimate [rad]"""
 
 
 @dataclass(frozen=True, eq=False)
 class Certification:
-    """The answer of a certificate."""
+    """Result of a certificate."""
 
-    certified: bool  # every pose that explains the readings is near the estimate, which does explain them
+    certified: bool  # the estimate explains the readings, and every pose that does is near it
     others: Array  # (k, 3) [m, m, rad] poses that explain them and are not near; 8 at most
     complete: bool  # all poses that do are near the estimate or one of the others
     boxes: int  # that were examined
@@ -75,7 +75,7 @@ class _Sample:
 
 
 class PoseCertificate:
-    """Collects readings, and says what poses explain them."""
+    """Certificate of a pose: collects readings and finds the poses that explain them."""
 
     def __init__(self, config: PoseCertificateConfig, mission: RangingMission) -> None:
         self._config, self._model = config, RangeModel(mission)
@@ -103,7 +103,7 @@ class PoseCertificate:
 
     @property
     def is_full(self) -> bool:
-        """True once there are as many sets of ranges as are to be used."""
+        """True once there are ``readings`` sets of ranges."""
         return len(self._samples) == self._config.readings
 
     def check(self, estimate: Array) -> Certification:
@@ -132,7 +132,9 @@ class PoseCertificate:
         return self._samples[len(self._samples) // 2]
 
     def constraints(self) -> tuple[Array, Array, int, float]:
-        """Rays (m, 7), rows of the tests of ``search``, how many rays may be outliers, and the limit of the sum."""
+        """Rays (m, 7), rows of the tests of ``search``, the number of rays that may be outliers, and the limit of the
+        sum.
+        """
         config, samples = self._config, self._samples
         count = sum(int(np.isfinite(sample.ranges).sum()) for sample in samples)
         if not count:

@@ -4,15 +4,15 @@ Seen from a pose x = (p, phi), reading j says that the wall is at
 
     q_j(x) = p + R_phi a_j,      a_j the ray's end in the robot's own axes.
 
-The wall's distance d, positive within, is no greater there than the range is off. It is 1-Lipschitz, and over a box of
+The wall's distance d, positive within, is there at most the error of the range. It is 1-Lipschitz, and over a box of
 half-widths h of p and w of phi a point p + R_phi a moves by m = sqrt(2) h + |a| w at most. So no pose of a box about x
-explains the readings if, with the bounds b_j, the standard deviations sigma_j and how much g_j the motion may be off,
+explains the readings if, with the bounds b_j, the standard deviations sigma_j and the largest errors g_j of the motion,
 
-    |d(q_j(x))| > b_j + m_j   for more j than may be outliers,   or, without outliers,
+    |d(q_j(x))| > b_j + m_j   for more j than there may be outliers,   or, without outliers,
     sum_j max(0, |d(q_j(x))| - g_j - m_j)^2 / sigma_j^2 > limit,
 
 nor if the robot, or a point of a ray before its end, would be beyond the wall: d(p + R_phi a) < -g - m. A box that no
-test refutes is divided; what is left is found by least squares and held against cast rays.
+test refutes is divided; the poses that are left are found by least squares and checked against cast rays.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import Array
 
 DistanceGrid = tuple[Array, float, float, float, float]
-"""signed distances (n_x, n_y) [m] at nodes, the first node x, y [m], the cell [m], and how far off a value may be [m]
-at the point of which its node is the nearest"""
+"""signed distances (n_x, n_y) [m] at nodes, the first node x, y [m], the cell [m], and the largest error [m] of the
+nearest node's value"""
 
 Tests = tuple[Array, int, float]
-"""rows (x, y, length, bound, g, sigma) (m, 6) [m] of points in the robot's axes, those that have to be on the wall
-before those that have to be within it; how many of the former may be outliers; and the limit of their sum"""
+"""rows (x, y, length, bound, g, sigma) (m, 6) [m] of points in the robot's axes, first those that have to be on the
+wall, then those that have to be within it; the number of the former that may be outliers; and the limit of their sum"""
 
 _SIDE = 0.5  # [m] of the first boxes
 _SECTORS = 16  # of headings, first
@@ -67,7 +67,7 @@ def distance_grid(wall: WallShape, nodes: int, chord_error: float) -> DistanceGr
 
 @njit(cache=True, nogil=True)
 def _distance(grid: DistanceGrid, x: float, y: float) -> float:
-    """Signed distance [m] at the node nearest to (x, y); beyond the grid no nearer to the wall than its border is."""
+    """Signed distance [m] at the node nearest to (x, y); beyond the grid an upper bound of it."""
     values, low_x, low_y, cell, _ = grid
     n_x, n_y = values.shape
     u, v = (x - low_x) / cell, (y - low_y) / cell
@@ -140,8 +140,8 @@ def _fitted(grid: DistanceGrid, rows: Array, start: Array) -> Array:
 def explains(wall: WallShape, rays: Array, outliers: int, limit: float, pose: Array) -> bool:
     """True if a pose (3,) explains ``rays`` (m, 7), by casting them.
 
-    A ray is its start (2,) [m] and direction [rad] in the robot's axes, its range, how far off that may be by the
-    motion, its standard deviation, and its bound [m].
+    A ray is its start (2,) [m] and direction [rad] in the robot's axes, its range, the error that the motion may add,
+    its standard deviation, and its bound [m].
     """
     coefficients, polyline = wall
     c, s, wrong, total = math.cos(pose[2]), math.sin(pose[2]), 0, 0.0
@@ -184,8 +184,8 @@ def search(
     """Search for poses that explain ``rays`` and are not ``nearby`` ([m], [rad]) the ``estimate`` (3,).
 
     ``sizes`` (2, 2) [m, rad] are the half-widths of a box at which a pose in it is sought, and those at which it is
-    left as undecided; ``limits`` are how many poses are found and how many boxes are examined, at most. Returns the
-    poses (k, 3), the number of undecided boxes, -1 where a limit ended the search, and that of all boxes.
+    left as undecided; ``limits`` are the largest numbers of poses found and of boxes examined. Returns the poses (k,
+    3), the number of undecided boxes, -1 if a limit ended the search, and the number of boxes examined.
     """
     polyline = wall[1]
     most, most_boxes = limits

@@ -1,7 +1,7 @@
 """Common part of the extended Kalman filters of a pose: one Gaussian, conditioned on the rays of a reading.
 
-State, motion and errors are those of ``kalman_kernels``. Where the start is unknown a filter begins at the centre with
-the covariance of a pose that may be anywhere.
+State, motion and errors are those of ``kalman_kernels``. If the start is unknown a filter begins at the centre with the
+covariance of a pose that may be anywhere.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class PoseFilterConfig:
     """Fields of the command line."""
 
     gate: Probability = 1e-4
-    """probability with which a good range is refused"""
+    """probability that a good range is refused"""
     timeout: Positive = 0.5
-    """without a range after which the estimate is lost [s]"""
+    """time without a range after which the estimate is lost [s]"""
 
 
 class PoseFilter(ABC):
@@ -60,7 +60,7 @@ class PoseFilter(ABC):
 
     @staticmethod
     def properties(config: PoseFilterConfig) -> ObserverProperties:
-        """Table 2.1."""
+        """Properties of the observer (Table 2.1)."""
         return ObserverProperties(
             domain_of_attraction=Domain.LOCAL,
             rate=Rate.ASYMPTOTIC,
@@ -71,7 +71,7 @@ class PoseFilter(ABC):
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) stands in where odometry says nothing.
+        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) replaces missing odometry.
 
         ``extra["nis"]`` (2,) is NIS and the number of rays in it, NaN where there was no update.
         """
@@ -94,4 +94,4 @@ class PoseFilter(ABC):
 
     @abstractmethod
     def _condition(self, rho: Array) -> Array:
-        """Condition on the ranges rho (l,), those that are there and within the gate; NIS and their number (2,)."""
+        """Condition on the ranges rho (l,) that were read and are within the gate; return NIS and their number (2,)."""

@@ -1,12 +1,13 @@
-"""From ranges to ranges and range rates: a Savitzky-Golay filter at the centre of a window.
+"""Ranges and range rates from noisy ranges: a Savitzky-Golay filter at the centre of a window.
 
-The output flow Q needs rho_dot. Of noisy ranges, which differ by .1 m from one to the next, no causal filter makes one
-that is good enough; the polynomial of order p that fits the 2 m + 1 readings around an instant best does, m periods
-later. The observer therefore runs at the window's centre, and its estimate is pushed forward with the inputs since.
+The output flow Q needs rho_dot. From noisy ranges, which differ by 0.1 m from one to the next, no causal filter
+estimates it well enough; the polynomial of order p that fits the 2 m + 1 readings around an instant best does, m
+periods later. The observer therefore runs at the window's centre, and its estimate is propagated from there with the
+inputs since.
 
-What is fitted are the ranges themselves, or the innovation: by how much they differ from those that a robot expects
-that moves through the window as the inputs say. Ranges bend within a second as no cubic does; the innovation on the
-truth is zero, so a straight line through it does, and whatever the window is, the truth stays the truth.
+The fit is to the ranges themselves, or to the innovation: their difference from the ranges expected of a robot that
+moves through the window by the inputs. Within a second ranges are not a cubic of time; the innovation on the truth is
+zero, so a straight line fits it, and an estimate on the truth stays on it for any window.
 """
 
 from __future__ import annotations
@@ -47,8 +48,8 @@ def savitzky_golay(window: int, order: int) -> Array:
 
 @lru_cache(maxsize=16)
 def spread(window: int) -> Array:
-    """Matrix (2 m + 1, 2 k + 1) from values at every so many readings, from end to end, to values at all (cubic
-    spline).
+    """Matrix (2 m + 1, 2 k + 1) of a cubic spline: from values at 2 k + 1 readings, evenly spaced from end to end, to
+    values at all readings.
     """
     m = window // 2
     stride = max(step for step in range(1, _STRIDE + 1) if step == 1 or (m % step == 0 and m >= _LEAST_NODES * step))
@@ -59,7 +60,7 @@ def spread(window: int) -> Array:
 
 
 class FitWindow:
-    """The last 2 m + 1 readings of ranges, and the inputs between them."""
+    """Window of the last 2 m + 1 readings of ranges, and the inputs between them."""
 
     def __init__(self, window: int, sensors: int) -> None:
         self.ranges = np.full((window, sensors), np.nan)  # (2 m + 1, l) [m], the oldest first

@@ -12,7 +12,7 @@ from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import Array
 
-_FAR = 4.0  # root mean squares of the residuals: what is further off the polynomial is an outlier
+_FAR = 4.0  # root mean squares of the residuals: a sample further off the polynomial is an outlier
 _EXACT = 1e-9  # [m] of a residual that is round-off
 
 
@@ -24,8 +24,8 @@ WindowFit = tuple[Array, Array, float]
 def centre_fit(samples: Array, weights: Array) -> tuple[float, float]:
     """Fit a polynomial to ``samples`` (2 m + 1,) at tau = -1, ..., 1: its value and its derivative by tau at tau = 0.
 
-    ``weights`` (p + 1, 2 m + 1) give its coefficients where all samples are there. Samples that are NaN are left out,
-    and so is what is far off a first fit. NaN, NaN where too many are missing.
+    ``weights`` (p + 1, 2 m + 1) give its coefficients if no sample is missing. NaN samples are left out, and so are
+    samples far off a first fit. Returns NaN, NaN if too many are missing.
     """
     n, missing = len(samples), 0
     for j in range(n):
@@ -57,8 +57,8 @@ def measured(ranges: Array, weights: Array, period: float) -> Array:
     """Readings (2, l) of rho [m] and rho_dot [m/s] at the centre of ``ranges`` (2 m + 1, l), taken every ``period``
     [s].
 
-    ``weights`` (p + 1, 2 m + 1) are those of ``savitzky_golay``. Where the window has too few of a ray, rho is the
-    reading at its centre, or NaN, and rho_dot is NaN.
+    ``weights`` (p + 1, 2 m + 1) are those of ``savitzky_golay``. If the window has too few readings of a ray, rho is
+    the reading at its centre, or NaN, and rho_dot is NaN.
     """
     n, l = ranges.shape  # noqa: E741
     readings = np.empty((2, l))
@@ -75,9 +75,9 @@ def innovated(
 ) -> Array:
     """Readings (2, l) of rho [m] and rho_dot [m/s] as of ``measured``, but fitted to the innovation.
 
-    The innovation is by how much the ``ranges`` (2 m + 1, l) differ from those that a robot expects which is at
-    ``pose`` (3,) at the window's centre and has had, and will have, the ``inputs`` (2 m, 2) between the readings; ``u``
-    (2,) is the one at the centre. Rays are cast at 2 k + 1 instants only, from which the fit's ``spread`` interpolates.
+    The innovation is the difference of the ``ranges`` (2 m + 1, l) from those expected of a robot that is at ``pose``
+    (3,) at the window's centre and has the ``inputs`` (2 m, 2) between the readings; ``u`` (2,) is the one at the
+    centre. Rays are cast at 2 k + 1 instants only, from which the fit's ``spread`` interpolates.
     """
     coefficients, polyline = wall
     weights, spread, period = fit
@@ -122,7 +122,7 @@ def _polynomial(a: Array, tau: float) -> float:
 
 @inner_njit(nogil=True)
 def _is_enough(samples: Array, terms: int) -> bool:
-    """True if a quarter of either half is there, and enough for so many terms."""
+    """True if a quarter of either half was read, and enough for ``terms`` coefficients."""
     m = len(samples) // 2
     before = after = 0
     for j in range(m):
@@ -133,7 +133,7 @@ def _is_enough(samples: Array, terms: int) -> bool:
 
 @njit(cache=True, nogil=True)
 def _fit(samples: Array, terms: int) -> Array:
-    """(p + 1,) coefficients of the polynomial in tau that fits the samples that are there best."""
+    """Coefficients (p + 1,) of the polynomial in tau that fits the samples best, missing ones left out."""
     n = len(samples)
     normal, right, powers = np.zeros((terms, terms)), np.zeros(terms), np.empty(terms)
     for j in range(n):

@@ -1,4 +1,4 @@
-"""Q of C.4 as it is printed, derived by CasADi: what the compiled observer is held against.
+"""Q of C.4 as printed, derived by CasADi: the reference for the compiled observer.
 
 With the letters of ``observer_kernels``,
 
@@ -19,7 +19,7 @@ from mathnavi.models.field.curve import Curve
 
 @lru_cache(maxsize=16)
 def output_flow(curve: Curve, angles: tuple[float, ...]) -> casadi.Function:
-    """(z (l + 1,), rho (l,), rho_dot (l,), u (2,)) -> Q (l,) [m^2/s], J_q (l, l + 1)."""
+    """Function (z (l + 1,), rho (l,), rho_dot (l,), u (2,)) -> Q (l,) [m^2/s], J_q (l, l + 1)."""
     l = len(angles)  # noqa: E741
     z, rho, rho_dot = casadi.SX.sym("z", l + 1), casadi.SX.sym("rho", l), casadi.SX.sym("rho_dot", l)
     u, s = casadi.SX.sym("u", 2), casadi.SX.sym("s")

@@ -1,9 +1,9 @@
 """filterpy's unscented Kalman filter for a robot that reads ranges.
 
 State, motion and errors are those of ``kalman_kernels``. Headings are averaged on the circle and their differences
-wrapped. A sigma point that lies outside the wall, from where there is nothing to be read, reads what is read on its way
-there from the mean. That and round-off can make a covariance indefinite: what counts then is the nearest one that is
-not. Where the start is unknown the filter begins at the centre with the covariance of a pose that may be anywhere.
+wrapped. A sigma point outside the wall, where there are no ranges, gets the ranges at the last point within the wall on
+its way from the mean. That and round-off can make a covariance indefinite: the nearest positive definite one is then
+used. If the start is unknown the filter begins at the centre with the covariance of a pose that may be anywhere.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ class RangeUkfConfig:
     """Fields of the command line."""
 
     alpha: Positive = 0.5
-    """spread of the sigma points, of van der Merwe's scaled set"""
+    """spread of the sigma points of van der Merwe's scaled set"""
     beta: NonNegative = 2.0
-    """2 for a Gaussian"""
+    """weight of the centre in the covariance of van der Merwe's scaled set; 2 for a Gaussian"""
     kappa: Annotated[float, Gt(-STATES), FINITE] = 0.0
-    """secondary scaling"""
+    """secondary scaling of van der Merwe's scaled set"""
     gate: Probability = 1e-4
-    """probability with which a good range is refused"""
+    """probability that a good range is refused"""
     timeout: Positive = 0.5
-    """without a range after which the estimate is lost [s]"""
+    """time without a range after which the estimate is lost [s]"""
 
 
 class RangeUkf:
@@ -74,7 +74,7 @@ class RangeUkf:
 
     @staticmethod
     def properties(config: RangeUkfConfig) -> ObserverProperties:
-        """Table 2.1."""
+        """Properties of the observer (Table 2.1)."""
         return ObserverProperties(
             domain_of_attraction=Domain.LOCAL,
             rate=Rate.ASYMPTOTIC,
@@ -87,7 +87,7 @@ class RangeUkf:
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) stands in where odometry says nothing.
+        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) replaces missing odometry.
 
         ``extra["nis"]`` (2,) is NIS and the number of rays in it, NaN where there was no update.
         """
@@ -108,7 +108,7 @@ class RangeUkf:
         self._filter.x = self._kept_within(x, self._filter.x)
 
     def _condition(self, rho: Array) -> Array:
-        """On the rays that are there and within the gate; NIS and their number."""
+        """Condition on the rays that were read and are within the gate; return NIS and their number."""
         from filterpy.kalman import unscented_transform
 
         model, x = self._model, self._filter.x.copy()
@@ -124,20 +124,20 @@ class RangeUkf:
         return np.array([y @ self._filter.SI @ y, len(y)])
 
     def _read(self, sigma: Array) -> Array:
-        """The ranges (l,) from a sigma point (4,)."""
+        """Ranges (l,) [m] from a sigma point (4,)."""
         pose = self._kept_within(self._filter.x, sigma)[:3]
         h, _ = expected_ranges(self._model.wall, pose, self._model.angles)
         return h
 
     def _kept_within(self, inner: Array, x: Array) -> Array:
-        """x (4,), drawn back towards a state within the wall as far as it takes."""
+        """State x (4,), moved back towards the state ``inner`` (4,) until it is within the wall."""
         step = step_within(self._model.wall, inner[0], inner[1], x[0] - inner[0], x[1] - inner[1])
         kept: Array = x.copy()
         kept[:2] = inner[:2] + step * (x - inner)[:2]
         return kept
 
     def _made(self, config: RangeUkfConfig) -> Any:
-        from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter  # takes .7 s to import
+        from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter  # takes 0.7 s to import
 
         points = MerweScaledSigmaPoints(
             STATES, config.alpha, config.beta, config.kappa, sqrt_method=square_root, subtract=_difference

@@ -2,8 +2,8 @@
 
     xi' = eta - A G,    D_t eta = -B G + PT_{x -> xi} F + C R(eta, G),    G = grad_xi S = -log_xi x,
 
-D_t eta = eta' + k <xi', eta> xi in the ambient space. It needs the position at every instant, so it serves where the
-motion is known, and shows what the printed gains do; ``sampled`` is for sensors.
+D_t eta = eta' + k <xi', eta> xi in the ambient space. It needs the position at every instant, so it is for known
+motions, and shows the behaviour of the printed gains; ``sampled`` is for sensors.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from mathnavi.models.runge_kutta import classical_step
 from mathnavi.sim.interfaces.signals import Array
 
 Instant = tuple[Array, Array]
-"""x and the force F there"""
+"""position x (size,) and the force F (size,) there"""
 
 
 def rates(
@@ -32,7 +32,7 @@ def rates(
 
 
 class ContinuousObserver:
-    """(xi, eta), moved on by the method of Runge and Kutta of order 4."""
+    """Observer state (xi, eta), integrated by the Runge-Kutta method of order 4."""
 
     def __init__(self, space: ConstantCurvature, gains: IntrinsicGains, xi: Array, eta: Array) -> None:
         self._space, self._gains = space, gains
@@ -47,7 +47,7 @@ class ContinuousObserver:
         self.eta = self._space.tangent(self.xi, eta)
 
     def _slope(self, instant: Instant, z: Array) -> Array:
-        """Ambient, of a stage that is near the tangent bundle."""
+        """Ambient slope at a stage z that is near the tangent bundle."""
         xi = self._space.project(z[0])
         eta = self._space.tangent(xi, z[1])
         drift, turned = rates(self._space, self._gains, instant, xi, eta)

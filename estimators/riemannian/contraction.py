@@ -1,7 +1,7 @@
 """Contraction analysis of the observer (D.6): the matrix of (D.20) on spaces of constant curvature.
 
 Two neighbouring trajectories of the observer differ by (a, b), the horizontal and the vertical part of a tangent vector
-to TX, and in an orthonormal frame that is transported along
+to TX. In an orthonormal frame that is transported along the trajectory
 
     D_t (a, b) = [M N; P Q] (a, b),
     M = -A Hess S - A' grad S (grad S)',       N = 1,       Q b = C kappa (<b, G> eta + <eta, G> b - 2 <eta, b> G),
@@ -36,7 +36,7 @@ from mathnavi.sim.interfaces.signals import Array
 class SasakiMetric:
     """Generalised Sasaki metric W = [a c; c b].
 
-    Raises ValueError unless it is positive definite.
+    Raises ArgumentError unless it is positive definite.
     """
 
     a: float = 1.0
@@ -95,7 +95,7 @@ def largest_eigenvalue(
 
 
 def _transported_along_xi(pair: TwoPoint, force: Array, frame: Array) -> Array:
-    """nabla_a Phi (n, n): Phi is K' F, so it changes by what K_|beta makes of F (D.18), read at xi."""
+    """Derivative nabla_a Phi (n, n): Phi is K' F, so it changes by K_|beta applied to F (D.18), taken at xi."""
     space = pair.space
     columns = []
     for a in frame.T:

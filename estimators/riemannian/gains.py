@@ -26,7 +26,7 @@ GainName = Literal["constant", "printed"]
 CurvatureName = Literal["minus-one", "matched", "none", "plus-one"]
 
 DEFAULT_BANDWIDTH = 10.0
-"""omega [1/s] where none is given and none is tuned"""
+"""omega [1/s] if it is neither given nor tuned"""
 
 _CONSTANT_C = {"minus-one": -1.0, "none": 0.0, "plus-one": 1.0}
 _SMALL = 1e-4  # [rad] below which tan(a) / a is 1 to 3e-9

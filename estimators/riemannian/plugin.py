@@ -35,22 +35,22 @@ class RiemannianObserverConfig:
     """Fields of ``--estimator``."""
 
     bandwidth: Annotated[Positive, Le(_FASTEST)] | None = None
-    """omega of the constant gains A = 2 zeta omega and B = omega^2; tuned or 10 if not given [1/s]"""
+    """omega of the constant gains A = 2 zeta omega and B = omega^2; tuned, or 10, if not given [1/s]"""
     tuning: Literal["auto", "innovations", "none"] = "auto"
-    """whether bandwidths follow the innovations; auto: where none is given and the model has servos, damping, limits,
-    contacts or friction"""
+    """whether bandwidths are tuned by the innovations; auto: if bandwidth is not given and the model has servos,
+    damping, limits, contacts or friction"""
     damping: Positive = 1.0
-    """zeta"""
+    """zeta, damping ratio of the constant gains"""
     gains: GainName = "constant"
-    """constant, or as the example of D.5 prints them"""
+    """gains A and B: constant, or as printed in the example of D.5"""
     curvature: CurvatureName = "minus-one"
-    """C: -1, that of Theorem D.2, none or 1"""
+    """gain C of the curvature term: -1, that of Theorem D.2 (matched), zero or 1"""
     disturbance: bool = False
-    """whether a force that the model lacks is estimated too, and transported; always where bandwidths are tuned"""
+    """whether a force that the model lacks is estimated too, and transported; always if bandwidths are tuned"""
     share: PositiveFraction = 0.9
-    """of the injectivity radius, within which readings are used"""
+    """share of the injectivity radius within which readings are used"""
     timeout: Positive = 0.5
-    """without a usable reading after which the estimate is lost [s]"""
+    """time without a usable reading after which the estimate is lost [s]"""
 
     def __post_init__(self) -> None:
         special = self.gains != "constant" or self.damping != 1.0
@@ -66,7 +66,7 @@ class RiemannianObserverConfig:
             )
 
     def tuned(self, mission: LagrangianMission) -> bool:
-        """True if bandwidths follow the innovations of this mission."""
+        """True if bandwidths are tuned by the innovations of this mission."""
         if self.tuning != "auto":
             return self.tuning == "innovations"
         special = self.gains != "constant" or self.damping != 1.0
@@ -83,8 +83,8 @@ class RiemannianObserver:
     def build(config: RiemannianObserverConfig, mission: LagrangianMission) -> PositionObserver:
         """Build the estimator of one run.
 
-        Raises FieldError for the matched C where the curvature is not the same everywhere, and for a tuning where
-        vectors are not stored as their components.
+        Raises FieldError for the matched C on a space without constant curvature, and for a tuning where vectors are
+        not stored as their components.
         """
         judged = config.tuned(mission) or stepped(mission.system) is not None
         safe = SafeAnswer(mission, config.timeout) if judged else None
@@ -97,11 +97,11 @@ class RiemannianObserver:
 
     @staticmethod
     def quality(config: RiemannianObserverConfig, mission: LagrangianMission) -> None:
-        """Nothing is certified from it."""
+        """Return None: no plan is certified from these estimates."""
 
     @staticmethod
     def properties(config: RiemannianObserverConfig) -> ObserverProperties:
-        """Table 2.1."""
+        """Properties of the observer (Table 2.1)."""
         if config.gains == "printed":
             return ObserverProperties(
                 Domain.NONE, Rate.NONE, InputDependence.NON_UNIFORM, Domain.LOCAL, Domain.GLOBAL,
@@ -110,7 +110,7 @@ class RiemannianObserver:
         if config.curvature in ("none", "plus-one"):
             return ObserverProperties(
                 Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL,
-                note="without C = -1 the speed at which it converges is bounded, the less the more the space is curved",
+                note="without C = -1 the rate of convergence is bounded, by less on a more curved space",
             )  # fmt: skip
         return ObserverProperties(
             Domain.SEMI_GLOBAL, Rate.EXPONENTIAL, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL,
@@ -121,8 +121,8 @@ class RiemannianObserver:
 class _Intrinsic:
     """A ``VelocityLaw``.
 
-    Readings that the system cannot have come to, or that are beyond the share of the injectivity radius, are refused
-    until they last.
+    Readings that the system cannot have reached, or that are beyond the share of the injectivity radius, are refused
+    unless they persist.
     """
 
     def __init__(self, config: RiemannianObserverConfig, mission: LagrangianMission) -> None:
@@ -192,6 +192,6 @@ class _Intrinsic:
         return True
 
     def _is_reached(self, y: Array) -> bool:
-        """True if the system can have come to y since it was last read."""
+        """True if the system can have reached y since the last reading."""
         moved = innovation(self._manifold, self._y, y)
         return moved is not None and self._gate.passes(self._y, moved, self._since)

@@ -1,26 +1,26 @@
 """The observer (D.6) between readings and at them, for a sensor of any rate.
 
-Between readings (xi, eta) moves as the system does, a geodesic that the force bends:
+Between readings (xi, eta) follows the system's motion, a geodesic bent by the force:
 
     xi^- = exp_xi(h eta + h^2 F / 2),    eta^- = PT_{xi -> xi^-}(eta + h F / 2) + h F^- / 2,
 
-F and F^- being the force at both ends, each brought from where the system was measured to where the observer is. At a
-reading y, h after the one before, with L = log_{xi^-} y = -grad S,
+where F and F^- are the forces at both ends, each transported from the system's measured position to the observer's. At
+a reading y, h after the one before, with L = log_{xi^-} y = -grad S,
 
     xi = exp_{xi^-}(alpha L),    eta = PT_{xi^- -> xi}(eta^- + beta L + h C R(eta^-, -L)),
 
     alpha = 1 - rho_1 rho_2,  beta = (1 - rho_1)(1 - rho_2) / h,  rho_i = e^(lambda_i h)        constant gains
     alpha = 1 - e^(-A h),  beta = B h                                                  gains that depend on S
 
-lambda_i being the roots of lambda^2 + A lambda + B: stable for every h where the space is flat. Where it is curved, so
-is what the curvature term adds only while h |eta| is small; a term that would move xi by more than half of |L| in the
-time h, as after a gap in the readings, is made that small. With a disturbance delta that the force
-lacks, which is transported as the velocity is, there are three poles at rho = e^(-omega h):
+where lambda_i are the roots of lambda^2 + A lambda + B: stable for every h on a flat space. On a curved space the
+curvature term is stable only while h |eta| is small; a term that would move xi by more than half of |L| in the time h,
+as after a gap in the readings, is limited to that. With a disturbance delta that the force lacks, transported like the
+velocity, there are three poles at rho = e^(-omega h):
 
     alpha = 1 - rho^3,  beta = 3/2 (1 - rho)^2 (1 + rho) / h,  delta = delta^- + gamma L,  gamma = (1 - rho)^3 / h^2.
 
-With a ``tuning`` each component has an omega of its own, see ``tuning``. A system whose steps are taken as a whole,
-``SteppedSystem``, is predicted by them, the disturbance included: (xi^-, eta^-) is where it comes to from (xi, eta).
+With a ``tuning`` each component has its own omega, see ``tuning``. A ``SteppedSystem`` is predicted by its own steps,
+the disturbance included: (xi^-, eta^-) is the state that they reach from (xi, eta).
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Innovation:
 
 
 class SampledIntrinsicObserver:
-    """(xi, eta) and, with ``disturbed``, delta; started at xi = the first reading, eta = 0 (Theorem D.2)."""
+    """Observer state (xi, eta) and, if ``disturbed``, delta; starts at the first reading and eta = 0 (Theorem D.2)."""
 
     def __init__(
         self,
@@ -60,19 +60,17 @@ class SampledIntrinsicObserver:
         share: float = 1.0,
         tuning: BandwidthTuning | None = None,
     ) -> None:
-        """``disturbed`` goes with a ``tuning``."""
+        """``start`` (size,) is the first reading; a ``tuning`` requires ``disturbed``."""
         self._system, self._manifold, self._gains = system, system.manifold, gains
         self._stepped, self._tuning = stepped(system), tuning
-        self._share = share  # of the injectivity radius that a reading may be away
+        self._share = share  # largest distance of a reading, over the injectivity radius
         self.xi = system.manifold.check(start)
         self.eta = np.zeros(system.manifold.vector_size)
         self.delta: Array | None = np.zeros(system.manifold.vector_size) if disturbed else None
         self._measured: Array | None = self.xi  # where the system was when it was last read; None once that is old
 
     def predict(self, h: float, u: Array, y: Array | None = None) -> None:
-        """Predict over h [s] with the input u (nu,) held, at the end of which the system is at y (size,), if it was
-        read.
-        """
+        """Predict over h [s] with the input u (nu,) held; y (size,) is the reading at the end, if there is one."""
         manifold, before = self._manifold, self.xi
         if self._stepped is not None:
             self.xi, self.eta = self._stepped.step(before, self.eta, u, h, self.delta)
@@ -84,7 +82,7 @@ class SampledIntrinsicObserver:
         half = manifold.transport(before, after, self.eta + (0.5 * h) * F)
         if self.delta is not None:
             self.delta = manifold.transport(before, after, self.delta)
-        # A force that depends on the velocity is that at the velocity it leads to.
+        # A velocity-dependent force is evaluated at the velocity that it leads to.
         self.eta = manifold.transport(before, after, self.eta + h * F) if self._system.velocity_dependent else half
         self.xi = after
         self._measured = None if y is None or is_beyond(manifold, after, y, self._share) else y
@@ -123,7 +121,7 @@ class SampledIntrinsicObserver:
         return term if size <= most else term * (most / size)
 
     def _force(self, measured: Array | None, u: Array) -> Array:
-        """At xi: that at the measured position, brought there; that at xi itself where there is none."""
+        """Force at xi: that at the measured position, transported to xi, or that at xi itself without a measurement."""
         system, manifold = self._system, self._manifold
         if measured is None:
             F = system.force(self.xi, self.eta, u)

@@ -1,18 +1,18 @@
-"""Bandwidths that tune themselves from the innovations, one for each component of a tangent vector.
+"""Tuning of an observer's bandwidths by its innovations, one for each component of a tangent vector.
 
-The weights of three poles at rho = e^(-omega h), as ``sampled`` states them, are right where the innovations L are
-white: if omega is too low they last as long as the model's error does, if it is too high the observer follows the noise
-and they alternate. Whiteness is judged over the observer's own time 1 / omega,
+The weights of three poles at rho = e^(-omega h), see ``sampled``, are right if the innovations L are white: if omega is
+too low they last as long as the model's error, if it is too high the observer follows the noise and they alternate.
+Whiteness is measured over the observer's time constant 1 / omega,
 
     z = rho z + (1 - rho) L,    s = mean of L^2 over 50 ms,    r = z^2 / (s (1 - rho) / (1 + rho) N),
 
-the mean of r being 1 of white innovations, whatever their variance, and omega follows
+where the mean of r is 1 for white innovations of any variance, and omega follows
 
     d log omega = g (1 - rho) (r - 1),                                 g = 0.15, r at most 31.
 
-So neither the noise nor the disturbance has to be known. Readings that are rounded to steps of size Delta are no white
-noise where a step takes N = Delta / |eta h| > 1 readings to cross; z^2 is allowed that much more, and s is at least
-Delta^2 / 12 with the variance of the noise, as the mission declares both.
+So neither the noise nor the disturbance has to be known. The error of readings that are rounded to steps of size Delta
+is not white if it takes N = Delta / |eta h| > 1 readings to cross a step; z^2 may be N times larger, and s is at least
+Delta^2 / 12 plus the variance of the noise, as the mission declares both.
 """
 
 from __future__ import annotations
@@ -33,16 +33,18 @@ _LEAST = 1.0  # [1/s] omega
 
 
 class BandwidthTuning:
-    """omega (n,) of an observer of readings with variances (n,) [rad^2, m^2], rounded to ``steps`` (n,) [rad, m]."""
+    """Bandwidths omega (n,) for readings with variances (n,) [rad^2, m^2], rounded to ``steps`` (n,) [rad, m]."""
 
     def __init__(self, period: float, variance: Array, steps: Array) -> None:
-        """``period`` [s] of the readings."""
+        """``period`` is the time [s] between readings."""
         self._least, self._most, self._steps = np.maximum(variance, 1e-24), _MOST / period, steps
         self.omega = np.full(len(variance), max(_START / period, _LEAST))
         self._z, self._s = np.zeros(len(variance)), self._least.copy()
 
     def weights(self, L: Array, rate: Array, h: float) -> tuple[Array, Array, Array]:
-        """Follow an innovation L (n,), h [s] after the one before, at the estimated rate (n,); return the weights."""
+        """Update omega by an innovation L (n,), h [s] after the one before, at the estimated rate (n,); return the
+        weights.
+        """
         rho = np.exp(-self.omega * h)
         self._z = rho * self._z + (1.0 - rho) * L
         kept = math.exp(-h / _MEMORY)

@@ -1,6 +1,6 @@
 """The point mass under gusts as a ``StagewiseModel``: the state (p, v, g) on three axes, fixes of the position.
 
-It is the model of ``mathnavi.estimators.kalman``: linear, and discretised exactly.
+The model of ``mathnavi.estimators.kalman``: linear, and discretised exactly.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _EYE = np.eye(3)
 
 
 class FlightModel:
-    """Position, velocity and gust (9,), [m, m/s, m/s^2] on each axis."""
+    """Model of position, velocity and gust (9,), [m, m/s, m/s^2] on each axis."""
 
     size, rows = 9, 3
 
@@ -29,12 +29,12 @@ class FlightModel:
 
     @staticmethod
     def from_config(config: KalmanConfig, mission: FlightMission) -> FlightModel:
-        """Model of the estimator ``kalman`` with a configuration."""
+        """Model of the estimator ``kalman`` with its configuration."""
         return FlightModel(mission, AxisModel.from_config(config, mission), first_covariance(config, mission))
 
     @staticmethod
     def as_declared(mission: FlightMission) -> FlightModel:
-        """Model with the noise that the mission declares and nothing beside it; the start is exact."""
+        """Model with the noise that the mission declares and no other; the start is exact."""
         rms = clipped_rms(mission.gust)
         axis = AxisModel(rms, mission.gust.time_constant, mission.position_noise)
         return FlightModel(mission, axis, np.diag([0.0, 0.0, rms**2]))
@@ -69,7 +69,7 @@ class FlightModel:
         return other - x
 
     def limits(self, x: Array) -> tuple[Array, Array]:
-        """The gust on each axis is within the declared length of its vector."""
+        """Limits of the error: the gust on each axis is within the declared length of its vector."""
         high = np.full(9, np.inf)
         high[6:] = max(self._mission.gust.limit, 3.0 * self._axis.gust_rms)
         return -high - x, high - x

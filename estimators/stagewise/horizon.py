@@ -1,15 +1,16 @@
 """Moving-horizon estimation: least squares over the last stages, with an arrival cost for all that came before.
 
-Over the stages of a window with states x_1, ..., x_M, the prior mean m and its covariance P at the first, one real-time
-iteration of Gauss and Newton solves the quadratic programme of ``horizon_programme`` about the states as they are, and
-moves them by its solution (M. Diehl, H. G. Bock and J. P. Schloeder, SIAM J. Control and Optimization 43, 2005).
-Without its limits the programme is solved in closed form; where that solution is within them it is the programme's, for
-that is convex, and elsewhere FATROP finds it. Outliers count by Huber's function of slope delta: the whitened residual
-r of a number has the weight min(1, delta / |r|), that of a new one with its predicted deviation in place of 1.
+Over the stages of a window with states x_1, ..., x_M, prior mean m and covariance P at the first, one real-time
+Gauss-Newton iteration solves the quadratic programme of ``horizon_programme`` about the current states, and moves them
+by its solution (M. Diehl, H. G. Bock and J. P. Schloeder, SIAM J. Control and Optimization 43, 2005). Without its
+limits the programme is solved in closed form; if that solution is within the limits it is the programme's solution, as
+the programme is convex; otherwise FATROP solves it. Outliers are weighted by Huber's loss with threshold delta: a
+whitened residual r has the weight min(1, delta / |r|), at first with its predicted deviation in place of 1.
 
-When the window moves on, the prior takes in the readings of the stage that leaves, as an extended Kalman filter does
-that is linearised at the smoothed state, and is led to the next stage (C. V. Rao, J. B. Rawlings and D. Q. Mayne, IEEE
-Trans. Automatic Control 48, 2003). So of a linear model without outliers and limits it is the Kalman filter.
+When the window moves on, the prior is updated with the readings of the stage that leaves, as by an extended Kalman
+filter that is linearised at the smoothed state, and is propagated to the next stage (C. V. Rao, J. B. Rawlings and D.
+Q. Mayne, IEEE Trans. Automatic Control 48, 2003). So for a linear model without outliers and limits it is the Kalman
+filter.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from mathnavi.estimators.stagewise.model import Piece, SmootherStage, StagewiseM
 from mathnavi.estimators.stagewise.smoother import square_root
 from mathnavi.sim.interfaces.signals import Array
 
-_MOVED = 0.5  # deviations by which a state may move before its transition is linearised anew
-_GOOD = 4.0  # deviations within which a number of a reading agrees with the estimate
+_MOVED = 0.5  # deviations by which a state may move before its transition is linearised again
+_GOOD = 4.0  # deviations within which a component of a reading agrees with the estimate
 
 
 @dataclass(eq=False)
@@ -44,10 +45,10 @@ class _Node:
 
 
 class MovingHorizon:
-    """The window of a model with so many ``stages``; ``x`` and ``P`` are the state and its covariance at the newest."""
+    """Window of ``stages`` stages of a model; ``x`` and ``P`` are the state and its covariance at the newest."""
 
     def __init__(self, model: StagewiseModel, stages: int, iterations: int, slope: float) -> None:
-        """``slope`` is delta, ``iterations`` those of Gauss and Newton at each stage with readings."""
+        """``slope`` is delta, ``iterations`` is the number of Gauss-Newton iterations at each reading."""
         self._model, self._stages, self._iterations, self._slope = model, stages, iterations, slope
         self._programme = HorizonProgramme(model.size, stages)
         self._nodes: list[_Node] = []
@@ -55,7 +56,7 @@ class MovingHorizon:
         self._scale: Array  # (d,) of the errors
         self.P = np.full((model.size, model.size), np.nan)
         self.failure = ""  # the solver's message, where the last programme was not solved
-        self.agrees = False  # whether half of the numbers of the newest reading agree with the estimate
+        self.agrees = False  # whether half of the newest reading's components agree with the estimate
 
     @property
     def started(self) -> bool:
@@ -68,13 +69,13 @@ class MovingHorizon:
         return self._nodes[-1].x
 
     def forget(self) -> None:
-        """Begin anew at the next stage."""
+        """Discard the window and start again at the next stage."""
         self._nodes = []
 
     def add(self, stage: SmootherStage) -> None:
-        """Take in the next stage; solve for each of its readings.
+        """Add the next stage, and solve at each of its readings.
 
-        Raises LinAlgError, ArithmeticError or the model's own errors where its state leads nowhere.
+        Raises LinAlgError, ArithmeticError or the model's own errors if the state cannot be propagated.
         """
         for k, reading in enumerate(stage.readings or (None,)):
             self._add(SmootherStage(stage.t, () if k else stage.inputs, () if reading is None else (reading,)))
@@ -99,7 +100,7 @@ class MovingHorizon:
         x, F, Q = advanced(self._model, last.x, inputs)
         self.P = F @ self.P @ F.T + Q
         _check(x, self.P)
-        if not last.readings and len(self._nodes) > 1:  # nothing was read there: the two steps are one
+        if not last.readings and len(self._nodes) > 1:  # a stage without readings: the two transitions are merged
             self._nodes.pop()
             node = _Node(last.inputs + inputs, stage.readings, x, last.at, x, F @ last.F, Q=F @ last.Q @ F.T + Q)
         else:
@@ -178,7 +179,7 @@ class MovingHorizon:
         readings: Sequence[tuple[Array, Array]],
         limits: Sequence[tuple[Array, Array]],
     ) -> tuple[list[Array] | None, str]:
-        """Solution (d,) at each node within the limits, by FATROP; None, and its message, where it found none."""
+        """Solution (d,) at each node within the limits, by FATROP; None and its message if it found none."""
         programme, S = self._programme, self._scale
         programme.clear()
         padding = self._stages - len(self._nodes)
@@ -222,14 +223,14 @@ class MovingHorizon:
         return spread
 
     def _relinearise(self, node: _Node, before: _Node) -> None:
-        """Linearise the transition to a node anew where the state before it has moved by more than a little."""
+        """Linearise the transition to a node again if the state before it has moved noticeably."""
         moved = np.abs(self._model.difference(before.x, node.at))
         if (moved > _MOVED * np.sqrt(np.maximum(np.diag(self.P), 0.0))).any():
             node.at = before.x
             node.reached, node.F, node.Q = advanced(self._model, before.x, node.inputs)
 
     def _reached(self, node: _Node, before: _Node) -> Array:
-        """State to which that of the node before leads, to first order about that of the linearisation."""
+        """State to which the state of the node before leads, to first order about the point of linearisation."""
         return self._model.sum(node.reached, node.F @ self._model.difference(before.x, node.at))
 
 

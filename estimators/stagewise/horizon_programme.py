@@ -1,13 +1,13 @@
-"""The quadratic programme of a moving horizon, stage by stage, with its limits, as FATROP takes it.
+"""The quadratic programme of a moving horizon, stage by stage, with its limits, in the form that FATROP solves.
 
-With errors e_i (d,) of N stages, scaled so that they are of one size, readings W e = r + noise of H = W' W and
+With errors e_i (d,) of N stages, scaled to similar magnitudes, readings W e = r + noise of H = W' W and
 g = W' r, and noises n_i (d,) between the stages,
 
     min 1/2 |e_0|^2 + 1/2 sum |n_i|^2 + sum (1/2 e_i' H_i e_i - g_i' e_i)
     subject to  e_{i+1} = A_i e_i + B_i n_i + c_i,   low_i <= e_i <= high_i,
 
 where e_0 is the whitened error of the arrival cost, which A_0 and c_0 lead to the first stage. All matrices are
-parameters, so that one programme serves every update, whatever the model.
+parameters, so that one programme is compiled for all updates and models.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ import numpy as np
 from mathnavi.models.nlp_solver import NlpSolver, SolverOutcome, StageStructure, fatrop_settings
 from mathnavi.sim.interfaces.signals import Array
 
-_TOLERANCE, _ITERATIONS = 1e-4, 50  # of deviations; dual errors below 1e-5 stay where a noise is nearly singular
+_TOLERANCE, _ITERATIONS = 1e-4, 50  # of deviations; dual errors do not fall below 1e-5 if a noise is nearly singular
 _SECONDS = 1.0  # of CPU time after which a solve is ended
 
 
 class HorizonProgramme:
     """The programme of N ``stages`` with d ``states``; it is built with its first solve.
 
-    Its arrays are what an update writes into: ``A``, ``B`` (N, d, d) and ``c`` (N, d) lead to stage i from the one
+    An update writes into its arrays: ``A``, ``B`` (N, d, d) and ``c`` (N, d) lead to stage i from the one
     before; ``H`` (N, d, d) and ``g`` (N, d) are its readings; ``low`` and ``high`` (N, d) its limits.
     """
 
@@ -39,13 +39,13 @@ class HorizonProgramme:
         self._solver: NlpSolver | None = None
 
     def clear(self) -> None:
-        """Make every stage one that is as the one before, without noise, readings and limits."""
+        """Reset every stage to a copy of the one before, without noise, readings and limits."""
         self.A[:], self.low[:], self.high[:] = np.eye(self._d), -np.inf, np.inf
         for array in (self.B, self.H, self.c, self.g):
             array[:] = 0.0
 
     def solve(self) -> tuple[Array | None, str]:
-        """Errors (N, d) of the stages; None, and the solver's message, where they were not found."""
+        """Errors (N, d) of the stages; None and the solver's message if they were not found."""
         d, N = self._d, self._stages
         if self._solver is None:
             self._solver = _solver(d, N)
@@ -53,7 +53,7 @@ class HorizonProgramme:
         blocks = (self.A.transpose(0, 2, 1), self.B.transpose(0, 2, 1), self.H, self.c, self.g)
         inputs["p"][:] = np.concatenate([block.reshape(N, -1) for block in blocks], axis=1).ravel()
         if not np.isfinite(inputs["p"]).all() or np.isnan(self.low).any() or np.isnan(self.high).any():
-            return None, "the programme holds NaN or infinity"  # which FATROP would call solved
+            return None, "the programme holds NaN or infinity"  # which FATROP would report as solved
         inputs["x0"][:] = 0.0
         for key, limits, none in (("lbx", self.low, -np.inf), ("ubx", self.high, np.inf)):
             inputs[key][:] = none
@@ -69,7 +69,7 @@ class HorizonProgramme:
 
 @lru_cache(maxsize=8)
 def _stage(d: int) -> tuple[ca.Function, ca.Function]:
-    """(e, n, A, B, c) -> the next error and the cost of the noise; (e, H, g) -> the cost of the readings."""
+    """Functions (e, n, A, B, c) -> next error, cost of the noise; and (e, H, g) -> cost of the readings."""
     e, n, c, g = (ca.SX.sym(name, d) for name in ("e", "n", "c", "g"))
     A, B, H = (ca.SX.sym(name, d, d) for name in ("A", "B", "H"))
     transition = ca.Function("transition", [e, n, A, B, c], [A @ e + B @ n + c, 0.5 * ca.sumsqr(n)])

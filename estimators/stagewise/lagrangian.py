@@ -1,6 +1,6 @@
 """A Lagrangian system as a ``StagewiseModel``: (x, v) on its tangent bundle, readings of the position.
 
-It is the model of ``mathnavi.estimators.velocity.error_state``.
+The model of ``mathnavi.estimators.velocity.error_state``.
 """
 
 from __future__ import annotations
@@ -17,15 +17,17 @@ from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.sim.interfaces.signals import NOTHING, Array, Measurement
 
 NOISE_FLOOR = 1e-4
-"""[rad, m] least standard deviation that a reading is trusted with, by an estimator"""
+"""least standard deviation that an estimator assumes for a reading [rad, m]"""
 _STEP = 1e-6  # of an error, in its unit
 
 
 class LagrangianModel:
-    """(x, v) (size + vector_size,), its errors (a, b) in 2 n numbers."""
+    """Model of the state (x, v) (size + vector_size,) with errors (a, b) (2 n,)."""
 
     def __init__(self, mission: LagrangianMission, acceleration: float, noise_floor: float) -> None:
-        """``acceleration`` is the root of the density of its noise, ``noise_floor`` the least of a reading's."""
+        """``acceleration`` is the square root of the density of its noise, ``noise_floor`` the least deviation of a
+        reading.
+        """
         self._mission, self._system = mission, mission.system
         self._manifold = mission.system.manifold
         self._acceleration, self._floor = acceleration, noise_floor
@@ -36,7 +38,7 @@ class LagrangianModel:
 
     @staticmethod
     def as_declared(mission: LagrangianMission) -> LagrangianModel:
-        """Model with the noise that the mission declares and nothing beside it: none of the acceleration."""
+        """Model with the noise that the mission declares and no other: no noise of the acceleration."""
         return LagrangianModel(mission, 0.0, 0.0)
 
     def start(self, reading: Array | None) -> tuple[Array, Array] | None:
@@ -70,7 +72,7 @@ class LagrangianModel:
         return moved / sigma, np.eye(self.rows, self.size) / sigma[:, np.newaxis]
 
     def deviation(self, y: Array) -> Array:
-        """Standard deviations (n,) of the coordinates of a reading, those near the first one y (size,)."""
+        """Standard deviations (n,) of a reading's coordinates, determined near the first reading y (size,) for all."""
         if self._sigma is None:
             self._sigma = np.maximum(np.sqrt(reading_variance(self._mission, y)), self._floor)
         return self._sigma
@@ -82,7 +84,7 @@ class LagrangianModel:
         return self._errors.difference(other, x)
 
     def limits(self, x: Array) -> tuple[Array, Array]:
-        """None: the speed is bounded in the metric, not by component."""
+        """Infinite limits: the speed is bounded in the metric, not by component."""
         high = np.full(self.size, np.inf)
         return -high, high
 

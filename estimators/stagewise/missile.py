@@ -1,6 +1,6 @@
-"""The missile under disturbances as a ``StagewiseModel``: its state and what disturbs it, all of the state read.
+"""The missile under disturbances as a ``StagewiseModel``: state and disturbance, with readings of the whole state.
 
-It is the model of ``mathnavi.estimators.missile_kalman``.
+The model of ``mathnavi.estimators.missile_kalman``.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ _LARGEST = 6.0  # standard deviations of a disturbance
 
 
 class MissileModel:
-    """The thesis' state (nx,), then the disturbance (nu,) [N, N m]."""
+    """Model of the thesis' state (nx,), followed by the disturbance (nu,) [N, N m]."""
 
     def __init__(
         self, mission: MissileMission, disturbance: Array, time_constant: float, start: Array, reading: Array
     ) -> None:
-        """Standard deviations of the ``disturbance`` (nu,), of the ``start`` (nx,) and of a ``reading`` (nx,)."""
+        """``disturbance`` (nu,), ``start`` (nx,) and ``reading`` (nx,) are standard deviations."""
         self._mission, self._coordinates = mission, mission.coordinates
         self.rows, self._inputs = mission.coordinates.state_size, len(disturbance)
         self.size = self.rows + self._inputs
@@ -47,7 +47,7 @@ class MissileModel:
 
     @staticmethod
     def from_config(config: MissileKalmanConfig, mission: MissileMission) -> MissileModel:
-        """Model of the estimator ``missile_kalman`` with a configuration."""
+        """Model of the estimator ``missile_kalman`` with its configuration."""
         noise = np.maximum(mission.noise.deviations(mission.coordinates), config.noise_floor)
         return MissileModel(
             mission, disturbance_deviation(config, mission), config.time_constant, start_deviation(config, mission),
@@ -56,7 +56,7 @@ class MissileModel:
 
     @staticmethod
     def as_declared(mission: MissileMission) -> MissileModel:
-        """Model with the gusts and the noise that the mission declares and nothing beside them; the start is exact."""
+        """Model with the gusts and the noise that the mission declares and no others; the start is exact."""
         coordinates, gust = mission.coordinates, mission.gust
         acting = np.array([gust.force if name.startswith("F") else gust.moment for name in coordinates.inputs])
         exact = np.zeros(coordinates.state_size)
@@ -98,7 +98,7 @@ class MissileModel:
         return other - x
 
     def limits(self, x: Array) -> tuple[Array, Array]:
-        """A disturbance is within six standard deviations."""
+        """Limits of the error: a disturbance is within six standard deviations."""
         high = np.full(self.size, np.inf)
         high[self.rows :] = _LARGEST * self._disturbance
         return -high - x, high - x

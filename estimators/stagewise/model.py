@@ -1,9 +1,9 @@
-"""A system with noise as estimators over many stages take it: transitions, readings, and errors of its state.
+"""Interface of a system with noise for estimators over many stages: transitions, readings and errors of its state.
 
     x_{k+1} = f(x_k, u_k) + w_k,   w_k ~ N(0, Q_k),        y_k = h(x_k) + v_k,   v_k ~ N(0, R_k).
 
 A state x is a flat array, and may be a point of a manifold; its error e (d,) is added by ``sum``. A reading is
-taken whitened, to first order in e:
+whitened, and linear to first order in e:
 
     R^{-1/2} (y - h(x + e)) = r - W e.
 """
@@ -20,27 +20,27 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.signals import Array, Measurement
 
 Piece = tuple[float, Array]
-"""a duration [s] and the input (nu,) that is held for so long"""
+"""duration [s], and the input (nu,) that is held for it"""
 
 
 class StagewiseModel(Protocol):
-    """A system with noise."""
+    """System with noise."""
 
     size: int
-    """d of an error"""
+    """number d of components of an error"""
     rows: int
-    """most numbers in the readings of one stage"""
+    """largest number of components in the readings of one stage"""
 
     def start(self, reading: Array | None) -> tuple[Array, Array] | None:
-        """State and covariance (d, d) at the first stage, with a reading (m,) or none; None to wait for one."""
+        """State and covariance (d, d) at the first stage, with or without a reading (m,); None to wait for one."""
         ...
 
     def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
-        """Inputs that act one after the other from ``begin`` to ``end`` [s]; ``command`` (nu,) was held."""
+        """Inputs that act in sequence from ``begin`` to ``end`` [s]; ``command`` (nu,) was held."""
         ...
 
     def reading(self, measurement: Measurement) -> Array | None:
-        """Usable numbers (m,) of a measurement, NaN for those that were lost; None where there are none."""
+        """Usable components (m,) of a measurement, NaN for lost ones; None if it has none."""
         ...
 
     def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
@@ -48,7 +48,7 @@ class StagewiseModel(Protocol):
         ...
 
     def residual(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """r (m,) and W (m, d) of a reading y (m,) at x; rows of NaN where a number is missing."""
+        """Residual r (m,) and W (m, d) of a reading y (m,) at x; rows of NaN for missing components."""
         ...
 
     def sum(self, x: Array, e: Array) -> Array:
@@ -60,7 +60,7 @@ class StagewiseModel(Protocol):
         ...
 
     def limits(self, x: Array) -> tuple[Array, Array]:
-        """Least and largest errors (d,) at x that the mission allows, infinite where it sets none."""
+        """Least and largest errors (d,) at x that the mission allows, infinite without a limit."""
         ...
 
     def extra(self, x: Array) -> Mapping[str, Array]:
@@ -68,13 +68,13 @@ class StagewiseModel(Protocol):
         ...
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array | None]:
-        """State and covariance of an ``Estimate``, of a state and a covariance (d, d) of its errors."""
+        """State and covariance of an ``Estimate``, from a state and the covariance P (d, d) of its errors."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class SmootherStage:
-    """A time with readings, and the inputs since the stage before."""
+    """Time with readings, and the inputs since the stage before."""
 
     t: float  # [s]
     inputs: tuple[Piece, ...]
@@ -117,7 +117,7 @@ def advanced(model: StagewiseModel, x: Array, inputs: Sequence[Piece]) -> tuple[
 
 
 def residuals(model: StagewiseModel, x: Array, readings: Sequence[Array]) -> tuple[Array, Array]:
-    """r (m,) and W (m, d) of all ``readings`` at x, without the numbers that are missing."""
+    """Residual r (m,) and W (m, d) of all ``readings`` at x, without missing components."""
     r, W = np.empty(0), np.empty((0, model.size))
     for y in readings:
         r_y, W_y = model.residual(x, y)

@@ -1,6 +1,6 @@
 """The robot that reads ranges as a ``StagewiseModel``: its pose and the scale error of its odometry.
 
-It is the model of ``mathnavi.estimators.ranging.extended``.
+The model of ``mathnavi.estimators.ranging.extended``.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _LARGEST = 6.0  # standard deviations of the scale error
 
 
 class RangingModel:
-    """Pose and scale error (x_1, x_2, phi, b) [m, m, rad, -]."""
+    """Model of pose and scale error (x_1, x_2, phi, b) [m, m, rad, -]."""
 
     size = STATES
 
@@ -64,7 +64,7 @@ class RangingModel:
         return sigma, self._model.relative**2 * h / sigma
 
     def sum(self, x: Array, e: Array) -> Array:
-        """x + e, the position within the wall."""
+        """State x + e, its position kept within the wall."""
         after: Array = x + e
         step = step_within(self._model.wall, x[0], x[1], e[0], e[1])
         after[:2] = x[:2] + step * e[:2]
@@ -77,7 +77,7 @@ class RangingModel:
         return error
 
     def limits(self, x: Array) -> tuple[Array, Array]:
-        """The scale error is within six standard deviations."""
+        """Limits of the error: the scale error is within six standard deviations."""
         high = np.array([np.inf, np.inf, np.inf, max(_LARGEST * self._bias, 1e-9)])
         return -high - x, high - x
 

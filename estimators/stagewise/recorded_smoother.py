@@ -1,7 +1,6 @@
-"""The smoother of a finished run in the place of its Kalman filter: the same sensors, the same model, all readings.
+"""Smoother of a finished run in place of its Kalman filter: the same sensors and model, but all readings.
 
-An estimator that is causal answers from what has been read; this one answers from the whole run, which it is given
-before it is asked.
+A causal estimator uses the readings so far; this one uses the whole run, which it must get before its first estimate.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from mathnavi.sim.interfaces.protocols import Estimator, Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 Sample = tuple[float, Sequence[Measurement], Array]
-"""[s], the readings since the sample before, and the input (nu,) held since then"""
+"""time [s], readings since the sample before, and the input (nu,) held since then"""
 
 
 @configuration
@@ -28,13 +27,13 @@ class SmootherConfig:
     """Fields of the command line."""
 
     method: Literal["rts", "batch"] = "rts"
-    """Rauch, Tung and Striebel's smoother, or batch least squares, which takes longer"""
+    """smoothing method: Rauch, Tung and Striebel's (rts), or batch least squares, which takes longer"""
     gate: Probability = 1e-4
-    """probability with which a good number of a reading is refused"""
+    """probability that a good component of a reading is refused"""
 
 
 class RecordedSmoother:
-    """An estimator that knows the whole run: ``smooth`` it first."""
+    """Estimator that uses a whole recorded run; call ``smooth`` before ``update``."""
 
     def __init__(self, config: SmootherConfig, model: StagewiseModel, period: float) -> None:
         self.period = period
@@ -44,8 +43,8 @@ class RecordedSmoother:
     def smooth(self, samples: Iterable[Sample]) -> None:
         """Smooth a run.
 
-        Raises ValueError where it has no reading to start at or batch least squares does not converge, and LinAlgError
-        where the filter diverges.
+        Raises ArgumentError if it has no reading to start at or batch least squares does not converge, LinAlgError if
+        the filter diverges.
         """
         builder = StageBuilder(self._model)
         stages = [stage for sample in samples for stage in builder.add(*sample)]
@@ -55,7 +54,9 @@ class RecordedSmoother:
             raise ArgumentError("method = 'batch' did not converge on this run; allowed: 'rts'")
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """Estimate at t [s], whatever was read until then; that of the first stage, and initialising, before it."""
+        """Smoothed estimate at t [s], independent of ``measurements``; before the first stage that of the first stage,
+        and INITIALISING.
+        """
         assert self._states is not None, "the run was not smoothed yet"
         k = int(np.searchsorted(self._states.t, t + TIME_TOLERANCE, side="right")) - 1
         x, P = self._model.reported(self._states.x[max(k, 0)], self._states.P[max(k, 0)])
@@ -65,12 +66,14 @@ class RecordedSmoother:
 
 
 class Smoothing:
-    """The plug-in of a recorded run's smoother, with the sensors and the model of a Kalman filter of that run."""
+    """Plug-in of a recorded run's smoother, with the sensors and the model of that run's Kalman filter."""
 
     Config = SmootherConfig
 
     def __init__(self, plugin: Any, config: Any) -> None:
-        """``plugin`` is the recorded estimator, with its configuration; FieldError if it is no Kalman filter."""
+        """``plugin`` is the recorded estimator, ``config`` its configuration; raises FieldError if it is not a Kalman
+        filter.
+        """
         self.__qualname__ = type(self).__qualname__
         self._plugin, self._config = plugin, config
         self._model_of = model_of(plugin)
@@ -86,14 +89,15 @@ class Smoothing:
         return sensors
 
     def quality(self, config: SmootherConfig, mission: Any) -> Any:
-        """Quality of the recorded estimator, which is no better."""
+        """Quality of the recorded estimator; that of the smoother is at least as good."""
         return self._plugin.quality(self._config, mission)
 
 
 def model_of(plugin: Any) -> Any:
-    """The function (config, mission) -> ``StagewiseModel`` of a Kalman filter's plug-in.
+    """Function (config, mission) -> ``StagewiseModel`` of a Kalman filter's plug-in.
 
-    FieldError for a plug-in that is none, which is not one of mathnavi's and has no ``stagewise_model`` of its own.
+    Raises FieldError for a plug-in that is neither one of mathnavi's Kalman filters nor has its own
+    ``stagewise_model``.
     """
     if hasattr(plugin, "stagewise_model"):
         return plugin.stagewise_model

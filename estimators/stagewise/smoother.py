@@ -1,7 +1,8 @@
 """Smoothing of a whole run: Rauch, Tung and Striebel's smoother, and batch least squares.
 
-An extended Kalman filter in errors of a ``StagewiseModel`` goes forward over the stages; x_k|k-1 with P_k|k-1 is the
-state before the readings of stage k, x_k with P_k that after them, F_k the Jacobian from stage k to k + 1. Backward,
+An extended Kalman filter in the errors of a ``StagewiseModel`` runs forward over the stages; x_k|k-1 with P_k|k-1 is
+the state before the readings of stage k, x_k with P_k that after them, F_k the Jacobian from stage k to k + 1.
+Backward,
 
     G_k = P_k F_k' P_{k+1|k}^{-1},   x^_k = x_k + G_k (x^_{k+1} - x_{k+1|k}),
     P^_k = P_k + G_k (P^_{k+1} - P_{k+1|k}) G_k'.
@@ -11,8 +12,8 @@ Batch least squares takes all stages at once: the maximum a posteriori of the st
     min |z|^2 + sum |n_k|^2 + sum |r_k - W_k e_k|^2    subject to  e_0 = a + P_0^{1/2} z,
                                                                    e_{k+1} = F_k e_k + Q_k^{1/2} n_k + c_k,
 
-by Gauss and Newton, each step one sparse system of the conditions of optimality. Where the model is linear both give
-the same; elsewhere the smoother is linearised at the filter's estimates and batch least squares at its own solution.
+by Gauss-Newton steps, each a sparse system of the optimality conditions. For a linear model both give the same;
+otherwise the smoother is linearised at the filter's estimates and batch least squares at its own solution.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from mathnavi.estimators.stagewise.model import SmootherStage, StagewiseModel, a
 from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array
 
-_LASTING = 10  # readings in a row beyond the gate: then it is the filter that is off
+_LASTING = 10  # readings in a row beyond the gate, after which the filter is wrong, not they
 _REGULAR = 1e-12  # least eigenvalue of a covariance with a diagonal of ones that is inverted
 _ITERATIONS = 30  # of Gauss and Newton
 _STEP = 1e-6  # of the smoothed deviations, below which they have converged
@@ -42,7 +43,7 @@ class SmoothedStates:
     t: Array  # (n,) [s]
     x: tuple[Array, ...]  # (n,) states
     P: tuple[Array, ...]  # (n,) covariances (d, d) of their errors
-    converged: bool = True  # whether the iteration came to an end
+    converged: bool = True  # whether the iteration converged
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +60,9 @@ class _Forward:
 def rauch_tung_striebel(model: StagewiseModel, stages: Sequence[SmootherStage], gate: float) -> SmoothedStates:
     """Smooth the stages of a run.
 
-    A number of a reading is refused if its normalised innovation is one that a good reading exceeds with probability
-    ``gate``, unless that lasts. Raises ValueError where no stage has the reading that the model starts at, and
-    LinAlgError where it diverges.
+    A component of a reading is refused if its normalised innovation exceeds the value that a good one exceeds with
+    probability ``gate``, unless that lasts. Raises ArgumentError if no stage has a reading that the model can start at,
+    LinAlgError if the filter diverges.
     """
     return _backward(model, _filtered(model, stages, gate))
 
@@ -82,9 +83,9 @@ def _backward(model: StagewiseModel, forward: Sequence[_Forward]) -> SmoothedSta
 
 
 def batch_least_squares(model: StagewiseModel, stages: Sequence[SmootherStage], gate: float) -> SmoothedStates:
-    """Batch least squares over the readings that ``rauch_tung_striebel`` uses, which is the first guess.
+    """Batch least squares over the readings that ``rauch_tung_striebel`` uses, with its result as the initial guess.
 
-    Its covariances are those of the smoother. Errors as of ``rauch_tung_striebel``.
+    The covariances are those of the smoother. Raises the errors of ``rauch_tung_striebel``.
     """
     forward = _filtered(model, stages, gate)
     guess = _backward(model, forward)
@@ -127,7 +128,7 @@ def _filtered(model: StagewiseModel, stages: Sequence[SmootherStage], gate: floa
 
 
 def _admitted(model: StagewiseModel, x: Array, P: Array, y: Array, limit: float, beyond: Array) -> Array:
-    """The reading with NaN for numbers beyond the gate, or all NaN where it is not read number by number."""
+    """Reading with NaN for components beyond the gate; all NaN if it is refused as a whole."""
     r, W = model.residual(x, y)
     squares = np.square(r) / (1.0 + np.einsum("ij,jk,ik->i", W, P, W))
     beyond[:] = np.where(squares > limit, beyond + 1, np.where(np.isnan(squares), beyond, 0))
@@ -149,7 +150,7 @@ def _conditioned(model: StagewiseModel, x: Array, P: Array, y: Array) -> tuple[A
 
 
 def _inverse(P: Array) -> Array:
-    """Inverse of a covariance on the directions in which it is not zero."""
+    """Inverse of a covariance in the directions in which it is not zero."""
     deviation = np.sqrt(np.maximum(np.diag(P), 0.0))
     scale = np.where(deviation > 0.0, 1.0 / np.where(deviation > 0.0, deviation, 1.0), 0.0)
     values, vectors = np.linalg.eigh(scale[:, np.newaxis] * P * scale)
@@ -159,7 +160,7 @@ def _inverse(P: Array) -> Array:
 
 
 def square_root(P: Array) -> Array:
-    """L (d, d) with L L' = P, of a covariance that may be singular, whatever the units of its components."""
+    """Factor L (d, d) with L L' = P of a covariance that may be singular, independent of its components' units."""
     deviation = np.sqrt(np.maximum(np.diag(P), 0.0))
     scale = np.where(deviation > 0.0, 1.0 / np.where(deviation > 0.0, deviation, 1.0), 0.0)
     values, vectors = np.linalg.eigh(scale[:, np.newaxis] * P * scale)
@@ -171,7 +172,7 @@ def square_root(P: Array) -> Array:
 
 
 def _gauss_newton(model: StagewiseModel, forward: Sequence[_Forward], x: Sequence[Array]) -> Array:
-    """Step (n, d) from states x (n,): the conditions of optimality of the programme that is linear there.
+    """Step (n, d) from states x (n,), by the optimality conditions of the programme linearised there.
 
     Variables are e (n d), the noises n with z first (n d), and a multiplier for each equation.
     """

@@ -1,4 +1,4 @@
-"""The plug-in ``example_2_2``: the observer of Example 2.2, as printed. Its error is linear whatever the input."""
+"""The plug-in ``example_2_2``: the observer of Example 2.2, as printed. Its error is linear under any input."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class Example22Config:
     """Fields of ``--estimator``."""
 
     alpha: RateOfError = 2.0
-    """of the correction of x_1; it converges for alpha > 0 and beta > 0"""
+    """gain of the correction of x_1; the observer converges for alpha > 0 and beta > 0"""
     beta: RateOfError = 3.0
-    """of the correction of x_2"""
+    """gain of the correction of x_2"""
     timeout: Positive = 0.5
-    """without a reading after which the estimate is lost [s]"""
+    """time without a reading after which the estimate is lost [s]"""
 
 
 class Example22:
@@ -50,11 +50,11 @@ class Example22:
 
     @staticmethod
     def quality(config: Example22Config, mission: TextbookMission) -> None:
-        """Nothing is certified from it."""
+        """Return None: no plan is certified from these estimates."""
 
     @staticmethod
     def properties(config: Example22Config) -> ObserverProperties:
-        """Table 2.1."""
+        """Properties of the observer (Table 2.1)."""
         if config.alpha > 0.0 and config.beta > 0.0:
             return ObserverProperties(
                 Domain.GLOBAL, Rate.EXPONENTIAL, InputDependence.UNIFORM, Domain.GLOBAL, Domain.GLOBAL,

@@ -2,10 +2,10 @@
 
     x' = F(x, u) + w,   y = h(x, u) + v,
 
-w white with one intensity on every component, v with the variance of the readings. The filter (filterpy's) carries x^
-on by the solution, its covariance by the Jacobian of one step of it, and conditions on what is read of the outputs that
-x^ says are in sight, with h linearised where that leads. A step that leaves every bound is not taken, and the estimate
-is lost until one can be.
+w white with one intensity on every component, v with the variance of the readings. The filter (filterpy's) propagates
+x^ by the solution and its covariance by the Jacobian of one step of it, and conditions on the readings of those outputs
+that are in sight from x^, with h linearised about the resulting estimate. A step on which the solution escapes is not
+taken, and the estimate is lost until a step can be taken.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ class TextbookEkfConfig:
     """Fields of ``--estimator``."""
 
     process: NonNegative = 0.01
-    """square root of the intensity of w on each component, in its unit a square root of a second"""
+    """square root of the intensity of w on each component [unit of the state per square root of a second]"""
     noise_floor: Positive = 1e-3
-    """least standard deviation that a reading is trusted with"""
+    """least standard deviation that the filter assumes for a reading [unit of the output]"""
     iterations: Count = 10
-    """linearisations of h for one reading, at most; 1 is the plain filter"""
+    """largest number of linearisations of h for one reading; 1 is the plain filter"""
     timeout: Positive = 0.5
-    """without a reading after which the estimate is lost [s]"""
+    """time without a reading after which the estimate is lost [s]"""
 
 
 class TextbookEkf:
@@ -74,11 +74,11 @@ class TextbookEkf:
 
     @staticmethod
     def quality(config: TextbookEkfConfig, mission: TextbookMission) -> None:
-        """Nothing is certified from it."""
+        """Return None: no plan is certified from these estimates."""
 
     @staticmethod
     def properties(config: TextbookEkfConfig) -> ObserverProperties:
-        """Table 2.1."""
+        """Properties of the observer (Table 2.1)."""
         return ObserverProperties(
             Domain.LOCAL, Rate.ASYMPTOTIC, InputDependence.NON_UNIFORM, Domain.LOCAL, Domain.LOCAL,
             note="as far as the linearisation holds, and where the input makes the system observable",
@@ -95,7 +95,7 @@ class TextbookEkf:
         return Estimate(t, self._filter.x.copy(), 0.5 * (P + P.T), self._status(t))
 
     def _predict(self, t: float, u: Array) -> None:
-        """From the filter's time to t [s] with u (p,) held."""
+        """Predict from the filter's time to t [s] with u (p,) held."""
         if self._t is None:
             self._t = t
         h = time_ahead(t, self._t, "a reading")
@@ -112,12 +112,12 @@ class TextbookEkf:
             self._t = t
 
     def _condition(self, reading: Measurement, u: Array) -> None:
-        """On the outputs that are in sight, linearised at the estimate that this leads to, by Gauss and Newton."""
+        """Condition on the outputs that are in sight, linearised at the resulting estimate, by Gauss-Newton."""
         prior, P, at = self._filter.x, self._filter.P, self._filter.x
         seen = np.isfinite(reading.value) & (np.abs(self._outputs(at, u)[0]) <= self._system.output_max)
         if not seen.any():
             return
-        # State, reading and expectation are flat: filterpy makes a square of a flat one and a column.
+        # State, reading and expectation are flat: filterpy broadcasts a flat array and a column to a square matrix.
         R = self._variance * np.eye(int(np.count_nonzero(seen)))
         for _ in range(self._config.iterations):
             expected, slope = (each[seen] for each in self._outputs(at, u))
@@ -131,7 +131,7 @@ class TextbookEkf:
         self._timeout_monitor.note(reading.t)
 
     def _outputs(self, x: Array, u: Array) -> tuple[Array, Array]:
-        """h(x, u) (m,) and its Jacobian (m, n)."""
+        """Output h(x, u) (m,) and its Jacobian (m, n)."""
         y, slope = self._output(x, u)
         return np.array(y).ravel(), np.array(slope)
 
@@ -142,7 +142,7 @@ class TextbookEkf:
 
 @lru_cache(maxsize=16)
 def _transition(system: System) -> casadi.Function:
-    """(x, u, h) -> the Jacobian (n, n) of the state after h [s], by one step of Dormand and Prince."""
+    """Function (x, u, h) -> Jacobian (n, n) of the state after h [s], by one Dormand-Prince step."""
     x, u = casadi.SX.sym("x", len(system.states)), casadi.SX.sym("u", len(system.inputs))
     h = casadi.SX.sym("h")
     after, _ = dormand_prince(system.f, x, u, h)
@@ -151,7 +151,7 @@ def _transition(system: System) -> casadi.Function:
 
 @lru_cache(maxsize=16)
 def _output(system: System) -> casadi.Function:
-    """(x, u) -> y (m,) and its Jacobian (m, n)."""
+    """Function (x, u) -> y (m,) and its Jacobian (m, n)."""
     x, u = casadi.SX.sym("x", len(system.states)), casadi.SX.sym("u", len(system.inputs))
     y = system.h(x, u)
     return casadi.Function("output", [x, u], [y, casadi.jacobian(y, x)])

@@ -8,8 +8,8 @@ or in the original ones
 
     x^' = F(x^, u) + [dT/dx^]^{-1} [g(h(x^)) - g(y)].
 
-The thesis prints (2.4) with the other sign, g(y) - g(h(x^)), which drives T(x^) away; that can be run, too. T is exact
-where coordinates are known that are linear up to output injection, and a power series where not.
+The thesis prints (2.4) with the opposite sign, g(y) - g(h(x^)), which drives T(x^) away; this form can be run too. T is
+exact if coordinates are known that are linear up to output injection, and otherwise a power series.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ class KazantzisKravarisConfig:
     """Fields of ``--estimator``."""
 
     form: Form = "z"
-    """in the coordinates x~, or (2.4) with its sign put right, or as printed"""
+    """form of the observer: in the coordinates x~, (2.4) with the sign corrected, or (2.4) as printed"""
     poles: Poles = (-2.0, -3.0)
     """eigenvalues of A [1/s]"""
     order: int = 9
-    """of the power series of T, where T is not known exactly"""
+    """order of the power series of T, which is used if T is not known exactly"""
     timeout: Positive = 0.5
-    """without a reading after which the estimate is lost [s]"""
+    """time without a reading after which the estimate is lost [s]"""
 
 
 @dataclass(frozen=True, eq=False)
 class Immersion:
-    """x~ = T(x) with x~' = A x~ - g(y, u)."""
+    """Immersion x~ = T(x) with x~' = A x~ - g(y, u)."""
 
     T: Callable[[casadi.SX], casadi.SX]  # (n,) -> (n,)
     A: Array  # (n, n)
@@ -102,11 +102,11 @@ class KazantzisKravaris:
 
     @staticmethod
     def quality(config: KazantzisKravarisConfig, mission: TextbookMission) -> None:
-        """Nothing is certified from it."""
+        """Return None: no plan is certified from these estimates."""
 
     @staticmethod
     def properties(config: KazantzisKravarisConfig) -> ObserverProperties:
-        """Table 2.1."""
+        """Properties of the observer (Table 2.1)."""
         series = "where T is a series, only near the origin and to its truncation"
         if config.form == "z":
             return ObserverProperties(

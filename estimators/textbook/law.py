@@ -1,4 +1,4 @@
-"""The parts of an observer in the sense of Definition 2.1."""
+"""Parts of an observer in the sense of Definition 2.1."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.signals import Array
 
-LARGEST_RATE = 1e4  # [1/s] of a gain or a pole: to follow faster ones would take for ever
+LARGEST_RATE = 1e4  # [1/s] of a gain or a pole: faster ones would need too small steps
 _ALLOWED = f"finite values from -{LARGEST_RATE:g} to {LARGEST_RATE:g}"
 _RATES = Interval(ge=-LARGEST_RATE, le=LARGEST_RATE)
 
@@ -25,12 +25,12 @@ Poles = Annotated[NumberList, Each(_RATES, allowed=_ALLOWED)]
 
 @dataclass(frozen=True, eq=False)
 class ObserverLaw:
-    """z' = F^(z, u, y), x^ = Phi(z), and Psi, whose image of the state z tracks (Figure 2.1)."""
+    """Observer z' = F^(z, u, y), x^ = Phi(z); z tracks Psi(x) (Figure 2.1)."""
 
     size: int  # of z
     F: Callable[[casadi.SX, casadi.SX, casadi.SX], casadi.SX]  # (z, u, y) -> z'
     Psi: Callable[[Array], Array]  # (n,) -> (size,)
-    Phi: Callable[[Array, Array], Array | None]  # (z, an x near by) -> x^ (n,); None where there is none
+    Phi: Callable[[Array, Array], Array | None]  # (z, an x nearby) -> x^ (n,); None if there is none
 
 
 def identity(x: Array, near: Array | None = None) -> Array:
@@ -39,6 +39,6 @@ def identity(x: Array, near: Array | None = None) -> Array:
 
 
 def check_system(fits: bool, mission: TextbookMission, allowed: str) -> None:
-    """Raise FieldError for a system that an observer is not made for."""
+    """Raise FieldError unless the mission's system ``fits`` the observer."""
     if not fits:
         raise FieldError(f"system = {mission.system.name!r}; allowed with this observer: {allowed}")

@@ -26,7 +26,7 @@ class OutputInjectionConfig:
     poles: Poles = (-2.0, -3.0)
     """eigenvalues of A - L C [1/s]"""
     timeout: Positive = 0.5
-    """without a reading after which the estimate is lost [s]"""
+    """time without a reading after which the estimate is lost [s]"""
 
 
 class OutputInjection:
@@ -62,11 +62,11 @@ class OutputInjection:
 
     @staticmethod
     def quality(config: OutputInjectionConfig, mission: TextbookMission) -> None:
-        """Nothing is certified from it."""
+        """Return None: no plan is certified from these estimates."""
 
     @staticmethod
     def properties(config: OutputInjectionConfig) -> ObserverProperties:
-        """Table 2.1."""
+        """Properties of the observer (Table 2.1)."""
         return ObserverProperties(
             Domain.GLOBAL, Rate.EXPONENTIAL, InputDependence.UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
             note="in Z with the rates of its poles, where T_1 is a diffeomorphism of the whole space",

@@ -3,9 +3,9 @@
     z' = F^(z, u, y(t)),   x^ = Phi(z)
 
 Over each period y(t) is the polynomial through the last readings, four at most, the newest among them, and z follows
-its equation to the error of ``mathnavi.models.runge_kutta``: what sampling costs is of fourth order in the period, and
-x^ has no lag. Where the newest reading is missing x^ goes on as a copy of the system does, and z = Psi(x^). An
-observer that leaves every bound stays where it was last, and lost.
+its equation to the error of ``mathnavi.models.runge_kutta``: the sampling error is of fourth order in the period, and
+x^ has no lag. If the newest reading is missing, x^ is propagated as a copy of the system, and z = Psi(x^). An observer
+whose state escapes keeps its last state, and is lost.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class SampledObserver:
     """Estimator of x^ from readings "output", for any ``ObserverLaw``."""
 
     def __init__(self, law: ObserverLaw, mission: TextbookMission, timeout: float) -> None:
-        """``timeout`` [s] without a reading after which the estimate is lost."""
+        """``timeout`` is the time [s] without a reading after which the estimate is lost."""
         self.period = mission.period
         self._law, self._system, self._timeout_monitor = law, mission.system, TimeoutMonitor(timeout)
         self._flow = _flow(law, mission)
@@ -38,7 +38,7 @@ class SampledObserver:
         self._z = law.Psi(self._x)
         self._t: float | None = None  # [s] of z; None before the first call
         self._readings: deque[tuple[float, Array]] = deque(maxlen=_POINTS)  # (time [s], y (m,))
-        self._followed = True  # z has stayed within bounds, and Phi has found an x^ for it
+        self._followed = True  # z has not escaped, and Phi has found an x^ for it
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (n,) at t [s] from the readings since the last call, ``command`` (p,) held in between.
@@ -55,7 +55,7 @@ class SampledObserver:
         return Estimate(t, self._x.copy(), None, self._status(t), {"z": self._z.copy()})
 
     def _advance(self, begin: float, h: float, u: Array) -> None:
-        """From a time [s] on for h [s] with u (p,) held."""
+        """Advance from the time ``begin`` [s] by h [s] with u (p,) held."""
         if self._timeout_monitor.t > begin + TIME_TOLERANCE:
             self._followed = self._observe(begin, h, u)
             return
@@ -64,7 +64,7 @@ class SampledObserver:
             self._x, self._z = copied, self._law.Psi(copied)
 
     def _observe(self, begin: float, h: float, u: Array) -> bool:
-        """The same with the outputs of the period; whether z stays within bounds and there is an x^ for it."""
+        """Advance z with the outputs of the period; True if z does not escape and there is an x^ for it."""
         held = np.concatenate([u, self._output_after(begin).ravel()])
         after, reached = self._flow.reach(np.append(self._z, 0.0), held, h)
         if reached < h:
@@ -75,7 +75,7 @@ class SampledObserver:
         return found is not None
 
     def _output_after(self, begin: float) -> Array:
-        """(m, 4) the coefficients of y in powers of the periods after a time [s], by the readings that are not old."""
+        """Coefficients (m, 4) of y in powers of the periods after ``begin`` [s], by the readings that are not old."""
         oldest = begin - (_POINTS - 1.5) * self.period
         recent = [(t, y) for t, y in self._readings if t > oldest]
         s = np.array([(t - begin) / self.period for t, _ in recent])

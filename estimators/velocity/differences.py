@@ -2,10 +2,10 @@
 
     w_k = (y_k - y_{k-1}) / h,        v = Butterworth's low-pass of second order of w,
 
-y_k - y_{k-1} being the coordinates of y_k about y_{k-1}. Where readings are missing h is the whole time between those
-that are there, and the filter is given w once for each of its periods. It filters the components of the vector as it is
-stored, ambient on a curved space, where those in a frame would jump with it, and what is tangent of them is v.
-Positions are the newest reading, moved on with v while it is old, but not beyond the time after which it is lost.
+where y_k - y_{k-1} are the coordinates of y_k about y_{k-1}. If readings are missing, h is the whole time between those
+that were read, and the filter gets w once for each of its periods. It filters the components of the vector as stored:
+ambient ones on a curved space, since those in a frame would jump with the frame; v is their tangent part. The position
+is the newest reading, extrapolated with v, at most over the time after which the estimate is lost.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Differences:
     extra: Mapping[str, Array] = NOTHING
 
     def __init__(self, cutoff: float, timeout: float, mission: LagrangianMission) -> None:
-        """``cutoff`` [Hz], 0 for none; ``timeout`` [s] over which positions are moved on, at most."""
+        """``cutoff`` [Hz] is that of the filter, 0 for none; ``timeout`` is the longest time of extrapolation [s]."""
         self._mission, self._manifold = mission, mission.system.manifold
         self._timeout = timeout
         self._sos = butter(_ORDER, cutoff, output="sos", fs=1.0 / mission.period) if cutoff else None
@@ -62,7 +62,7 @@ class Differences:
         good = moved is not None and self._gate.passes(self._y, moved, h)
         if not self._outlier_counter.admits(good):
             return False
-        if moved is None or not good or h > self._timeout:  # a difference over that would say nothing of v
+        if moved is None or not good or h > self._timeout:  # a difference over a longer time says nothing about v
             self.start(y)
             return True
         self._w = self._filtered(self._manifold.vector(self._y, moved / h), max(1, round(h / self._mission.period)))
@@ -70,7 +70,7 @@ class Differences:
         return True
 
     def _filtered(self, w: Array, periods: int) -> Array:
-        """Output of the filter at the end of so many periods of a difference w (vector_size,)."""
+        """Output of the filter after ``periods`` periods with the difference w (vector_size,)."""
         if self._sos is None:
             return w
         out, self._memory = sosfilt(self._sos, np.tile(w, (periods, 1)), axis=0, zi=self._memory)

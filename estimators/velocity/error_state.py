@@ -2,16 +2,16 @@
 
     x' = v,    D_t v = F(x, v, u) + w,        y = x + noise,
 
-w white with the density q^2 on every component. The state is a point of the tangent bundle, the error e = (a, b) in
-2 n numbers about it, see ``tangent_bundle``. The state is predicted by ``LagrangianSystem.flow``, the error by a
-``Propagation``, of which the kinds of filters differ. A reading is L = a + noise, the coordinates of y about x, and so
-linear in e: all kinds condition alike,
+w white with the density q^2 on every component. The state is a point of the tangent bundle, the error e = (a, b) in 2 n
+numbers about it, see ``tangent_bundle``. The state is predicted by ``LagrangianSystem.flow``, the error by a
+``Propagation``, in which the filters differ. A reading is L = a + noise, the coordinates of y about x, and so linear in
+e: all filters condition alike,
 
     S = H P H' + R,  K = P H' S^-1,  e = K L,  P = (1 - K H) P (1 - K H)' + K R K',        H = (1 0),
 
-after which e is put into the state. R is the variance of noise and rounding. A reading is refused if its L' S^-1 L
+after which e is added to the state. R is the variance of noise and rounding. A reading is refused if its L' S^-1 L
 exceeds what that of a good one exceeds with the given probability (chi-square, n degrees of freedom), unless ten before
-it were refused as well: what lasts is no outlier but the filter's error, and it takes it as it is.
+it were refused as well: then the filter is wrong, not the reading, and the reading is used unchanged.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class FilterModel:
     """Error model of a filter."""
 
     acceleration: float  # q [rad/s^1.5, m/s^1.5]
-    noise_floor: float  # [rad, m] least standard deviation that a reading is trusted with
-    gate: float  # probability with which a good reading is refused
+    noise_floor: float  # [rad, m] least standard deviation that is assumed for a reading
+    gate: float  # probability that a good reading is refused
 
 
 class Propagation(Protocol):
@@ -73,7 +73,7 @@ class ErrorStateFilter:
         }
 
     def start(self, y: Array) -> None:
-        """Start at a first reading y (size,), with its P and that of a velocity as great as the mission's maximum."""
+        """Start at a first reading y (size,), with its variance and that of a velocity of the mission's maximum."""
         manifold = self._manifold
         self._state = np.concatenate([y, np.zeros(manifold.vector_size)])
         self._R = np.maximum(reading_variance(self._mission, y), self._model.noise_floor**2)
@@ -84,7 +84,7 @@ class ErrorStateFilter:
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         """Predict over h [s] with u (nu,) held.
 
-        Raises CutLocusError or LinAlgError where that cannot be.
+        Raises CutLocusError or LinAlgError if the prediction fails.
         """
         bundle, before = self._bundle, self._state
         after = self._system.flow(before, u, h)
@@ -114,14 +114,14 @@ class ErrorStateFilter:
         return True
 
     def _beyond(self, y: Array) -> bool:
-        """Treat a reading that has no coordinates: refused, but where that lasts the filter starts there."""
+        """Handle a reading that has no coordinates: it is refused; if that lasts, the filter starts at it."""
         if not self._outlier_counter.admits(False):
             return False
         self.start(y)
         return True
 
     def _put(self, state: Array, error: Array, P: Array) -> None:
-        """The error into the state, P into the components there; LinAlgError if it has left all bounds."""
+        """Add the error to the state and transform P to the components there; LinAlgError if it is not finite."""
         if not np.isfinite(P).all():
             raise np.linalg.LinAlgError("the covariance of the errors is not finite")
         size = self._manifold.size
@@ -131,7 +131,9 @@ class ErrorStateFilter:
 
 
 def acceleration_noise(density: float, n: int, h: float) -> Array:
-    """Covariance Q (2 n, 2 n) over h [s] of white acceleration, the root of whose density on each axis is given."""
+    """Covariance Q (2 n, 2 n) over h [s] of white acceleration with the square root ``density`` of its density on each
+    axis.
+    """
     block = np.array([[h**3 / 3.0, h**2 / 2.0], [h**2 / 2.0, h]])
     every = block[:, np.newaxis, :, np.newaxis] * np.eye(n)[np.newaxis, :, np.newaxis, :]
     Q: Array = density**2 * every.reshape(2 * n, 2 * n)
@@ -139,7 +141,7 @@ def acceleration_noise(density: float, n: int, h: float) -> Array:
 
 
 def filter_properties(note: str) -> ObserverProperties:
-    """Table 2.1 of any of these filters: the gain falls from that of the start, the error with it."""
+    """Properties (Table 2.1) of any of these filters: the gain, and with it the error, falls from its initial value."""
     return ObserverProperties(
         Domain.LOCAL, Rate.ASYMPTOTIC, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL, note=note
     )

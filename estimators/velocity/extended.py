@@ -1,6 +1,6 @@
 """The plug-in ``lagrangian_ekf``: the extended Kalman filter of ``error_state``.
 
-The covariance is propagated by P = A P A', A the Jacobian of where an error leads, by one-sided differences.
+The covariance is propagated by P = A P A', where A is the Jacobian of the errors' flow, by one-sided differences.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ class LagrangianEkfConfig:
     acceleration: Positive = 0.1
     """square root of the density of the acceleration that the model lacks, per coordinate [rad/s^1.5, m/s^1.5]"""
     noise_floor: Positive = 1e-4
-    """least standard deviation that a reading is trusted with [rad, m]"""
+    """least standard deviation that the filter assumes for a reading [rad, m]"""
     gate: Probability = 1e-4
-    """probability with which a good reading is refused"""
+    """probability that a good reading is refused"""
     timeout: Positive = 0.5
-    """without a reading after which the estimate is lost [s]"""
+    """time without a reading after which the estimate is lost [s]"""
 
 
 class LagrangianEkf:
@@ -52,11 +52,11 @@ class LagrangianEkf:
 
     @staticmethod
     def quality(config: LagrangianEkfConfig, mission: LagrangianMission) -> None:
-        """Nothing is certified from it."""
+        """Return None: no plan is certified from these estimates."""
 
     @staticmethod
     def properties(config: LagrangianEkfConfig) -> ObserverProperties:
-        """Table 2.1."""
+        """Properties of the observer (Table 2.1)."""
         return filter_properties("as far as the linearisation holds")
 
 

@@ -16,9 +16,9 @@ class FilteredDifferencesConfig:
     """Fields of ``--estimator``."""
 
     cutoff: NonNegative = 20.0
-    """where the filter's gain is 1 / sqrt(2) [Hz]; 0: the differences as they are"""
+    """frequency at which the filter's gain is 1 / sqrt(2); 0 for unfiltered differences [Hz]"""
     timeout: Positive = 0.5
-    """without a reading after which the estimate is lost [s]"""
+    """time without a reading after which the estimate is lost [s]"""
 
 
 class FilteredDifferences:
@@ -44,11 +44,11 @@ class FilteredDifferences:
 
     @staticmethod
     def quality(config: FilteredDifferencesConfig, mission: LagrangianMission) -> None:
-        """Nothing is certified from it."""
+        """Return None: no plan is certified from these estimates."""
 
     @staticmethod
     def properties(config: FilteredDifferencesConfig) -> ObserverProperties:
-        """Table 2.1: it lags behind, by half a period or by what the filter adds to that."""
+        """Properties of the observer (Table 2.1): it lags by half a period and by the lag of the filter."""
         return ObserverProperties(
             Domain.NONE, Rate.NONE, InputDependence.NON_UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
             stays_on_truth=False, note="without noise the error of v is its lag times the acceleration",

@@ -1,4 +1,4 @@
-"""A law of constant gains that refuses readings which the system cannot have come to, until they last."""
+"""Law of constant gains that refuses readings that the system cannot have reached, unless they persist."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 class GatedLaw(ABC):
-    """The part of a ``VelocityLaw`` that starts it and judges its readings."""
+    """Base of a ``VelocityLaw`` that starts it and accepts or refuses its readings."""
 
     def __init__(self, mission: LagrangianMission) -> None:
         self._mission, self._manifold = mission, mission.system.manifold

@@ -2,17 +2,18 @@
 
     x^' = v^ + 2 omega (y - x^),    v^' = a(x^, v^, u) + omega^2 (y - x^),
 
-a being the acceleration of the coordinates. It knows no metric: it moves nothing in parallel and has no curvature term.
-The acceleration is never formed: between readings (x^, v^) follows x^' = v^, v^' = a by ``LagrangianSystem.flow``, and
-at a reading, h after the one before, both poles are put at e^(-omega h), so that it is stable at any rate of readings:
+where a is the acceleration of the coordinates. It uses no metric: it has no parallel transport and no curvature term.
+The acceleration is never computed: between readings (x^, v^) follows x^' = v^, v^' = a by ``LagrangianSystem.flow``,
+and at a reading, h after the one before, both poles are placed at e^(-omega h), so that it is stable at any rate of
+readings:
 
     x^ = x^- + alpha L,    v^ = v^- + beta L,    L = y - x^-,
 
     alpha = 1 - e^(-2 omega h),    beta = (1 - e^(-omega h))^2 / h.
 
 These are the coordinates about x^-: those of joints are the same about any point; on a curved space they are the best
-that a chart can be, being about where the observer is. From them v^ is taken to the coordinates about x^ by the
-derivative of the change of coordinates.
+chart, as it is centred at the observer's position. The derivative of the change of coordinates takes v^ from them to
+the coordinates about x^.
 """
 
 from __future__ import annotations
@@ -39,13 +40,13 @@ class HighGainConfig:
     """Fields of ``--estimator``."""
 
     bandwidth: Positive = 10.0
-    """omega, of the double pole at -omega [1/s]"""
+    """omega; the observer has a double pole at -omega [1/s]"""
     timeout: Positive = 0.5
-    """without a reading after which the estimate is lost [s]"""
+    """time without a reading after which the estimate is lost [s]"""
 
 
 class HighGain:
-    """The Euclidean high-gain observer."""
+    """Euclidean high-gain observer."""
 
     Config = HighGainConfig
 
@@ -61,11 +62,11 @@ class HighGain:
 
     @staticmethod
     def quality(config: HighGainConfig, mission: LagrangianMission) -> None:
-        """Nothing is certified from it."""
+        """Return None: no plan is certified from these estimates."""
 
     @staticmethod
     def properties(config: HighGainConfig) -> ObserverProperties:
-        """Table 2.1."""
+        """Properties of the observer (Table 2.1)."""
         return ObserverProperties(
             Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL,
             note="the bandwidth has to exceed what the acceleration changes by with the velocity; no farther from the "
@@ -91,7 +92,7 @@ class _HighGain(GatedLaw):
 
 
 def _recentred(manifold: Manifold, p: Array, c: Array, rate: Array) -> Array:
-    """(x, v) of what has the coordinates c (n,) about p, changing at ``rate`` (n,)."""
+    """State (x, v) of a point with coordinates c (n,) about p that change at ``rate`` (n,)."""
     x = manifold.point(p, c)
     ds = _STEP / max(1.0, float(np.abs(rate).max()))  # [s]
     before, after = (manifold.coordinates(x, manifold.point(p, c + s * rate)) for s in (-ds, ds))

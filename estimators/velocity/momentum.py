@@ -4,9 +4,9 @@ With p = M(q) v and tau_d a torque that the model lacks,
 
     q' = M^-1 p,    p' = tau(q, v, u) + C(q, v)' v - g(q) + tau_d,    tau_d' = 0.
 
-The observer of De Luca and Mattone has v read and is a low-pass of tau_d, r = K (p - int (tau + C' v - g + r) dt). Here
-v is not read, so p is estimated as well, and the three errors have one triple pole. Between readings (q^, v^, tau_d^)
-follows the model, as ``LagrangianSystem.flow`` does it; at a reading, h after the one before, with rho = e^(-omega h)
+The observer of De Luca and Mattone reads v and is a low-pass filter of tau_d, r = K (p - int (tau + C' v - g + r) dt).
+Here v is not read, so p is estimated as well, and the three errors have one triple pole. Between readings (q^, v^,
+tau_d^) follows the model, by ``LagrangianSystem.flow``; at a reading, h after the one before, with rho = e^(-omega h)
 and L = y - q^- in the coordinates of the encoders,
 
     q^ = q^- + alpha L,    p^ = p^- + M beta L,    tau_d^ = tau_d^- + M gamma L,
@@ -41,9 +41,9 @@ class MomentumObserverConfig:
     """Fields of ``--estimator``."""
 
     bandwidth: Positive = 30.0
-    """omega, of the triple pole at -omega [1/s]"""
+    """omega; the observer has a triple pole at -omega [1/s]"""
     timeout: Positive = 0.5
-    """without a reading after which the estimate is lost [s]"""
+    """time without a reading after which the estimate is lost [s]"""
 
 
 class MomentumObserver:
@@ -66,11 +66,11 @@ class MomentumObserver:
 
     @staticmethod
     def quality(config: MomentumObserverConfig, mission: LagrangianMission) -> None:
-        """Nothing is certified from it."""
+        """Return None: no plan is certified from these estimates."""
 
     @staticmethod
     def properties(config: MomentumObserverConfig) -> ObserverProperties:
-        """Table 2.1."""
+        """Properties of the observer (Table 2.1)."""
         return ObserverProperties(
             Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL,
             note="the bandwidth has to exceed what the acceleration changes by with the velocity; a constant torque "
@@ -80,7 +80,7 @@ class MomentumObserver:
 
 @runtime_checkable
 class _WithMass(Protocol):
-    """A manifold that knows its metric as a matrix in the coordinates of the encoders."""
+    """Manifold whose metric is a mass matrix in the coordinates of the encoders."""
 
     def mass(self, p: Array) -> Array:
         """Mass matrix (n, n) at p (size,)."""
@@ -100,7 +100,7 @@ class _Disturbed:
         self._stepped = stepped(system)
 
     def acceleration(self, x: Array) -> Array:
-        """M^-1 tau_d (n,) at x (size,)."""
+        """Acceleration M^-1 tau_d (n,) at x (size,)."""
         return np.asarray(np.linalg.solve(self._mass.mass(x), self.torque), dtype=np.float64)
 
     def force(self, x: Array, v: Array, u: Array) -> Array:

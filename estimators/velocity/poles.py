@@ -1,4 +1,4 @@
-"""The weights of a sampled observer of a double integrator, whose error has its poles where they are wanted.
+"""Weights of sampled observers of a double and a triple integrator, by placement of the poles of their error.
 
 With L = y - x^- at a reading, h after the one before, x = x^- + alpha L and v = v^- + beta L have the error dynamics
 
@@ -19,7 +19,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 def pole_weights(omega: float, zeta: float, h: float) -> tuple[float, float]:
-    """alpha and beta [1/s], without cancellation where h [s] is short and without overflow where it is long."""
+    """Weights alpha and beta [1/s], without cancellation for short h [s] and without overflow for long h."""
     alpha = -math.expm1(-2.0 * zeta * omega * h)
     if zeta >= 1.0:
         slow = omega / (zeta + math.sqrt(zeta * zeta - 1.0))
@@ -30,6 +30,8 @@ def pole_weights(omega: float, zeta: float, h: float) -> tuple[float, float]:
 
 
 def triple_pole_weights(omega: float | Array, h: float) -> tuple[Array, Array, Array]:
-    """alpha, beta [1/s] and gamma [1/s^2] of an observer of a triple integrator: three poles at rho = e^(-omega h)."""
+    """Weights alpha, beta [1/s] and gamma [1/s^2] of an observer of a triple integrator: three poles at rho = e^(-omega
+    h).
+    """
     rho, left = np.exp(-omega * h), -np.expm1(-omega * h)
     return 1.0 - rho**3, 1.5 * left**2 * (1.0 + rho) / h, left**3 / h**2

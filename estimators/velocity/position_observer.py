@@ -1,9 +1,9 @@
-"""An estimator of (x, v) from readings "position" and the input held between them, whatever its law is.
+"""Estimator of (x, v) from readings "position" and the input held between them, with any ``VelocityLaw``.
 
-It predicts to each reading, conditions on it, and predicts to the time of the estimate. A law whose step leads nowhere,
-beyond what its coordinates cover or out of all bounds, keeps the last finite state and is lost; it starts again at the
-next reading. With a ``SafeAnswer`` the readings judge the estimate, and differences of them take over from one that
-they contradict; both changes are events.
+It predicts to each reading, conditions on it, and predicts to the time of the estimate. If a step of the law fails,
+beyond the range of its coordinates or with a result that is not finite, it keeps the last finite state and is lost; it
+starts again at the next reading. A ``SafeAnswer`` checks the estimate against the readings, and replaces it by their
+differences while they contradict it; both changes are events.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 
 class VelocityLaw(Protocol):
-    """The law of one observer, as against what all have in common."""
+    """Law of one observer: the part that differs between the observers."""
 
     @property
     def state(self) -> Array:
@@ -33,7 +33,7 @@ class VelocityLaw(Protocol):
 
     @property
     def extra(self) -> Mapping[str, Array]:
-        """Further arrays of the estimate, (k,) each; NaN for what there is not yet."""
+        """Further arrays of the estimate, (k,) each; NaN for values that do not exist yet."""
         ...
 
     def start(self, y: Array) -> None:
@@ -41,24 +41,24 @@ class VelocityLaw(Protocol):
         ...
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
-        """Predict over h [s] with u (nu,) held, to a reading y (size,) if there is one; ``correct`` follows.
+        """Predict over h [s] with u (nu,) held, to a reading y (size,), which ``correct`` then uses, or to none.
 
-        Raises CutLocusError, LinAlgError or ArithmeticError where that cannot be.
+        Raises CutLocusError, LinAlgError or ArithmeticError if the prediction fails.
         """
         ...
 
     def correct(self, y: Array, h: float) -> bool:
-        """Condition on a reading y (size,), h [s] after the last that was used; True if it was used.."""
+        """Condition on a reading y (size,), h [s] after the last that was used; True if it was used."""
         ...
 
 
 class PositionObserver:
-    """Readings to (x, v); before the first one x is the manifold's origin."""
+    """Estimator of (x, v) from readings of x; before the first one x is the manifold's origin."""
 
     def __init__(
         self, law: VelocityLaw, mission: LagrangianMission, timeout: float, safe_answer: SafeAnswer | None = None
     ) -> None:
-        """``timeout`` [s] without a reading that could be used, after which the estimate is lost."""
+        """``timeout`` is the time [s] without a usable reading after which the estimate is lost."""
         self.period = mission.period
         self._law, self._manifold = law, mission.system.manifold
         self._timeout_monitor = TimeoutMonitor(timeout)  # of the readings that were used
@@ -72,8 +72,8 @@ class PositionObserver:
         """Estimate (size + vector_size,) at t [s] from the readings since the last call, ``command`` (nu,) held in
         between.
 
-        ``extra`` has the arrays of the law, ``refused`` (1,) readings so far, and ``restarts`` (1,) after a step that
-        led nowhere.
+        ``extra`` has the arrays of the law, ``refused`` (1,) readings so far, and ``restarts`` (1,), the number of
+        starts after a failed step.
         """
         for reading in measurements:
             y = usable(reading, self._manifold)
@@ -105,14 +105,14 @@ class PositionObserver:
             self._t = None
 
     def _take(self, t: float, y: Array) -> bool:
-        """Condition the law on a reading; True if it is started at it."""
+        """Condition the law on a reading; True if the law was started at it."""
         if self._t is None:
             self._restarts += self._timeout_monitor.t > -math.inf
             self._t = t
             self._timeout_monitor.note(t)
             self._try(lambda: self._law.start(y))
             return True
-        if t < self._t - TIME_TOLERANCE:  # it comes late: a newer one has been used
+        if t < self._t - TIME_TOLERANCE:  # too late: a newer one has been used
             return False
         used: list[bool] = []
         self._try(lambda: used.append(self._law.correct(y, t - self._timeout_monitor.t)))
@@ -121,13 +121,13 @@ class PositionObserver:
         return False
 
     def _move(self, t: float, u: Array, y: Array | None = None) -> None:
-        """From the law's time to t [s] with u (nu,) held, at which there is a reading y or none."""
+        """Predict from the law's time to t [s] with u (nu,) held, with or without a reading y there."""
         if self._t is not None and t > self._t + TIME_TOLERANCE:
             h, self._t = t - self._t, t
             self._try(lambda: self._law.predict(h, u, y))
 
     def _try(self, step: Callable[[], None]) -> None:
-        """Take a step of the law, which has to be started anew where it leads nowhere."""
+        """Take a step of the law; if it fails, the law has to be started again."""
         try:
             step()
             x, extra = self._law.state, self._law.extra

@@ -1,12 +1,12 @@
-"""Readings "position" as an observer of a Lagrangian system uses them, and which of them it refuses.
+"""Readings "position" of a Lagrangian system's observer: coordinates, variances and the gate that refuses outliers.
 
-A reading is usable if it is a point of the manifold and newer than the last. It may be off all the same. An observer
-that knows no covariance holds it to how far the system can have come: with the reading before, h [s] ago,
+A reading is usable if it is a point of the manifold and newer than the last. It may still be wrong. An observer without
+a covariance compares it with the distance that the system can have moved: with the reading before, h [s] ago,
 
     |y - y_before|_g <= 2 v_max h + 6 sqrt(2) |sigma|_g,
 
-v_max being the mission's ``speed_max`` and sigma the standard deviations of the coordinates. What is refused more than
-ten times in a row is not an outlier: then it is the observer that is off.
+where v_max is the mission's ``speed_max`` and sigma the standard deviations of the coordinates. If more than ten
+readings in a row are refused they are no outliers: the observer is wrong.
 """
 
 from __future__ import annotations
@@ -23,12 +23,14 @@ from mathnavi.sim.interfaces.signals import Array, Measurement
 _LASTING = 10  # readings in a row that are refused
 _TOO_FAST = 2.0  # times the system's greatest speed
 _DEVIATIONS = 6.0 * math.sqrt(2.0)  # of the difference of two readings
-_PROBES = 64  # readings that are rounded to see how far that moves them
-_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)  # the multiples of which are spread evenly over [0, 1), whatever the encoder
+_PROBES = 64  # readings that are rounded to find the error of rounding
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)  # its multiples are spread evenly over [0, 1), for any encoder
 
 
 def usable(reading: Measurement, manifold: Manifold) -> Array | None:
-    """Point (size,) of the manifold in a reading; None for a reading of another sensor, and for what is no point."""
+    """Point (size,) of the manifold in a reading; None for a reading of another sensor, and for one that is not a
+    point.
+    """
     if reading.name != POSITION:
         return None
     try:
@@ -46,7 +48,7 @@ def innovation(manifold: Manifold, x: Array, y: Array) -> Array | None:
 
 
 def reading_variance(mission: LagrangianMission, y: Array) -> Array:
-    """Variances (n,) [rad^2, m^2] of the coordinates of a reading near y (size,): that of the noise and that of
+    """Variances (n,) [rad^2, m^2] of the coordinates of a reading near y (size,): those of noise plus those of
     rounding, a twelfth of the square of a step.
     """
     manifold, reading = mission.system.manifold, mission.reading
@@ -73,19 +75,19 @@ def _rounding_variance(mission: LagrangianMission, y: Array) -> Array:
 
 
 class OutlierCounter:
-    """Counter that distinguishes an outlier from what lasts."""
+    """Counter that distinguishes single outliers from a lasting deviation."""
 
     def __init__(self) -> None:
         self._refused = 0  # in a row
 
     def admits(self, good: bool) -> bool:
-        """True if a reading is to be used: one that is good, or that is not and is one of many in a row."""
+        """True if a reading is to be used: if it is good, or if many in a row were refused."""
         self._refused = 0 if good else self._refused + 1
         return self._refused == 0 or self._refused > _LASTING
 
 
 class SpeedGate:
-    """Gate for readings that the system cannot have come to."""
+    """Gate that refuses readings that the system cannot have reached."""
 
     def __init__(self, mission: LagrangianMission, y: Array) -> None:
         """``y`` is the first reading."""
@@ -94,7 +96,7 @@ class SpeedGate:
         self._noise = _DEVIATIONS * self._manifold.norm(y, self._manifold.vector(y, sigma))
 
     def passes(self, before: Array, moved: Array, h: float) -> bool:
-        """True if the system can have come to a reading with coordinates ``moved`` (n,) about the one before, h [s]
+        """True if the system can have reached a reading with coordinates ``moved`` (n,) about the one before, h [s]
         ago.
         """
         distance = self._manifold.norm(before, self._manifold.vector(before, moved))

@@ -1,14 +1,15 @@
 """Filtered differences of the readings in place of an estimate that the readings contradict.
 
-Over a window of T = 50 ms the estimated rates v^ have to add up to what the readings moved by, whatever the model says:
+Over a window of T = 50 ms the estimated rates v^ have to add up to the displacement of the readings, independently of
+the model:
 
     |sum h v^ - sum (y_k - y_{k-1})| / T  <=  s / 2 + 6 sqrt(2) |sigma| / T,
 
-s being the highest mean rate over such windows, forgotten with a time constant of 1 s, and sigma the standard
-deviations of a reading, as declared or, if that is more, as the second differences of the readings show, whose variance
-is 6 sigma^2. Before this has held for once the estimate is initialising. Where it does not hold any more the
-estimate is lost, and the answer is the newest reading with Butterworth's low-pass of the differences. Rates that add up
-to more than twice s have run away.
+where s is the highest mean rate over such windows, forgotten with a time constant of 1 s, and sigma the standard
+deviations of a reading: the declared ones or, if larger, those that the second differences of the readings show, whose
+variance is 6 sigma^2. Until this has held once the estimate is initialising. If it stops holding the estimate is lost,
+and the output is the newest reading with the differences through a Butterworth low-pass filter. Rates that add up to
+more than twice s have diverged.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ _CUTOFF = 0.08  # of the rate of the readings
 
 
 class SafeAnswer:
-    """Differences of the readings beside an observer, and the judgement of which of the two is answered."""
+    """Differences of the readings as a fallback for an observer, and the choice between the two."""
 
     def __init__(self, mission: LagrangianMission, timeout: float) -> None:
         self._mission, self._manifold = mission, mission.system.manifold
@@ -45,9 +46,9 @@ class SafeAnswer:
         self._moved: Array | None = None  # from the one before to it
         self._declared = self._shown = 0.0  # |sigma|^2
         self._scale = 0.0  # s
-        self._proven = False  # whether the estimate was ever trusted
-        self.trusted = False  # whether the observer's estimate is to be answered
-        self.ran_away = False  # whether its rates are those of no motion that was read
+        self._proven = False  # whether the estimate was trusted at least once
+        self.trusted = False  # whether the observer's estimate is to be returned
+        self.ran_away = False  # whether its rates have diverged from the readings
         self._events: list[tuple[str, str]] = []
 
     @property
@@ -67,9 +68,9 @@ class SafeAnswer:
         return self._differences.after(age)
 
     def read(self, y: Array, h: float, estimate: Array | None) -> None:
-        """Take a reading y (size,), h [s] after the one before; judge the estimate (size + vector_size,) at it.
+        """Take a reading y (size,), h [s] after the one before; check the ``estimate`` (size + vector_size,) at it.
 
-        None stands for an observer that starts at this reading.
+        ``estimate`` is None for an observer that starts at this reading.
         """
         self.ran_away = False
         moved = None if self._y is None else innovation(self._manifold, self._y, y)
@@ -95,7 +96,7 @@ class SafeAnswer:
             self._judge(h)
 
     def _begin(self, y: Array) -> None:
-        """Start at a reading that nothing before it explains."""
+        """Start at a reading that is not related to those before."""
         self._differences.start(y)
         self._y = y
         self._clear()
@@ -103,7 +104,7 @@ class SafeAnswer:
         self._moved = None
 
     def _judge(self, h: float) -> None:
-        """Judge the estimate by the window that ends with the newest reading, h [s] after the one before."""
+        """Check the estimate over the window that ends with the newest reading, h [s] after the one before."""
         T = self._T
         moved, summed = self._sums / T
         self._scale = max(float(np.linalg.norm(moved)), self._scale * math.exp(-h / _MEMORY))

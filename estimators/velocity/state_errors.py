@@ -1,10 +1,10 @@
-"""Errors of (x, v) as 2 n numbers, on any manifold: what a Kalman filter needs to know of one.
+"""Errors of (x, v) as 2 n numbers, on any manifold, for Kalman filters.
 
     (x, v) + (a, b) = (q, PT_{x -> q}(v + b)),    q the point with the coordinates a about x,
 
-and (q, w) - (x, v) is that (a, b) again. Where a vector is stored as its n components, as rates of joints and body
-rates are, these stand for the parallel transport: rates that are alike are no error. Where it is ambient, and
-components are those in a frame that may jump from one point to the next, it is transported.
+and (q, w) - (x, v) is that (a, b) again. If a vector is stored as its n components, as rates of joints and body rates
+are, the parallel transport keeps the components: equal rates are no error. An ambient vector, whose components are in a
+frame that may jump from one point to the next, is transported.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 class StateErrors:
-    """Sums and differences of states (size + vector_size,) and errors (2 n,); CutLocusError where there are none."""
+    """Sums and differences of states (size + vector_size,) and errors (2 n,); CutLocusError if there are none."""
 
     def __init__(self, manifold: Manifold) -> None:
         self._manifold, self._size, self._n = manifold, manifold.size, manifold.dimension
@@ -47,5 +47,5 @@ class StateErrors:
         return turned
 
     def _carried(self, p: Array, q: Array, w: Array) -> Array:
-        """A vector w at p, at q."""
+        """Vector w at p, carried to q."""
         return w if self._stored else self._manifold.transport(p, q, w)

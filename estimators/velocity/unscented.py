@@ -1,7 +1,7 @@
 """The plug-in ``lagrangian_ukf``: the unscented Kalman filter of ``error_state``.
 
 Mean and covariance are propagated by sigma points of the error, van der Merwe's scaled set (filterpy's), so that they
-are averaged in the coordinates about where the state leads and never as points of the manifold. With alpha >= .52 no
+are averaged in the coordinates about where the state leads and never as points of the manifold. With alpha >= 0.52 no
 weight of the covariance is negative, and it stays positive definite by itself.
 """
 
@@ -36,11 +36,11 @@ class LagrangianUkfConfig:
     alpha: Annotated[float, Interval(ge=_LEAST_ALPHA, le=1.0), FINITE] = 0.6
     """spread of the sigma points"""
     noise_floor: Positive = 1e-4
-    """least standard deviation that a reading is trusted with [rad, m]"""
+    """least standard deviation that the filter assumes for a reading [rad, m]"""
     gate: Probability = 1e-4
-    """probability with which a good reading is refused"""
+    """probability that a good reading is refused"""
     timeout: Positive = 0.5
-    """without a reading after which the estimate is lost [s]"""
+    """time without a reading after which the estimate is lost [s]"""
 
 
 class LagrangianUkf:
@@ -62,11 +62,11 @@ class LagrangianUkf:
 
     @staticmethod
     def quality(config: LagrangianUkfConfig, mission: LagrangianMission) -> None:
-        """Nothing is certified from it."""
+        """Return None: no plan is certified from these estimates."""
 
     @staticmethod
     def properties(config: LagrangianUkfConfig) -> ObserverProperties:
-        """Table 2.1."""
+        """Properties of the observer (Table 2.1)."""
         return filter_properties(
             "as far as the sigma points represent the distribution; their mean, and so the estimate, has a bias of "
             "second order in the covariance"
@@ -77,7 +77,7 @@ class Unscented:
     """A ``Propagation`` of errors (d,)."""
 
     def __init__(self, d: int, alpha: float) -> None:
-        from filterpy.kalman import MerweScaledSigmaPoints  # takes .7 s to import
+        from filterpy.kalman import MerweScaledSigmaPoints  # takes 0.7 s to import
 
         self._points = MerweScaledSigmaPoints(d, alpha, _BETA, _KAPPA, sqrt_method=square_root)
         self._centre = np.zeros(d)

@@ -1,16 +1,16 @@
 """Consistency and accuracy of an estimator, from many independent runs.
 
-**Consistency.** If an error e (d,) is Gaussian with the covariance P that the estimator says, then e' P^-1 e (NEES) is
-chi-square distributed with d degrees of freedom, and so is, with one for each ray, the normalised innovation squared
+**Consistency.** If an error e (d,) is Gaussian with the covariance P that the estimator states, then e' P^-1 e (NEES)
+is chi-square distributed with d degrees of freedom, and so is, with one for each ray, the normalised innovation squared
 (NIS). The sum over n independent runs has n d degrees, so that the average lies between
 
     chi^2_{n d}(tail) / n   and   chi^2_{n d}(1 - tail) / n
 
-with the given probability. Above, the estimator believes itself too much, below too little (Bar-Shalom, Li and
-Kirubarajan, 2001, section 5.4).
+with the given probability. Above that interval the estimator is overconfident, below it is too cautious (Bar-Shalom, Li
+and Kirubarajan, 2001, section 5.4).
 
-**Root mean square** of the errors of n runs, each of which has an RMS r_i over time: sqrt(mean r_i^2). Its band is the
-bootstrap's percentile interval over runs.
+**Root mean square** of the errors of n runs with RMS r_i over time: sqrt(mean r_i^2). Its band is the bootstrap
+percentile interval over runs.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _AT_ONCE = 1_000_000  # numbers that are drawn together
 
 @dataclass(frozen=True)
 class Consistency:
-    """The average of a normalised squared error over runs, and where it should be."""
+    """Average of a normalised squared error over runs, and the interval where it should be."""
 
     average: float
     low: float
@@ -46,7 +46,7 @@ class Consistency:
         return self.low <= self.average <= self.high
 
     def text(self) -> str:
-        """To be read."""
+        """Text for the reader: the average and its interval."""
         where = "in" if self.holds else "not in"
         return f"{self.average:.2f} {where} [{self.low:.2f}, {self.high:.2f}] (n = {self.runs})"
 
@@ -56,13 +56,13 @@ class RootMeanSquare:
     """Root mean square error of several runs, with its bootstrap limits."""
 
     value: float
-    low: float  # NaN of a single run
+    low: float  # NaN for a single run
     high: float
     runs: int
     confidence: float = 0.95
 
     def text(self) -> str:
-        """To be read, in the unit of the values."""
+        """Text for the reader, in the unit of the values."""
         if math.isnan(self.low):
             return f"{self.value:.3g} (n = {self.runs})"
         return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}] (n = {self.runs})"
@@ -84,9 +84,9 @@ def normalised_error_squared(error: Array, covariance: Array) -> Array:
 
 
 def consistency(squares: Sequence[float] | Array, degrees: int, confidence: float = 0.95) -> Consistency:
-    """Mean of normalised squared errors (n,) of independent runs, each of so many degrees of freedom.
+    """Mean of normalised squared errors (n,) of independent runs, each with ``degrees`` degrees of freedom.
 
-    ArgumentError for none, for NaN, for degrees < 1 and for a confidence that is not between 0 and 1.
+    Raises ArgumentError for no errors, for NaN, for degrees < 1 and for a confidence that is not between 0 and 1.
     """
     values = checked_sample(squares, "squares", confidence)
     if degrees < 1:
@@ -99,7 +99,9 @@ def consistency(squares: Sequence[float] | Array, degrees: int, confidence: floa
 def root_mean_square(
     values: Sequence[float] | Array, rng: np.random.Generator, confidence: float = 0.95, resamples: int = 9999
 ) -> RootMeanSquare:
-    """Root mean square of RMS values (n,) of independent runs; no band for one. ArgumentError for none and NaN."""
+    """Root mean square of RMS values (n,) of independent runs; no band for a single run. ArgumentError for none and
+    NaN.
+    """
     squares = np.square(checked_sample(values, "values", confidence))
     if resamples < 1:
         raise ArgumentError(f"resamples = {resamples!r}; allowed: a whole number >= 1")

@@ -1,4 +1,4 @@
-"""Rate at which the error of an estimate falls, and by which samples of a run it is judged."""
+"""Decay rate of an estimate's error, and the part of a run over which convergence is judged."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.signals import Array
 
 LAST = 0.25
-"""of a run, by which convergence is judged"""
+"""share of a run, at its end, over which convergence is judged"""
 _EXACT = 1e-12  # an error below is round-off
 
 
@@ -20,7 +20,8 @@ def last_quarter(t: Array) -> slice:
 
 
 def decay_rate(t: Array, error: Array, floor: float = 1e-6) -> float:
-    """[1/s] lambda of the best c exp(-lambda t) to errors (n,) at times (n,): the slope of a line through ln(error).
+    """Rate lambda [1/s] of the best fit c exp(-lambda t) to errors (n,) at times t (n,) [s]: slope of a line through
+    ln(error).
 
     Errors count until they are first below ``floor`` of the largest, where noise and sampling take over. NaN for fewer
     than three, and for an error that is round-off from the beginning.

@@ -21,7 +21,9 @@ _ROUNDING = 1e-6  # [m] of a distance that is found in two ways
 
 
 def arrival_times(recording: Recording, missions: Mapping[str, FlightMission]) -> dict[str, float]:
-    """[s] when each vehicle first came within its arrival radius, between samples if so; NaN if it did not."""
+    """Times [s] at which each vehicle first came within its arrival radius, interpolated between samples; NaN if it did
+    not.
+    """
     return {
         name: arrival_time(recording.t, recording.truths[name], np.array(mission.target), mission.arrival_radius)
         for name, mission in missions.items()
@@ -29,9 +31,10 @@ def arrival_times(recording: Recording, missions: Mapping[str, FlightMission]) -
 
 
 def arrival_time(t: Array, x: Array, target: Array, radius: float) -> float:
-    """[s] when states ``x`` (n, 6) at times (n,) first lie within ``radius`` [m] of a target (3,) [m]; NaN if never.
+    """Time [s] at which states ``x`` (n, 6) at times (n,) first lie within ``radius`` [m] of a target (3,) [m]; NaN if
+    never.
 
-    Between two samples the distance is taken to change evenly.
+    Between two samples the distance is interpolated linearly.
     """
     distance = np.linalg.norm(x[:, :3] - target, axis=1)
     near = np.flatnonzero(distance <= radius)
@@ -43,9 +46,9 @@ def arrival_time(t: Array, x: Array, target: Array, radius: float) -> float:
 
 
 def least_separation(recording: Recording, names: Sequence[str]) -> tuple[float, tuple[str, str]]:
-    """[m] between the two vehicles that came nearest to each other at any time, and their names.
+    """Least distance [m] between any two vehicles at any time, and the names of these two.
 
-    Between two samples the vehicles are taken to move straight: a_max h^2 / 4 off at most, some millimetres.
+    Between two samples the vehicles are assumed to move straight: an error of a_max h^2 / 4 at most, some millimetres.
     """
     nearest, pair = np.inf, ("", "")
     boxes = np.array([_boxes(recording.truths[name][:, :3]) for name in names])
@@ -63,7 +66,7 @@ def least_separation(recording: Recording, names: Sequence[str]) -> tuple[float,
 
 
 def _boxes(points: Array) -> Array:
-    """(k, 2, 3) lowest and highest corners of boxes around pieces of the polygon through (n, 3), in their order."""
+    """Corners (k, 2, 3), lowest and highest, of boxes around pieces of the polygon through points (n, 3)."""
     begins = np.arange(0, max(len(points) - 1, 1), _PIECE)
     ends = points[np.minimum(begins + _PIECE, len(points) - 1)]
     low, high = np.minimum.reduceat(points, begins), np.maximum.reduceat(points, begins)
@@ -71,7 +74,7 @@ def _boxes(points: Array) -> Array:
 
 
 def _least_of_segments(points: Array) -> float:
-    """The least |.| along the polygon through (n, 3)."""
+    """Least norm along the polygon through points (n, 3)."""
     if len(points) < 2:
         return float(np.linalg.norm(points[0]))
     along = np.diff(points, axis=0)
@@ -90,7 +93,7 @@ def fleet_summary(
     seed: int,
     wall_seconds: float,
 ) -> dict[str, Any]:
-    """The flat summary of a fleet; times in s, lengths in m, ``zone`` [m] what vehicles keep between them."""
+    """Flat summary of a fleet; times in s, lengths in m, ``zone`` [m] is the distance that they keep."""
     arrivals = arrival_times(recording, missions)
     times = np.array(list(arrivals.values()))
     nearest, pair = least_separation(recording, list(missions))

@@ -18,7 +18,7 @@ from mathnavi.sim.metrics.flight_bound import flight_bound
 from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, planner_share, solve_times
 from mathnavi.sim.metrics.recorded_bounds import estimates_at
 
-if TYPE_CHECKING:  # the compiled kernels take a while to import, and most that import this only read names
+if TYPE_CHECKING:  # the compiled kernels take a while to import, and most users of this module only read names
     from mathnavi.models.aerial.mission import FlightMission
     from mathnavi.models.terrain.visibility import RadarTrack
 
@@ -31,9 +31,11 @@ class Bound(Protocol):
 
 
 def references(t: Array, plans: Sequence[tuple[float, Plan]]) -> Array:
-    """The state (n, 6) that the tracker was asked for at each time, of (adopted at [s], plan); NaN before the first.
+    """Reference states (n, 6) of the tracker at times t (n,) [s], from ``plans`` (adopted at [s], plan); NaN before the
+    first.
 
-    Where a plan takes over it is still that of the plan before, so that the deviation which ends a plan counts.
+    At the instant of a change of plans it is still that of the plan before, so that the deviation that ends a plan
+    counts.
     """
     from mathnavi.models.aerial.dynamics import state_at
 
@@ -52,7 +54,7 @@ def episodes(flags: NDArray[np.bool_]) -> int:
 
 
 def height_above_ground(x: Array, mission: FlightMission) -> Array:
-    """(n,) [m] of states (n, 6)."""
+    """Heights above ground (n,) [m] of states x (n, 6)."""
     above: Array = x[:, 2] - mission.terrain.height(x[:, 0], x[:, 1])
     return above
 
@@ -61,8 +63,8 @@ def flown_clearance(t: Array, x: Array, mission: FlightMission) -> Array:
     """Least height above ground [m] from each sample to the next (n - 1,); -inf off the map.
 
     The force is constant in between, so the path is one arc and its clearance exact. The arc is the one that ends in
-    the next state: a displacement at the beginning of a step is part of it. Where the vehicle touches something the
-    path is no arc, and what counts beside it are the states.
+    the next state: a displacement at the beginning of a step is part of it. If the vehicle touches something the path
+    is not an arc, and the heights of the states count too.
     """
     dt, v = np.diff(t)[:, None], x[:, 3:]
     begin = x[1:, :3] - 0.5 * dt * (v[:-1] + v[1:])
@@ -73,7 +75,7 @@ def flown_clearance(t: Array, x: Array, mission: FlightMission) -> Array:
 
 
 def deadline_left(arrived: bool, t: float, deadline: float) -> float | None:
-    """[s] left to the deadline when the flight ended, at ``t`` [s]; None where it ended early and did not arrive."""
+    """Time [s] left to the deadline when the flight ended at ``t`` [s]; None if it ended early without arriving."""
     return deadline - t if arrived or t > deadline else None
 
 
@@ -96,7 +98,7 @@ def flight_summary(
     wall_seconds: float,
     guaranteed: bool,
 ) -> dict[str, Any]:
-    """The flat summary of one vehicle's flight, SI units in the names.
+    """Flat summary of one vehicle's flight, with SI units in the names.
 
     A flight that is not ``guaranteed`` has no guarantee that could be lost.
     """

@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # the compiled kernels take a while to import
 def flight_bound(recording: Recording, name: str, mission: FlightMission) -> PosteriorBound:
     """Bound of position and velocity (6,) of a point mass under gusts from fixes, judged by the position.
 
-    The model is linear, so that the bound is the covariance of a Kalman filter without floors. The axes are alike.
+    The model is linear, so the bound is the covariance of a Kalman filter without floors, equal on all axes.
     """
     n, fixes = recording.length, recording.agents[name].readings.get("position")
     if fixes is None:

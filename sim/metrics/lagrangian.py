@@ -2,7 +2,7 @@
 
 With the truth (x, v) and an estimate (xi, eta), v^ = PT_{xi -> x} eta and Delta v = v - v^. Errors of position and
 velocity are given in the components of the manifold at the truth: a joint's angle and rate, a body rate, and [1/s]
-where there is no body. A run has converged if over its last quarter the velocity error keeps its tolerance.
+without a body. A run has converged if the velocity error is within its tolerance over the last quarter.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from mathnavi.sim.metrics.convergence import decay_rate
 from mathnavi.sim.metrics.planning import planner_share
 
 LAST = 0.25
-"""of a run, by which convergence is judged"""
+"""share of a run, at its end, over which convergence is judged"""
 FOUND = 0.01
-"""of the velocity at the start, below which the error counts as gone"""
+"""share of the initial velocity below which the error counts as gone"""
 
 SETTLED = 0.05
-"""[rad] of the angle to a reference, below which a body has settled on it"""
+"""angle to a reference below which a body has settled on it [rad]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +38,12 @@ class VelocityErrors:
     position: Array  # (m,) theta = dist(x, xi)
     components: Array  # (m, n) of Delta v
     norm: Array  # (m,) |Delta v|_g
-    lyapunov: Array  # (m, 3): |Delta v|^2 / 2, S, <s, Delta v>, of which V and W are made
+    lyapunov: Array  # (m, 3): |Delta v|^2 / 2, S, <s, Delta v>, the terms of V and W
     found: Array  # (m,) 1 where the estimator had an estimate, else 0
 
     @staticmethod
     def from_recording(recording: Recording, name: str, manifold: Manifold) -> VelocityErrors:
-        """The errors of one vehicle's run, whose state is (x, v)."""
+        """Errors of one vehicle's run, whose state is (x, v)."""
         estimates = recording.agents[name].estimates
         t = np.array([estimate.t for estimate in estimates])
         truth = recording.truths[name][np.searchsorted(recording.t, t - TIME_TOLERANCE)]
@@ -53,35 +53,35 @@ class VelocityErrors:
 
     @staticmethod
     def between(t: Array, truth: Array, x: Array, found: Array, manifold: Manifold) -> VelocityErrors:
-        """The errors of estimates x (m, nx) at t (m,) [s], where the state was ``truth`` (m, nx)."""
+        """Errors of estimates x (m, nx) at t (m,) [s], where the state was ``truth`` (m, nx)."""
         rows = [errors_of(manifold, *pair) for pair in zip(truth, x, strict=True)]
         position, components, norm, lyapunov = (np.array(values) for values in zip(*rows, strict=True))
         return VelocityErrors(t, position, components, norm, lyapunov, found)
 
     def V(self, B: float) -> Array:  # noqa: N802  the thesis' letters
-        """(m,) |Delta v|^2 / 2 + B S of Theorem D.2."""
+        """Lyapunov function V (m,) = |Delta v|^2 / 2 + B S of Theorem D.2."""
         value: Array = self.lyapunov[:, 0] + B * self.lyapunov[:, 1]
         return value
 
     def W(self, B: float) -> Array:  # noqa: N802
-        """(m,) |Delta v|^2 / 2 + 3/2 B |s|^2 - sqrt(B) <s, Delta v>, for constant gains of a double pole."""
+        """Lyapunov function W (m,) = |Delta v|^2 / 2 + 3/2 B |s|^2 - sqrt(B) <s, Delta v> for a double pole."""
         kinetic, S, product = self.lyapunov.T
         value: Array = kinetic + 3.0 * B * S - math.sqrt(B) * product
         return value
 
     def after(self, t: float) -> slice:
-        """The estimates from t [s] on."""
+        """Slice of the estimates from t [s] on."""
         return slice(int(np.searchsorted(self.t, t - TIME_TOLERANCE)), None)
 
     @property
     def last(self) -> slice:
-        """The estimates by which convergence is judged."""
+        """Slice of the estimates over which convergence is judged."""
         return self.after((1.0 - LAST) * float(self.t[-1]))
 
     def found_from(self, limit: float) -> float | None:
-        """[s] the last time without an estimate or with |Delta v|_g above a limit; 0 if there is none.
+        """Last time [s] without an estimate or with |Delta v|_g above a limit; 0 if there is no such time.
 
-        None if that is the end: it was not found.
+        Returns None if that is the end: the velocity was not found.
         """
         above = np.flatnonzero(~((self.norm <= limit) & (self.found > 0.0)))
         if not len(above):
@@ -90,9 +90,9 @@ class VelocityErrors:
 
 
 def errors_of(manifold: Manifold, truth: Array, estimate: Array) -> tuple[float, Array, float, Array]:
-    """theta, the components (n,) of Delta v, |Delta v|_g and (|Delta v|^2 / 2, S, <s, Delta v>) at one time.
+    """Errors at one time: theta, components (n,) of Delta v, |Delta v|_g and (|Delta v|^2 / 2, S, <s, Delta v>).
 
-    Infinite, and NaN, where no shortest geodesic joins the two.
+    Infinite or NaN if no shortest geodesic joins the two.
     """
     n = manifold.size
     x, v, xi, eta = truth[:n], truth[n:], estimate[:n], estimate[n:]
@@ -108,7 +108,9 @@ def errors_of(manifold: Manifold, truth: Array, estimate: Array) -> tuple[float,
 
 
 def rms(values: Array) -> float:
-    """Root of the mean square of values (n,); NaN of nothing, as of a run that ended before it was to be judged."""
+    """Root mean square of values (n,); NaN without values, as for a run that ended before the time from which errors
+    count.
+    """
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else math.nan
 
 
@@ -121,7 +123,7 @@ def lagrangian_summary(
     seed: int,
     wall_seconds: float,
 ) -> dict[str, Any]:
-    """The flat summary of a run; ``velocity_rms`` and ``position_rms`` are those from ``settled`` [s] on."""
+    """Flat summary of a run; ``velocity_rms`` and ``position_rms`` are those from ``settled`` [s] on."""
     truth = recording.truths[name]
     late = errors.after(settled)
     speeds = np.array([manifold.norm(row[: manifold.size], row[manifold.size :]) for row in truth])
@@ -145,7 +147,7 @@ def lagrangian_summary(
 
 
 def angles_to_reference(recording: Recording, name: str, manifold: Manifold) -> Array:
-    """(n,) [rad] the angle from a body to the reference at each sample; infinite before the first plan."""
+    """Angles (n,) [rad] from a body to the reference at each sample; infinite before the first plan."""
     truth, n, attitudes = recording.truths[name], manifold.size, Attitude()
     reference = _reference(recording, name, truth.shape[1])
     known = [bool(np.isfinite(row).all()) for row in reference]
@@ -158,7 +160,7 @@ def angles_to_reference(recording: Recording, name: str, manifold: Manifold) -> 
 
 
 def tracking_figures(recording: Recording, name: str, manifold: Manifold, settled: float) -> dict[str, Any]:
-    """Figures of a reference attitude that was tracked.
+    """Figures of the tracking of a reference attitude.
 
     The root mean square of the angle to it from ``settled`` [s] on, and the last time at which the angle was more than
     ``SETTLED``.
@@ -173,7 +175,7 @@ def tracking_figures(recording: Recording, name: str, manifold: Manifold, settle
 
 
 def _reference(recording: Recording, name: str, size: int) -> Array:
-    """(n, size) the state that the plan in force holds at each sample; NaN before the first plan."""
+    """Reference states (n, size) by the current plan at each sample; NaN before the first plan."""
     reference = np.full((len(recording.t), size), np.nan)
     for adopted, plan in recording.agents[name].plans:
         held = recording.t >= max(adopted, plan.t_start) - TIME_TOLERANCE

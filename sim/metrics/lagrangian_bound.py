@@ -11,13 +11,13 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound
 from mathnavi.sim.metrics.recorded_bounds import bound_along, judged_bound
 
-_HELD, _JACOBIANS = 0.01, 400  # [s] for which a Jacobian of a Lagrangian system stands, and how many there are at most
+_HELD, _JACOBIANS = 0.01, 400  # [s] for which a Jacobian is used, and the largest number of Jacobians
 
 
 def lagrangian_bound(recording: Recording, name: str, truth: LagrangianMission) -> PosteriorBound:
     """Bound of the components of (x, v) (2 n,) of a system as it truly is, judged by the velocity.
 
-    No noise acts on the motion of these systems: it is the bound of a start of which nothing is known.
+    No noise acts on the motion of these systems: it is the bound for an unknown start.
     """
     from mathnavi.estimators.stagewise.lagrangian import LagrangianModel
     from mathnavi.estimators.velocity.readings import rounding_steps

@@ -28,7 +28,7 @@ _ROUND_OFF = 1e-9  # relative excess of an input that does not count
 
 @dataclass(frozen=True, eq=False)
 class Approach:
-    """The moment at which a missile was nearest to its target."""
+    """Moment at which a missile was nearest to its target."""
 
     t: float  # [s]
     miss: float  # [m]
@@ -36,7 +36,7 @@ class Approach:
 
 
 def closest_approach(t: Array, joints: Array, coordinates: Coordinates, target: TargetMotion) -> Approach:
-    """Closest approach of a flight sampled at t (n,) [s], with joints (n, nx), to the target where it truly is.
+    """Closest approach of a flight sampled at t (n,) [s], with joints (n, nx), to the true position of the target.
 
     Between two samples the path is the cubic through both positions and velocities. Inputs are held in between, so at
     250 samples a second it is within 1e-9 m of the true path, or 1e-4 m where late thrusters change in between.
@@ -59,7 +59,7 @@ def closest_approach(t: Array, joints: Array, coordinates: Coordinates, target: 
 
 
 def _between(t: Array, joints: Array, k: int, after: float) -> Array:
-    """Joint coordinates and rates (nx,) so long [s] after sample k and before the next, by Hermite's cubic."""
+    """Joint coordinates and rates (nx,) ``after`` [s] from sample k, before the next, by Hermite's cubic."""
     h, half = t[k + 1] - t[k], joints.shape[1] // 2
     s = after / h
     (q0, v0), (q1, v1) = ((joints[i, :half], joints[i, half:]) for i in (k, k + 1))
@@ -69,7 +69,7 @@ def _between(t: Array, joints: Array, k: int, after: float) -> Array:
 
 
 def references(t: Array, plans: Sequence[tuple[float, Plan]], coordinates: Coordinates, body: Body) -> Array:
-    """The state (n, nx) that the tracker was asked for at each time, of plans and when each was adopted [s].
+    """Reference states (n, nx) of the tracker at times t (n,) [s], from ``plans`` (adopted at [s], plan).
 
     NaN before the first plan.
     """
@@ -82,14 +82,14 @@ def references(t: Array, plans: Sequence[tuple[float, Plan]], coordinates: Coord
 
 
 def attack_angles(x: Array, coordinates: Coordinates) -> Array:
-    """(n,) [rad] between the nose and the velocity at states (n, nx)."""
+    """Angles (n,) [rad] between the nose and the velocity at states (n, nx)."""
     velocity = coordinates.in_space(x)[..., :3]  # along the axes of the body
     angles: Array = np.arctan2(np.hypot(velocity[..., 1], velocity[..., 2]), velocity[..., 0])
     return angles
 
 
 def cost(t: Array, x: Array, u: Array, mission: MissileMission, until: float) -> float:
-    """J of the mission's case [s] along states (n, nx), inputs (n, nu) held between samples, up to a time [s]."""
+    """Cost J [s] of the mission along states (n, nx), inputs (n, nu) held between samples, up to ``until`` [s]."""
     case, coordinates, body = mission.case, mission.coordinates, mission.body
     begin = case.running_cost(coordinates, x[:-1], u[:-1], body)
     end = case.running_cost(coordinates, x[1:], u[:-1], body)
@@ -107,10 +107,10 @@ def missile_summary(
     seed: int,
     wall_seconds: float,
 ) -> dict[str, Any]:
-    """The flat summary of one missile's flight, SI units in the names, angles in degrees.
+    """Flat summary of one missile's flight, with SI units in the names, angles in degrees.
 
-    ``aspect_error_deg`` is the angle between the nose and the direction asked for, ``path_angle_error_deg`` that
-    between the velocity and this direction, both where the missile is nearest to the target.
+    ``aspect_error_deg`` is the angle between the nose and the required direction, ``path_angle_error_deg`` that between
+    the velocity and this direction, both where the missile is nearest to the target.
     """
     t, joints, agent = recording.t, recording.truths[name], recording.agents[name]
     coordinates = mission.coordinates
@@ -155,5 +155,5 @@ def missile_summary(
 
 
 def _degrees_between(a: Array, b: Array) -> float:
-    """The angle between two vectors (3,); by atan2, which is exact where it is small."""
+    """Angle [deg] between two vectors (3,), by atan2, which is accurate for small angles."""
     return math.degrees(math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b)))

@@ -15,7 +15,7 @@ from mathnavi.sim.metrics.recorded_bounds import bound_along, judged_bound
 def missile_bound(recording: Recording, name: str, mission: MissileMission) -> PosteriorBound:
     """Bound of the thesis' state (nx,) under the declared gusts, judged by the position.
 
-    The gusts that acted are not recorded: the Jacobians are those at none.
+    The gusts that acted are not recorded: the Jacobians are those without gusts.
     """
     n, readings = recording.length, recording.agents[name].readings.get("full_state")
     coordinates = mission.coordinates

@@ -1,13 +1,13 @@
 """The empirical observability Gramian of a scenario's sensors.
 
-The plant is built again and again with the same seed, the vehicle put a little aside in one component i of its state,
-and the same commands are replayed. With readings y^{i+} and y^{i-} from x_0 + delta_i e_i and x_0 - delta_i e_i,
+The plant is built repeatedly with the same seed, one component i of the vehicle's state is displaced a little, and the
+same commands are replayed. With readings y^{i+} and y^{i-} from x_0 + delta_i e_i and x_0 - delta_i e_i,
 
     W_ij = sum_k (y_k^{i+} - y_k^{i-})^T R^{-1} (y_k^{j+} - y_k^{j-}) / (4 delta_i delta_j),
 
 over every reading of every sensor. As the seed is the same, noise and disturbances cancel. For small delta it is the
 Gramian of the linearisation along the run; R = diag(deviation^2) makes it Fisher's information about the start. A
-direction that the sensors do not see is an eigenvector of W with the eigenvalue nought.
+direction that the sensors do not see is an eigenvector of W with eigenvalue zero.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ from mathnavi.sim.interfaces.signals import Array
 
 @dataclass(frozen=True)
 class EmpiricalGramian:
-    """W over the components that were moved, and what each sensor adds to it."""
+    """Empirical Gramian W over the displaced components, and the part of it from each sensor."""
 
     names: tuple[str, ...]  # (n,) of the components, with their units
     by_sensor: Mapping[str, Array]  # (n, n) each
 
     @property
     def total(self) -> Array:
-        """W (n, n)."""
+        """Gramian W (n, n): the sum over all sensors."""
         return sum(self.by_sensor.values(), np.zeros((len(self.names), len(self.names))))
 
     def scaled(self, scales: Sequence[float] | Array) -> Array:
-        """(n, n) W with component i in units of ``scales[i]``, so that its eigenvalues can be compared."""
+        """Gramian W (n, n) with component i in units of ``scales[i]``, so that its eigenvalues can be compared."""
         scaled: Array = self.total * np.outer(scales, scales)
         return scaled
 
     def unseen(self, scales: Sequence[float] | Array, tolerance: float = 1e-9) -> Array:
-        """(k, n) orthonormal directions, in units of ``scales``, that the sensors do not see.
+        """Orthonormal directions (k, n), in units of ``scales``, that the sensors do not see.
 
-        Their eigenvalues are nought to ``tolerance`` of the largest.
+        Their eigenvalues are at most ``tolerance`` times the largest.
         """
         values, vectors = np.linalg.eigh(self.scaled(scales))
         hidden: Array = vectors.T[values <= tolerance * values[-1]]
@@ -58,14 +58,14 @@ def empirical_gramian(
     deltas: Mapping[str, float],
     deviations: Mapping[str, float] | None = None,
 ) -> EmpiricalGramian:
-    """W at the state of ``vehicle`` in which ``build`` leaves it, over a replay of ``commands``.
+    """Empirical Gramian W at the initial state of ``vehicle`` in the plant of ``build``, over a replay of ``commands``.
 
-    ``build`` makes the plant of one seed, ``lambda: trial(...).build().plant`` for one. ``commands`` are (n, nu) by
-    vehicle, each held for so many ``ticks``. ``deltas`` says which components of the state are moved, by the names that
-    the plant has for them, and how far. ``deviations`` are standard deviations of sensors' readings, 1 for a sensor
-    that is not named. Readings that were lost in any of the replays are left out.
+    ``build`` makes the plant of one seed, for example ``lambda: trial(...).build().plant``. ``commands`` are (n, nu) by
+    vehicle, each held for ``ticks`` physics ticks. ``deltas`` are the displacements of components of the state, by the
+    plant's names of the components. ``deviations`` are standard deviations of sensors' readings, 1 for a sensor that is
+    not named. Readings that were lost in any of the replays are left out.
 
-    ArgumentError unless the deltas are positive and of components that there are, and the commands of one length.
+    Raises ArgumentError unless the deltas are positive and of existing components, and the commands have one length.
     """
     names, sensors = build().state_names(vehicle), build().sensor_sizes(vehicle)
     if not deltas or set(deltas) - set(names) or not all(0.0 < delta < math.inf for delta in deltas.values()):
@@ -89,7 +89,7 @@ def empirical_gramian(
 def _replayed(
     plant: Plant, vehicle: str, commands: Mapping[str, Array], ticks: int, component: int, offset: float
 ) -> dict[tuple[str, int], Array]:
-    """The readings of one replay, by sensor and by the tick that they are of."""
+    """Readings of one replay, by sensor and by tick."""
     x = plant.state(vehicle)
     x[component] += offset
     plant.place(vehicle, x)

@@ -1,4 +1,4 @@
-"""Outcomes of plan requests, the time of their optimisation, and how much of a run was flown on their plans."""
+"""Outcomes of plan requests, the times of their optimisation, and the share of a run flown on the resulting plans."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ REJECTIONS = ("low-clearance", "off-map", "bounds", "not-trackable", "deadline",
 
 
 def planner_share(begin: float, end: float, plans: Sequence[tuple[float, Plan]]) -> float:
-    """Share, 0 to 1, of the time from ``begin`` to ``end`` [s] in which what the planner chose was flown.
+    """Share, 0 to 1, of the time from ``begin`` to ``end`` [s] in which parts of plans chosen by the planner were
+    flown.
 
-    ``plans`` are (adopted at [s], plan), in order. Of a plan that has arcs marked ``OPTIMISED`` these count, of another
-    all arcs; what follows in it, a safety manoeuvre and the completion behind it for instance, is flown only where no
-    later plan was heard. Plans of a fallback planner do not count.
+    ``plans`` are (adopted at [s], plan), in order. If a plan has arcs marked ``OPTIMISED`` only these count, otherwise
+    all arcs; the arcs after them, for instance a safety manoeuvre and the completion after it, are flown only if no
+    later plan was received. Plans of a fallback planner do not count.
     """
     followed_at = [*(adopted for adopted, _ in plans), math.inf][1:]
     flown = 0.0
@@ -36,7 +37,7 @@ def planner_share(begin: float, end: float, plans: Sequence[tuple[float, Plan]])
 
 
 def planner_status(recording: Recording) -> str:
-    """Reason why a planner had no part in a run beyond its start, "" if all had.
+    """Reason why a planner had no part in a run after its start, "" if all planners had.
 
     It never answered with a plan, answered the first of three requests or more and no other, or only plans of the
     fallback planner were flown. Each such vehicle of a fleet is named.
@@ -55,7 +56,7 @@ def planner_status(recording: Recording) -> str:
 
 
 def solve_times(solve_ms: Sequence[float]) -> dict[str, float]:
-    """The summary's figures of how long the optimisations took [ms]; NaN without any."""
+    """Figures of the summary on the times of the optimisations [ms]; NaN without any."""
     times = np.array(solve_ms) if solve_ms else np.array([np.nan])
     return {
         "solve_ms_mean": float(times.mean()),

@@ -10,7 +10,7 @@ the matrix inversion lemma applied, so that Q_k may be singular, and so may J_k 
 The paper takes expectations over trajectories; along one recorded trajectory the Jacobians are those at the true
 states: the bound is the covariance that an extended Kalman filter linearised at the truth would state.
 
-The efficiency of an estimator over the samples K of a run, of the components m that are judged, is
+The efficiency of an estimator over the samples K of a run, for its judged components m, is
 
     sqrt(sum_{k in K} |e_k|^2 / sum_{k in K} trace P_k),        P_k the block of J_k^{-1} of these components:
 
@@ -31,9 +31,9 @@ _REGULAR = 1e-12  # least eigenvalue of an information with a diagonal of ones t
 
 
 class BoundRecursion:
-    """The recursion, from an information J or a covariance P (d, d) at the start: give one of the two.
+    """Recursion of the bound, from an initial information J or covariance P (d, d): give exactly one of the two.
 
-    A covariance may be singular where the start is exact, an information where nothing is known.
+    A covariance may be singular in directions in which the start is exact, an information in unknown directions.
     """
 
     def __init__(self, *, information: Array | None = None, covariance: Array | None = None) -> None:
@@ -43,7 +43,7 @@ class BoundRecursion:
 
     @property
     def covariance(self) -> Array | None:
-        """The bound (d, d), a copy; None while some direction is not observed."""
+        """Copy of the bound (d, d); None while some direction is not observed."""
         return None if self._P is None else self._P.copy()
 
     @property
@@ -52,7 +52,7 @@ class BoundRecursion:
         return None if self._P is None else self._P.diagonal()
 
     def predict(self, F: Array, Q: Array) -> None:
-        """Carry it over a transition of the Jacobian F (d, d), regular, with noise of the covariance Q (d, d)."""
+        """Propagate the bound over a transition with regular Jacobian F (d, d) and noise of covariance Q (d, d)."""
         if self._P is not None:
             P = F.dot(self._P).dot(F.T) + Q  # a product of small matrices takes half the time of @
             self._P = 0.5 * (P + P.T)
@@ -69,11 +69,11 @@ class BoundRecursion:
         self._J = 0.5 * (A + A.T)
 
     def observe(self, W: Array) -> None:
-        """Add readings of the Fisher information W' W, W (m, d)."""
+        """Add readings with the Fisher information W' W, W (m, d)."""
         if self._P is not None:
             PW = self._P @ W.T
             S = np.eye(len(W)) + W @ PW
-            # Of a single reading S is a number, and calling LAPACK for it takes longer than all the rest.
+            # For a single reading S is a number, and calling LAPACK for it takes longer than all the rest.
             P = self._P - PW @ (PW.T * (1.0 / S) if len(W) == 1 else np.linalg.solve(S, PW.T))
             self._P = 0.5 * (P + P.T)
             return
@@ -83,7 +83,7 @@ class BoundRecursion:
 
 
 def _inverse(J: Array) -> Array | None:
-    """The inverse of an information; None where it is singular, whatever the units."""
+    """Inverse of an information; None if it is singular, independent of units."""
     diagonal = np.diag(J)
     if not (diagonal > 0.0).all():
         return None
@@ -97,22 +97,23 @@ def _inverse(J: Array) -> Array | None:
 
 @dataclass(frozen=True, eq=False)
 class PosteriorBound:
-    """Bound on the errors of a run's estimates; without one, why there is none."""
+    """Bound on the errors of a run's estimates, or the reason why there is none."""
 
     deviation: Array  # (n, m) standard deviations of the components at the samples; NaN where there is no bound
     judged: tuple[int, ...] = ()  # components by which the efficiency is judged
-    quantity: str = ""  # that these components are: "position"
-    reason: str = ""  # why there is no bound at all
+    quantity: str = ""  # name of these components: "position"
+    reason: str = ""  # reason why there is no bound at all
 
     @staticmethod
     def none(reason: str, samples: int) -> PosteriorBound:
-        """No bound, for a reason."""
+        """Result without a bound, with its reason."""
         return PosteriorBound(np.full((samples, 0), np.nan), reason=reason)
 
     def figures(self, error: Array, window: slice, span: str) -> dict[str, float | str | None]:
-        """``efficiency`` of the ``error`` (n, len(judged)) over a window of the samples, and its basis in words.
+        """Figures of the summary: ``efficiency`` of the ``error`` (n, len(judged)) over a window of the samples, and
+        its basis in words.
 
-        ``span`` says what the window is: "the last quarter".
+        ``span`` is the window in words: "the last quarter".
         """
         if self.reason:
             return {"efficiency": None, "efficiency_basis": f"none: {self.reason}"}
@@ -126,9 +127,9 @@ class PosteriorBound:
 
 
 def efficiency(error: Array, variance: Array) -> float | None:
-    """sqrt(sum e^2 / sum P) of errors and bounds on their variances (n, m).
+    """Efficiency sqrt(sum e^2 / sum P) of errors and bounds on their variances (n, m).
 
-    None where there are none, where any is missing, and where all bounds are zero, but for round-off.
+    Returns None without values, if any is missing, and if all bounds are zero to round-off.
     """
     if not error.size or not (np.isfinite(error).all() and np.isfinite(variance).all()):
         return None

@@ -17,12 +17,12 @@ _FULL = 1e-3  # share of a rotor's greatest thrust: nearer to a bound it counts 
 
 
 def point(x: Array) -> Array:
-    """(n, 6) position [m] and velocity [m/s] of states (n, 13) of ``mathnavi.models.quadrotor.dynamics``."""
+    """Position [m] and velocity [m/s] (n, 6) of states (n, 13) of ``mathnavi.models.quadrotor.dynamics``."""
     return np.hstack([x[:, POSITION], x[:, VELOCITY]])
 
 
 def tilts(x: Array) -> Array:
-    """(n,) [rad] between the thrust and the vertical at states (n, 13)."""
+    """Tilts (n,) [rad] between the thrust and the vertical at states (n, 13)."""
     _, across, along, _ = x[:, ATTITUDE].T
     angle: Array = np.arccos(np.clip(1.0 - 2.0 * (across**2 + along**2), -1.0, 1.0))
     return angle
@@ -38,16 +38,16 @@ def quadrotor_summary(
     wall_seconds: float,
     guaranteed: bool,
 ) -> dict[str, Any]:
-    """The flat summary of one quadrotor's flight, SI units in the names.
+    """Flat summary of one quadrotor's flight, with SI units in the names.
 
     The figures of any flight are those of ``flight_summary`` over ``mission.flight``. Its clearance is exact for arcs
-    of constant acceleration between two samples; a quadrotor's jerk of 100 m/s^3 moves it 3e-6 m off those at 150
-    samples a second.
+    of constant acceleration between two samples; a quadrotor's jerk of 100 m/s^3 causes a deviation of 3e-6 m from
+    those at 150 samples a second.
     """
     x, t = recording.truths[name], recording.t
     seen = dataclasses.replace(recording, truths={**recording.truths, name: point(x)})
     figures = flight_summary(seen, name, mission.flight, (), bound, deadline, seed, wall_seconds, guaranteed)
-    del figures["control_effort"], figures["radar_exposure_s"]  # inputs are thrusts here, and nobody watches
+    del figures["control_effort"], figures["radar_exposure_s"]  # inputs are thrusts here, and there are no radars
     error = np.linalg.norm((point(x) - references(t, recording.agents[name].plans))[:, :3], axis=1)
     asked = recording.agents[name].commands[: max(1, recording.length - 1)] / mission.vehicle.thrust_max
     return {

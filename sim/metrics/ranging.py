@@ -26,7 +26,7 @@ from mathnavi.sim.metrics.planning import planner_share
 from mathnavi.sim.metrics.ranging_bound import ranging_bound
 
 POSITION, HEADING = 0.3, 0.2
-"""[m], [rad] within which an estimate has converged"""
+"""largest errors of position [m] and heading [rad] of an estimate that has converged"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class RangingErrors:
 
     @staticmethod
     def from_recording(recording: Recording, name: str, mission: RangingMission) -> RangingErrors:
-        """The errors of one robot's run."""
+        """Errors of one robot's run."""
         truths, estimates = recording.truths[name], recording.agents[name].estimates
         difference, P = np.full((len(truths), 3), np.nan), np.full((len(truths), 3, 3), np.nan)
         found = np.zeros(len(truths), dtype=bool)
@@ -55,19 +55,19 @@ class RangingErrors:
 
     @property
     def position(self) -> Array:
-        """(n,) [m]."""
+        """Errors of the position (n,) [m]."""
         length: Array = np.hypot(self.difference[:, 0], self.difference[:, 1])
         return length
 
     @property
     def heading(self) -> Array:
-        """(n,) [rad]."""
+        """Errors of the heading (n,) [rad], absolute."""
         size: Array = np.abs(self.difference[:, 2])
         return size
 
     @property
     def last(self) -> slice:
-        """The samples by which convergence is judged."""
+        """Slice of the samples over which convergence is judged."""
         return last_quarter(self.t)
 
     @property
@@ -76,23 +76,25 @@ class RangingErrors:
         return rms(self.position[self.last]) < POSITION and rms(self.heading[self.last]) < HEADING
 
     def last_above(self, position: float = POSITION, heading: float = HEADING) -> float:
-        """[s] the last sample without an estimate, or with an error above either [m], [rad]; 0 if there is none."""
+        """Time [s] of the last sample without an estimate or with an error above either limit [m], [rad]; 0 if there is
+        none.
+        """
         above = np.flatnonzero(~((self.position <= position) & (self.heading <= heading) & self.found))
         return float(self.t[above[-1]]) if len(above) else 0.0
 
 
 def rms(values: Array) -> float:
-    """Root of the mean square of values (n,)."""
+    """Root mean square of values (n,)."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
 def ranging_summary(
     recording: Recording, name: str, mission: RangingMission, seed: int, wall_seconds: float
 ) -> dict[str, Any]:
-    """The flat summary of one robot's run, SI units in the names, angles in degrees.
+    """Flat summary of one robot's run, with SI units in the names, angles in degrees.
 
-    ``convergence_time_s`` is the last instant at which an error is above its limit, None where the run did not
-    converge; the greatest errors are those after it. ``efficiency`` is that of the position over the last quarter.
+    ``convergence_time_s`` is the last instant at which an error is above its limit, None if the run did not converge;
+    the largest errors are those after it. ``efficiency`` is that of the position over the last quarter.
     """
     t, agent = recording.t, recording.agents[name]
     path = recording.truths[name][:, :2]
@@ -129,27 +131,27 @@ def ranging_summary(
 
 
 def _newest(recording: Recording, name: str) -> Integers:
-    """(n,) the newest estimate at each sample, -1 before the first."""
+    """Index (n,) of the newest estimate at each sample, -1 before the first."""
     valid = np.array([estimate.t for estimate in recording.agents[name].estimates])
     newest: Integers = np.searchsorted(valid, recording.t + TIME_TOLERANCE, side="right") - 1
     return newest
 
 
 def _lost(agent: AgentRecorder, length: int) -> float | None:
-    """The fraction of single ranges that did not arrive; None if there is no range sensor."""
+    """Fraction of single ranges that did not arrive; None without a range sensor."""
     ranges = agent.readings.get("ranges")
     return None if ranges is None else float(np.isnan(ranges[:length]).mean())
 
 
 def _time_in(recording: Recording, name: str, status: Status) -> float:
-    """[s] during which the newest estimate had this status, sample by sample."""
+    """Time [s] during which the newest estimate had this status, sample by sample."""
     estimates = recording.agents[name].estimates
     held = [newest >= 0 and estimates[newest].status is status for newest in _newest(recording, name)]
     return float(np.diff(recording.t)[np.array(held[:-1], dtype=bool)].sum())
 
 
 def _observable(mission: RangingMission) -> str:
-    """The components of the pose that ranges can determine, whatever the robot does."""
+    """Components of the pose, in words, that ranges can determine at most, for any motion of the robot."""
     symmetry = mission.curve.symmetry
     if symmetry == 0:
         return "distance from the centre, heading relative to its direction"

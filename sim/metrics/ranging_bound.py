@@ -18,7 +18,7 @@ from mathnavi.sim.metrics.recorded_bounds import bound_along, judged_bound
 def ranging_bound(recording: Recording, name: str, mission: RangingMission) -> PosteriorBound:
     """Bound of a robot's pose (x_1, x_2, phi), judged by the position.
 
-    Where the start is not known, the information about it is zero. The inputs are those that the robot truly had.
+    If the start is not known, the information about it is zero. The inputs are the robot's true ones.
     """
     from mathnavi.estimators.stagewise.ranging import RangingModel  # compiled kernels take a while to import
 
@@ -54,7 +54,9 @@ def _driven(before: Array, after: Array, h: float) -> Array:
 
 
 def _of_ranges(model: StagewiseModel, x: Array, rho: Array, outliers: float) -> Array:
-    """W (m, 4) of the rays that were read; that their variance depends on the range adds information too."""
+    """Matrix W (m, 4) of the rays that were read, with the information in the dependence of their variance on the
+    range.
+    """
     from mathnavi.estimators.stagewise.ranging import RangingModel
 
     assert isinstance(model, RangingModel)

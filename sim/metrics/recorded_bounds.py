@@ -1,12 +1,12 @@
-"""The posterior Cramér-Rao bound along a recorded run: what the bounds of all scenarios share.
+"""The posterior Cramér-Rao bound along a recorded run: parts that the bounds of all scenarios share.
 
-The noise is what the mission declares, without the floors and the reserves that estimators add. A reading counts at the
-sample by which it has come. Where readings may be outliers, of the fraction epsilon, their information is 1 - epsilon
-times that of good ones, which is at least what a mixture has, so that the bound stays one.
+The noise is as the mission declares it, without the floors and margins that estimators add. A reading counts at the
+first sample after its arrival. If a fraction epsilon of the readings are outliers, their information is 1 - epsilon
+times that of good ones, which is at least that of a mixture, so that the bound remains valid.
 
 Without process noise the recursion is the Cramér-Rao bound of the start as a parameter, which falls as long as there
-are readings; where the start is exact besides, it is zero and says nothing. A bound needs a likelihood that is smooth:
-there is none for readings that are exact, or that are rounded more than they are noisy.
+are readings; if the start is exact too, it is zero and useless. A bound needs a smooth likelihood: there is none for
+exact readings, or for readings whose rounding exceeds their noise.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound
 
 
 def estimates_at(recording: Recording, name: str, size: int) -> Array:
-    """The newest estimate (n, size) at each sample; NaN before the first, and for estimates of another size."""
+    """Newest estimates (n, size) at each sample; NaN before the first, and for estimates of another size."""
     estimates = recording.agents[name].estimates
     x = np.full((len(recording.t), size), np.nan)
-    if estimates and np.shape(estimates[0].x) == (size,):  # all of them have one shape
+    if estimates and np.shape(estimates[0].x) == (size,):  # all of them have the same shape
         valid = np.array([estimate.t for estimate in estimates])
         newest = np.searchsorted(valid, recording.t + TIME_TOLERANCE, side="right") - 1
         states = np.array([estimate.x for estimate in estimates])
@@ -44,11 +44,11 @@ def bound_along(
     kept: Sequence[int] | None = None,
     held: int = 1,
 ) -> Array:
-    """Deviations (n, d) along the true states x (n, nx) of a model; NaN while the bound does not exist.
+    """Standard deviations (n, d) of the bound along the true states x (n, nx) of a model; NaN while it does not exist.
 
-    ``inputs`` (n - 1) lead from each sample to the next, ``weighted`` (n) are W (m, d) of each sample's readings, of
-    the Fisher information W' W. ``kept`` are the components of an error that are not known exactly, all if not given.
-    A Jacobian stands for ``held`` transitions.
+    ``inputs`` (n - 1) lead from each sample to the next, ``weighted`` (n) are W (m, d) of each sample's readings, with
+    the Fisher information W' W. ``kept`` are the components of an error that are not known exactly; all if not given. A
+    Jacobian is used for ``held`` transitions.
     """
     rows = np.arange(model.size) if kept is None else np.asarray(kept)
     block = np.ix_(rows, rows)
@@ -69,7 +69,7 @@ def bound_along(
 
 
 def judged_bound(deviation: Array, judged: tuple[int, ...], quantity: str) -> PosteriorBound:
-    """The bound of the deviations (n, d), judged by some components; none where no sample has one."""
+    """Bound with the deviations (n, d) of its ``judged`` components; without a bound if no sample has one."""
     if np.isnan(deviation).all():
         return PosteriorBound.none("the readings never determine the whole state", len(deviation))
     return PosteriorBound(deviation, judged, quantity)

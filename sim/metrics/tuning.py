@@ -1,11 +1,11 @@
-"""The best of a stated grid of one field of an estimator, by how it does on a recorded run.
+"""Tuning of one field of an estimator over a grid of values, by its errors on a recorded run.
 
-The measure is the root mean square of the length of the error of some components of the state, the velocities for one,
-over all estimates from a time on, whatever their status is:
+The measure is the root mean square of the norm of the error of some components of the state, for example the
+velocities, over all estimates from a time on, of any status:
 
     sqrt(mean_t |x^_i(t) - x_i(t)|^2),    i in the components.
 
-An estimator is tuned on a run of its own; what is then reported is another run, of another motion or with other noise.
+An estimator is tuned on a separate run; results are then reported on another run, with another motion or other noise.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _COUNTS = ("restarts", "refused")  # so far, in an estimate's ``extra``
 
 @dataclass(frozen=True)
 class RecordedCall:
-    """One call of an estimator: what it is given, and what is true then."""
+    """One call of an estimator: its arguments, and the true state at that time."""
 
     t: float  # [s]
     measurements: tuple[Measurement, ...]
@@ -36,23 +36,23 @@ class RecordedCall:
 
 @dataclass(frozen=True, eq=False)
 class ReplayedErrors:
-    """Estimates of an estimator over a recorded run."""
+    """Errors of an estimator over a recorded run."""
 
     t: Array  # (n,) [s]
     error: Array  # (n,) |x^_i - x_i| in the unit of the components
     restarts: int  # where the estimator counts them
     refused: int  # readings refused, where the estimator counts them
-    lost: int  # estimates that it says are lost
+    lost: int  # number of estimates with the status LOST
 
     def rms(self, begin: float) -> float:
-        """From ``begin`` [s] on; ArgumentError if there is nothing."""
+        """Root mean square error from ``begin`` [s] on; ArgumentError if there is no call after it."""
         late = self.error[self.t >= begin]
         if not len(late):
             raise ArgumentError(f"begin = {begin!r}; allowed: a time before the last call")
         return float(np.sqrt(np.mean(np.square(late))))
 
     def below_from(self, limit: float) -> float | None:
-        """[s] from when on the error is never above a limit; None if it is at the end."""
+        """Time [s] after which the error is never above a limit; None if it is above it at the end."""
         above = np.flatnonzero(~(self.error <= limit))
         if not len(above):
             return 0.0
@@ -61,7 +61,7 @@ class ReplayedErrors:
 
 @dataclass(frozen=True)
 class Tuning:
-    """The error for each value of the grid."""
+    """Error for each value of the grid."""
 
     field: str
     grid: tuple[float, ...]
@@ -69,17 +69,17 @@ class Tuning:
 
     @property
     def best(self) -> float:
-        """The value with the least error; one that is not finite is the worst."""
+        """Value with the least error; an error that is not finite counts as the largest."""
         return self.grid[int(np.argmin(np.nan_to_num(self.errors, nan=np.inf)))]
 
     @property
     def at_edge(self) -> bool:
-        """True if the best value is at an end of the grid, beyond which there may be a better one."""
+        """True if the best value is at an end of the grid, so that a better one may lie beyond."""
         return self.best in (min(self.grid), max(self.grid))
 
 
 def recorded_calls(recording: Recording, name: str, sensor: str) -> list[RecordedCall]:
-    """A flight as calls of an estimator with the readings of one sensor, none of them lost."""
+    """Calls of an estimator over a recorded run, with the readings of one sensor, none of them lost."""
     agent, truth = recording.agents[name], recording.truths[name]
     readings = agent.readings[sensor]
     return [
@@ -91,7 +91,7 @@ def recorded_calls(recording: Recording, name: str, sensor: str) -> list[Recorde
 
 
 def replayed(estimator: Estimator, calls: Iterable[RecordedCall], components: slice) -> ReplayedErrors:
-    """A fresh estimator over the calls."""
+    """Errors of a fresh estimator over the calls."""
     t: list[float] = []
     error: list[float] = []
     restarts = refused = lost = 0
@@ -105,12 +105,12 @@ def replayed(estimator: Estimator, calls: Iterable[RecordedCall], components: sl
 
 
 def recorded_error(estimator: Estimator, calls: Iterable[RecordedCall], components: slice, begin: float) -> float:
-    """Error of a fresh estimator over the calls from ``begin`` [s] on; ValueError if there are none."""
+    """Error of a fresh estimator over the calls from ``begin`` [s] on; ArgumentError if there are none."""
     return replayed(estimator, calls, components).rms(begin)
 
 
 def spread(grid: Sequence[float], most: int) -> tuple[float, ...]:
-    """At most so many values of a grid, from its first to its last."""
+    """Values of a grid, evenly chosen from its first to its last, ``most`` at most."""
     return tuple(grid[k] for k in sorted({round(k) for k in np.linspace(0, len(grid) - 1, min(most, len(grid)))}))
 
 
@@ -124,9 +124,8 @@ def tuned(
     components: slice,
     begin: float,
 ) -> Tuning:
-    """The errors with values of the grid in a field of ``config``: every other one and both ends, then those beside the
-
-    best of them. ArgumentError for an empty grid.
+    """Tune a ``field`` of ``config`` over a grid: try every other value and both ends, then the neighbours of the best.
+    Raises ArgumentError for an empty grid.
     """
     if not grid:
         raise ArgumentError(f"grid = {grid!r}; allowed: at least one value of {field}")

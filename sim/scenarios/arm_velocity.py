@@ -1,6 +1,6 @@
 """``arm-velocity``: the joint velocities of a mechanism from its encoders, any that MuJoCo can load (thesis D.6).
 
-The metric is the mass matrix of the model that is believed; the plant may carry a load that the observer does not know.
+The metric is the mass matrix of the observer's model; the plant may carry a load that the observer does not know.
 """
 
 from __future__ import annotations
@@ -48,16 +48,16 @@ class ArmVelocityConfig(LagrangianFields):
     kernels: ClassVar[str] = "mathnavi.models.mechanism.ahead"  # compiled before the first run
 
     reading: PositionQuality = field(default_factory=lambda: PositionQuality(resolution=14))
-    """how the encoders err"""
+    """errors of the encoders"""
     settled: float = 1.0
-    """from when on errors count [s]"""
+    """time from which errors count [s]"""
     mechanism: MechanismPlace = "two-link"
-    """rigid-body, cart-pendulum, two-link, seven-joint, servo-six, servo-seven, servo-gripper, swimmer,
+    """mechanism: rigid-body, cart-pendulum, two-link, seven-joint, servo-six, servo-seven, servo-gripper, swimmer,
     quadruped, dm_control:NAME of its suite, menagerie:NAME of MuJoCo Menagerie, or the path of an MJCF file"""
     load: Annotated[float, Interval(ge=0.01, le=100.0), FINITE] = 1.0
-    """mass of the last link, times what the observer believes"""
+    """factor of the last link's true mass over the mass in the observer's model"""
     start: Annotated[NumberList, FINITE_NUMBERS] = ()
-    """position and velocity at the start, as the state has them; else the first keyframe or qpos0, at rest"""
+    """initial position and velocity, in the order of the state; the first keyframe or qpos0, at rest, if not given"""
 
 
 class ArmVelocity:
@@ -73,7 +73,7 @@ class ArmVelocity:
     def build(
         config: ArmVelocityConfig, seed: int, controller: PluginSpec | None = None, estimator: PluginSpec | None = None
     ) -> ClosedLoop:
-        """The closed loop of one seed. Raises ValueError for a model that is no mechanism of slides, hinges, balls."""
+        """The closed loop of one seed. Raises ValueError unless its joints are slides, hinges, balls."""
         parts = Assembler.for_scenario(ArmVelocity, config, seed, controller, estimator)
         model, real = _models(config)
         mission, truth = (
@@ -92,18 +92,18 @@ class ArmVelocity:
 
     @staticmethod
     def errors(config: ArmVelocityConfig, x: Array, truth: Array) -> dict[str, Array]:
-        """The errors of estimates (n, nx), named with their units."""
+        """Errors of estimates (n, nx), named with their units."""
         return velocity_errors(believed(config), x, truth)
 
 
 def believed(config: ArmVelocityConfig) -> LagrangianMission:
-    """The mission of an observer, which does not know the load."""
+    """Mission of the observer, which does not know the load."""
     return LagrangianMission(MechanismSystem(_models(config)[0]), config.reading, config.period, config.speed_max)
 
 
 def _models(config: ArmVelocityConfig) -> tuple[mujoco.MjModel, mujoco.MjModel]:
-    """The model as it is believed, and as it is."""
-    own_file = Path(config.mechanism).is_file()  # which may be another one by now
+    """Model of the observer, and the true model."""
+    own_file = Path(config.mechanism).is_file()  # which may have changed since
     return (_built.__wrapped__ if own_file else _built)(config.mechanism, config.load)
 
 
@@ -115,7 +115,7 @@ def _built(mechanism: str, load: float) -> tuple[mujoco.MjModel, mujoco.MjModel]
 
 
 def _start(config: ArmVelocityConfig, mission: LagrangianMission) -> Array:
-    """(nx,) the state at the start."""
+    """Initial state (nx,)."""
     manifold = mission.system.manifold
     if not config.start:
         return np.concatenate([manifold.origin, np.zeros(manifold.vector_size)])

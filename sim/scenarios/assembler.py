@@ -1,13 +1,13 @@
-"""Assembles the closed loop of a scenario from what all scenarios share.
+"""Assembler of a scenario's closed loop from the parts that all scenarios share.
 
-    plug-ins        the scenario's own where none are given, checked against the mission
+    plug-ins        the scenario's defaults if none are given, checked against the mission
     random streams  one for each source of chance, in the order that the scenario lists
     faults          of every group of faults in the configuration, around planner, sensors and plant
     certificate     around the planner of a flight, unless its plug-in declares ``certified = False``, or a function
                     in the place of ``Certified.for_mission``
     record          config.json: enough to build the same loop again, and to draw its run
 
-A scenario says the rest: its mission, its vehicle, its referee, its metrics and its task.
+The scenario supplies the rest: its mission, vehicle, referee, metrics and task.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class RandomStreams:
     """The random generators of a run by name, one for each source of chance, all spawned from its seed.
 
     The listed ones are the children of ``root``, in the order of their names. Any other name has a generator too,
-    which follows from the seed and the name alone: a new source of chance leaves what all others draw as it was.
+    which follows from the seed and the name alone: a new random stream leaves the draws of all others unchanged.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class RandomStreams:
         given: Mapping[str, np.random.Generator] | None = None,
     ) -> None:
         self.root = root
-        """the generator that all others are spawned from"""
+        """generator that all others are spawned from"""
         self._named = {**(given or {}), **dict(zip(names, root.spawn(len(names)), strict=True))}
 
     def __getitem__(self, name: str) -> np.random.Generator:
@@ -70,7 +70,7 @@ class RandomStreams:
         return self._named[name]
 
     def split(self, name: str, count: int) -> list[RandomStreams]:
-        """Streams for each of so many vehicles, whose ``name`` is a child of the stream ``name`` of all."""
+        """Streams for each of ``count`` vehicles, whose ``name`` is a child of the common stream ``name``."""
         return [RandomStreams(child, given={name: child}) for child in self[name].spawn(count)]
 
 
@@ -82,16 +82,16 @@ class VehicleStack:
     estimator: Estimator
     planner: Planner
     tracker: Any
-    asked: tuple[str, ...]  # names of the sensors that the estimator asked for
+    asked: tuple[str, ...]  # names of the sensors that the estimator requests
 
     def agent(self, input_size: int = 3, messages: Sequence[Message] = ()) -> Agent:
-        """The agent that flies with it; ``messages`` reach the planner at their own times."""
+        """Agent with this stack; ``messages`` reach the planner at their times."""
         return Agent(self.estimator, self.planner, self.tracker, input_size, messages, sensors=self.asked)
 
 
 @dataclass(frozen=True)
 class Assembler:
-    """Builder of one closed loop of a scenario, for one seed; with ``faults=()`` one without faults."""
+    """Builder of one closed loop of a scenario, for one seed; ``faults=()`` builds it without faults."""
 
     scenario: Any  # its class
     config: Any  # of the scenario's Config
@@ -105,10 +105,10 @@ class Assembler:
     def for_scenario(
         scenario: Any, config: Any, seed: int, controller: PluginSpec | None, estimator: PluginSpec | None
     ) -> Assembler:
-        """The assembler of a scenario's class, with the scenario's own plug-ins where none are given.
+        """Assembler of a scenario's class, with the scenario's default plug-ins if none are given.
 
         ``scenario.streams`` lists the names of the random streams, in the order in which they are spawned; without it
-        none is listed.
+        no stream is listed.
         """
         groups = (getattr(config, field.name) for field in dataclasses.fields(config))
         return Assembler(
@@ -124,7 +124,7 @@ class Assembler:
     # ---- what a vehicle flies with
 
     def stack(self, mission: Any, *others: Sensor, certified_flight: FlightMission | None = None) -> VehicleStack:
-        """The autonomy stack of a vehicle, with its faults; ``others`` are sensors beside those of the estimator.
+        """Autonomy stack of a vehicle, with its faults; ``others`` are sensors in addition to those of the estimator.
 
         With ``certified_flight``, the mission of a point mass, every plan is certified before it is flown, unless the
         controller declares otherwise; with the field ``filter`` every command is filtered instead. PluginError for a
@@ -144,39 +144,39 @@ class Assembler:
 
     @property
     def guaranteed(self) -> bool:
-        """True if what a flight does is certified or filtered: a controller may declare that its plans are not."""
+        """True if plans are certified or commands filtered; a controller may declare that it is not certified."""
         return bool(getattr(self.config, "filter", False) or getattr(self.controller.plugin, "certified", True))
 
     def first_plan(self, mission: Any, flight: FlightMission) -> Plan:
-        """The certified planner's answer at the start; a controller without a certificate is held to it here too."""
+        """First plan by the certified planner, also for a controller that declares no certificate."""
         planner, tracker = checked_controller(self.controller, mission, TrackingBound)
         request = PlanRequest(0.0, 0.0, Estimate(0.0, flight.start_state), None)
         return Certified.for_mission(planner, flight, tracker).plan(request)
 
     def observer(self, mission: Any) -> Estimator:
-        """The estimator alone; PluginError if it does not fit the mission."""
+        """Estimator alone; raises PluginError if it does not fit the mission."""
         return checked_estimator(self.estimator, mission)
 
     def asked(self, mission: Any) -> tuple[str, ...]:
-        """Names of the sensors that the estimator asks for."""
+        """Names of the sensors that the estimator requests."""
         return tuple(sensor.name for sensor in checked_sensors(self.estimator, mission))
 
     def sensors(self, mission: Any, *others: Sensor, streams: RandomStreams | None = None) -> tuple[Sensor, ...]:
-        """The sensors alone that the estimator asks for, and ``others``, with their faults."""
+        """Sensors that the estimator requests, and ``others``, with their faults."""
         carried = (*checked_sensors(self.estimator, mission), *others)
         for faults, kind, stream in self._faults(streams):
-            rngs = stream.spawn(len(carried))  # each sensor draws from a generator of its own
+            rngs = stream.spawn(len(carried))  # each sensor draws from its own generator
             carried = tuple(kind.on_sensor(faults, sensor, rng) for sensor, rng in zip(carried, rngs, strict=True))
         return carried
 
     def with_planner_faults(self, planner: Planner, streams: RandomStreams | None = None) -> Planner:
-        """A planner with its faults."""
+        """Planner with the faults of the configuration."""
         for faults, kind, stream in self._faults(streams):
             planner = kind.on_planner(faults, planner, stream)
         return planner
 
     def _faults(self, streams: RandomStreams | None = None) -> Iterator[tuple[Fault, type[Fault], np.random.Generator]]:
-        """Every fault: its fields, its class, and the stream that it draws from, of the streams of the run if none."""
+        """Every fault: its fields, its class, and its random stream, from ``streams`` or those of the run."""
         for faults in self.faults:
             for kind in kinds(faults):
                 yield faults, kind, (streams or self.streams)[kind.stream]
@@ -184,7 +184,7 @@ class Assembler:
     # ---- plant
 
     def disturbed(self, plant: Plant, period: float, *, mass: float) -> Plant:
-        """The plant with its disturbances, for vehicles of a mass [kg] and planners of a period [s]; itself for none.
+        """Plant with its disturbances, for vehicles of a mass [kg] and planners of a period [s]; unchanged without any.
 
         ``mass`` is the true one: forces per mass are multiplied by it.
         """
@@ -211,18 +211,18 @@ class Assembler:
         network: Network | None = None,
         task: Task | None = None,
     ) -> ClosedLoop:
-        """The closed loop, with its config.json.
+        """Closed loop, with its config.json.
 
-        ``mission`` is the mission as it is recorded, a dataclass of ``mathnavi.sim.records.missions`` for one;
-        ``resolved`` the configuration with all that was drawn, that given if nothing was; ``terrain`` its name, its
-        path and its digest.
+        ``mission`` is the record of the mission, for example a dataclass of ``mathnavi.sim.records.missions``;
+        ``resolved`` is the configuration with all values that were drawn, the given one if None; ``terrain`` has its
+        name, path and digest.
         """
         return ClosedLoop(
             plant, agents, duration, finished, summarise, self._record(mission, resolved, terrain), network, task
         )
 
     def _record(self, mission: Any, resolved: Any, terrain: Mapping[str, Any] | None) -> dict[str, Any]:
-        """Content of config.json beside the versions."""
+        """Content of config.json without the versions."""
         drawing = getattr(self.scenario, "drawing", None)
         place = f"{self.scenario.__module__}:{self.scenario.__qualname__}"
         configs = self.config, self.controller.config, self.estimator.config

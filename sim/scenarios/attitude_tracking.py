@@ -53,21 +53,21 @@ class AttitudeTrackingFields(LagrangianFields):
     kernels: ClassVar[str] = "mathnavi.models.manifold.ahead"  # compiled before the first run
 
     reading: PositionQuality = field(default_factory=lambda: PositionQuality(noise=0.005))
-    """how the attitude errs"""
+    """errors of the attitude readings"""
     rate: float = 500.0
-    """readings, estimates and commands a second [Hz]"""
+    """rate of readings, estimates and commands [Hz]"""
     settled: float = 5.0
-    """from when on errors count [s]"""
+    """time from which errors count [s]"""
     tolerance: float = 0.5
-    """root mean square of the rate's error after that [rad/s]"""
+    """largest root mean square error of the rate, after settled, that counts as converged [rad/s]"""
     speed: Annotated[float, Radians(0.0, 100.0, unit="rad/s")] = 0.0
-    """at the start [rad/s]; attitude and axis are drawn"""
+    """initial rate of rotation [rad/s]; attitude and axis are drawn"""
     inertia: Inertia = SphereObserverConfig.inertia
-    """of the body, about every axis [kg m^2]"""
+    """moment of inertia of the body about every axis [kg m^2]"""
     principal_inertia: Annotated[NumberList, FINITE_NUMBERS] = ()
-    """about each of its three axes, in place of the inertia; none greater than the sum of the others [kg m^2]"""
+    """moments of inertia about the three axes, in place of inertia; none greater than the sum of the others [kg m^2]"""
     attitude_tolerance: Annotated[float, Radians(0.0, math.pi, open_low=True)] = 0.1
-    """root mean square of the angle to the reference after that [rad]"""
+    """largest root mean square angle to the reference after settled [rad]"""
 
     def __post_init__(self) -> None:
         LagrangianFields.__post_init__(self)
@@ -102,7 +102,7 @@ class AttitudeTrackingScenario:
         controller: PluginSpec | None = None,
         estimator: PluginSpec | None = None,
     ) -> ClosedLoop:
-        """The closed loop of one seed, from an attitude that is uniform among all."""
+        """Closed loop of one seed, from an attitude drawn uniformly."""
         parts = Assembler.for_scenario(AttitudeTrackingScenario, config, seed, controller, estimator)
         mission = _mission(config)
         start = checked_speed(_drawn_start(config, parts.streams["draws"]), mission)
@@ -129,12 +129,12 @@ class AttitudeTrackingScenario:
 
     @staticmethod
     def errors(config: AttitudeTrackingFields, x: Array, truth: Array) -> dict[str, Array]:
-        """The errors of estimates (n, nx), named with their units."""
+        """Errors of estimates (n, nx), named with their units."""
         return velocity_errors(_mission(config), x, truth)
 
 
 def _angle_to_reference(controller: PluginSpec, mission: LagrangianMission) -> StageCost | None:
-    """L = theta^2 at the end of a step, theta [rad] the angle to the reference; None where the controller has none."""
+    """Stage cost L = theta^2 at the end of a step, theta [rad] the angle to the reference; None without a reference."""
     tracking, manifold = controller.config, Attitude()
     if not isinstance(tracking, AttitudeTrackingConfig):
         return None
@@ -149,7 +149,7 @@ def _angle_to_reference(controller: PluginSpec, mission: LagrangianMission) -> S
 
 
 def _drawn_start(config: AttitudeTrackingFields, rng: np.random.Generator) -> Array:
-    """(7,) an attitude that is uniform among all, and a rate of the length given about an axis that is."""
+    """Initial state (7,): an attitude drawn uniformly, and the given rate about an axis drawn uniformly."""
     axis = rng.standard_normal(3)
     return np.concatenate([sphere(3).draw(rng), config.speed * axis / np.linalg.norm(axis)])
 

@@ -36,7 +36,7 @@ from mathnavi.sim.scenarios.task import Task
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-REHEARSED = 3  # planning periods, in which most of what a run needs is called
+REHEARSED = 3  # planning periods, in which most kernels of a run are called
 SHOWN = 12  # figures of a summary in a short table
 
 
@@ -48,18 +48,18 @@ def _scene(plant: Plant, recording: Recording) -> dict[str, Array] | None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunResult:
-    """A run: its arrays by dotted name, its summary, its events, and whether the mission did what it should.
+    """Result of a run: its arrays by dotted name, summary, events, and whether the mission did what it should.
 
     ``run["truth.x"]`` is an array of the log, (n, nx) by control step; ``run.arrays`` names them all.
     """
 
     recording: Recording
     summary: dict[str, Any]  # figures by name, the unit at its end: "min_clearance_m"
-    config: dict[str, Any]  # what config.json holds: scenario, seed, every field, the plug-ins
+    config: dict[str, Any]  # content of config.json: scenario, seed, every field, the plug-ins
     success: bool
-    folder: Path | None = None  # which it was read from or saved in
-    trusted: bool = True  # its drawing may be any code: of who flew the run; False for one read from a folder
-    scene: Callable[[], dict[str, Array] | None] | None = None  # makes its scene's arrays, where it is drawn by them
+    folder: Path | None = None  # folder that it was read from or saved in
+    trusted: bool = True  # whether its own drawing, which may be any code, may run; False for one read from a folder
+    scene: Callable[[], dict[str, Array] | None] | None = None  # makes the arrays of its scene, if it is drawn by them
 
     @cached_property
     def arrays(self) -> dict[str, Array]:
@@ -67,14 +67,14 @@ class RunResult:
         return self.recording.arrays()
 
     def __getitem__(self, name: str) -> Array:
-        """The array of a dotted name; KeyError names those that exist."""
+        """Array of a dotted name; KeyError lists those that exist."""
         if name not in self.arrays:
             raise KeyError(f"{name!r} is not in the log; {allowed_for(name, sorted(self.arrays))}")
         return self.arrays[name]
 
     @property
     def t(self) -> Array:
-        """(n,) [s] times of the control steps."""
+        """Times (n,) [s] of the control steps."""
         return self.recording.t
 
     @property
@@ -83,7 +83,7 @@ class RunResult:
         return self.recording.events
 
     def scene_arrays(self) -> dict[str, Array] | None:
-        """The arrays of the scene; None for a run that is drawn without."""
+        """Arrays of the scene; None for a run that is drawn without them."""
         return None if self.scene is None else self.scene()
 
     def write(self, folder: Path) -> None:
@@ -91,14 +91,14 @@ class RunResult:
         write_run(folder, self.config, self.summary, self.recording, self.scene_arrays())
 
     def write_files(self, folder: Path) -> None:
-        """Write the files of the run into a folder that is there."""
+        """Write the files of the run into an existing folder."""
         write_run_files(folder, self.config, self.summary, self.recording, self.scene_arrays())
 
     def save(self, folder: str | Path) -> Path:
         """Write config.json, summary.json, events.jsonl, log.npz and log.json into a folder, and return it.
 
-        A run that was read from a folder is copied as it is. The folder is replaced whole; other files in it are kept.
-        Raises OSError where it cannot be written, RunFolderError where another process is writing it.
+        A run that was read from a folder is copied unchanged. The folder is replaced as a whole; other files in it are
+        kept. Raises OSError where it cannot be written, RunFolderError where another process is writing it.
         """
         target = Path(folder)
         if self.folder is None:
@@ -113,7 +113,7 @@ class RunResult:
         return target
 
     def plot(self) -> Figure:
-        """The run at a glance: the map of a flight, the field of a robot, a velocity beside its estimate."""
+        """Figure of the run: the map of a flight, the field of a robot, or a velocity with its estimate."""
         from mathnavi.renders.run_figure import run_figure  # matplotlib takes a while to import
 
         with self._in_folder() as folder:
@@ -130,7 +130,7 @@ class RunResult:
     ) -> Path:
         """Write an MP4 and return its path; ``options`` are ``width``, ``height`` [pixels] and ``fps`` [1/s].
 
-        Raises ValueError for a camera that the run is not drawn by, RuntimeError where there is no OpenGL.
+        Raises ValueError for a camera that the run does not have, RuntimeError without OpenGL.
         """
         from mathnavi.renders.video import write_video
 
@@ -151,7 +151,7 @@ class RunResult:
 
     @contextmanager
     def _in_folder(self) -> Iterator[Path]:
-        """The run's folder, to be drawn; one for the time being, if it was not saved yet."""
+        """Folder of the run, to be drawn; a temporary one if it was not saved yet."""
         with trusting(self.trusted), ExitStack() as stack:
             if self.folder is not None:
                 yield self.folder
@@ -194,7 +194,7 @@ class RunResult:
 class ClosedLoop:
     """A closed loop, built for one seed; it runs once.
 
-    ``finished(t, truths)`` is the referee: it sees the true states, (nx,) by vehicle, at t [s]. ``summarise(recording,
+    ``finished(t, truths)`` is the referee: it gets the true states, (nx,) by vehicle, at t [s]. ``summarise(recording,
     wall_seconds)`` returns the summary, and whether the mission did what it should.
     """
 
@@ -203,9 +203,9 @@ class ClosedLoop:
     duration: float  # [s] at most
     finished: Callable[[float, Mapping[str, Array]], bool]
     summarise: Callable[[Recording, float], tuple[dict[str, Any], bool]]
-    config: dict[str, Any]  # what config.json holds beside the versions
+    config: dict[str, Any]  # content of config.json without the versions
     network: Network | None = None  # of a fleet
-    task: Task | None = None  # for whoever commands the actuators; None: nobody else than the controller can
+    task: Task | None = None  # for commands from outside; None if only the controller can command the actuators
 
     def run(
         self,
@@ -213,8 +213,8 @@ class ClosedLoop:
         again: Callable[[], ClosedLoop] | None = None,
         watch: Callable[[Loop], None] | None = None,
     ) -> RunResult:
-        """Simulate and evaluate; ``progress`` is called with the simulated time [s], ``watch`` with the loop after
-        every step.
+        """Simulate and evaluate the run; ``progress`` is called with the simulated time [s], ``watch`` with the loop
+        after every step.
 
         ``again`` builds the same closed loop once more. With it, a run in whose first planning periods kernels were
         compiled is a rehearsal: it ends there, and the run is flown from a fresh closed loop. Time spent compiling
@@ -248,9 +248,9 @@ class ClosedLoop:
 def built(
     name: str, scenario: Any, config: Any, seed: int, controller: PluginSpec, estimator: PluginSpec
 ) -> ClosedLoop:
-    """The closed loop that a scenario builds for one seed; errors as the scenario has them.
+    """Closed loop that a scenario builds for one seed; raises the scenario's errors.
 
-    PluginError where a stranger's scenario fails to build it, or builds something else.
+    Raises PluginError if a third-party scenario fails to build it, or builds something else.
     """
     with of_stranger(scenario, f"scenarios: {name!r}: build() failed:"):
         closed_loop: ClosedLoop = scenario.build(config, seed, controller, estimator)

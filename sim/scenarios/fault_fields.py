@@ -1,12 +1,13 @@
-"""Faults and disturbances of a scenario: each is one class, its fields and what it puts around a part of the loop.
+"""Faults and disturbances of a scenario: each is one class with its fields and its wrapper of a part of the loop.
 
     on_planner     around the planner: solver failures, corrupted plans, late plans
     on_sensor      around a sensor: lost readings
     disturbances   around the plant: gusts, jumps
 
-A new one is a class here and its entry: a base of ``CommonFlightFaults``, of what any flight can have, a missile's too,
-or of the group of one kind of vehicle. Its fields are flags of all scenarios with that group (``--faults.FIELD``), and
-``mathnavi.sim.scenarios.assembler`` puts it in its place. It names a random stream, whether it draws or not.
+A new fault is a class here and an entry: a base of ``CommonFlightFaults``, for faults of every flight, a missile's
+included, or of the group of one kind of vehicle. Its fields are flags of all scenarios with that group
+(``--faults.FIELD``), and ``mathnavi.sim.scenarios.assembler`` applies it. It names a random stream, even if it draws
+nothing.
 
 A disturbance acts; it is not declared. What tracking bounds allow for is ``FlightMission.gust`` (``flight_parts``,
 ``controllers.flight.tracker``, ``controllers.quadrotor.bound``); a force beyond that carries no guarantee.
@@ -27,44 +28,44 @@ from mathnavi.sim.engine.faults import CorruptedPlan, Delayed, Disturbance, Fail
 from mathnavi.sim.interfaces.bounds import FINITE, Fraction, NonNegative, Positive, configuration
 from mathnavi.sim.interfaces.protocols import Planner, Sensor
 
-LARGEST = 1e5  # of any field in SI units: beyond it there is no such flight, and numbers begin to overflow
+LARGEST = 1e5  # of any field in SI units: no flight needs more, and numbers begin to overflow
 
 Magnitude = Annotated[NonNegative, Le(LARGEST)]
 PositiveMagnitude = Annotated[Positive, Le(LARGEST)]
 Factor = Annotated[float, Interval(ge=0.1, le=10.0), FINITE]
-"""A quantity of the true vehicle over that of the declared one."""
+"""factor of a quantity of the true vehicle over that of the declared one"""
 
 PLANNER_STREAMS = ("solver_failures", "corrupted_plans", "late_plans")
 
 
 @configuration(prefix="faults.")
 class Fault:
-    """Base of all faults and of their groups: by itself it leaves every part as it is."""
+    """Base of all faults and of their groups, which leaves every part unchanged."""
 
-    stream: ClassVar[str]  # the random stream that it draws from; a group has none of its own
+    stream: ClassVar[str]  # the random stream that it draws from; a group has none
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Refuse a fault that acts without a random stream: ``kinds`` would pass it over."""
+        """Refuse a fault that acts without a random stream: ``kinds`` would skip it."""
         super().__init_subclass__(**options)
         acts = [name for name in ("on_planner", "on_sensor", "disturbances") if name in vars(cls)]
         if acts and "stream" not in vars(cls):
             raise TypeError(f"{cls.__qualname__} has {acts[0]}() and no stream; allowed: a ClassVar stream, its name")
 
     def on_planner(self, planner: Planner, rng: np.random.Generator) -> Planner:
-        """The planner with this fault."""
+        """Planner with this fault."""
         return planner
 
     def on_sensor(self, sensor: Sensor, rng: np.random.Generator) -> Sensor:
-        """The sensor with this fault."""
+        """Sensor with this fault."""
         return sensor
 
     def disturbances(self, mass: float, period: float, rng: np.random.Generator) -> Sequence[Disturbance]:
-        """Disturbances of vehicles of a mass [kg] that are planned for every ``period`` [s]."""
+        """Disturbances of vehicles with a mass [kg] and a planning period [s]."""
         return ()
 
 
 def kinds(faults: Fault) -> Iterator[type[Fault]]:
-    """The faults that a group is made of, in the order of their fields."""
+    """Faults of a group, in the order of their fields."""
     return (kind for kind in reversed(type(faults).__mro__) if issubclass(kind, Fault) and "stream" in vars(kind))
 
 
@@ -73,12 +74,12 @@ def kinds(faults: Fault) -> Iterator[type[Fault]]:
 
 @configuration(prefix="faults.")
 class SolverFailures(Fault):
-    """The solver gives up."""
+    """Failures of the solver."""
 
     stream: ClassVar[str] = "solver_failures"
 
     solver_failure_rate: Fraction = 0.0
-    """fraction of the requests on which the solver gives up"""
+    """fraction of the requests on which the solver fails"""
 
     def on_planner(self, planner: Planner, rng: np.random.Generator) -> Planner:
         return FailingSolver(planner, self.solver_failure_rate, rng) if self.solver_failure_rate > 0.0 else planner
@@ -116,7 +117,7 @@ class LatePlans(Fault):
 
 @configuration(prefix="faults.")
 class Jumps(Fault):
-    """The vehicle is displaced at once."""
+    """Sudden displacements of the vehicle."""
 
     stream: ClassVar[str] = "position_jumps"
 
@@ -134,11 +135,11 @@ class RandomGusts(Fault):
     stream: ClassVar[str] = "gusts"
 
     gust_rms: Magnitude = 0.0
-    """force per mass on each axis [m/s^2]"""
+    """rms of the random force per mass on each axis [m/s^2]"""
     gust_time_constant: Annotated[float, Interval(ge=TICK, le=LARGEST), FINITE] = 3.0
-    """of the gusts' first-order model [s]"""
+    """time constant of the gusts' first-order model [s]"""
     gust_limit: PositiveMagnitude = 4.0
-    """longest gust [m/s^2]"""
+    """largest magnitude of a gust [m/s^2]"""
 
     def disturbances(self, mass: float, period: float, rng: np.random.Generator) -> Sequence[Disturbance]:
         if self.gust_rms <= 0.0:
@@ -147,7 +148,7 @@ class RandomGusts(Fault):
 
     @property
     def declared_gusts(self) -> DeclaredGusts:
-        """These gusts as the mission declares them."""
+        """Gusts as the mission declares them."""
         return DeclaredGusts(self.gust_rms, self.gust_time_constant, self.gust_limit)
 
 

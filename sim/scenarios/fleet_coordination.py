@@ -1,4 +1,4 @@
-"""Communication in a fleet: a coordinator for each vehicle, on a clock in common or on its own."""
+"""Communication in a fleet: a coordinator for each vehicle, on a common clock or on the vehicle's own clock."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def coordinators(
     deadline: float,
     streams: RandomStreams,
 ) -> dict[str, Coordinator]:
-    """The coordinator of every vehicle, by name; FieldError for a graph or a delay check that cannot be.
+    """Coordinators of all vehicles, by name; FieldError for an impossible graph or delay check.
 
     ``deadline`` [s] is that of the fleet.
     """
@@ -63,16 +63,17 @@ def coordinators(
 
 
 def consensus_of(config: SimultaneousArrivalConfig) -> PluginSpec:
-    """The consensus by which the fleet agrees on a time.
+    """Consensus by which the fleet agrees on a time.
 
-    Raises PluginError for a plug-in that agrees on none, FieldError for a field that it refuses.
+    Raises PluginError for a plug-in whose result need not be a time between the vehicles' own, FieldError for a field
+    that it refuses.
     """
     plugin = load("consensus", config.consensus)
     if not plugin.within_starts:
         fitting = [name for name, other in loadable("consensus").items() if other.within_starts]
         raise PluginError(
-            f"consensus = {config.consensus!r}: what it agrees on need not lie between the vehicles' own times; "
-            f"allowed: {', '.join(fitting)}, or another that says within_starts"
+            f"consensus = {config.consensus!r}: its result need not lie between the vehicles' own times; "
+            f"allowed: {', '.join(fitting)}, or another that declares within_starts"
         )
     return PluginSpec(plugin, config.consensus_config(plugin))
 
@@ -80,9 +81,9 @@ def consensus_of(config: SimultaneousArrivalConfig) -> PluginSpec:
 def _rule(
     config: SimultaneousArrivalConfig, name: str, peers: list[str], zone: Zone, period: float, rng: np.random.Generator
 ) -> Callable[[Plan], SeparationRule]:
-    """The rule of separation of a vehicle that plans once a period [s], given its stored plan.
+    """Rule of separation of a vehicle with a planning period [s], given its stored plan.
 
-    FieldError for a delay check that leaves a period no time.
+    Raises FieldError for a delay check that is too long for the period.
     """
     if config.separation_rule == "agreement":
         return lambda stored: Separation(name, peers, zone, stored, rng)
@@ -108,11 +109,11 @@ def _talker(
     stored: Plan,
     ahead: float,
 ) -> FleetCoordinator:
-    """The coordinator of one vehicle, in a time that is ``ahead`` [s] of the simulation's."""
+    """Coordinator of one vehicle, whose clock is ``ahead`` [s] of the simulation's time."""
     node: Any = dataclasses.replace(
         graph.node(name, vehicle.planner.period, deadline + ahead), clock_error=zone.clock_error
     )
-    # To defer is to ask all for a later time; an average does not follow.
+    # To defer is to request a later time of all; an average does not follow.
     follows = getattr(consensus.plugin, "only_rises", False)
     assured = AssuredArrival(vehicle.assured + ahead, vehicle.estimate.arrives, vehicle.braking) if follows else None
     return FleetCoordinator(

@@ -68,18 +68,18 @@ _NAME = re.compile(r"[A-Za-z0-9_-]+")
 
 @configuration(prefix="radio.")
 class Radio:
-    """Delays, losses and cuts of messages on their way, and how far they reach."""
+    """Radio between the vehicles: range, delays, losses and cuts."""
 
     range: PositiveMagnitude | None = None
-    """distance up to which two vehicles hear each other [m]; any if not given"""
+    """distance up to which two vehicles receive each other's messages; unlimited if not given [m]"""
     delay: tuple[float, float] = (0.0, 0.0)
-    """least and most time that a message takes [s]"""
+    """least and largest delay of a message [s]"""
     loss: Fraction = 0.0
     """fraction of the messages that are lost"""
     duplication: Fraction = 0.0
-    """fraction of those that arrive that arrive twice"""
+    """fraction of the arriving messages that arrive twice"""
     partition: tuple[float, float] = (0.0, 0.0)
-    """from when to when the first half of the fleet does not hear the other [s]"""
+    """times from which and until which the two halves of the fleet do not receive each other's messages [s]"""
 
     def __post_init__(self) -> None:
         for name in ("delay", "partition"):
@@ -88,9 +88,9 @@ class Radio:
             check(high, f"radio.{name}", low)
 
     def network(self, names: Sequence[str], rng: np.random.Generator, distance: Callable[[str, str], float]) -> Network:
-        """The network between these vehicles, which draws delays and losses from ``rng``.
+        """Network between these vehicles, which draws delays and losses from ``rng``.
 
-        ``distance(one, other)`` [m] is that between two of them now.
+        ``distance(one, other)`` [m] is the present distance between two of them.
         """
         delays, losses = rng.spawn(2)
         network: Network = IdealNetwork(names)
@@ -107,16 +107,16 @@ class Radio:
 
 @configuration(prefix="clocks.")
 class Clocks:
-    """The vehicles' clocks; without an offset and a drift they have one in common."""
+    """Clocks of the vehicles; without an offset and a drift they have a common clock."""
 
     offset: Annotated[NonNegative, Le(_FARTHEST)] = 0.0
-    """half-width of each clock's error at first [s]"""
+    """half-width of each clock's initial error [s]"""
     drift: Annotated[NonNegative, Le(_FASTEST)] = 0.0
-    """half-width of the drift of each, per second [s]"""
+    """half-width of each clock's drift [s per second]"""
     error: Annotated[NonNegative, Le(_FARTHEST)] = 0.0
-    """largest error of a corrected clock; it enlarges the distance that vehicles keep [s]"""
+    """largest error of a corrected clock, which enlarges the distance that vehicles keep [s]"""
     settling: NonNegative = 5.0
-    """how long at first the vehicles agree on a time and on nothing else [s]"""
+    """initial time in which the vehicles agree on a common time only [s]"""
 
     def __post_init__(self) -> None:
         if not self.agree and self.error == 0.0:
@@ -127,7 +127,7 @@ class Clocks:
 
     @property
     def agree(self) -> bool:
-        """True where there is a clock in common."""
+        """True if there is a common clock."""
         return self.offset == 0.0 and self.drift == 0.0
 
 
@@ -138,17 +138,18 @@ class FleetEndFields:
     terrain: TerrainPlace = MissionFields.terrain
     """name of a terrain, or an .npz file"""
     vehicles: Annotated[int, Interval(ge=2, le=_MOST)] = 4
-    """how many"""
+    """number of vehicles"""
     name: tuple[str, ...] = ()
-    """of every vehicle, once for each; vehicle_1, vehicle_2, ... if not given"""
+    """name of a vehicle, given once for each; vehicle_1, vehicle_2, ... if not given"""
     start: Annotated[tuple[Point, ...], Each(THREE_FINITE_NUMBERS)] = ()
-    """x, y, z [m] of every vehicle, once for each; drawn from the seed if not given"""
+    """start x, y, z of a vehicle, given once for each; drawn from the seed if not given [m]"""
     target: FinitePoint | None = None
-    """x, y, z [m] of the middle of the slots; drawn from the seed if not given"""
+    """middle x, y, z of the slots; drawn from the seed if not given [m]"""
     slot_spacing: PositiveMagnitude = 1500.0
-    """between neighbouring slots on their ring [m]"""
+    """distance between neighbouring slots on their ring [m]"""
     slot_assignment: SlotAssignment = "least_squares"
-    """which slot is whose: least sum of squared distances from the starts, or the k-th vehicle's is the k-th slot"""
+    """assignment of slots: by the least sum of squared distances from the starts, or the k-th slot to the k-th
+    vehicle"""
     separation: HullSeparation = 200.0
     """d_s, least distance between the centres of two vehicles [m]"""
     drawn_heights: DrawnHeights = MissionFields.drawn_heights
@@ -159,36 +160,38 @@ class FleetEndFields:
 
 @configuration
 class FleetFields(LimitFields, FleetEndFields):
-    """Vehicles of a fleet, their starts and targets, the ground, their bounds, and how they agree."""
+    """Vehicles of a fleet, their starts and targets, the ground, their bounds, and their agreement."""
 
     deadline_factor: DeadlineFactor = 1.5
-    """gamma: the fleet's deadline over the longest of the first plans"""
+    """gamma, ratio of the fleet's deadline to the duration of the longest first plan"""
     arrival_radius: PositiveMagnitude = LimitFields.arrival_radius
-    """r_f, how near to its slot a vehicle has arrived [m]"""
+    """r_f, distance from its slot within which a vehicle has arrived [m]"""
     spread: PositiveMagnitude = 5.0 / 3.0
-    """of the arrivals, which counts as one time [s]"""
+    """largest spread of the arrival times that counts as one time [s]"""
     graph: GraphName = "ring"
-    """who agrees with whom on the time of arrival, a ring of two being a line; plans are sent to all"""
+    """graph of the vehicles that agree with each other on the arrival time (a ring of two is a line); plans go to
+    all"""
     edge: tuple[tuple[str, str, float], ...] = ()
-    """NAME NAME WEIGHT of a graph of your own, in the place of --graph; may be given several times"""
+    """edge NAME NAME WEIGHT of your own graph, in place of --graph; may be given several times"""
     consensus: Annotated[str, PluginName(partial(load, "consensus"))] = "maximum"
-    """plug-in by which that is agreed"""
+    """consensus plug-in that agrees on the arrival time"""
     consensus_with: tuple[str, ...] = ()
-    """FIELD=VALUE of that plug-in; may be given several times"""
+    """field FIELD=VALUE of the consensus plug-in; may be given several times"""
     separation_rule: SeparationRuleName = "agreement"
-    """keeps plans apart: flown once all others agree, or (RMADER) if none received meanwhile is in the way"""
+    """rule that keeps plans apart: a plan is flown once all others agree, or (RMADER) if no plan received meanwhile
+    conflicts"""
     delay_check: NonNegative = 0.5
-    """delta_DC, how long the latter checks what it receives; it keeps vehicles apart if no message takes longer [s]"""
+    """delta_DC, duration of RMADER's check of received plans; vehicles keep apart if no message takes longer [s]"""
     control_rate: Rate = MissionFields.control_rate
-    """of estimator, tracker and log [Hz]; the physics runs at 300 Hz"""
+    """rate of estimator, tracker and log; the physics runs at 300 Hz [Hz]"""
 
     def __post_init__(self) -> None:
         if self.start and len(self.start) != self.vehicles:
             raise FieldError(f"start = {len(self.start)} points; allowed: {self.vehicles}, one for each vehicle")
         if self.slot_spacing < self.separation:
             raise FieldError(
-                f"separation = {self.separation!r}; allowed: <= slot_spacing = {self.slot_spacing!r}, for those "
-                "that have arrived keep it too"
+                f"separation = {self.separation!r}; allowed: <= slot_spacing = {self.slot_spacing!r}, because "
+                "vehicles at their slots keep it too"
             )
         if self.name and len(self.name) != self.vehicles:
             raise FieldError(f"name = {self.name!r}; allowed: {self.vehicles}, one for each vehicle")
@@ -206,7 +209,7 @@ class FleetFields(LimitFields, FleetEndFields):
         return self.name or tuple(f"vehicle_{k + 1}" for k in range(self.vehicles))
 
     def network_graph(self, rng: np.random.Generator) -> Graph:
-        """Graph of communication; FieldError for edges that cannot be, or that leave a vehicle out."""
+        """Graph of communication; FieldError for impossible edges, or edges that leave a vehicle out."""
         if self.edge:
             edges: dict[tuple[str, str], float] = {}
             for one, other, weight in self.edge:
@@ -223,7 +226,7 @@ class FleetFields(LimitFields, FleetEndFields):
         return {"line": Graph.line, "ring": Graph.ring, "complete": Graph.complete}[graph](self.names)
 
     def consensus_config(self, plugin: Any) -> Any:
-        """The configuration of the consensus; FieldError for a field that it does not have, or a value it refuses."""
+        """Configuration of the consensus; FieldError for a field that it does not have, or a value that it refuses."""
         fields: dict[str, Any] = {}
         for each in self.consensus_with:
             name, equals, value = each.partition("=")

@@ -1,7 +1,7 @@
 """Starts of a fleet: each vehicle with a slot, a level, and a stored plan that keeps apart from the others.
 
-The stored plans arrive at one time, the assured one: T_A, later than the last would arrive by itself. Until then they
-wait above their slots. What a fleet agrees on beside it is to be there sooner.
+The stored plans arrive at one time, the assured time T_A, which is later than the last vehicle's own arrival. Until
+then the vehicles wait above their slots. The fleet then agrees on an earlier time.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from mathnavi.sim.scenarios.flight_parts import check_above_ground, drawn_point
 _DRAWS = 200
 _TARGETS = 10_000
 _TRIES = 5
-_ROOM = 0.95  # of the widest ring that fits: targets that are drawn need some room
-_SLACK = 1.05  # of the assured time: the way flown is longer than a straight line
+_ROOM = 0.95  # of the widest ring that fits: drawn targets need some room
+_SLACK = 1.05  # factor of the assured time: the flown path is longer than a straight line
 
 
 @dataclass(frozen=True, eq=False)
 class StartedVehicle:
-    """One vehicle of the fleet, ready to fly."""
+    """Vehicle of the fleet, ready to fly."""
 
     mission: FlightMission
     centre: Point  # [m] of the slots
@@ -55,24 +55,25 @@ class StartedVehicle:
 
     @property
     def assured(self) -> float:
-        """[s] at which the stored plan arrives."""
+        """Time [s] at which the stored plan arrives."""
         return self.stored.t_end - self.braking
 
 
 def zone_of(config: SimultaneousArrivalConfig, bound: TrackingBound) -> Zone:
-    """The zone that each vehicle keeps free of the others' plans, for a tracking bound [m, m/s]."""
+    """Zone that each vehicle keeps free of the others' plans, for a tracking bound [m, m/s]."""
     return Zone(config.separation, math.hypot(bound.horizontal, bound.vertical), config.speed_max, config.clocks.error)
 
 
 def started_fleet(
     config: SimultaneousArrivalConfig, common: FlightMission, parts: Assembler
 ) -> dict[str, StartedVehicle]:
-    """All vehicles, with stored plans that keep apart; what is not given is drawn again until they do.
+    """Vehicles of the fleet, with stored plans that keep apart; values that are not given are drawn again until they
+    do.
 
-    Raises MissionError for starts or slots that cannot be, and where none that can are drawn.
+    Raises MissionError for impossible starts or slots, and if no possible ones are drawn.
     """
     rng, failing = parts.streams["draws"], parts.streams["planner_faults"]
-    # Ends that are drawn are too low where no first plan can be certified from them, and are drawn again.
+    # Drawn ends from which no first plan can be certified are too low, and are drawn again.
     if config.target is not None:
         check_above_ground("target", config.target, common)
     for (one, a), (other, b) in combinations(zip(config.names, config.start, strict=False), 2):
@@ -119,14 +120,14 @@ def started_fleet(
 
 
 class _NoFleetError(Exception):
-    """These vehicles cannot start so, but others might."""
+    """Vehicles that cannot start like this, though others might."""
 
 
 def _together(alone: Mapping[str, StartedVehicle]) -> dict[str, StartedVehicle]:
-    """The vehicles with stored plans that arrive at one time, T_A = _SLACK (max eta + max (t_a - eta)).
+    """Vehicles with stored plans that arrive at one time, T_A = _SLACK (max eta + max (t_a - eta)).
 
-    eta is the least time in which a vehicle can arrive, t_a when its first plan would. So who flies slowly enough to be
-    there with the last can still leave for its level, wait above its slot and arrive at T_A.
+    eta is the least time in which a vehicle can arrive, t_a the arrival time of its first plan. So a vehicle that flies
+    slowly enough to arrive with the last one can still change to its level, wait above its slot and arrive at T_A.
     """
     least = {name: vehicle.estimate(vehicle.stored, 0.0) for name, vehicle in alone.items()}
     assured = _SLACK * (max(least.values()) + max(each.assured - least[name] for name, each in alone.items()))
@@ -146,8 +147,8 @@ def _check_apart(config: SimultaneousArrivalConfig, fleet: Mapping[str, StartedV
     zone = zone_of(config, next(iter(fleet.values())).tracker.bound)
     if config.slot_spacing < zone.required:
         raise MissionError(
-            f"slot_spacing = {config.slot_spacing!r}; allowed: >= {zone.required:.6g}, the separation and what two "
-            "vehicles may deviate from their plans"
+            f"slot_spacing = {config.slot_spacing!r}; allowed: >= {zone.required:.6g}, the separation and the "
+            "deviations of two vehicles from their plans"
         )
     try:
         checked_start(
@@ -160,7 +161,7 @@ def _check_apart(config: SimultaneousArrivalConfig, fleet: Mapping[str, StartedV
 
 
 def _checked_ring(config: SimultaneousArrivalConfig, terrain: HeightField) -> list[tuple[float, float]]:
-    """Slots (x, y) [m] on their ring, from its middle; MissionError where they lie off the map, wherever that is."""
+    """Slots (x, y) [m] on their ring, relative to its middle; MissionError if they lie off the map for every middle."""
     n = config.vehicles
     radius = 0.5 * config.slot_spacing / math.sin(math.pi / n)
     ring = [(radius * math.cos(2.0 * math.pi * k / n), radius * math.sin(2.0 * math.pi * k / n)) for k in range(n)]
@@ -194,7 +195,7 @@ def _drawn_target(
     ring: Sequence[tuple[float, float]],
     rng: np.random.Generator,
 ) -> Point:
-    """A target whose slots are all on the map; MissionError where hardly any is."""
+    """Drawn target whose slots are all on the map; MissionError if none of the draws is."""
     for _ in range(_TARGETS):
         target = drawn_point(common, config.drawn_heights, rng)
         if _holds(common.terrain, target, ring):
@@ -206,7 +207,7 @@ def _drawn_target(
 
 
 def _slots(common: FlightMission, target: Point, ring: Sequence[tuple[float, float]]) -> list[Point]:
-    """Slots (x, y, z) [m] on a ring about the target, at its height or as high as the ground asks for."""
+    """Slots (x, y, z) [m] on a ring about the target, at its height or higher if the ground requires it."""
     x, y, z = target
     height = z - float(common.terrain.height(x, y))
     places = [(x + east, y + north) for east, north in ring]
@@ -214,7 +215,7 @@ def _slots(common: FlightMission, target: Point, ring: Sequence[tuple[float, flo
 
 
 def _check_starts_apart(config: SimultaneousArrivalConfig, starts: Sequence[Point]) -> None:
-    """_NoFleetError for starts that are less than the separation apart: found here, before anything is planned."""
+    """Raise _NoFleetError for starts that are less than the separation apart, before anything is planned."""
     apart = pdist(np.array(starts))
     nearest = int(apart.argmin())
     if apart[nearest] < config.separation:
@@ -225,7 +226,7 @@ def _check_starts_apart(config: SimultaneousArrivalConfig, starts: Sequence[Poin
 
 
 def _assigned(assignment: SlotAssignment, starts: Sequence[Point], slots: Sequence[Point]) -> list[Point]:
-    """The slot of each start.
+    """Slot of each start.
 
     With the least sum of squared distances (x_i - x_j) . (g_i - g_j) >= 0 for any two vehicles with starts x and slots
     g. On straight lines that all begin and end at one time they then stay min(|x_i - x_j|, |g_i - g_j|) / sqrt(2) apart
@@ -253,7 +254,7 @@ def _drawn_starts(
 
 
 def _level(config: SimultaneousArrivalConfig, common: FlightMission, k: int) -> float:
-    """[m] the level on which the k-th vehicle's stored plans cross, each well above the one before."""
+    """Level [m] on which the k-th vehicle's stored plans cross, well above the level before."""
     top = float(common.terrain.z.max()) + config.clearance_min
     return top + (k + 1) * 1.5 * config.separation
 
@@ -265,7 +266,7 @@ def _vehicle(
     if not hasattr(raw, "length_to_go"):
         raise PluginError(
             f"controller = {parts.controller.name!r}: its planner has no length to go; allowed: one that has "
-            "length_to_go(points), by which its vehicle knows when it can arrive"
+            "length_to_go(points), from which its vehicle estimates its arrival time"
         )
     planner = Certified.for_mission(parts.with_planner_faults(raw, streams), mission, tracker)
     stored = _stored(name, planner, mission)
@@ -275,7 +276,7 @@ def _vehicle(
 
 
 def _stored(name: str, planner: Certified, mission: FlightMission, assured: float | None = None) -> Plan:
-    """First plan of a vehicle, to arrive at ``assured`` [s] if given; _NoFleetError where there is none."""
+    """First plan of a vehicle, to arrive at ``assured`` [s] if given; _NoFleetError if it cannot be certified."""
     messages = () if assured is None else (Message(0.0, name, ASSURED, assured),)
     stored = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, mission.start_state), None, messages))
     if not stored.ok:

@@ -1,4 +1,4 @@
-"""Fields of flights: those that several scenarios have, and those of ``safe-flight``."""
+"""Fields of flights: those that several scenarios share, and those of ``safe-flight``."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
 
 
 def drawn_between(largest: float) -> Condition:
-    """Condition for the two ends, 0 <= low <= high <= ``largest``, that something is drawn between."""
+    """Condition on the two ends of a range of draws, 0 <= low <= high <= ``largest``."""
 
     def are_ordered(ends: tuple[float, float]) -> bool:
         low, high = ends
@@ -42,19 +42,19 @@ class FlightNoise:
     position: Magnitude = 0.0
     """standard deviation of a position reading on each axis [m]"""
     position_rate: Rate = 10.0
-    """position fixes a second [Hz]"""
+    """rate of the position fixes [Hz]"""
 
 
 @configuration
 class EndFields:
-    """From where to where over which ground."""
+    """Start, target and ground of a mission."""
 
     terrain: TerrainPlace = "tian_shan"
     """name of a terrain, or an .npz file"""
     start: FinitePoint | None = None
-    """x, y, z [m] on the map; drawn from the seed if not given"""
+    """start x, y, z on the map; drawn from the seed if not given [m]"""
     target: FinitePoint | None = None
-    """x, y, z [m] on the map; drawn from the seed if not given"""
+    """target x, y, z on the map; drawn from the seed if not given [m]"""
     drawn_heights: DrawnHeights = (50.0, 450.0)
     """heights above h_min between which a start or target is drawn [m]"""
     drawn_separation: DrawnSeparation = (0.8, 1.5)
@@ -73,21 +73,21 @@ class LimitFields:
     clearance_min: HullClearance = 50.0
     """h_min, least height of a vehicle's centre above the ground below it [m]"""
     speed_max: PositiveMagnitude = 300.0
-    """v_max [m/s]"""
+    """v_max, largest speed [m/s]"""
     acceleration_max: PositiveMagnitude = 40.0
-    """a_max [m/s^2]"""
+    """a_max, largest acceleration [m/s^2]"""
     deadline_factor: DeadlineFactor = 1.3
-    """gamma: the deadline over the duration of the first plan"""
+    """gamma, ratio of the deadline to the duration of the first plan"""
     arrival_radius: PositiveMagnitude = 50.0
-    """r_f, how near to the target counts as arrived [m]"""
+    """r_f, distance from the target that counts as arrived [m]"""
 
 
 @configuration
 class MissionFields(LimitFields, EndFields):
-    """Mission, without what changes on the way."""
+    """Mission, without changes on the way."""
 
     control_rate: Rate = 1.0 / (CONTROL_TICKS * TICK)
-    """of estimator, tracker and log [Hz]; the physics runs at 300 Hz"""
+    """rate of estimator, tracker and log; the physics runs at 300 Hz [Hz]"""
 
 
 @configuration
@@ -95,10 +95,10 @@ class SafeFlightConfig(ChangeFields, ChanceFields, MissionFields):
     """Fields of the scenario."""
 
     target_path: tuple[tuple[float, float, float, float], ...] = ()
-    """T X Y Z [s, m, m, m] where the target is at a time, and on its way to evenly, as high above ground as at first or
-    higher; may be given several times"""
+    """place X Y Z of the target at the time T, given as T X Y Z; it moves there at a constant speed, at least as high
+    above ground as at first; may be given several times [s, m, m, m]"""
     filter: bool = False
-    """filter the controller's commands, in place of certifying its plans"""
+    """whether the controller's commands are filtered, in place of certifying its plans"""
     noise: FlightNoise = field(default_factory=FlightNoise)
     faults: AerialFaults = field(default_factory=AerialFaults)
 

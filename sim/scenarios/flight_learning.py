@@ -1,4 +1,4 @@
-"""A flight as a learner's task: outcomes, the cost-to-go Psi as a potential, and what is seen of the way ahead."""
+"""A flight as a learning task: outcomes, the cost-to-go Psi as a potential, and observations of the way ahead."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from mathnavi.sim.scenarios.flight_view import components, flight_views
 from mathnavi.sim.scenarios.task import Outcome
 
 HOLD = 0.5
-"""[s] for which a learner's acceleration is held"""
+"""time for which a learner's acceleration is held [s]"""
 _GRID = 65, 9  # nodes along the longer side, layers: those of the planner
 
 
 @dataclass(frozen=True, eq=False)
 class FlightTerms:
-    """``LearningTerms`` of one aerial vehicle or a fleet, over the ground as it is."""
+    """``LearningTerms`` of one aerial vehicle or a fleet, over the true ground."""
 
-    missions: Mapping[str, FlightMission]  # by vehicle, as they are known at the start
-    ground: HeightField  # as it is
+    missions: Mapping[str, FlightMission]  # by vehicle, as known at the start
+    ground: HeightField  # the true one
     body: MujocoPlant
     arrived: Callable[[float, Mapping[str, Array]], bool]
     cost_max: float  # [m^2/s^4]
@@ -37,11 +37,13 @@ class FlightTerms:
     hold: float | None = None  # [s]
     velocity: int = 3  # where the velocity (3,) begins in a true state
     seen: tuple[str, ...] = ()  # of an estimate's ``extra``
-    reported: tuple[tuple[float, Point], ...] = ()  # (t [s], place [m]) of the target where it is known to be elsewhere
+    reported: tuple[tuple[float, Point], ...] = ()  # (t [s], place [m]) of the target's reported places
     at_deadline: Outcome = Outcome.LATE
 
     def outcome(self, t: float, truths: Mapping[str, Array]) -> Outcome | None:
-        """A state that is not finite, the edge of the map and contact come before arrival."""
+        """Outcome of the flight at t [s], None while it goes on; divergence, the map's edge and contact precede
+        arrival.
+        """
         states = [truths[name] for name in self.missions]
         if not all(np.isfinite(x).all() for x in states):
             return Outcome.DIVERGED
@@ -52,7 +54,7 @@ class FlightTerms:
         return Outcome.ARRIVED if self.arrived(t, truths) else None
 
     def potential(self, t: float, truths: Mapping[str, Array]) -> float:
-        """Psi(p) / Psi(p_0), p_0 the start, in the mean over the vehicles; Psi as known at the start."""
+        """Potential Psi(p) / Psi(p_0), p_0 the start, averaged over the vehicles, with Psi as known at the start."""
         shares = []
         for name, mission in self.missions.items():
             cost, p = cost_to_go(mission), truths[name][np.newaxis, :3]
@@ -60,7 +62,7 @@ class FlightTerms:
         return float(np.mean(shares))
 
     def violated(self, t: float, truths: Mapping[str, Array]) -> bool:
-        """True where a vehicle is nearer to the ground below it than h_min, or faster than v_max."""
+        """True if a vehicle is lower than h_min above the ground below it, or faster than v_max."""
         for name, mission in self.missions.items():
             x = truths[name]
             height = x[2] - self.ground.height(x[0], x[1])
@@ -77,7 +79,7 @@ class FlightTerms:
         return float(min(heights))
 
     def view(self, t: float, name: str, estimate: Estimate) -> dict[str, Array]:
-        """``mathnavi.sim.scenarios.flight_view``, and what else the vehicle cannot be commanded without."""
+        """Observations by ``mathnavi.sim.scenarios.flight_view``, and the arrays that commanding it requires."""
         mission = self.missions[name]
         target = next((place for since, place in reversed(self.reported) if since <= t), mission.target)
         rows = flight_views(mission.terrain, mission.speed_max, estimate.x[np.newaxis], np.array([target]))
@@ -85,13 +87,13 @@ class FlightTerms:
 
 
 def cost_to_go(mission: FlightMission) -> FactoredCost:
-    """Psi of a mission without its factor, over the ground as it is charted."""
+    """Cost-to-go Psi of a mission without its factor, over the charted ground."""
     return _built(mission.terrain, mission.target, mission.radars)
 
 
 @lru_cache(maxsize=1024)
 def cost_at_start(cost: FactoredCost, start: Point) -> float:
-    """Psi(p_0) > 0 of a start p_0 [m]."""
+    """Cost-to-go Psi(p_0) > 0 of a start p_0 [m]."""
     return max(float(cost(np.array([start]))[0]), math.ulp(1.0))
 
 

@@ -34,7 +34,7 @@ _BORDER = 0.02  # of the map's side, kept free of drawn starts and targets
 
 
 class FlightFields(Protocol):
-    """Fields of a scenario that every mission of its vehicles follows from."""
+    """Fields of a scenario that determine the missions of its vehicles."""
 
     @property
     def clearance_min(self) -> float: ...
@@ -55,7 +55,7 @@ class FlightFields(Protocol):
 
 
 def bare_mission(config: FlightFields, terrain: HeightField, radars: tuple[Radar, ...] = ()) -> FlightMission:
-    """The mission of a vehicle but for its start, its target, and how good its estimates are."""
+    """Mission of a vehicle without its start, its target, and the quality of its estimates."""
     control_period = round(1.0 / (config.control_rate * TICK)) * TICK
     return FlightMission(
         terrain=terrain,
@@ -78,7 +78,7 @@ def bare_mission(config: FlightFields, terrain: HeightField, radars: tuple[Radar
 def mission_but_ends(
     config: FlightFields, terrain: HeightField, estimator: PluginSpec, radars: tuple[Radar, ...] = ()
 ) -> FlightMission:
-    """The mission of a vehicle but for its start and target; ``radars`` are known from the start."""
+    """Mission of a vehicle without its start and target; ``radars`` are known from the start."""
     mission = bare_mission(config, terrain, radars)
     return dataclasses.replace(mission, quality=checked_quality(estimator, mission, EstimateQuality))
 
@@ -87,7 +87,7 @@ def mission_but_ends(
 
 
 class Ends(Protocol):
-    """Fields of a scenario that say what its start and target are, or how they are drawn."""
+    """Fields of a scenario that state its start and target, or how they are drawn."""
 
     @property
     def start(self) -> Point | None: ...
@@ -106,9 +106,8 @@ def certified_ends(
 ) -> tuple[Point, Point, Plan]:
     """Start [m], target [m], and the plan from one to the other that proves that the mission can be flown.
 
-    Ends that are given must be above the ground; those that are not are drawn, ``draws`` times at most, until they are
-    as far apart as the fields say and the first plan is certified. Raises MissionError where the given ones are wrong
-    or none are found.
+    Given ends must be above the ground; others are drawn, ``draws`` times at most, until they are as far apart as the
+    fields say and the first plan is certified. Raises MissionError if the given ones are wrong or none are found.
     """
     for name, given in (("start", config.start), ("target", config.target)):
         if given is not None:
@@ -144,8 +143,8 @@ def certified_ends(
 
 
 def check_above_ground(name: str, point: Point, mission: FlightMission) -> None:
-    """Raise MissionError for a point (x, y, z) [m] where the vehicle is not within the mission's map, or lower than
-    h_min above the ground below any of its parts.
+    """Raise MissionError for a point (x, y, z) [m] where the vehicle is off the mission's map, or lower than h_min
+    above the ground below any of its parts.
     """
     terrain, (x, y, z) = mission.terrain, point
     if not terrain.contains(x, y):
@@ -169,7 +168,7 @@ def check_above_ground(name: str, point: Point, mission: FlightMission) -> None:
 
 
 def drawn_point(mission: FlightMission, heights: tuple[float, float], rng: np.random.Generator) -> Point:
-    """A point (x, y, z) [m] uniform over the map, but for its border, and over ``heights`` [m] above h_min."""
+    """Drawn point (x, y, z) [m], uniform over the map without its border, and over ``heights`` [m] above h_min."""
     terrain = mission.terrain
     margin = _BORDER * max(terrain.width, terrain.depth)
     east, north = min(margin, 0.25 * terrain.width), min(margin, 0.25 * terrain.depth)  # of a long map
@@ -182,21 +181,21 @@ def drawn_point(mission: FlightMission, heights: tuple[float, float], rng: np.ra
 
 
 def longest_flight(duration: float, deadline_factor: float, speed_max: float, most: float) -> float:
-    """``duration`` [s] as whole ticks [s]; MissionError where it is more than is logged, ``most`` [s]."""
+    """Duration [s] rounded up to whole ticks; MissionError if it is longer than can be logged, ``most`` [s]."""
     ticks = math.ceil(duration / TICK) * TICK
     if ticks > most:
         raise MissionError(
             f"deadline_factor = {deadline_factor:g} at speed_max = {speed_max:g} m/s lets the flight take {ticks:.0f} "
-            f"s; allowed: {most:.0f} s, so be sooner or faster"
+            f"s; allowed: {most:.0f} s: a smaller factor or a higher speed"
         )
     return ticks
 
 
 def due(recording: Recording, name: str, planner: Planner, deadline_factor: float, deadline: float) -> float:
-    """The time [s] by which a vehicle must have arrived.
+    """Time [s] by which a vehicle must have arrived.
 
-    It counts from the plan that was flown first, which started from the estimate; ``deadline`` [s] is that of the plan
-    from the true start, which holds for a planner without a certificate.
+    It is measured by the first flown plan, which started from the estimate; ``deadline`` [s] is that of the plan from
+    the true start, and applies to a planner without a certificate.
     """
     if not isinstance(planner, Certified):
         return deadline
@@ -207,7 +206,7 @@ def due(recording: Recording, name: str, planner: Planner, deadline_factor: floa
 def verdict(
     summary: Mapping[str, Any], due: float, clearance_min: float, speed_max: float
 ) -> tuple[dict[str, Any], bool]:
-    """The summary of a flight, with what it falls short of, and whether it arrived in time and touched nothing.
+    """Summary of a flight, with the requirements that it missed, and whether it arrived in time and touched nothing.
 
     ``due`` [s], ``clearance_min`` [m] and ``speed_max`` [m/s] are the limits.
     """
@@ -227,10 +226,10 @@ def flight_task(
     mission: Mapping[str, Any],
     terms: Callable[[float], FlightTerms],
 ) -> Task | None:
-    """Point masses that are commanded: L = sum |a|^2 + beta [m^2/s^4] of all vehicles, the running cost of (A.2).
+    """Task of commanding point masses: L = sum |a|^2 + beta [m^2/s^4] of all vehicles, the running cost of (A.2).
 
-    beta is the controller's; None for one without. ``flights`` are the vehicles' missions, ``mission`` the fields that
-    keep what was drawn, ``terms`` a learner's, made of the greatest stage cost.
+    beta is the controller's; returns None for a controller without it. ``flights`` are the vehicles' missions,
+    ``mission`` the fields with the drawn values, ``terms`` makes a learner's terms from the largest stage cost.
     """
     names = tuple(flights)
     beta = getattr(controller.config, "beta", None)
@@ -252,12 +251,12 @@ def flight_task(
 
 
 def terrain_record(terrain: HeightField, name_or_path: str, **others: Any) -> dict[str, Any]:
-    """Terrain as config.json names it: a file with its whole path, and the digest of what was flown over."""
+    """Record of the terrain in config.json: a file with its whole path, and the digest of the terrain flown over."""
     return {"name": terrain.name, "path": place_of(name_or_path), "digest": terrain.digest, **others}
 
 
 def flight_record(mission: FlightMission, bound: TrackingBound) -> dict[str, Any]:
-    """The fields of a ``FlightRecord``."""
+    """Fields of a ``FlightRecord``."""
     return {
         "start": mission.start,
         "target": mission.target,

@@ -1,4 +1,4 @@
-"""Observations of a flight for a learner, from an estimate and the map as it is charted; compiled, a row a vehicle.
+"""Observations of a flight for a learner, from an estimate and the charted map; compiled, with a row for each vehicle.
 
     velocity         (3,) [m/s] map frame
     target           (3,) [m] from the vehicle to the target, map frame
@@ -8,7 +8,7 @@
     horizon          (8, 3) [m] height of the ground over the vehicle: from the bearing of the target to the left, every
                      45 degrees, as far away as v_max leads in 2, 5 and 12 s
 
-Off the map the ground counts as high as the map's highest point, and as level.
+Off the map the ground counts as level, at the height of the map's highest point.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ COMPONENTS = {
     "slope_ahead": (slice(11, 15), (4,)),
     "horizon": (slice(15, 39), (BEARINGS, len(DISTANCES))),
 }
-"""columns of a row, and shape, by name"""
+"""columns of a row and shape of each observation, by name"""
 _SIZE = 39
 _STANDING = 1e-9  # [m/s] of a velocity without a direction
 
@@ -46,7 +46,7 @@ def flight_views(terrain: HeightField, speed_max: float, x: Array, targets: Arra
 
 
 def components(rows: Array) -> dict[str, Array]:
-    """The observations by name: of a row (39,) each in its shape, of rows (n, 39) with a leading n."""
+    """Observations by name: from a row (39,) each in its shape, from rows (n, 39) with a leading n."""
     return {name: rows[..., part].reshape(*rows.shape[:-1], *shape) for name, (part, shape) in COMPONENTS.items()}
 
 

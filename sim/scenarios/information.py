@@ -1,4 +1,4 @@
-"""Changes while a vehicle flies, and when its planner is informed: radars, the target, ground not on the map."""
+"""Changes during a flight, and the times at which the planner is informed: radars, target, ground not on the map."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ _LATEST = 36_000.0  # [s] of a target's path
 
 @configuration
 class ChangeFields:
-    """Fields of what changes on the way: radars, and ground that is not on the map."""
+    """Fields of changes on the way: radars, and ground that is not on the map."""
 
     radar: tuple[tuple[float, float, float, float], ...] = ()
-    """X Y RADIUS WEIGHT [m, m, m, -] of a radar; may be given several times"""
+    """radar X Y RADIUS WEIGHT [m, m, m, -]; may be given several times"""
     radar_time: NonNegative = 0.0
-    """when the radars are switched on [s]; the planner learns of them then"""
+    """time at which the radars are switched on and the planner is informed of them [s]"""
     radar_until: float | None = None
-    """when they are switched off [s]; never if not given"""
+    """time at which the radars are switched off; never if not given [s]"""
     radar_velocity: Annotated[tuple[float, float], TWO_FINITE_NUMBERS] = (0.0, 0.0)
-    """of the radars, from when they are switched on [m/s east, north]; where they reach the map's edge they stay"""
+    """velocity of the radars from the time at which they are switched on, up to the map's edge [m/s east, north]"""
     radar_known: bool = True
     """whether the planner is informed of the radars at all"""
     report_period: Annotated[float, Ge(_SOONEST), FINITE] = 5.0
-    """between two reports of where what moves is now [s]; each means a new cost-to-go"""
+    """time between two reports of moving radars or targets; each report requires a new cost-to-go [s]"""
     uncharted: tuple[tuple[float, float, float, float], ...] = ()
-    """X Y RADIUS HEIGHT [m] of a hill that the map does not show; may be given several times"""
+    """hill X Y RADIUS HEIGHT that the map does not show; may be given several times [m]"""
     uncharted_time: NonNegative = 0.0
-    """when the planner is informed of the ground as it is [s]"""
+    """time at which the planner is informed of the true ground [s]"""
 
     def __post_init__(self) -> None:
         if self.radar_until is not None:
@@ -68,7 +68,7 @@ class ChangeFields:
             raise FieldError(f"uncharted: {error}") from None
 
     def tracks(self, terrain: HeightField) -> tuple[RadarTrack, ...]:
-        """The radars over time; ValueError for one that is off the map."""
+        """Radars over time; raises ValueError for one off the map."""
         until = math.inf if self.radar_until is None else self.radar_until
         tracks = tuple(RadarTrack(Radar(*each), self.radar_time, until, self.radar_velocity) for each in self.radar)
         for track in tracks:
@@ -76,7 +76,7 @@ class ChangeFields:
         return tracks
 
     def radars_at(self, t: float, terrain: HeightField) -> tuple[Radar, ...]:
-        """The radars that the planner knows of at ``t`` [s]."""
+        """Radars that the planner knows of at ``t`` [s]."""
         known = self.tracks(terrain) if self.radar_known else ()
         return tuple(radar for track in known if (radar := track.at(t, terrain)) is not None)
 
@@ -93,7 +93,7 @@ class ChangeFields:
         ]
 
     def ground(self, charted: HeightField) -> HeightField:
-        """The terrain as it is, with the hills that the map does not show; MissionError for one that is off the map."""
+        """True terrain, with the hills that the map does not show; raises MissionError for a hill off the map."""
         try:
             return with_hills(charted, hills_of(self.uncharted))
         except ValueError as error:
@@ -105,7 +105,7 @@ class ChangeFields:
         return [*self.radar_messages(charted, duration), *survey]
 
     def radar_records(self, terrain: HeightField) -> tuple[RadarRecord, ...]:
-        """The radars as config.json holds them; errors as of ``tracks``."""
+        """Records of the radars in config.json; raises the errors of ``tracks``."""
         return tuple(
             RadarRecord(
                 **dataclasses.asdict(track.radar), time=track.time, velocity=track.velocity,
@@ -116,15 +116,16 @@ class ChangeFields:
 
     @property
     def charted_at(self) -> float | None:
-        """[s] when the planner learns of the hills that the map does not show; None without any."""
+        """Time [s] at which the planner is informed of the hills that the map does not show; None without any."""
         return self.uncharted_time if self.uncharted else None
 
 
 @dataclass(frozen=True)
 class TargetTrack:
-    """The target over time: at ``target`` first, on the straight way between points, and at rest at the last.
+    """Motion of the target: from ``target`` on straight lines through the points of ``path``, and at rest at the last
+    one.
 
-    It never comes nearer to the ground than it is at first: between points it follows the slopes.
+    Its height above ground is never less than at first: between points it follows the slopes.
     """
 
     target: Point
@@ -132,7 +133,7 @@ class TargetTrack:
     path: tuple[tuple[float, float, float, float], ...] = ()  # t [s], x, y, z [m]
 
     def at(self, t: float) -> Point:
-        """Its place (x, y, z) [m] at ``t`` [s]; off the map as high as its path says."""
+        """Place (x, y, z) [m] of the target at ``t`` [s]; off the map z is that of its path."""
         if not self.path:
             return self.target
         times = [0.0, *(point[0] for point in self.path)]
@@ -145,16 +146,16 @@ class TargetTrack:
 
     @property
     def ends(self) -> float:
-        """Time [s] from which it is at rest for good."""
+        """Time [s] from which the target stays at rest."""
         return self.path[-1][0] if self.path else 0.0
 
     def reported(self, period: float) -> list[tuple[float, Point]]:
-        """(time [s], place [m]) of its reports: every ``period`` [s], and wherever it turns."""
+        """Reports (time [s], place [m]) of the target: every ``period`` [s], and at every point of its path."""
         times = sorted({*_reports(0.0, self.ends, period), *(point[0] for point in self.path)} - {0.0})
         return [(t, self.at(t)) for t in times]
 
     def messages(self, period: float) -> list[Message]:
-        """Messages to the planner, wherever the target is elsewhere than at the report before."""
+        """Messages to the planner, whenever the target has moved since the report before."""
         messages, before = [], self.target
         for t, place in self.reported(period):
             if place != before:
@@ -183,6 +184,6 @@ def check_track(track: TargetTrack, period: float, check_place: Callable[[str, P
 
 
 def _reports(begin: float, end: float, period: float) -> Array:
-    """(n,) [s] times every ``period`` from ``begin``, before ``end``."""
+    """Times (n,) [s] every ``period`` [s] from ``begin``, before ``end`` [s]."""
     count = max(0, math.ceil((end - begin) / period - TIME_TOLERANCE))
     return begin + period * np.arange(count, dtype=np.float64)

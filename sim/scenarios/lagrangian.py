@@ -35,30 +35,30 @@ from mathnavi.sim.scenarios.requirements import Requirement, evaluate
 from mathnavi.sim.scenarios.task import Endurance, Inputs, Outcome, StageCost, Task, squared_error
 
 TICK = 1e-3
-"""[s] of the plants"""
+"""physics tick of the plants [s]"""
 _LONGEST = 600.0  # [s]
 _FASTEST = 1e4  # [rad/s, m/s, 1/s] that a start may be given with
 
 Figures = Callable[[Recording, str, Manifold, float], dict[str, Any]]
-"""(recording, vehicle, manifold, time from which errors count [s]) -> further figures of the summary"""
+"""function (recording, vehicle, manifold, time from which errors count [s]) -> further figures of the summary"""
 
 
 @configuration
 class LagrangianFields:
-    """Fields that every one of these scenarios has."""
+    """Fields that all of these scenarios have."""
 
     reading: PositionQuality = field(default_factory=PositionQuality)
-    """how the position errs"""
+    """errors of the position readings"""
     rate: Annotated[float, TickRate(TICK)] = 1000.0
-    """readings, estimates and commands a second [Hz]"""
+    """rate of readings, estimates and commands [Hz]"""
     duration: float = 10.0
-    """[s]"""
+    """duration of the run [s]"""
     speed_max: Annotated[Positive, Le(1e6)] = 30.0
-    """largest |v|_g = sqrt(2 T), T being the kinetic energy, by which some estimators detect jumps [-]"""
+    """largest |v|_g = sqrt(2 T), T the kinetic energy, by which some estimators detect jumps [-]"""
     settled: float = 2.0
-    """from when on errors count [s]"""
+    """time from which errors count [s]"""
     tolerance: Annotated[Positive, Le(1e6)] = 0.1
-    """root mean square of the velocity error after that, which counts as converged [rad/s, m/s]"""
+    """largest root mean square velocity error, after settled, that counts as converged [rad/s, m/s]"""
 
     def __post_init__(self) -> None:
         check(self.duration, "duration", 2.0 / self.rate, _LONGEST)
@@ -68,35 +68,35 @@ class LagrangianFields:
 
     @property
     def period(self) -> float:
-        """[s] between readings."""
+        """Time [s] between readings."""
         return round(1.0 / (self.rate * TICK)) * TICK
 
 
 @dataclass(frozen=True)
 class LagrangianCase:
-    """A system with its observer: the plant, what the observer knows, and what the run has to show."""
+    """System with its observer: the plant, the observer's knowledge, and the requirements on the run."""
 
     vehicle: str
     plant: Plant
     stack: VehicleStack
-    mission: LagrangianMission  # as it is believed
-    truth: LagrangianMission  # as it is
+    mission: LagrangianMission  # of the observer
+    truth: LagrangianMission  # the true one
     record: LagrangianRecord  # of the mission, in config.json
     figures: Figures | None = None  # further ones of the summary
-    requirements: tuple[Requirement, ...] = ()  # on them, beside that on the velocity error
-    inputs: Inputs | None = None  # with their bounds, where there are any
-    cost: StageCost | None = None  # for whoever commands the inputs; that of the velocity error if not given
+    requirements: tuple[Requirement, ...] = ()  # on them, in addition to that on the velocity error
+    inputs: Inputs | None = None  # with their bounds, if there are any
+    cost: StageCost | None = None  # for commands from outside; that of the velocity error if not given
     cost_max: float | None = None  # largest cost, for a learner; speed_max^2, the error of no velocity, if not given
-    resolved: LagrangianFields | None = None  # fields as config.json holds them; those given if there are none
+    resolved: LagrangianFields | None = None  # fields for config.json; the given ones if None
 
     @property
     def manifold(self) -> Manifold:
-        """The manifold of the true positions."""
+        """Manifold of the true positions."""
         return self.truth.system.manifold
 
 
 def observed_loop(parts: Assembler, case: LagrangianCase) -> ClosedLoop:
-    """The closed loop of one seed."""
+    """Closed loop of one seed."""
     inputs = case.inputs or Inputs.within(tuple(case.mission.system.inputs))
     return parts.closed_loop(
         parts.disturbed(case.plant, case.stack.planner.period, mass=1.0),
@@ -111,7 +111,7 @@ def observed_loop(parts: Assembler, case: LagrangianCase) -> ClosedLoop:
 
 
 def finished(case: LagrangianCase, t: float, truths: Mapping[str, Array]) -> bool:
-    """The solution has escaped, or the state is no longer finite; ``truths`` (nx,) by vehicle."""
+    """True if the solution has escaped, or the state is no longer finite; ``truths`` (nx,) by vehicle."""
     escaped = isinstance(case.plant, OdePlant) and case.plant.escaped(case.vehicle) is not None
     return escaped or not np.isfinite(truths[case.vehicle]).all()
 
@@ -119,7 +119,7 @@ def finished(case: LagrangianCase, t: float, truths: Mapping[str, Array]) -> boo
 def summarise(
     case: LagrangianCase, fields: LagrangianFields, seed: int, recording: Recording, wall_seconds: float
 ) -> tuple[dict[str, Any], bool]:
-    """The summary, and whether the velocity was found, the run did not end early, and a plan was ever flown."""
+    """Summary, and whether the velocity was found, the run did not end early, and any plan was flown."""
     vehicle, manifold = case.vehicle, case.manifold
     errors = VelocityErrors.from_recording(recording, vehicle, manifold)
     figures = lagrangian_summary(errors, recording, vehicle, manifold, fields.settled, seed, wall_seconds)
@@ -132,21 +132,21 @@ def summarise(
     agent = recording.agents[vehicle]
     figures |= {"replans": agent.requests, "plans_adopted": len(agent.plans)}
     whole, found = Requirement("escaped", most=False), Requirement("velocity_rms", most=fields.tolerance)
-    planned = [Requirement("plans_adopted", least=1)] if agent.requests else []  # not asked: commanded from outside
+    planned = [Requirement("plans_adopted", least=1)] if agent.requests else []  # no requests: commanded from outside
     return evaluate(figures, [whole, found, *planned, *case.requirements])
 
 
 def _efficiency(
     bound: PosteriorBound, errors: VelocityErrors, t: Array, settled: float
 ) -> dict[str, float | str | None]:
-    """The efficiency of the velocity from ``settled`` [s] on, in components at the truth; samples at t (n,) [s]."""
+    """Efficiency of the velocity estimate from ``settled`` [s] on, in components at the truth; samples t (n,) [s]."""
     newest = np.searchsorted(errors.t, t + TIME_TOLERANCE, side="right") - 1
     window = slice(int(np.searchsorted(t, settled - TIME_TOLERANCE)), None)
     return bound.figures(errors.components[newest], window, f"the run from {settled:g} s on")
 
 
 def _velocity_cost(case: LagrangianCase) -> StageCost:
-    """L = |Delta v|^2, Delta v as in Theorem D.2, in the components that the summary's ``velocity_rms`` is of."""
+    """Stage cost L = |Delta v|^2, Delta v as in Theorem D.2, in the components of the summary's ``velocity_rms``."""
     return squared_error(case.vehicle, lambda x, truth: errors_of(case.manifold, truth, x)[1])
 
 
@@ -160,7 +160,7 @@ def _terms(case: LagrangianCase, fields: LagrangianFields) -> Endurance:
 
 
 def recorded_as(mission: LagrangianMission, fields: LagrangianFields) -> dict[str, Any]:
-    """The fields of a ``LagrangianRecord``."""
+    """Fields of a ``LagrangianRecord``."""
     system = mission.system
     return {
         "manifold": system.manifold.name,
@@ -171,7 +171,7 @@ def recorded_as(mission: LagrangianMission, fields: LagrangianFields) -> dict[st
 
 
 def given_start(start: NumberList, mission: LagrangianMission) -> Array:
-    """The state (x, v) of these numbers, x put exactly on its space.
+    """State (x, v) from these numbers, x projected exactly onto its space.
 
     Raises MissionError for one of another size, FieldError for one too fast, ValueError for one off the space.
     """
@@ -184,10 +184,10 @@ def given_start(start: NumberList, mission: LagrangianMission) -> Array:
 
 
 def checked_speed(start: Array, mission: LagrangianMission) -> Array:
-    """The start (x, v); FieldError for one faster than the mission says that the system ever is."""
+    """Start (x, v), unchanged; FieldError if it is faster than the mission's ``speed_max``."""
     manifold = mission.system.manifold
     speed = manifold.norm(start[: manifold.size], start[manifold.size :])
-    if not speed <= mission.speed_max * (1.0 + 1e-9):  # a body's is half its rate, but for rounding
+    if not speed <= mission.speed_max * (1.0 + 1e-9):  # that of a body is half its rate, up to rounding
         raise FieldError(f"speed_max = {mission.speed_max!r}; allowed: at least |v|_g = {speed:.6g} of the start")
     return start
 

@@ -43,21 +43,21 @@ Delay = Annotated[Fraction, Within(whole_ticks(TICK), allowed=f"a whole number o
 
 @configuration(prefix="mismatch.")
 class MissileMismatch:
-    """The true missile over the declared one."""
+    """Mismatch of the true missile to the declared one, as factors."""
 
     mass: Factor = 1.0
     """factor of the mass"""
     inertia: Factor = 1.0
     """factor of the moments of inertia"""
     force: Factor = 1.0
-    """factor of what the thrusters give as a force"""
+    """factor of the thrusters' force"""
     moment: Factor = 1.0
-    """factor of what they give as a moment"""
+    """factor of the thrusters' moment"""
 
 
 @configuration(prefix="gust.")
 class MissileGust(Fault):
-    """Forces and torques on the missile beside its thrusters, in the frame of the world."""
+    """Disturbing forces and torques on the missile, in the frame of the world."""
 
     stream: ClassVar[str] = "gusts"
 
@@ -66,18 +66,18 @@ class MissileGust(Fault):
     torque: Vector = (0.0, 0.0, 0.0)
     """constant torque [N m]; one about y turns the nose down"""
     force_rms: Magnitude = 0.0
-    """of the random force on each axis [N]"""
+    """rms of the random force on each axis [N]"""
     torque_rms: Magnitude = 0.0
-    """of the random torque about each axis [N m]"""
+    """rms of the random torque about each axis [N m]"""
     time_constant: Annotated[float, Interval(ge=TICK, le=_LARGEST), FINITE] = 1.0
-    """of both random ones' first-order model [s]"""
+    """time constant of the first-order model of random forces and torques [s]"""
     force_limit: PositiveMagnitude = 2000.0
     """largest random force [N]"""
     torque_limit: PositiveMagnitude = 200.0
     """largest random torque [N m]"""
 
     def disturbances(self, mass: float, period: float, rng: np.random.Generator) -> Sequence[Disturbance]:
-        """The constant ones and the random ones, where there are any, whatever the mass."""
+        """Constant and random forces and torques, as far as there are any, independent of the mass."""
         acting: list[Disturbance] = []
         if any(self.force) or any(self.torque):
             acting.append(ConstantWrench(self.force, self.torque))
@@ -89,7 +89,7 @@ class MissileGust(Fault):
 
 @configuration(prefix="actuator.")
 class Thrusters:
-    """Limits of the thrusters, known to the controller, and how late they are, known as far as it is declared."""
+    """Limits of the thrusters, which the controller knows, and their delay, of which it knows the declared value."""
 
     axial: Annotated[Positive, Le(1e9)] = 20_000.0
     """largest force along the missile [N]"""
@@ -98,17 +98,17 @@ class Thrusters:
     moment: Annotated[Positive, Le(1e9)] = 3_000.0
     """largest moment about each axis across it [N m]"""
     delay: Delay = 0.0
-    """from a command to what the thrusters do [s], whole milliseconds"""
+    """delay from a command to the thrusters' response, in whole milliseconds [s]"""
     declared_delay: Delay | None = None
-    """the delay that controller and estimator reckon with [s]; the true one if not given"""
+    """delay that controller and estimator assume; the true one if not given [s]"""
 
     @property
     def known_delay(self) -> float:
-        """Delay [s] as it is declared."""
+        """Declared delay [s]; the true one if none is declared."""
         return self.delay if self.declared_delay is None else self.declared_delay
 
     def limits(self, coordinates: Coordinates) -> tuple[float, ...]:
-        """(nu,) on the magnitude of each input."""
+        """Limits (nu,) [N, N m] of the magnitude of each input."""
         by_input = {"F_x": self.axial, "F_y": self.normal, "F_z": self.normal, "M": self.moment, "N": self.moment}
         return tuple(by_input[name] for name in coordinates.inputs)
 
@@ -118,13 +118,13 @@ class ReadingErrors:
     """Standard deviations on each axis of the readings of the state."""
 
     position: Magnitude = 0.0
-    """[m]"""
+    """standard deviation of the position [m]"""
     velocity: Magnitude = 0.0
-    """[m/s], along the axes of the body"""
+    """standard deviation of the velocity along the axes of the body [m/s]"""
     angle: Annotated[float, Degrees(0.0, 90.0)] = 0.0
-    """[deg]"""
+    """standard deviation of the attitude angles [deg]"""
     rate: Magnitude = 0.0
-    """of the angular velocity [deg/s]"""
+    """standard deviation of the angular velocity [deg/s]"""
 
 
 @configuration(prefix="noise.")
@@ -145,29 +145,29 @@ class MissileGuidanceConfig(ChanceFields):
     """Fields of the scenario."""
 
     case: Literal["SM", "SM2", "SM3", "FAST"] = "SM"
-    """the problem that is optimised: speed at the start and weights of the cost"""
+    """case of the thesis: initial speed and weights of the cost"""
     dimension: Literal["planar", "spatial"] = "planar"
-    """the pitch plane, as the thesis has it, or space"""
+    """motion in the pitch plane (planar), as in the thesis, or in space (spatial)"""
     start: Vector = (0.0, 0.0, 10.0)
-    """x, y, z [m]"""
+    """start x, y, z [m]"""
     start_heading: Annotated[float, Degrees(-180.0, 180.0)] = 0.0
-    """of the level start, from x to the left [deg]"""
+    """heading of the level start, from x to the left [deg]"""
     target: Vector = (700.0, 0.0, 0.0)
-    """x, y, z [m]"""
+    """initial place x, y, z of the target [m]"""
     target_velocity: Vector = (0.0, 0.0, 0.0)
-    """[m/s]"""
+    """initial velocity x, y, z of the target [m/s]"""
     target_change: tuple[tuple[float, float, float, float], ...] = ()
-    """TIME VX VY VZ [s, m/s]: a velocity that the target takes up later; may be given several times"""
+    """change TIME VX VY VZ of the target's velocity; may be given several times [s, m/s]"""
     target_announcement_delay: Magnitude = 0.0
-    """how long after the target has taken up a velocity the planner is informed of it [s]"""
+    """delay after which the planner is informed of a change of the target's velocity [s]"""
     aspect_angle: Annotated[float, Degrees(-90.0, 90.0)] = -90.0
-    """of the nose and the velocity at the target over the horizontal [deg]"""
+    """angle of the nose and of the velocity above the horizontal at the target [deg]"""
     miss_allowed: PositiveMagnitude = 1.0
-    """how near to the target counts as a hit [m]"""
+    """distance from the target that counts as a hit [m]"""
     aspect_allowed: Annotated[float, Degrees(0.0, 180.0, open_low=True)] = 2.0
-    """largest angle between the nose and the aspect angle then [deg]"""
+    """largest angle between the nose and the aspect angle at a hit [deg]"""
     control_rate: Annotated[float, TickRate(TICK)] = 250.0
-    """of estimator, autopilot and log [Hz]; the physics runs at 1 kHz"""
+    """rate of estimator, autopilot and log; the physics runs at 1 kHz [Hz]"""
     mismatch: MissileMismatch = field(default_factory=MissileMismatch)
     gust: MissileGust = field(default_factory=MissileGust)
     actuator: Thrusters = field(default_factory=Thrusters)
@@ -186,7 +186,7 @@ class MissileGuidanceConfig(ChanceFields):
             self._check_plane()
 
     def _check_plane(self) -> None:
-        """Raise MissionError for what leads out of the plane, which would be lost without a word."""
+        """Raise MissionError for components out of the plane, which would be ignored silently."""
         across = {
             "start: its y": self.start[1],
             "target: its y": self.target[1],

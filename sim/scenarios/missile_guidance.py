@@ -1,10 +1,11 @@
-"""``missile-guidance``: a missile dives on a target that may move, and plans again while it flies (thesis B.4).
+"""``missile-guidance``: a missile dives on a target that may move, and replans while it flies (thesis B.4).
 
     sensors -> estimator -> faults(planner) -> autopilot -> limited, late thrusters -> MuJoCo
 
 The user's frame is that of the world: x ahead, y to the left, z up. The mission, estimates and plans are in the thesis'
-(z down, y to the right, velocities in the body frame), and X_e is turned off x where a heading, or a target aside,
-would lead to the singular attitude (``mathnavi.models.missile.mission_frame``); so are truth and pictures.
+(z down, y to the right, velocities in the body frame), and X_e is rotated away from x if a heading, or a target to the
+side, would lead to the singular attitude (``mathnavi.models.missile.mission_frame``); the same holds for the true
+states and the pictures.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ _LONGEST = 600.0  # [s] of simulated time that is logged
 
 
 class MissileGuidance:
-    """A missile dives on a target that may move, and plans again while it flies."""
+    """A missile dives on a target that may move, and replans while it flies."""
 
     Config = MissileGuidanceConfig
     name = "missile-guidance"
@@ -64,7 +65,7 @@ class MissileGuidance:
         controller: PluginSpec | None = None,
         estimator: PluginSpec | None = None,
     ) -> ClosedLoop:
-        """The closed loop of one seed. Raises MissionError for a mission that no first plan is found for."""
+        """Closed loop of one seed. Raises MissionError if no first plan is found for the mission."""
         parts = Assembler.for_scenario(MissileGuidance, config, seed, controller, estimator)
         frame = _frame(config)
         target = _target(config, frame)
@@ -91,7 +92,7 @@ class MissileGuidance:
 
     @staticmethod
     def errors(config: MissileGuidanceConfig, x: Array, truth: Array) -> dict[str, Array]:
-        """The error of each state, named with its unit, of estimates (n, nx) to truths in joint coordinates (n, nx)."""
+        """Error of each state, named with its unit, of estimates (n, nx) to truths in joint coordinates (n, nx)."""
         coordinates = COORDINATES[config.dimension]
         error = x - coordinates.from_joints(truth)
         error[:, coordinates.angles] = wrapped(error[:, coordinates.angles])
@@ -100,14 +101,14 @@ class MissileGuidance:
 
 
 class PassedTarget:
-    """Ends a flight once the missile has passed the target, and leaves it behind, or has reached the ground."""
+    """Referee that ends a flight once the missile has passed the target, or has reached the ground."""
 
     def __init__(self, mission: MissileMission, target: TargetMotion) -> None:
         self._mission, self._direction, self._target = mission, mission.final_direction, target
         self._was_before, self._distance = False, math.inf
 
     def finished(self, t: float, truths: Mapping[str, Array]) -> bool:
-        """The target was ahead and is behind, by the plane through it across the final direction; ``t`` [s]."""
+        """True if the target was ahead and is behind, by the plane through it across the final direction; ``t`` [s]."""
         place = self._mission.coordinates.place(self._mission.coordinates.from_joints(truths[VEHICLE]))
         offset = self._target.at(t) - place
         ahead, distance = float(offset @ self._direction), float(np.linalg.norm(offset))
@@ -118,7 +119,7 @@ class PassedTarget:
 
 
 def _under_ground(mission: MissileMission, joints: Array) -> bool:
-    """True for joint coordinates and rates (nx,) of a missile whose middle is below the ground, z = 0."""
+    """True if the middle of a missile with joint coordinates and rates (nx,) is below the ground, z = 0."""
     return bool(mission.coordinates.place(mission.coordinates.from_joints(joints))[2] > 0.0)
 
 
@@ -131,7 +132,7 @@ def summarise(
     recording: Recording,
     wall_seconds: float,
 ) -> tuple[dict[str, Any], bool]:
-    """The summary, and whether the missile hit the target under the aspect angle."""
+    """Summary, and whether the missile hit the target under the aspect angle."""
     figures = missile_summary(recording, VEHICLE, mission, target, first.t_end, first.cost, seed, wall_seconds)
     near = Requirement("miss_m", most=config.miss_allowed)
     aligned = Requirement("aspect_error_deg", most=config.aspect_allowed)
@@ -146,7 +147,7 @@ def summarise(
 
 
 def _frame(config: MissileGuidanceConfig) -> MissionFrame:
-    """The frame of the mission, in which no attitude is singular."""
+    """Frame of the mission, in which no attitude is singular."""
     planar = config.dimension == "planar"
     return MissionFrame.for_flight(
         config.start_heading, config.start, config.target, config.aspect_angle, planar=planar
@@ -154,26 +155,26 @@ def _frame(config: MissileGuidanceConfig) -> MissionFrame:
 
 
 def _earth(point: Point, frame: MissionFrame) -> Place:
-    """World frame to the thesis' Earth frame, that of the mission."""
+    """Point in the mission's frame, the thesis' Earth frame, from one in the world frame."""
     x, y, z = frame.turned(point)
     return x, 0.0 - y, 0.0 - z  # no negative zeros
 
 
 def _target(config: MissileGuidanceConfig, frame: MissionFrame) -> TargetMotion:
-    """The target as it really moves."""
+    """True motion of the target."""
     changes = [(t, _earth((x, y, z), frame)) for t, x, y, z in config.target_change]
     return TargetMotion.along(_earth(config.target, frame), _earth(config.target_velocity, frame), changes)
 
 
 def _messages(config: MissileGuidanceConfig, target: TargetMotion) -> list[Message]:
-    """Messages to the planner: the legs of the target's motion that it does not know of at the start."""
+    """Messages to the planner: the legs of the target's motion that are not known at the start."""
     known = config.target_announcement_delay == 0.0 or not any(config.target_velocity)
     legs = target.legs[1:] if known else target.legs
     return [Message(leg.t + config.target_announcement_delay, "target watch", "target", leg) for leg in legs]
 
 
 def _mission(config: MissileGuidanceConfig, motion: TargetMotion, frame: MissionFrame) -> MissileMission:
-    """The mission as it is known at the start."""
+    """Mission as known at the start."""
     coordinates, case = COORDINATES[config.dimension], CASES[config.case]
     x_e, y_e, z_e = _earth(config.start, frame)
     heading = float(wrapped(math.radians(config.start_heading - frame.azimuth)))
@@ -198,7 +199,7 @@ def _mission(config: MissileGuidanceConfig, motion: TargetMotion, frame: Mission
 
 
 def _first_plan(config: MissileGuidanceConfig, mission: MissileMission, controller: PluginSpec) -> Plan:
-    """The first plan of the mission; MissionError names the reach on the line to a target that there is none for."""
+    """First plan of the mission; without one, MissionError states the reach on the line to the target."""
     plan = _plan_from_start(mission, controller)
     if not plan.ok:
         raise MissionError(
@@ -209,13 +210,13 @@ def _first_plan(config: MissileGuidanceConfig, mission: MissileMission, controll
 
 
 def _plan_from_start(mission: MissileMission, controller: PluginSpec) -> Plan:
-    """The answer of a fresh planner at the start."""
+    """Plan of a new planner at the start."""
     planner, _ = checked_controller(controller, mission)
     return planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, mission.start_state), None))
 
 
 def _reach(mission: MissileMission, controller: PluginSpec) -> str:
-    """Range of a target that moves like this one, on the line to it, by first plans nearer and farther."""
+    """Text on the reach along the line to the target, from first plans to nearer and farther targets."""
     start = mission.coordinates.place(mission.start_state)
     line = np.array(mission.target.place) - start
     distance = float(np.linalg.norm(line))
@@ -240,17 +241,17 @@ def _reach(mission: MissileMission, controller: PluginSpec) -> str:
 
 
 def _duration(config: MissileGuidanceConfig, first: Plan) -> float:
-    """Longest flight [s]: twice the first plan; MissionError where that is more than is logged."""
+    """Longest flight [s]: twice the first plan; MissionError if that is longer than can be logged."""
     duration = math.ceil(2.0 * first.t_end / TICK) * TICK
     if duration > _LONGEST:
         raise MissionError(
-            f"target = {config.target!r} is {first.t_end:.0f} s away; allowed: {0.5 * _LONGEST:.0f} s, so be nearer"
+            f"target = {config.target!r} is {first.t_end:.0f} s away; allowed: {0.5 * _LONGEST:.0f} s: a nearer target"
         )
     return duration
 
 
 def _task(mission: MissileMission, terms: MissileTerms) -> Task:
-    """Thrusters that are commanded: L is the running cost of the mission's case (B.4), its integral by trapezia."""
+    """Task of commanding the thrusters: L is the running cost of the mission's case (B.4), integrated by trapezia."""
     coordinates, limits = mission.coordinates, np.array(mission.input_max)
     units = {"F": "N", "M": "N m", "N": "N m"}
     names = tuple(f"{name} [{units[name[0]]}]" for name in coordinates.inputs)
@@ -266,7 +267,7 @@ def _task(mission: MissileMission, terms: MissileTerms) -> Task:
 def _record(
     config: MissileGuidanceConfig, mission: MissileMission, target: TargetMotion, frame: MissionFrame
 ) -> MissileRecord:
-    """The mission as config.json holds it, in the thesis' frame."""
+    """Record of the mission in config.json, in the thesis' frame."""
     return MissileRecord(
         dimension=mission.coordinates.name,
         start=mission.start,
@@ -282,7 +283,7 @@ def _record(
 
 @lru_cache(maxsize=4)
 def _model(coordinates: Coordinates, input_max: tuple[float, ...], mismatch: MissileMismatch) -> mujoco.MjModel:
-    """The true missile."""
+    """MuJoCo model of the true missile."""
     true = Body(
         mismatch.mass * NOMINAL.mass,
         mismatch.inertia * NOMINAL.inertia,

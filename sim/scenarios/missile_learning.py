@@ -1,4 +1,4 @@
-"""Missile guidance as a learner's task: hit, missed, hit the ground; the distance to the target is the potential."""
+"""Missile guidance as a learning task: hit, missed, hit the ground; the distance to the target is the potential."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from mathnavi.sim.scenarios.task import Outcome
 
 @dataclass
 class MissileTerms:
-    """``LearningTerms`` of one flight: ``outcome`` is asked at every control step, in the order of time."""
+    """``LearningTerms`` of one flight: ``outcome`` must be called at every control step, in the order of time."""
 
     mission: MissileMission
     vehicle: str
-    target: TargetMotion  # as it really moves
+    target: TargetMotion  # its true motion
     miss_allowed: float  # [m]
     deadline: float  # [s]
     at_deadline: Outcome = Outcome.LATE
@@ -31,14 +31,16 @@ class MissileTerms:
 
     @property
     def cost_max(self) -> float:
-        """L (B.4) at full thrust and moments, and where the missile drifts as fast as it flies."""
+        """Largest stage cost: L (B.4) at full thrust and moments, with the missile drifting as fast as it flies."""
         mission = self.mission
         inputs = np.array(mission.input_max)
         undrifted = mission.case.running_cost(mission.coordinates, mission.start_state, inputs, mission.body)
         return float(undrifted) + mission.case.k
 
     def outcome(self, t: float, truths: Mapping[str, Array]) -> Outcome | None:
-        """The missile has passed the plane through the target across its final direction, or it hits the ground."""
+        """Outcome at t [s], once the missile has passed the target's plane across the final direction or hit the
+        ground.
+        """
         joints = truths[self.vehicle]
         if not np.isfinite(joints).all():
             return Outcome.DIVERGED
@@ -55,7 +57,7 @@ class MissileTerms:
         return None
 
     def potential(self, t: float, truths: Mapping[str, Array]) -> float:
-        """Distance to the target as a share of that at the start."""
+        """Distance to the target as a share of the initial distance."""
         joints = truths[self.vehicle]
         if not np.isfinite(joints).all():
             return 0.0
@@ -72,7 +74,7 @@ class MissileTerms:
         return -float(self._place(truths[self.vehicle])[2])
 
     def view(self, t: float, name: str, estimate: Estimate) -> dict[str, Array]:
-        """The estimated state, and from there to the target (3,) [m], Earth frame, as it is known at the start."""
+        """Estimated state, and the vector (3,) [m] from there to the target as known at the start, Earth frame."""
         place = self.mission.coordinates.place(estimate.x)
         return {"x": np.array(estimate.x), "target": self.mission.target.at(t) - place}
 
@@ -86,7 +88,7 @@ class MissileTerms:
 
 
 def _least_length(a: Array, b: Array) -> float:
-    """Least length of the vectors between a and b (3,); of b where there is no a."""
+    """Least length of the vectors between a and b (3,); that of b if a is NaN."""
     if not np.isfinite(a).all():
         return float(np.linalg.norm(b))
     d = b - a

@@ -1,23 +1,23 @@
-"""``quadrotor-canyon``: a quadrotor flies through a winding canyon, the planner of the point mass above it.
+"""``quadrotor-canyon``: a quadrotor flies through a winding canyon, with the planner of a point mass.
 
     sensors -> estimator -> Certified(faults(planner)) -> tracker -> rotors -> MuJoCo
 
-The two time scales of Fig. A.9: what the planner moves is a double integrator, what flies is a body with four rotors.
-How near the tracker keeps the one to the other enters the certificate.
+The two time scales of Fig. A.9: the planner's model is a double integrator, the plant is a body with four rotors. The
+bound on the deviation between them, from the tracker, enters the certificate.
 
-**Clearance.** A plan is the path of the vehicle's centre, and its rotors reach ``REACH`` = 0.335 m from there, however
-it tilts. So mission, certificate and summary have the ground of the map raised by what ``HeightField.inflated`` says of
-a body of that reach: h_min is kept by every part of the vehicle, and ``min_clearance_m`` is that of the nearest part,
-or a little less. No rotor leaves the map. MuJoCo's ground is that of the map.
+**Clearance.** A plan is the path of the vehicle's centre, and its rotors reach ``REACH`` = 0.335 m from there at any
+tilt. So mission, certificate and summary use the map's ground raised by ``HeightField.inflated`` for a body of that
+reach: every part of the vehicle keeps h_min, and ``min_clearance_m`` is that of the nearest part, or a little less. No
+rotor leaves the map. MuJoCo's ground is that of the map.
 
-**What the bound allows for.** Gusts as declared, a tenth more mass, a quarter more or less drag, and plans that take
-over unforeseen, for which a_max is reduced to what the rotors have the moments for
-(``mathnavi.controllers.quadrotor.turning``): some 2.3 m/s^2 in still air, 1.9 in gusts of .6. A weaker rotor or a
-greater mismatch is not in it. Where the tracker does not keep its bound, that is an event, the planner is based anew
-on the estimate, and where no plan is certified from there the loss of the guarantee is one.
+**The bound allows for** gusts as declared, a tenth more mass, a quarter more or less drag, and unforeseen changes of
+plans, for which a_max is reduced to what the rotors' moments permit (``mathnavi.controllers.quadrotor.turning``): some
+2.3 m/s^2 in still air, 1.9 in gusts of 0.6. It does not allow for a weaker rotor or a larger mismatch. If the tracker
+does not keep its bound, that is an event, and the planner is rebased on the estimate; if no plan is certified from
+there, the loss of the guarantee is another event.
 
 The vehicle follows the canyon because that is the shorter way: over the plateau it would have to climb and to descend.
-Nothing forbids that, and where a spur is in the way it may cross it, low, rather than go around.
+No rule forbids the plateau, and the vehicle may cross a spur low rather than fly around it.
 """
 
 from __future__ import annotations
@@ -69,16 +69,16 @@ from mathnavi.sim.scenarios.task import Inputs, Sample, Task
 
 VEHICLE = "vehicle"
 HOLD = 0.02
-"""[s] for which a learner's thrusts are held"""
+"""time for which a learner's thrusts are held [s]"""
 OBSERVED = "attitude", "rate"
-"""of an estimate, what the rotors cannot be commanded without"""
+"""extra arrays of an estimate that commanding the rotors requires"""
 _LONGEST = 3600.0  # [s] of simulated time that is logged
 _DRAWS = 200
 _BORDER = 0.03  # of the map's side, kept free of drawn starts and targets
 
 
 class QuadrotorCanyon:
-    """A quadrotor flies through a winding canyon to its target, certified as a point mass is."""
+    """A quadrotor flies through a winding canyon to its target, certified like a point mass."""
 
     Config = QuadrotorCanyonConfig
     name = "quadrotor-canyon"
@@ -94,11 +94,11 @@ class QuadrotorCanyon:
         controller: PluginSpec | None = None,
         estimator: PluginSpec | None = None,
     ) -> ClosedLoop:
-        """The closed loop of one seed.
+        """Closed loop of one seed.
 
-        Raises MissionError for a start or target below h_min, off the map or without an initial certificate;
-        ValueError for bounds that gusts and noise leave nothing of; PluginError for an estimator that the tracker
-        cannot fly from; TerrainError for an unknown terrain; FileNotFoundError for a terrain file that is not there.
+        Raises MissionError for a start or target below h_min, off the map or without an initial certificate; ValueError
+        if gusts and noise use up the bounds; PluginError for an estimator without the estimates that the tracker needs;
+        TerrainError for an unknown terrain; FileNotFoundError for a missing terrain file.
         """
         parts = Assembler.for_scenario(QuadrotorCanyon, config, seed, controller, estimator)
         terrain = load_terrain(config.terrain)
@@ -110,7 +110,7 @@ class QuadrotorCanyon:
         setup = VehicleSetup(mission.start_state, stack.sensors, drive=RotorDrive(vehicle))
         model = _model(terrain, config.mismatch)
         body = MujocoPlant(model, {VEHICLE: setup}, parts.streams["sensing"])
-        # Sensors of its own: those of the flight may lose readings, and draw whether they do.
+        # Separate sensors: those of the flight may lose readings at random.
         faultless = dataclasses.replace(parts, faults=()).stack(mission)
         trial = dataclasses.replace(setup, sensors=faultless.sensors)
         _check_estimates(parts, faultless, MujocoPlant(model, {VEHICLE: trial}, np.random.default_rng(0)), first)
@@ -134,7 +134,7 @@ class QuadrotorCanyon:
 
     @staticmethod
     def errors(config: QuadrotorCanyonConfig, x: Array, truth: Array) -> dict[str, Array]:
-        """The error of each state of the point mass, named with its unit, of estimates (n, 6) to truths (n, 13)."""
+        """Error of each state of the point mass, named with its unit, of estimates (n, 6) to truths (n, 13)."""
         error = x - point(truth)
         names = ("x [m]", "y [m]", "z [m]", "v_x [m/s]", "v_y [m/s]", "v_z [m/s]")
         return {name: error[:, k] for k, name in enumerate(names)}
@@ -142,19 +142,19 @@ class QuadrotorCanyon:
 
 @dataclass(frozen=True, eq=False)
 class TrueQuadrotorFlight:
-    """A flight as its referee and its metrics see it."""
+    """True flight, for the referee and the metrics."""
 
     mission: QuadrotorMission
     deadline: float  # [s] by the plan from the true start
 
 
 def finished(flight: TrueQuadrotorFlight, body: MujocoPlant, t: float, truths: Mapping[str, Array]) -> bool:
-    """The vehicle has arrived, or it has touched something; ``t`` [s], ``truths`` (13,) by vehicle."""
+    """True if the vehicle has arrived, or has touched something; ``t`` [s], ``truths`` (13,) by vehicle."""
     return arrived(flight, t, truths) or body.contacts(VEHICLE) > 0
 
 
 def arrived(flight: TrueQuadrotorFlight, t: float, truths: Mapping[str, Array]) -> bool:
-    """The vehicle is at the target; ``t`` [s], ``truths`` (13,) by vehicle."""
+    """True if the vehicle is at the target; ``t`` [s], ``truths`` (13,) by vehicle."""
     mission = flight.mission.flight
     return math.dist(truths[VEHICLE][POSITION].tolist(), mission.target) <= mission.arrival_radius
 
@@ -168,7 +168,7 @@ def summarise(
     recording: Recording,
     wall_seconds: float,
 ) -> tuple[dict[str, Any], bool]:
-    """The summary, and whether the vehicle arrived by its deadline and touched nothing."""
+    """Summary, and whether the vehicle arrived by its deadline and touched nothing."""
     mission = flight.mission.flight
     deadline = due(recording, VEHICLE, planner, mission.deadline_factor, flight.deadline)
     summary = quadrotor_summary(recording, VEHICLE, flight.mission, bound, deadline, seed, wall_seconds, guaranteed)
@@ -176,7 +176,7 @@ def summarise(
 
 
 def _mission(config: QuadrotorCanyonConfig, terrain: HeightField, parts: Assembler) -> tuple[QuadrotorMission, Plan]:
-    """The mission, over ground that is raised for the vehicle's centre, and its first plan."""
+    """Mission, over ground raised for the vehicle's centre, and its first plan."""
     over_raised = bare_mission(config, _raised(terrain))
     unrated = QuadrotorMission(dataclasses.replace(over_raised, reach=REACH, reach_in_terrain=True))
     quality = checked_quality(parts.estimator, unrated, EstimateQuality)
@@ -197,7 +197,7 @@ def _mission(config: QuadrotorCanyonConfig, terrain: HeightField, parts: Assembl
 
 
 def _drawn(config: QuadrotorCanyonConfig, terrain: HeightField, rng: np.random.Generator) -> Point:
-    """A point (x, y, z) [m] above a node of the map's lowest ground."""
+    """Drawn point (x, y, z) [m] above a node of the map's lowest ground."""
     border = math.ceil(_BORDER * max(terrain.z.shape))
     south, west = (min(border, (count - 1) // 2) for count in terrain.z.shape)  # a map may be long and narrow
     within = terrain.z[south : -south or None, west : -west or None]
@@ -209,10 +209,10 @@ def _drawn(config: QuadrotorCanyonConfig, terrain: HeightField, rng: np.random.G
 
 
 def _check_estimates(parts: Assembler, stack: VehicleStack, plant: MujocoPlant, plan: Plan) -> None:
-    """Raise PluginError for an estimator from whose estimates the tracker cannot fly."""
+    """Raise PluginError for an estimator without the estimates that the tracker needs."""
     estimate = stack.estimator.update(0.0, plant.sense(VEHICLE), np.zeros(ROTOR_COUNT))
     if estimate.status is not Status.OK:
-        return  # it has not seen enough yet to say
+        return  # not enough readings yet to decide
     try:
         stack.tracker.command(0.0, estimate, plan)
     except ValueError as error:
@@ -221,10 +221,10 @@ def _check_estimates(parts: Assembler, stack: VehicleStack, plant: MujocoPlant, 
 
 
 def _task(flight: TrueQuadrotorFlight, body: MujocoPlant, controller: PluginSpec, period: float) -> Task | None:
-    """Rotors that are commanded: L = |a|^2 + beta, the running cost of (A.2) for the point mass, at its own scale.
+    """Task of commanding the rotors: L = |a|^2 + beta, the running cost of (A.2) for the point mass, at its own scale.
 
-    a is the mean acceleration of the vehicle over a step, gusts included. None for a controller without a beta. What a
-    safety filter is proposed are accelerations, held for the planner's ``period`` [s].
+    a is the mean acceleration of the vehicle over a step, gusts included. Returns None for a controller without a beta.
+    The commands proposed to a safety filter are accelerations, held for the planner's ``period`` [s].
     """
     mission, beta = flight.mission, getattr(getattr(controller.config, "flight", None), "beta", None)
     if beta is None:
@@ -256,7 +256,7 @@ def _task(flight: TrueQuadrotorFlight, body: MujocoPlant, controller: PluginSpec
 
 
 def _record(mission: QuadrotorMission, bound: TrackingBound) -> QuadrotorRecord:
-    """The mission as config.json holds it."""
+    """Record of the mission in config.json."""
     shared = flight_record(mission.flight, bound)
     return QuadrotorRecord(**shared, reach=REACH, thrust_max=mission.vehicle.thrust_max)
 
@@ -270,5 +270,5 @@ def _model(terrain: HeightField, mismatch: QuadrotorMismatch) -> mujoco.MjModel:
 
 @lru_cache(maxsize=4)
 def _raised(terrain: HeightField) -> HeightField:
-    """The ground for the vehicle's centre."""
+    """Ground raised for the vehicle's centre."""
     return terrain.inflated(REACH, REACH)

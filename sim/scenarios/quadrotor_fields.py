@@ -29,7 +29,9 @@ LiftedFactor = Annotated[Factor, Within(Lt(_HEAVIEST), allowed=f"< {_HEAVIEST:.4
 
 @configuration(prefix="mismatch.")
 class QuadrotorMismatch:
-    """The true quadrotor over the declared one; the tracking bound allows for a tenth of mass and a quarter of drag."""
+    """Mismatch of the true quadrotor to the declared one; the tracking bound allows for a tenth of mass, a quarter of
+    drag.
+    """
 
     mass: LiftedFactor = 1.0
     """factor of the mass"""
@@ -38,11 +40,11 @@ class QuadrotorMismatch:
     drag: Factor = 1.0
     """factor of the drag"""
     rotor: Annotated[float, Interval(ge=0.1, le=1.0), FINITE] = 1.0
-    """factor of what the front left rotor gives, as thrust and as moment"""
+    """factor of the front left rotor's thrust and moment"""
 
     @property
     def vehicle(self) -> Quadrotor:
-        """The one that flies, but for its front left rotor."""
+        """True quadrotor, without the mismatch of its front left rotor."""
         x, y, z = NOMINAL.drag
         return dataclasses.replace(
             NOMINAL,
@@ -54,32 +56,33 @@ class QuadrotorMismatch:
 
 @configuration
 class QuadrotorCanyonConfig(ChanceFields):
-    """Fields of the scenario; without any given there is no wind, and the vehicle is as declared."""
+    """Fields of the scenario; by default there is no wind, and the vehicle is as declared."""
 
     terrain: TerrainPlace = "canyon"
     """name of a terrain, canyon:3 for another canyon, or an .npz file"""
     start: FinitePoint | None = None
-    """x, y, z [m] of the vehicle's centre; drawn from the seed if not given"""
+    """start x, y, z of the vehicle's centre; drawn from the seed if not given [m]"""
     target: FinitePoint | None = None
-    """x, y, z [m] of the vehicle's centre; drawn from the seed if not given"""
+    """target x, y, z of the vehicle's centre; drawn from the seed if not given [m]"""
     drawn_heights: DrawnHeights = (2.0, 10.0)
     """heights above h_min between which a start or target is drawn [m]"""
     drawn_lowest: PositiveFraction = 0.1
-    """share of the map's range of heights, from below, over which a start or target is drawn: the floor of a canyon"""
+    """share of the map's range of heights, from the lowest, over which starts and targets are drawn: a canyon's
+    floor"""
     drawn_separation: DrawnSeparation = (0.6, 0.95)
     """shares of the map's side between which the distance of a drawn start and target lies"""
     clearance_min: Magnitude = 4.0
     """h_min, least height of every part of the vehicle above ground [m]"""
     speed_max: PositiveMagnitude = 14.0
-    """v_max [m/s]"""
+    """v_max, largest speed [m/s]"""
     acceleration_max: PositiveMagnitude = 2.5
-    """a_max [m/s^2]; plans use no more than the rotors have the moments for"""
+    """a_max, largest acceleration; plans use no more than the rotors' moments permit [m/s^2]"""
     deadline_factor: DeadlineFactor = 1.5
-    """gamma: the deadline over the duration of the first plan, which rests on the way over the plateau"""
+    """gamma, ratio of the deadline to the duration of the first plan, which is based on the way over the plateau"""
     arrival_radius: PositiveMagnitude = 2.5
-    """r_f, how near to the target counts as arrived [m]"""
+    """r_f, distance from the target that counts as arrived [m]"""
     control_rate: Rate = 150.0
-    """of estimator, tracker and log [Hz]; the physics runs at 300 Hz"""
+    """rate of estimator, tracker and log; the physics runs at 300 Hz [Hz]"""
     noise: FlightNoise = field(default_factory=FlightNoise)
     faults: AerialFaults = field(default_factory=AerialFaults)
     mismatch: QuadrotorMismatch = field(default_factory=QuadrotorMismatch)
@@ -87,6 +90,6 @@ class QuadrotorCanyonConfig(ChanceFields):
     def __post_init__(self) -> None:
         if self.faults.position_jump > 0.0:
             raise FieldError(
-                f"faults.position_jump = {self.faults.position_jump!r}; allowed for a quadrotor: 0, for beside "
+                f"faults.position_jump = {self.faults.position_jump!r}; allowed for a quadrotor: 0, because off "
                 "its plan it has no certificate"
             )

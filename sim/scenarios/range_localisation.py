@@ -1,4 +1,4 @@
-"""``range-localisation``: a unicycle with range sensors finds itself within a wall that it knows (thesis C.4, C.5).
+"""``range-localisation``: a unicycle with range sensors localises itself within a known wall (thesis C.4, C.5).
 
     rangefinders, odometry -> estimator -> planner -> tracker -> (u_1, u_2) -> ideal or differential drive -> MuJoCo
 
@@ -39,15 +39,15 @@ from mathnavi.sim.scenarios.task import Endurance, Inputs, Outcome, Task, square
 VEHICLE = "robot"
 
 SLIP: Mapping[DriveName, tuple[float, float]] = {"ideal": (0.0, 0.0), "differential": (0.01, 0.02)}
-"""[m/s, rad/s] standard deviations of what the wheels miss while they grip, as a mission declares them"""
+"""standard deviations of the slip of wheels that grip, as a mission declares them [m/s, rad/s]"""
 
-_DRAWS = 1000  # of a start whose nominal path keeps the margin
+_DRAWS = 1000  # of starts, until the nominal path keeps the margin
 _LEAST_DEVIATION = 1e-3  # [m, rad] of a start that is known
 _SAMPLES = 200  # poses of a nominal path
 
 
 class RangeLocalisation:
-    """A robot with range sensors finds itself within a wall that it knows."""
+    """A robot with range sensors localises itself within a known wall."""
 
     Config = RangeLocalisationConfig
     name = "range-localisation"
@@ -63,7 +63,7 @@ class RangeLocalisation:
         controller: PluginSpec | None = None,
         estimator: PluginSpec | None = None,
     ) -> ClosedLoop:
-        """The closed loop of one seed. Raises MissionError for a start outside the wall or too near to it."""
+        """Closed loop of one seed. Raises MissionError for a start outside the wall or too near to it."""
         parts = Assembler.for_scenario(RangeLocalisation, config, seed, controller, estimator)
         mission = _mission(config)
         start = config.start or _drawn_start(mission, parts)
@@ -90,29 +90,29 @@ class RangeLocalisation:
 
     @staticmethod
     def errors(config: RangeLocalisationConfig, x: Array, truth: Array) -> dict[str, Array]:
-        """The error of the pose, named with its unit, of estimates (n, 3) to truths (n, nx), modulo symmetry."""
+        """Error of the pose, named with its unit, of estimates (n, 3) to truths (n, nx), modulo symmetry."""
         mission = _mission(config)
         error = np.array([mission.difference(pose, true[:3]) for pose, true in zip(x, truth, strict=True)])
         return {name: error[:, k] for k, name in enumerate(("x_1 [m]", "x_2 [m]", "phi [rad]"))}
 
 
 def finished(body: MujocoPlant, t: float, truths: Mapping[str, Array]) -> bool:
-    """The robot has touched the wall; ``t`` [s], ``truths`` by vehicle."""
+    """True if the robot has touched the wall; ``t`` [s], ``truths`` by vehicle."""
     return body.contacts(VEHICLE) > 0
 
 
 def summarise(
     mission: RangingMission, seed: int, recording: Recording, wall_seconds: float
 ) -> tuple[dict[str, Any], bool]:
-    """The summary, and whether the estimate converged and the robot did not touch the wall."""
+    """Summary, and whether the estimate converged and the robot did not touch the wall."""
     summary = ranging_summary(recording, VEHICLE, mission, seed, wall_seconds)
     return evaluate(summary, [Requirement("converged", least=True), Requirement("touched_wall", most=False)])
 
 
 def _task(mission: RangingMission, body: MujocoPlant, duration: float) -> Task:
-    """Wheels that are commanded: L is the squared error of the pose, modulo symmetry, a metre for a radian.
+    """Task of commanding the wheels: L is the squared error of the pose, modulo symmetry, a radian counted as a metre.
 
-    Its expectation is the trace that the exploration policy ``active`` has least (C.5).
+    Its expectation is the trace that the exploration policy ``active`` minimises (C.5).
     """
     limits = np.array([mission.speed_max, mission.turn_rate_max])
     error = squared_error(VEHICLE, lambda x, truth: mission.difference(x, truth[:3]))
@@ -132,7 +132,7 @@ def _task(mission: RangingMission, body: MujocoPlant, duration: float) -> Task:
 
 
 def _mission(config: RangeLocalisationConfig) -> RangingMission:
-    """The mission but for what is known of the start."""
+    """Mission without the knowledge of the start."""
     return RangingMission(
         curve=config.field.curve(),
         angles=tuple(math.radians(angle) for angle in config.sensors),
@@ -145,7 +145,7 @@ def _mission(config: RangeLocalisationConfig) -> RangingMission:
 
 
 def _as_it_is(mission: RangingMission, config: RangeLocalisationConfig) -> RangingMission:
-    """The mission with the true errors of the sensors in the place of the declared ones."""
+    """Mission with the true errors of the sensors in place of the declared ones."""
     ranging, odometry = config.mismatch.ranging(mission.ranging), config.mismatch.odometry(mission.odometry)
     return dataclasses.replace(mission, ranging=ranging, odometry=odometry)
 
@@ -154,12 +154,12 @@ def _as_it_is(mission: RangingMission, config: RangeLocalisationConfig) -> Rangi
 
 
 def _pose(start: tuple[float, float, float]) -> Array:
-    """(3,) [m, m, rad] of a start in degrees."""
+    """Pose (3,) [m, m, rad] of a start [m, m, deg]."""
     return np.array([start[0], start[1], math.radians(start[2])])
 
 
 def _drawn_start(mission: RangingMission, parts: Assembler) -> tuple[float, float, float]:
-    """A start from which the nominal path of the controller, if it declares one, keeps the margin; [m, m, deg]."""
+    """Drawn start [m, m, deg] from which the controller's nominal path, if it declares one, keeps the margin."""
     curve, margin, controller = mission.curve, mission.margin, parts.controller
     nominal_path = getattr(controller.plugin, "nominal_path", None)
     for _ in range(_DRAWS):
@@ -190,7 +190,7 @@ def _check_start(start: tuple[float, float, float], pose: Array, curve: Curve) -
 
 
 def _known_start(config: RangeLocalisationConfig, pose: Array, curve: Curve, rng: np.random.Generator) -> KnownStart:
-    """The start as an estimator knows it, with a Gaussian error, but within the wall; ``pose`` (3,) is the true one."""
+    """Start as known to an estimator, with a Gaussian error, within the wall; ``pose`` (3,) is the true one."""
     x, y, heading = config.start_error
     deviation = np.array([x, y, math.radians(heading)])
     for _ in range(_DRAWS):
@@ -209,7 +209,7 @@ def _three(values: Array) -> tuple[float, float, float]:
 
 
 def _with_outages(sensors: tuple[Sensor, ...], config: RangeLocalisationConfig) -> tuple[Sensor, ...]:
-    """The sensors, without ranges while the fields say so."""
+    """Sensors, without ranges during the outages of the fields."""
     if not config.outage:
         return sensors
     return tuple(Outage(sensor, config.outage) if sensor.name == "ranges" else sensor for sensor in sensors)
@@ -222,7 +222,7 @@ def _body(
     sensors: tuple[Sensor, ...],
     rng: np.random.Generator,
 ) -> MujocoPlant:
-    """The robot at a pose (3,), at rest."""
+    """Plant of the robot at rest at a pose (3,)."""
     model = _model(mission.curve, mission.angles, config.drive, config.friction)
     start = np.zeros(2 * model.nq)
     start[:3] = pose
@@ -242,7 +242,7 @@ def _model(curve: Curve, angles: tuple[float, ...], drive: DriveName, friction: 
 
 
 def _record(config: RangeLocalisationConfig, mission: RangingMission, pose: Array) -> RangingRecord:
-    """The mission as config.json holds it, its angles in radians."""
+    """Record of the mission in config.json, with angles in radians."""
     return RangingRecord(
         field=mission.curve.name,
         coefficients=mission.curve.coefficients,

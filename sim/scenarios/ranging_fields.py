@@ -55,14 +55,14 @@ SensorDirections = Annotated[
 
 @configuration(prefix="field.")
 class WallFields:
-    """The wall."""
+    """Fields of the wall."""
 
     shape: Literal["ellipse", "egg", "bean", "fourier"] = "ellipse"
-    """of the wall; egg and bean are as they are"""
+    """shape of the wall; egg and bean have no further fields"""
     half_axes: HalfAxes = _HALF_AXES
-    """c_1 and c_2 of an ellipse [m]"""
+    """half-axes c_1 and c_2 of an ellipse [m]"""
     coefficients: tuple[tuple[float, float, float, float], ...] = ()
-    """A_X B_X A_Y B_Y of the harmonics k = 0, 1, ... of a fourier shape [m], given once for each"""
+    """coefficients A_X B_X A_Y B_Y of a fourier shape, given once for each harmonic k = 0, 1, ... [m]"""
 
     def __post_init__(self) -> None:
         if self.half_axes != _HALF_AXES and self.shape != "ellipse":
@@ -77,7 +77,7 @@ class WallFields:
             raise FieldError(f"field.coefficients: a wall {reach:.3g} m off its centre; allowed: up to {_LONGEST:g} m")
 
     def curve(self) -> Curve:
-        """The wall; ValueError for coefficients that make none."""
+        """Curve of the wall; raises ValueError for coefficients that do not describe a wall."""
         return _curve(self)
 
 
@@ -95,17 +95,17 @@ class RangingNoise:
     """Errors of the sensors."""
 
     range_relative: Fraction = 0.05
-    """standard deviation of a range over its length"""
+    """standard deviation of a range as a share of the range"""
     range_absolute: Annotated[NonNegative, Le(_LONGEST)] = 0.0
-    """standard deviation of a range beside that [m]"""
+    """standard deviation of a range in addition to the relative one [m]"""
     dropout: Fraction = 0.0
     """fraction of single ranges that are lost"""
     outliers: Fraction = 0.0
-    """fraction of single ranges that are any value up to the longest in sight"""
+    """fraction of single ranges that are outliers: any value up to the longest in sight"""
     odometry_noise: Annotated[tuple[float, float], Each(Interval(ge=0.0, le=10.0), FINITE)] = (0.05, 0.05)
     """standard deviations of the odometry's speed [m/s] and turn rate [rad/s], per reading"""
     odometry_bias: Annotated[NonNegative, Le(0.5)] = 0.02
-    """relative error of both, constant over a run, its sign drawn from the seed"""
+    """relative error of the odometry's speed and turn rate, constant over a run, with a sign drawn from the seed"""
 
     def ranging(self) -> RangeQuality:
         """Errors of the ranges, as a mission declares them."""
@@ -118,14 +118,14 @@ class RangingNoise:
 
 @configuration(prefix="mismatch.")
 class RangingMismatch:
-    """The true errors of the sensors over the declared ones; wheels slip undeclared by their ``friction``."""
+    """Mismatch of the sensors' true errors to the declared ones; undeclared wheel slip follows from ``friction``."""
 
     range_noise: Factor = 1.0
     """factor of the standard deviation of a range"""
     outliers: Fraction = 0.0
-    """fraction of single ranges that are outliers beside the declared ones"""
+    """fraction of single ranges that are outliers in addition to the declared ones"""
     odometry_bias: Annotated[NonNegative, Le(0.5)] = 0.0
-    """relative error of the odometry beside the declared one, constant over a run"""
+    """relative error of the odometry in addition to the declared one, constant over a run"""
 
     def ranging(self, declared: RangeQuality) -> RangeQuality:
         """True errors of the ranges."""
@@ -149,25 +149,27 @@ class RangeLocalisationConfig(ChanceFields):
     sensors: SensorDirections = (-60.0, 60.0)
     """directions of the range sensors off the heading [deg]"""
     start: Annotated[tuple[float, float, float], THREE_FINITE_NUMBERS] | None = None
-    """X Y HEADING [m, m, deg]; drawn from the seed if not given"""
+    """start X Y HEADING; drawn from the seed if not given [m, m, deg]"""
     start_known: bool = False
     """whether the estimator knows the start"""
     start_error: tuple[float, float, float] = _START_ERROR
-    """standard deviations of the known start, X Y HEADING [m, m, deg]; with a start that is known"""
+    """standard deviations X Y HEADING of the known start; only with start_known [m, m, deg]"""
     drive: DriveName = "ideal"
-    """ideal: the exact motion of a unicycle; differential: wheels and casters on a floor, in MuJoCo"""
+    """drive of the robot; ideal: the exact motion of a unicycle; differential: wheels and casters on a floor, in
+    MuJoCo"""
     friction: Annotated[float, Interval(ge=0.01, le=10.0), FINITE] = 1.0
-    """of the wheels of the differential drive on the floor"""
+    """friction coefficient of the differential drive's wheels on the floor"""
     duration: Annotated[float, Interval(ge=TICK, le=3600.0), FINITE, whole_ticks(TICK)] = 20.0
-    """of the run [s]"""
+    """duration of the run [s]"""
     speed_max: Annotated[Positive, Le(3.0)] = 1.0
     """bound of the speed [m/s]"""
     turn_rate_max: Annotated[float, Radians(0.0, 10.0, open_low=True, unit="rad/s")] = 2.0
     """bound of the turn rate [rad/s]"""
     margin: Annotated[float, Interval(ge=RADIUS, le=_LONGEST), FINITE] = 0.3
-    """distance of the robot's centre to the wall that plans and drawn starts keep; wheels that slip may not [m]"""
+    """distance from the wall that the robot's centre keeps in plans and drawn starts; slipping wheels may violate it
+    [m]"""
     outage: Annotated[tuple[tuple[float, float], ...], Each(_OUTAGE)] = ()
-    """T0 T1: no ranges from T0 to T1 [s]; may be given several times"""
+    """outage T0 T1 of the ranges, from T0 to T1; may be given several times [s]"""
     noise: RangingNoise = dataclasses.field(default_factory=RangingNoise)
     mismatch: RangingMismatch = dataclasses.field(default_factory=RangingMismatch)
 

@@ -1,9 +1,9 @@
-"""Random streams in blocks, of which a share is drawn again: missions that have a part of their chance in common.
+"""Random streams in blocks, of which a share is drawn again: missions that share a part of their random draws.
 
 A redraw is a seed and a share. Every stream of a run, and every stream that is spawned from one, is divided into blocks
 of ``BLOCK`` calls. A redraw replaces each block, independently of all others, with the probability of its share by one
 that follows from the redraw's seed, the place of the stream and the number of the block; several redraws act one
-after the other. As which blocks are replaced does not depend on what is in them,
+after the other. Since the choice of replaced blocks does not depend on their content,
 
     P(block' | block) = (1 - share) delta(block' - block) + share P(block'),
 
@@ -35,14 +35,15 @@ _REDRAW = Condition(
 
 @configuration
 class ChanceFields:
-    """Field of a scenario whose chance can be drawn again in part."""
+    """Field of a scenario whose random draws can be repeated in part."""
 
     redraw: Annotated[tuple[Redraw, ...], Each(_REDRAW)] = ()
-    """SEED SHARE of the run's random draws, in blocks, that are drawn again; may be given several times"""
+    """seed and share SEED SHARE of the run's random draws, in blocks, that are drawn again; may be given several
+    times"""
 
 
 class BlockGenerator(np.random.Generator):
-    """A generator that begins another block of its stream after every ``BLOCK`` calls."""
+    """Generator that begins another block of its stream after every ``BLOCK`` calls."""
 
     def __init__(self, sequence: np.random.SeedSequence, redraws: Sequence[Redraw]) -> None:
         super().__init__(np.random.PCG64(sequence))
@@ -51,7 +52,7 @@ class BlockGenerator(np.random.Generator):
         self._calls = 0
 
     def spawn(self, n_children: int) -> list[np.random.Generator]:
-        """Generators of streams of their own, with the same redraws."""
+        """Generators of independent streams, with the same redraws."""
         return [BlockGenerator(child, self.redraws) for child in self._sequence.spawn(n_children)]
 
     def __reduce__(self) -> Any:
@@ -90,5 +91,5 @@ for _name in dir(np.random.Generator):
 
 
 def generator(sequence: np.random.SeedSequence, redraws: Sequence[Redraw]) -> np.random.Generator:
-    """The generator of a seed sequence: numpy's own without redraws, one in blocks with them."""
+    """Generator of a seed sequence: numpy's own without redraws, one in blocks with them."""
     return BlockGenerator(sequence, redraws) if redraws else np.random.default_rng(sequence)

@@ -1,4 +1,4 @@
-"""Requirements of a scenario on the figures of a run's summary, and in one line which of them a run did not meet."""
+"""Requirements of a scenario on the figures of a run's summary, and a one-line text of those that a run missed."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from mathnavi.sim.records.figure_names import SHORTFALL, label
 
 @dataclass(frozen=True)
 class Requirement:
-    """A figure of the summary lies between two limits: a number, or a truth value, False before True."""
+    """Requirement that a figure of the summary, a number or a truth value (False < True), lies between two limits."""
 
     key: str
     least: float = -math.inf
     most: float = math.inf
 
     def missed(self, summary: Mapping[str, Any]) -> str:
-        """Fault of the summary's figure, "" if there is none. A figure that is no number meets nothing."""
+        """Text on how the summary's figure misses the requirement, "" if it meets it. NaN and None never meet it."""
         value, (name, unit) = summary[self.key], label(self.key)
         if value is None or math.isnan(value):
             return f"{name} is not known"
@@ -36,9 +36,9 @@ class Requirement:
 def evaluate(
     summary: Mapping[str, Any], requirements: Sequence[Requirement], reported: Sequence[Requirement] = ()
 ) -> tuple[dict[str, Any], bool]:
-    """The summary, with what it falls short of if it does, and whether every requirement is met.
+    """Summary, with the requirements that it missed, if any, and whether every requirement is met.
 
-    The ``reported`` ones do not decide; they are mentioned of a run that fell short.
+    The ``reported`` ones do not decide; they are mentioned for a run that missed others.
     """
     if not any(requirement.missed(summary) for requirement in requirements):
         return dict(summary), True

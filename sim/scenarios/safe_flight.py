@@ -1,10 +1,10 @@
-"""``safe-flight``: one aerial vehicle crosses real mountains, plans on line, and arrives (thesis A.1 to A.7).
+"""``safe-flight``: one aerial vehicle crosses real mountains, plans online, and arrives (thesis A.1 to A.7).
 
     sensors -> estimator -> Certified(faults(planner)) -> tracker -> MuJoCo
 
-Every plan is certified before it is flown, whoever made it, unless its plug-in declares ``certified = False`` (the
-planner of the thesis as printed does, for comparison). With ``filter`` every command is filtered instead, whatever plan
-it comes from.
+Every plan of any planner is certified before it is flown, unless its plug-in declares ``certified = False`` (the
+planner of the thesis as printed does, for comparison). With ``filter`` every command is filtered instead, and plans are
+not certified.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ _DRAWS = 500
 
 
 class SafeFlight:
-    """One aerial vehicle crosses real mountains, plans on line, and arrives."""
+    """One aerial vehicle crosses real mountains, plans online, and arrives."""
 
     Config = SafeFlightConfig
     name = "safe-flight"
@@ -73,11 +73,11 @@ class SafeFlight:
     def build(
         config: SafeFlightConfig, seed: int, controller: PluginSpec | None = None, estimator: PluginSpec | None = None
     ) -> ClosedLoop:
-        """The closed loop of one seed.
+        """Closed loop of one seed.
 
         Raises MissionError for a start or target below h_min, off the map or without an initial certificate;
         TerrainError for an unknown terrain; ValueError for a radar, a hill or a target's path off the map;
-        FileNotFoundError for a terrain file that is not there.
+        FileNotFoundError for a missing terrain file.
         """
         parts = Assembler.for_scenario(SafeFlight, config, seed, controller, estimator)
         mission, first = _mission(config, parts)
@@ -116,7 +116,7 @@ class SafeFlight:
 
 @dataclass(frozen=True, eq=False)
 class TrueFlight:
-    """A flight as its referee and its metrics see it: over the ground as it is, to where the target is."""
+    """True flight, for the referee and the metrics: over the true ground, to the target's true place."""
 
     mission: FlightMission  # with the true ground
     track: TargetTrack
@@ -126,12 +126,12 @@ class TrueFlight:
 
 
 def arrived(flight: TrueFlight, t: float, truths: Mapping[str, Array]) -> bool:
-    """The vehicle is at the target; ``t`` [s], ``truths`` (6,) by vehicle."""
+    """True if the vehicle is at the target; ``t`` [s], ``truths`` (6,) by vehicle."""
     return math.dist(truths[VEHICLE][:3].tolist(), flight.track.at(t)) <= flight.mission.arrival_radius
 
 
 def finished(flight: TrueFlight, body: MujocoPlant, t: float, truths: Mapping[str, Array]) -> bool:
-    """The vehicle has arrived, or it has touched something; ``t`` [s], ``truths`` (6,) by vehicle."""
+    """True if the vehicle has arrived, or has touched something; ``t`` [s], ``truths`` (6,) by vehicle."""
     return arrived(flight, t, truths) or body.contacts(VEHICLE) > 0
 
 
@@ -144,9 +144,9 @@ def summarise(
     recording: Recording,
     wall_seconds: float,
 ) -> tuple[dict[str, Any], bool]:
-    """The summary, and whether the vehicle arrived by its deadline and touched nothing."""
+    """Summary, and whether the vehicle arrived by its deadline and touched nothing."""
     if flight.target_moves and isinstance(planner, Certified):
-        deadline = planner.promised  # which a target that moved may have moved
+        deadline = planner.promised  # changed by a target that moved
     else:
         deadline = due(recording, VEHICLE, planner, flight.mission.deadline_factor, flight.deadline)
     flown_to = dataclasses.replace(flight.mission, target=flight.track.at(float(recording.t[-1])))
@@ -159,7 +159,7 @@ def summarise(
 
 
 def _mission(config: SafeFlightConfig, parts: Assembler) -> tuple[FlightMission, Plan]:
-    """The mission as it is known at the start, and its first plan."""
+    """Mission as known at the start, and its first plan."""
     charted = load_terrain(config.terrain)
     bare = mission_but_ends(config, charted, parts.estimator, config.radars_at(0.0, charted))
 
@@ -175,7 +175,7 @@ def _mission(config: SafeFlightConfig, parts: Assembler) -> tuple[FlightMission,
 
 
 def _flight(config: SafeFlightConfig, mission: FlightMission, first: Plan) -> TrueFlight:
-    """The flight over the true ground; MissionError where an end, or the target on its way, is too near to that."""
+    """Flight over the true ground; MissionError if start, target or the target's path is too near to it."""
     true = dataclasses.replace(mission, terrain=config.ground(mission.terrain))
     track = TargetTrack(mission.target, true.terrain, config.target_path)
     check_above_ground("start", mission.start, true)
@@ -188,7 +188,7 @@ def _flight(config: SafeFlightConfig, mission: FlightMission, first: Plan) -> Tr
 def _terms(
     config: SafeFlightConfig, flight: TrueFlight, mission: FlightMission, body: MujocoPlant, cost_max: float
 ) -> FlightTerms:
-    """A learner's terms: the episode ends at the deadline, that of a target that moves once it has come to rest."""
+    """Learning terms; the deadline counts from the time at which a moving target has come to rest."""
     return FlightTerms(
         {VEHICLE: mission}, flight.mission.terrain, body, partial(arrived, flight), cost_max,
         deadline=flight.deadline + flight.track.ends, hold=HOLD,
@@ -197,7 +197,7 @@ def _terms(
 
 
 def _record(config: SafeFlightConfig, flight: TrueFlight, bound: TrackingBound) -> ChangingFlightRecord:
-    """The mission as config.json holds it."""
+    """Record of the mission in config.json."""
     mission = flight.mission
     return ChangingFlightRecord(
         **flight_record(mission, bound),

@@ -1,10 +1,10 @@
 """``simultaneous-arrival``: a fleet crosses real mountains, keeps apart, and arrives at one time (thesis A.8).
 
     sensors -> estimator -> Certified(faults(planner)) -> tracker -> MuJoCo        of each vehicle alone
-    plans, times of arrival <-> coordinator <-> network                              all that they know of each other
+    plans, times of arrival <-> coordinator <-> network                              their only knowledge of each other
 
-Each vehicle has its own slot on a ring about the target and a level of its own on which its stored plan crosses. The
-fleet's deadline is D = gamma max V_0, V_0 the duration of each vehicle's first plan.
+Each vehicle has its own slot on a ring about the target and its own level on which its stored plan crosses. The fleet's
+deadline is D = gamma max V_0, V_0 the duration of each vehicle's first plan.
 """
 
 from __future__ import annotations
@@ -66,10 +66,10 @@ class SimultaneousArrival:
         controller: PluginSpec | None = None,
         estimator: PluginSpec | None = None,
     ) -> ClosedLoop:
-        """The closed loop of one seed.
+        """Closed loop of one seed.
 
-        Raises MissionError for starts or slots below h_min, off the map or too close to each other, and where no plans
-        can be stored that keep apart; FileNotFoundError for a terrain file that is not there.
+        Raises MissionError for starts or slots below h_min, off the map or too close to each other, and if no stored
+        plans keep apart; FileNotFoundError for a missing terrain file.
         """
         parts = Assembler.for_scenario(SimultaneousArrival, config, seed, controller, estimator)
         charted, consensus = load_terrain(config.terrain), consensus_of(config)
@@ -121,7 +121,7 @@ class SimultaneousArrival:
 
 @dataclass(frozen=True, eq=False)
 class FleetFlight:
-    """Flights of a fleet as their referee and their metrics see them: over the ground as it is."""
+    """True flights of a fleet, for the referee and the metrics: over the true ground."""
 
     terrain: HeightField
     missions: Mapping[str, FlightMission]  # by vehicle, with the true ground
@@ -131,12 +131,12 @@ class FleetFlight:
 
 
 def finished(flight: FleetFlight, body: MujocoPlant, t: float, truths: Mapping[str, Array]) -> bool:
-    """All vehicles have arrived, or one has touched something; ``t`` [s], ``truths`` (6,) by vehicle."""
+    """True if all vehicles have arrived, or one has touched something; ``t`` [s], ``truths`` (6,) by vehicle."""
     return arrived(flight, t, truths) or any(body.contacts(name) > 0 for name in flight.missions)
 
 
 def arrived(flight: FleetFlight, t: float, truths: Mapping[str, Array]) -> bool:
-    """All vehicles have been at their slots; ``t`` [s], ``truths`` (6,) by vehicle."""
+    """True if all vehicles have been at their slots; ``t`` [s], ``truths`` (6,) by vehicle."""
     flight.arrived.update(
         name
         for name, mission in flight.missions.items()
@@ -148,7 +148,7 @@ def arrived(flight: FleetFlight, t: float, truths: Mapping[str, Array]) -> bool:
 def summarise(
     flight: FleetFlight, config: SimultaneousArrivalConfig, seed: int, recording: Recording, wall_seconds: float
 ) -> tuple[dict[str, Any], bool]:
-    """The summary, and whether all arrived by the deadline and at one time, kept apart and touched nothing."""
+    """Summary, and whether all arrived by the deadline and at one time, kept apart and touched nothing."""
     summary = fleet_summary(
         recording, flight.missions, flight.radars, flight.deadline, config.separation, seed, wall_seconds
     )
@@ -165,7 +165,7 @@ def summarise(
 def _flight(
     config: SimultaneousArrivalConfig, charted: HeightField, fleet: Mapping[str, StartedVehicle]
 ) -> FleetFlight:
-    """The flights over the true ground; MissionError where a start or a slot is too near to that."""
+    """Flights over the true ground; MissionError if a start or a slot is too near to it."""
     terrain = config.ground(charted)
     missions = {name: dataclasses.replace(vehicle.mission, terrain=terrain) for name, vehicle in fleet.items()}
     for name, mission in missions.items():
@@ -176,13 +176,13 @@ def _flight(
 
 
 def _terms(flight: FleetFlight, fleet: Mapping[str, StartedVehicle], body: MujocoPlant, cost_max: float) -> FlightTerms:
-    """A learner's terms: the fleet has its common deadline."""
+    """Learning terms with the common deadline of the fleet."""
     known = {name: vehicle.mission for name, vehicle in fleet.items()}
     return FlightTerms(known, flight.terrain, body, partial(arrived, flight), cost_max, flight.deadline, HOLD)
 
 
 def _record(config: SimultaneousArrivalConfig, flight: FleetFlight, bound: dict[str, float | None]) -> FleetRecord:
-    """The mission as config.json holds it."""
+    """Record of the mission in config.json."""
     return FleetRecord(
         vehicles={name: {"start": each.start, "target": each.target} for name, each in flight.missions.items()},
         radars=config.radar_records(flight.terrain),

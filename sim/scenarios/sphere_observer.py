@@ -1,4 +1,4 @@
-"""``sphere-observer``: the velocity of what moves on a curved space, from its position alone (D.5).
+"""``sphere-observer``: the velocity of a motion on a curved space, from its position alone (D.5).
 
 body               a rigid body on a ball joint in MuJoCo: attitudes, S^3
 sphere             a point on S^3 as an ODE, under the force of the example in D.5 or a potential
@@ -58,20 +58,20 @@ class SphereObserverConfig(LagrangianFields):
     kernels: ClassVar[str] = "mathnavi.models.manifold.ahead"  # compiled before the first run
 
     reading: PositionQuality = field(default_factory=lambda: PositionQuality(noise=0.01))
-    """how the position errs"""
+    """errors of the position readings"""
     space: SpaceName = "body"
-    """what moves: a rigid body in MuJoCo, a point on S^3, or one on the hyperbolic plane"""
+    """system: a rigid body in MuJoCo, a point on S^3 (sphere), or a point on the hyperbolic plane"""
     force: ForceName = "by-space"
-    """on a point: none, of the potential c p_0, or that of the example in D.5; by space, linear on the hyperbolic
-    plane, from where a free point leaves every bound, and else none"""
+    """force on a point: none, that of the potential c p_0 (linear), or that of the example in D.5 (printed); by-space:
+    linear on the hyperbolic plane, where a free point escapes, and otherwise none"""
     strength: Annotated[float, Interval(ge=-_STRONGEST, le=_STRONGEST), FINITE] = 1.0
-    """c of the linear potential [1/s^2]"""
+    """strength c of the linear potential [1/s^2]"""
     speed: Annotated[NonNegative, Le(_FASTEST)] = 6.0
-    """at the start, |omega| [rad/s] of a body or |v| [1/s] of a point; position and direction are drawn"""
+    """initial speed, |omega| [rad/s] of a body or |v| [1/s] of a point; position and direction are drawn"""
     start: Annotated[NumberList, FINITE_NUMBERS] = ()
-    """position and velocity at the start, as the state has them; drawn if not given"""
+    """initial position and velocity, in the order of the state; drawn if not given"""
     inertia: Inertia = 0.05
-    """of the body [kg m^2]"""
+    """moment of inertia of the body about every axis [kg m^2]"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -82,7 +82,7 @@ class SphereObserverConfig(LagrangianFields):
 
 
 class SphereObserver:
-    """The velocity of what moves on a curved space, from its position alone."""
+    """The velocity of a motion on a curved space, from its position alone."""
 
     Config = SphereObserverConfig
     name = "sphere-observer"
@@ -98,7 +98,7 @@ class SphereObserver:
         controller: PluginSpec | None = None,
         estimator: PluginSpec | None = None,
     ) -> ClosedLoop:
-        """The closed loop of one seed. Raises ValueError for a start off the space."""
+        """Closed loop of one seed. Raises ValueError for a start off the space."""
         parts = Assembler.for_scenario(SphereObserver, config, seed, controller, estimator)
         mission = config_mission(config)
         stack, noise = parts.stack(mission), parts.streams["sensing"]
@@ -113,12 +113,12 @@ class SphereObserver:
 
     @staticmethod
     def errors(config: SphereObserverConfig, x: Array, truth: Array) -> dict[str, Array]:
-        """The errors of estimates (n, nx), named with their units."""
+        """Errors of estimates (n, nx), named with their units."""
         return velocity_errors(config_mission(config), x, truth)
 
 
 def config_mission(config: SphereObserverConfig) -> LagrangianMission:
-    """The mission of an observer."""
+    """Mission of the observer."""
     if config.space == "body":
         system: PointSystem | RigidBody = RigidBody(config.inertia)
     else:
@@ -130,7 +130,7 @@ def config_mission(config: SphereObserverConfig) -> LagrangianMission:
 
 
 def _start(config: SphereObserverConfig, mission: LagrangianMission, rng: np.random.Generator) -> Array:
-    """(nx,) the state at the start, position and direction of the velocity drawn if it is not given."""
+    """Initial state (nx,); if it is not given, position and direction of the velocity are drawn."""
     system = mission.system
     if config.start:
         return given_start(config.start, mission)
@@ -148,13 +148,13 @@ def rigid_body_plant(
     inertia: float | tuple[float, ...],
     rng: np.random.Generator,
 ) -> MujocoPlant:
-    """The rigid body in MuJoCo, with the inertia [kg m^2] about every axis, or about each of its three."""
+    """Plant of the rigid body in MuJoCo, with the inertia [kg m^2] about every axis, or about each of its three."""
     return MujocoPlant(rigid_body(name, inertia), {name: VehicleSetup(start, sensors)}, rng)
 
 
 @lru_cache(maxsize=4)
 def rigid_body(name: str, inertia: float | tuple[float, ...]) -> mujoco.MjModel:
-    """The compiled rigid body with the inertia [kg m^2] about every axis, or about each of its three."""
+    """MuJoCo model of the rigid body, with the inertia [kg m^2] about every axis, or about each of its three."""
     spec = build_spec("rigid-body", name=name)
     spec.body(f"{name}/body").inertia = inertia if isinstance(inertia, tuple) else (inertia, inertia, inertia)
     return spec.compile()

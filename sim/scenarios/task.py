@@ -1,9 +1,9 @@
-"""A scenario as a task for whoever commands its actuators in the place of planner and tracker.
+"""A scenario as a task: its actuators are commanded from outside, in place of planner and tracker.
 
 Over a control step, from one sample of the loop to the next with the commands u held, a task states the *stage cost*
-int L dt: what its mission is evaluated by, or optimised for. The scenario's module has the equation.
+int L dt, by which its mission is evaluated or optimised. The scenario's module has the equation.
 
-``LearningTerms`` are what a learner needs beside it: how an episode ends, a potential, and what is seen of the way
+``LearningTerms`` are what a learner needs in addition: the end of an episode, a potential, and observations of the way
 ahead (``mathnavi.sim.environments.learning``).
 """
 
@@ -26,20 +26,20 @@ if TYPE_CHECKING:  # it imports numba, and help and descriptions of fields do no
 class Inputs:
     """Inputs of one vehicle, with their bounds."""
 
-    names: tuple[str, ...]  # (nu,) name and unit of each, "thrust [N]" for one
-    low: Array  # (nu,) -inf where there is no bound
+    names: tuple[str, ...]  # (nu,) name and unit of each, for example "thrust [N]"
+    low: Array  # (nu,) -inf without a bound
     high: Array  # (nu,)
-    usual: float = 1.0  # magnitude that a learner stays within where there is no bound
+    usual: float = 1.0  # largest magnitude that a learner uses without a bound
 
     @staticmethod
     def within(names: tuple[str, ...], limits: float | Array = np.inf) -> Inputs:
-        """Inputs of at most these magnitudes, one for all or (nu,)."""
+        """Inputs with these largest magnitudes, one for all or (nu,)."""
         high = np.broadcast_to(np.asarray(limits, dtype=np.float64), len(names)).copy()
         return Inputs(names, -high, high)
 
     @property
     def bounded(self) -> Inputs:
-        """The same inputs with finite bounds."""
+        """Same inputs with finite bounds."""
         low = np.where(np.isfinite(self.low), self.low, -self.usual)
         high = np.where(np.isfinite(self.high), self.high, self.usual)
         return Inputs(self.names, low, high, self.usual)
@@ -77,66 +77,68 @@ class Outcome(StrEnum):
 
 
 class LearningTerms(Protocol):
-    """Terms by which an episode of a mission is learnt from."""
+    """Terms with which a learner uses an episode of a mission."""
 
     @property
     def cost_max(self) -> float:
-        """L_max > 0: the stage cost of a second counts as this at most."""
+        """Largest stage cost L_max > 0: the cost of a second is clipped to it."""
         ...
 
     @property
     def deadline(self) -> float:
-        """T [s], at which an episode ends at the latest."""
+        """Latest end T [s] of an episode."""
         ...
 
     @property
     def at_deadline(self) -> Outcome:
-        """The outcome of an episode that lasts until the deadline."""
+        """Outcome of an episode that lasts until the deadline."""
         ...
 
     @property
     def hold(self) -> float | None:
-        """Time [s] for which an action is held where nothing else is asked for; None: the tracker's period."""
+        """Time [s] for which an action is held by default; None for the tracker's period."""
         ...
 
     def outcome(self, t: float, truths: Mapping[str, Array]) -> Outcome | None:
-        """The end of the mission at t [s]; None while it goes on. ``truths`` are the states (nx,) by vehicle."""
+        """Outcome of the mission at t [s]; None while it goes on. ``truths`` are the states (nx,) by vehicle."""
         ...
 
     def potential(self, t: float, truths: Mapping[str, Array]) -> float:
-        """Share of the mission's way that is left, 1 at its start and 0 at its target; 0 always without a target."""
+        """Share of the mission's way that is left, 1 at its start and 0 at its target; always 0 without a target."""
         ...
 
     def violated(self, t: float, truths: Mapping[str, Array]) -> bool:
-        """True where a bound of the mission is not kept: a second in this state counts as L_max."""
+        """True if a bound of the mission is violated: a second in this state costs L_max."""
         ...
 
     def clearance(self, t: float, truths: Mapping[str, Array]) -> float | None:
-        """Distance [m] of the nearest vehicle to what it may touch; None where there is nothing."""
+        """Distance [m] of the nearest vehicle to any obstacle; None without obstacles."""
         ...
 
     def view(self, t: float, name: str, estimate: Estimate) -> dict[str, Array]:
-        """Observations of one vehicle by name, made from its estimate and from what is known of the mission."""
+        """Observations of one vehicle by name, from its estimate and the known mission."""
         ...
 
 
 @dataclass(frozen=True)
 class Endurance:
-    """Terms of a mission without a target: the whole state is observed, and the time being up completes it."""
+    """Learning terms of a mission without a target: the whole state is observed, and the mission is completed when its
+    time is up.
+    """
 
     cost_max: float
     deadline: float  # [s]
     ends: Callable[[float, Mapping[str, Array]], Outcome | None]
-    margin: Callable[[Mapping[str, Array]], float] | None = None  # distance [m] to what may be touched
+    margin: Callable[[Mapping[str, Array]], float] | None = None  # distance [m] to the nearest obstacle
     at_deadline: Outcome = Outcome.COMPLETED
     hold: float | None = None  # [s]
 
     def outcome(self, t: float, truths: Mapping[str, Array]) -> Outcome | None:
-        """End of the mission."""
+        """Outcome of the mission at t [s]; None while it goes on."""
         return self.ends(t, truths)
 
     def potential(self, t: float, truths: Mapping[str, Array]) -> float:
-        """0: there is no target."""
+        """Potential, which is 0: there is no target."""
         return 0.0
 
     def violated(self, t: float, truths: Mapping[str, Array]) -> bool:
@@ -144,33 +146,33 @@ class Endurance:
         return False
 
     def clearance(self, t: float, truths: Mapping[str, Array]) -> float | None:
-        """Distance [m] to what may be touched."""
+        """Distance [m] to the nearest obstacle; None without obstacles."""
         return None if self.margin is None else self.margin(truths)
 
     def view(self, t: float, name: str, estimate: Estimate) -> dict[str, Array]:
-        """The estimated state."""
+        """Observation ``x``, the estimated state."""
         return {"x": np.array(estimate.x)}
 
 
 StageCost = Callable[[Sample, Sample, Mapping[str, Array]], float]
-"""(a sample, the next, the commands (nu,) in between by vehicle) -> the integral of the stage cost"""
+"""function (sample, next sample, commands (nu,) in between by vehicle) -> integral of the stage cost"""
 
 
 @dataclass(frozen=True)
 class Task:
-    """Inputs, observations and cost for whoever commands the actuators."""
+    """Task of commanding the actuators: inputs, observations and cost."""
 
     inputs: Mapping[str, Inputs]  # by vehicle
     cost: StageCost
-    observed: tuple[str, ...] = ()  # of an estimate's ``extra``, what the vehicle cannot be commanded without
-    mission: Mapping[str, Any] = field(default_factory=dict)  # fields that keep what was drawn of the mission
-    filters: Callable[[], Mapping[str, ProposalFilter]] | None = None  # makes one for each vehicle
-    proposals: Mapping[str, Inputs] = field(default_factory=dict)  # to these, by vehicle
+    observed: tuple[str, ...] = ()  # arrays of an estimate's ``extra`` that commanding the vehicle requires
+    mission: Mapping[str, Any] = field(default_factory=dict)  # fields with the drawn values of the mission
+    filters: Callable[[], Mapping[str, ProposalFilter]] | None = None  # makes a filter for each vehicle
+    proposals: Mapping[str, Inputs] = field(default_factory=dict)  # inputs of these filters, by vehicle
     learning: LearningTerms | None = None  # None: no learner's terms are stated
 
 
 def squared_error(vehicle: str, error: Callable[[Array, Array], Array]) -> StageCost:
-    """L = |e|^2 with e = ``error(estimate, truth)`` of one vehicle, taken at the end of a step.
+    """Stage cost L = |e|^2 with e = ``error(estimate, truth)`` of one vehicle, taken at the end of a step.
 
     So the root mean square of e over an episode of T [s] is the root of its whole cost over T.
     """

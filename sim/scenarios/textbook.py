@@ -1,4 +1,4 @@
-"""``textbook-observer``: the systems that the thesis explains observers by, each with one in the loop (2.1 to 2.5).
+"""``textbook-observer``: the systems by which the thesis explains observers, each with one in the loop (2.1 to 2.5).
 
     output -> estimator -> input signal -> ODE
 
@@ -40,8 +40,8 @@ VEHICLE = "system"
 SystemName = Literal["example-2-1", "example-2-2", "camera-and-flags", "krener-isidori", "kazantzis-kravaris"]
 
 _LONGEST = 600.0  # [s]
-_LEAST_DEVIATION = 0.01  # of the start of each state, as an estimator knows it
-_LATE = 0.75  # of a run, from which on the error counts
+_LEAST_DEVIATION = 0.01  # of the start of each state, for an estimator
+_LATE = 0.75  # of a run, after which the error counts
 
 
 @configuration
@@ -49,21 +49,21 @@ class TextbookConfig:
     """Fields of the scenario."""
 
     system: SystemName = "example-2-2"
-    """what is observed"""
+    """system that is observed"""
     distance_known: bool = True
-    """whether the distance of the flags is known, or a state (camera-and-flags)"""
+    """whether the distance of the flags is known; if not, it is a state (camera-and-flags)"""
     start: NumberList = ()
-    """of each state; the system's own if not given"""
+    """initial value of each state; the system's default if not given"""
     start_error: NumberList = ()
-    """error of each state's estimate at the start; the system's own if not given"""
+    """initial error of each state's estimate; the system's default if not given"""
     noise: Annotated[NonNegative, Le(1e6)] = 0.0
     """standard deviation of the reading of each output"""
     rate: Annotated[float, TickRate(TICK)] = 100.0
-    """readings, estimates and commands a second [Hz]"""
+    """rate of readings, estimates and commands [Hz]"""
     duration: float = 10.0
-    """[s]"""
+    """duration of the run [s]"""
     tolerance: Annotated[Positive, Le(1e6)] = 0.1
-    """root mean square of the error's length over the last quarter of a run that counts as converged"""
+    """largest root mean square of the error's norm over the last quarter of a run that counts as converged"""
 
     def __post_init__(self) -> None:
         if not (self.distance_known or self.system == "camera-and-flags"):
@@ -82,28 +82,28 @@ class TextbookConfig:
 
     @property
     def observed(self) -> System:
-        """The system itself."""
+        """System of the configuration."""
         return SYSTEMS[self.system] if self.distance_known else camera_and_flags(distance_known=False)
 
     @property
     def start_state(self) -> Array:
-        """(n,) x(0)."""
+        """Initial state x(0) (n,)."""
         return self._of_each_state("start")
 
     @property
     def mission(self) -> TextbookMission:
-        """The mission of an observer, with its belief of the start."""
+        """Mission of the observer, with its estimate of the start."""
         error = self._of_each_state("start_error")
         deviation = tuple(max(abs(each), _LEAST_DEVIATION) for each in error.tolist())
         believed = tuple((self.start_state + error).tolist())
         return TextbookMission(self.observed, believed, deviation, self.noise, round(1.0 / (self.rate * TICK)) * TICK)
 
 
-_FARTHEST = 2.0  # times as long as the first state: a longer error is charged as this one by a learner's terms
+_FARTHEST = 2.0  # times the norm of the initial state, or 1 if larger: the error at which a learner's cost is clipped
 
 
 class TextbookObserver:
-    """A system of the textbook with an observer in the loop."""
+    """A textbook system with an observer in the loop."""
 
     Config = TextbookConfig
     name = "textbook-observer"
@@ -115,7 +115,7 @@ class TextbookObserver:
     def build(
         config: TextbookConfig, seed: int, controller: PluginSpec | None = None, estimator: PluginSpec | None = None
     ) -> ClosedLoop:
-        """The closed loop of one seed. Raises ValueError for an observer that is not made for the system."""
+        """Closed loop of one seed. Raises ValueError for an observer that does not fit the system."""
         parts = Assembler.for_scenario(TextbookObserver, config, seed, controller, estimator)
         stack = parts.stack(config.mission)
         vehicle = OdeVehicle(config.observed, config.start_state, stack.sensors)
@@ -136,13 +136,13 @@ class TextbookObserver:
 
     @staticmethod
     def errors(config: TextbookConfig, x: Array, truth: Array) -> dict[str, Array]:
-        """The error of each state, named with its unit, of estimates (n, nx) to truths (n, nx)."""
+        """Error of each state, named with its unit, of estimates (n, nx) to truths (n, nx)."""
         error = config.observed.difference(x, truth)
         return {name: error[:, k] for k, name in enumerate(config.observed.states)}
 
 
 def finished(plant: OdePlant, t: float, truths: Mapping[str, Array]) -> bool:
-    """The solution has escaped; ``t`` [s], ``truths`` (n,) by vehicle."""
+    """True if the solution has escaped; ``t`` [s], ``truths`` (n,) by vehicle."""
     return plant.escaped(VEHICLE) is not None
 
 
@@ -154,9 +154,9 @@ def _ends(plant: OdePlant, t: float, truths: Mapping[str, Array]) -> Outcome | N
 def summarise(
     config: TextbookConfig, seed: int, recording: Recording, wall_seconds: float
 ) -> tuple[dict[str, Any], bool]:
-    """The flat summary of a run, and whether its estimate converged and its solution did not escape.
+    """Flat summary of a run, and whether its estimate converged and its solution did not escape.
 
-    ``error_*`` are lengths of x^ - x; ``decay_rate_per_s`` is that of an exponential through them.
+    ``error_*`` are norms of x^ - x; ``decay_rate_per_s`` is that of an exponential through them.
     """
     agent = recording.agents[VEHICLE]
     t = np.array([estimate.t for estimate in agent.estimates])
@@ -192,7 +192,7 @@ def summarise(
 
 
 def _record(config: TextbookConfig) -> TextbookRecord:
-    """The mission as config.json holds it."""
+    """Record of the mission in config.json."""
     system = config.observed
     return TextbookRecord(
         title=system.title,

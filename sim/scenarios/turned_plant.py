@@ -1,4 +1,4 @@
-"""A plant whose world is turned about the vertical: forces, torques and displacements come in the user's."""
+"""Plant in a frame rotated about the vertical: forces, torques and displacements come in the user's frame."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 class TurnedPlant(Disturbed):
-    """A plant in the frame of a mission; everything but what acts on it from outside is the plant's own."""
+    """Plant in the frame of a mission: it rotates external forces, torques and displacements and nothing else."""
 
     def __init__(self, plant: Plant, frame: MissionFrame) -> None:
         super().__init__(plant, ())

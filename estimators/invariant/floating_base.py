@@ -8,8 +8,8 @@ of the ground, zero (M. Bloesch et al., State Estimation for Legged Robots, RSS 
     0 = R_b' v_b + omega x p_f + J q^',    z = R' v = what that leaves,    z - R^' v^ = xi_v + (R^' v^) x xi_R + n.
 
 So the velocity of the base, and with it the attitude relative to gravity, is observable while a foot stands; position
-and heading never are: they drift. In the air everything but the rate is integrated and drifts; the covariance says by
-how much, and the estimate is lost once the velocity's standard deviation exceeds a limit.
+and heading never are: they drift. In the air everything but the rate is integrated and drifts; ``base_deviation`` says
+by how much, and the estimate is lost once the velocity's standard deviation exceeds a limit.
 
 Biases of the IMU are not estimated. Another plug-in estimates the joints' velocities; it gets the estimated pose of the
 base as if it had been read.

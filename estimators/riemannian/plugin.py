@@ -110,7 +110,7 @@ class RiemannianObserver:
         if config.curvature in ("none", "plus-one"):
             return ObserverProperties(
                 Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL,
-                note="without C = -1 the rate of convergence is bounded, by less on a more curved space",
+                note="without C = -1 it converges up to a speed of the motion only, lower on a more curved space",
             )  # fmt: skip
         return ObserverProperties(
             Domain.SEMI_GLOBAL, Rate.EXPONENTIAL, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL,

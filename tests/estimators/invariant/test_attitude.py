@@ -57,5 +57,5 @@ def test_what_it_believes_of_its_readings_is_what_is_true() -> None:
 
 def test_a_system_that_does_not_turn_is_refused() -> None:
     mission = mission_of(PointSystem(sphere(2), linear(1.0, 0)))
-    with pytest.raises(FieldError, match=r"system = one on .*; allowed: a body that turns"):
+    with pytest.raises(FieldError, match=r"system = one on .*; allowed: a rotating body"):
         AttitudeIekf.build(AttitudeIekf.Config(), mission)

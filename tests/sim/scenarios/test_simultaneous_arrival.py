@@ -199,7 +199,7 @@ def bad(terrain: str) -> list[tuple[dict[str, Any], str]]:
         ({"graph": "star"}, r"graph = 'star'; allowed: line, ring, complete, random"),
         (
             {"consensus": "clock"},
-            r"consensus = 'clock': .* allowed: laplacian, maximum, or another that says within_starts",
+            r"consensus = 'clock': .* allowed: laplacian, maximum, or another that declares within_starts",
         ),
         ({"consensus": "vote"}, r"consensus: 'vote' is not known; allowed: "),
         ({"start": near, **middle}, r"start of vehicle_1 and of vehicle_2 are .* m apart; allowed: >= 150 m"),

@@ -67,8 +67,7 @@ class RangeObserverConfig:
     k_q: Gain = 1.0
     """k_Q, gain of |Q|^2 / 2 [s/m^4]"""
     fitted: Fitted | None = None
-    """data that range rates are fitted to: innovation or ranges; the innovation, or as printed the ranges, if not
-    given"""
+    """data that range rates are fitted to; if not given, the ranges with feedforward none, otherwise the innovation"""
     window: int | None = None
     """number of readings in a fit; 101, or 3 if the mission declares exact ranges, if not given"""
     order: int | None = None

@@ -116,7 +116,7 @@ class Clocks:
     error: Annotated[NonNegative, Le(_FARTHEST)] = 0.0
     """largest error of a corrected clock, which enlarges the distance that vehicles keep [s]"""
     settling: NonNegative = 5.0
-    """initial time in which the vehicles agree on a common time only [s]"""
+    """initial time in which the vehicles only synchronise their clocks [s]"""
 
     def __post_init__(self) -> None:
         if not self.agree and self.error == 0.0:
@@ -148,8 +148,7 @@ class FleetEndFields:
     slot_spacing: PositiveMagnitude = 1500.0
     """distance between neighbouring slots on their ring [m]"""
     slot_assignment: SlotAssignment = "least_squares"
-    """assignment of slots: by the least sum of squared distances from the starts, or the k-th slot to the k-th
-    vehicle"""
+    """assignment of slots: by least squares of the distances from the starts, or the k-th to the k-th vehicle"""
     separation: HullSeparation = 200.0
     """d_s, least distance between the centres of two vehicles [m]"""
     drawn_heights: DrawnHeights = MissionFields.drawn_heights
@@ -169,8 +168,7 @@ class FleetFields(LimitFields, FleetEndFields):
     spread: PositiveMagnitude = 5.0 / 3.0
     """largest spread of the arrival times that counts as one time [s]"""
     graph: GraphName = "ring"
-    """graph of the vehicles that agree with each other on the arrival time (a ring of two is a line); plans go to
-    all"""
+    """graph of the vehicles that agree on the arrival time (a ring of two is a line); plans go to all"""
     edge: tuple[tuple[str, str, float], ...] = ()
     """edge NAME NAME WEIGHT of your own graph, in place of --graph; may be given several times"""
     consensus: Annotated[str, PluginName(partial(load, "consensus"))] = "maximum"
@@ -178,8 +176,7 @@ class FleetFields(LimitFields, FleetEndFields):
     consensus_with: tuple[str, ...] = ()
     """field FIELD=VALUE of the consensus plug-in; may be given several times"""
     separation_rule: SeparationRuleName = "agreement"
-    """rule that keeps plans apart: a plan is flown once all others agree, or (RMADER) if no plan received meanwhile
-    conflicts"""
+    """rule that keeps plans apart: flown if all others agree, or (RMADER) if no plan received meanwhile conflicts"""
     delay_check: NonNegative = 0.5
     """delta_DC, duration of RMADER's check of received plans; vehicles keep apart if no message takes longer [s]"""
     control_rate: Rate = MissionFields.control_rate

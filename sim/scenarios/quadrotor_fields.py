@@ -67,8 +67,7 @@ class QuadrotorCanyonConfig(ChanceFields):
     drawn_heights: DrawnHeights = (2.0, 10.0)
     """heights above h_min between which a start or target is drawn [m]"""
     drawn_lowest: PositiveFraction = 0.1
-    """share of the map's range of heights, from the lowest, over which starts and targets are drawn: a canyon's
-    floor"""
+    """share of the map's range of heights, from the lowest, over which starts and targets are drawn (the floor)"""
     drawn_separation: DrawnSeparation = (0.6, 0.95)
     """shares of the map's side between which the distance of a drawn start and target lies"""
     clearance_min: Magnitude = 4.0

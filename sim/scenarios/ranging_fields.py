@@ -155,8 +155,7 @@ class RangeLocalisationConfig(ChanceFields):
     start_error: tuple[float, float, float] = _START_ERROR
     """standard deviations X Y HEADING of the known start; only with start_known [m, m, deg]"""
     drive: DriveName = "ideal"
-    """drive of the robot; ideal: the exact motion of a unicycle; differential: wheels and casters on a floor, in
-    MuJoCo"""
+    """drive; ideal: the exact motion of a unicycle; differential: wheels and casters on a floor, in MuJoCo"""
     friction: Annotated[float, Interval(ge=0.01, le=10.0), FINITE] = 1.0
     """friction coefficient of the differential drive's wheels on the floor"""
     duration: Annotated[float, Interval(ge=TICK, le=3600.0), FINITE, whole_ticks(TICK)] = 20.0
@@ -166,8 +165,7 @@ class RangeLocalisationConfig(ChanceFields):
     turn_rate_max: Annotated[float, Radians(0.0, 10.0, open_low=True, unit="rad/s")] = 2.0
     """bound of the turn rate [rad/s]"""
     margin: Annotated[float, Interval(ge=RADIUS, le=_LONGEST), FINITE] = 0.3
-    """distance from the wall that the robot's centre keeps in plans and drawn starts; slipping wheels may violate it
-    [m]"""
+    """distance from the wall of the robot's centre in plans and drawn starts; slipping wheels may violate it [m]"""
     outage: Annotated[tuple[tuple[float, float], ...], Each(_OUTAGE)] = ()
     """outage T0 T1 of the ranges, from T0 to T1; may be given several times [s]"""
     noise: RangingNoise = dataclasses.field(default_factory=RangingNoise)

@@ -38,8 +38,7 @@ class ChanceFields:
     """Field of a scenario whose random draws can be repeated in part."""
 
     redraw: Annotated[tuple[Redraw, ...], Each(_REDRAW)] = ()
-    """seed and share SEED SHARE of the run's random draws, in blocks, that are drawn again; may be given several
-    times"""
+    """redraw SEED SHARE: a share of the run's random draws, in blocks, is drawn again; may be given several times"""
 
 
 class BlockGenerator(np.random.Generator):

@@ -58,7 +58,7 @@ class MissileKalmanConfig:
     moment_std: Positive = 30.0
     """sigma of the disturbing moment about each axis, in addition to the declared gusts [N m]"""
     time_constant: Positive = 5.0
-    """tau, correlation time of the disturbance [s]"""
+    """correlation time tau of the disturbance [s]"""
     noise_floor: Positive = 1e-3
     """least standard deviation that the filter assumes for a reading [m, m/s, rad, rad/s]"""
 
@@ -186,7 +186,7 @@ def start_deviation(config: MissileKalmanConfig, mission: MissileMission) -> Arr
 
 @lru_cache(maxsize=8)
 def disturbing_input(coordinates: Coordinates) -> casadi.Function:
-    """(x, d) -> (R' d_F, d_M) (nu,), along the axes of the body."""
+    """Function (x, d) -> (R' d_F, d_M) (nu,), along the axes of the body."""
     z = casadi.SX.sym("z", coordinates.state_size + coordinates.input_size)
     theta = z[coordinates.index("theta")]
     psi = z[coordinates.index("psi")] if "psi" in coordinates.states else casadi.SX(0.0)
@@ -199,7 +199,7 @@ def disturbing_input(coordinates: Coordinates) -> casadi.Function:
 
 @lru_cache(maxsize=8)
 def transition(coordinates: Coordinates, body: Body, time_constant: float) -> casadi.Function:
-    """((x, d), u, h) -> (x, d) after h [s] by one Runge-Kutta step, and its Jacobian."""
+    """Function ((x, d), u, h) -> (x, d) after h [s] by one Runge-Kutta step, and its Jacobian."""
     nx, nu = coordinates.state_size, coordinates.input_size
     z, u, h = casadi.SX.sym("z", nx + nu), casadi.SX.sym("u", nu), casadi.SX.sym("h")
     f, disturbing = coordinates.dynamics(body), disturbing_input(coordinates)

@@ -214,14 +214,14 @@ def _length(xi: Array) -> float:
 
 
 def _sinc(theta: float) -> float:
-    """sin theta / theta."""
+    """Ratio sin theta / theta."""
     if abs(theta) < _SMALL:
         return 1.0 - theta**2 / 6.0 + theta**4 / 120.0 - theta**6 / 5040.0
     return math.sin(theta) / theta
 
 
 def _versine(theta: float) -> float:
-    """(1 - cos theta) / theta^2."""
+    """Ratio (1 - cos theta) / theta^2."""
     if abs(theta) < _SMALL:
         return 0.5 - theta**2 / 24.0 + theta**4 / 720.0 - theta**6 / 40320.0
     return (1.0 - math.cos(theta)) / theta**2

@@ -20,7 +20,7 @@ from mathnavi.models.unicycle.mission import LEAST_NOISE, RangingMission
 from mathnavi.sim.interfaces.signals import Array, Measurement
 
 STATES = 4
-FROM_WHERE = "from most starts with two rays or more where the robot drives; standing still not with one or two rays"
+FROM_WHERE = "from most starts with two rays or more while the robot drives; at rest not with one or two rays"
 """condition that an estimator with local convergence states in addition"""
 
 _LEAST_VARIANCE = 1e-12  # [m^2/s^2, rad^2/s^2] of an input

@@ -63,9 +63,9 @@ class RangeObserverConfig:
     feedforward: FeedForward = "s"
     """feed-forward of z: none (as printed), s, rho_dot or manifold"""
     k_v: Gain = 1.0
-    """k_V, gain of V_rho [1/(m^2 s)]"""
+    """gain k_V of V_rho [1/(m^2 s)]"""
     k_q: Gain = 1.0
-    """k_Q, gain of |Q|^2 / 2 [s/m^4]"""
+    """gain k_Q of |Q|^2 / 2 [s/m^4]"""
     fitted: Fitted | None = None
     """data that range rates are fitted to; if not given, the ranges with feedforward none, otherwise the innovation"""
     window: int | None = None
@@ -135,7 +135,7 @@ class RangeObserver:
         """Properties of the observer (Table 2.1)."""
         printed, corrected = config.feedforward == "none", min(config.k_v, config.k_q) > 0.0
         converges = corrected and not printed
-        behind = "without a feed-forward a robot that moves leaves it behind"
+        behind = "without a feed-forward it lags behind a moving robot"
         return ObserverProperties(
             domain_of_attraction=Domain.LOCAL if converges else Domain.NONE,
             rate=Rate.EXPONENTIAL if converges else Rate.NONE,

@@ -39,7 +39,7 @@ LONGEST_STEP = 0.5  # [rad] of any component of z in one correction
 
 
 DescentGains = tuple[float, float]
-"""k_V [1/(m^2 s)] of V_rho and k_Q [s/m^4] of |Q|^2 / 2"""
+"""gains k_V [1/(m^2 s)] of V_rho and k_Q [s/m^4] of |Q|^2 / 2"""
 
 
 @njit(cache=True, nogil=True)

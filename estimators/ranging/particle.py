@@ -43,9 +43,9 @@ class RangeParticleConfig:
     max_particles: CountInMemory = 5000
     """greatest number of particles, which is used at first if the start is unknown"""
     kld_error: Annotated[float, Within(Interval(gt=0.0, le=1.0), allowed="> 0 and <= 1")] = 0.05
-    """epsilon, bound of the Kullback-Leibler divergence from the posterior over the cells"""
+    """bound epsilon of the Kullback-Leibler divergence from the posterior over the cells"""
     kld_probability: Probability = 0.99
-    """1 - delta, probability with which the bound kld_error holds"""
+    """probability 1 - delta with which the bound kld_error holds"""
     cell_position: Positive = 0.1
     """side of a cell in position [m]"""
     cell_heading: Annotated[float, Within(Interval(gt=1e-3, le=2.0), allowed="> 0.001 and <= 2")] = 0.1
@@ -55,7 +55,7 @@ class RangeParticleConfig:
     recovery_fast: Positive = 0.5
     """time over which the likelihood is averaged for w_fast [s]"""
     outliers: Annotated[float, Within(Interval(gt=0.0, lt=1.0), allowed="> 0 and < 1")] = 0.02
-    """epsilon, least share of outliers that the likelihood assumes, however few are declared"""
+    """least share epsilon of outliers that the likelihood assumes, however few are declared"""
     spread: Annotated[float, Gt(0.0)] = 0.3
     """largest standard deviation of the heaviest cluster with which the pose is known [m, rad]"""
     timeout: Positive = 0.5

@@ -82,8 +82,8 @@ class RangeUkf:
             observer_domain=Domain.LOCAL,
             system_domain=Domain.GLOBAL,
             stays_on_truth=False,
-            note=f"{FROM_WHERE}; what it expects to read is a mean over its covariance, so on the truth it is not what "
-            "is read; without noise the covariance shrinks, and the error with it",
+            note=f"{FROM_WHERE}; its expected reading is a mean over its covariance and differs from the true one "
+            "even on the truth; without noise the covariance shrinks, and the error with it",
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:

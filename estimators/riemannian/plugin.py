@@ -35,12 +35,12 @@ class RiemannianObserverConfig:
     """Fields of ``--estimator``."""
 
     bandwidth: Annotated[Positive, Le(_FASTEST)] | None = None
-    """omega of the constant gains A = 2 zeta omega and B = omega^2; tuned, or 10, if not given [1/s]"""
+    """bandwidth omega of the constant gains A = 2 zeta omega and B = omega^2; tuned, or 10, if not given [1/s]"""
     tuning: Literal["auto", "innovations", "none"] = "auto"
     """tuning of bandwidths by the innovations; auto: if bandwidth is not given and the model has servos, damping,
     limits, contacts or friction"""
     damping: Positive = 1.0
-    """zeta, damping ratio of the constant gains"""
+    """damping ratio zeta of the constant gains"""
     gains: GainName = "constant"
     """gains A and B: constant, or as printed in the example of D.5"""
     curvature: CurvatureName = "minus-one"

@@ -40,7 +40,7 @@ class HighGainConfig:
     """Fields of ``--estimator``."""
 
     bandwidth: Positive = 10.0
-    """omega; the observer has a double pole at -omega [1/s]"""
+    """bandwidth omega; the observer has a double pole at -omega [1/s]"""
     timeout: Positive = 0.5
     """time without a reading after which the estimate is lost [s]"""
 
@@ -69,8 +69,8 @@ class HighGain:
         """Properties of the observer (Table 2.1)."""
         return ObserverProperties(
             Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL,
-            note="the bandwidth has to exceed what the acceleration changes by with the velocity; no farther from the "
-            "system than its coordinates reach",
+            note="the bandwidth has to exceed the derivative of the acceleration by the velocity; the observer "
+            "has to stay within the range of the coordinates about the system",
         )  # fmt: skip
 
 

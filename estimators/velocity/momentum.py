@@ -41,7 +41,7 @@ class MomentumObserverConfig:
     """Fields of ``--estimator``."""
 
     bandwidth: Positive = 30.0
-    """omega; the observer has a triple pole at -omega [1/s]"""
+    """bandwidth omega; the observer has a triple pole at -omega [1/s]"""
     timeout: Positive = 0.5
     """time without a reading after which the estimate is lost [s]"""
 
@@ -73,7 +73,7 @@ class MomentumObserver:
         """Properties of the observer (Table 2.1)."""
         return ObserverProperties(
             Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL,
-            note="the bandwidth has to exceed what the acceleration changes by with the velocity; a constant torque "
+            note="the bandwidth has to exceed the derivative of the acceleration by the velocity; a constant torque "
             "that the model lacks leaves no error",
         )  # fmt: skip
 

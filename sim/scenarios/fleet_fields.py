@@ -150,7 +150,7 @@ class FleetEndFields:
     slot_assignment: SlotAssignment = "least_squares"
     """assignment of slots: by least squares of the distances from the starts, or the k-th to the k-th vehicle"""
     separation: HullSeparation = 200.0
-    """d_s, least distance between the centres of two vehicles [m]"""
+    """least distance d_s between the centres of two vehicles [m]"""
     drawn_heights: DrawnHeights = MissionFields.drawn_heights
     """heights above h_min between which starts and the target are drawn [m]"""
     drawn_distance: DrawnHeights = (0.4, 0.9)
@@ -162,9 +162,9 @@ class FleetFields(LimitFields, FleetEndFields):
     """Vehicles of a fleet, their starts and targets, the ground, their bounds, and their agreement."""
 
     deadline_factor: DeadlineFactor = 1.5
-    """gamma, ratio of the fleet's deadline to the duration of the longest first plan"""
+    """ratio gamma of the fleet's deadline to the duration of the longest first plan"""
     arrival_radius: PositiveMagnitude = LimitFields.arrival_radius
-    """r_f, distance from its slot within which a vehicle has arrived [m]"""
+    """distance r_f from its slot within which a vehicle has arrived [m]"""
     spread: PositiveMagnitude = 5.0 / 3.0
     """largest spread of the arrival times that counts as one time [s]"""
     graph: GraphName = "ring"
@@ -178,7 +178,7 @@ class FleetFields(LimitFields, FleetEndFields):
     separation_rule: SeparationRuleName = "agreement"
     """rule that keeps plans apart: flown if all others agree, or (RMADER) if no plan received meanwhile conflicts"""
     delay_check: NonNegative = 0.5
-    """delta_DC, duration of RMADER's check of received plans; vehicles keep apart if no message takes longer [s]"""
+    """duration delta_DC of RMADER's check of received plans; vehicles keep apart if no message takes longer [s]"""
     control_rate: Rate = MissionFields.control_rate
     """rate of estimator, tracker and log; the physics runs at 300 Hz [Hz]"""
 

@@ -71,15 +71,15 @@ class LimitFields:
     """Bounds within which the point masses fly, one or a fleet of them."""
 
     clearance_min: HullClearance = 50.0
-    """h_min, least height of a vehicle's centre above the ground below it [m]"""
+    """least height h_min of a vehicle's centre above the ground below it [m]"""
     speed_max: PositiveMagnitude = 300.0
-    """v_max, largest speed [m/s]"""
+    """largest speed v_max [m/s]"""
     acceleration_max: PositiveMagnitude = 40.0
-    """a_max, largest acceleration [m/s^2]"""
+    """largest acceleration a_max [m/s^2]"""
     deadline_factor: DeadlineFactor = 1.3
-    """gamma, ratio of the deadline to the duration of the first plan"""
+    """ratio gamma of the deadline to the duration of the first plan"""
     arrival_radius: PositiveMagnitude = 50.0
-    """r_f, distance from the target that counts as arrived [m]"""
+    """distance r_f from the target that counts as arrived [m]"""
 
 
 @configuration

@@ -71,15 +71,15 @@ class QuadrotorCanyonConfig(ChanceFields):
     drawn_separation: DrawnSeparation = (0.6, 0.95)
     """shares of the map's side between which the distance of a drawn start and target lies"""
     clearance_min: Magnitude = 4.0
-    """h_min, least height of every part of the vehicle above ground [m]"""
+    """least height h_min of every part of the vehicle above ground [m]"""
     speed_max: PositiveMagnitude = 14.0
-    """v_max, largest speed [m/s]"""
+    """largest speed v_max [m/s]"""
     acceleration_max: PositiveMagnitude = 2.5
-    """a_max, largest acceleration; plans use no more than the rotors' moments permit [m/s^2]"""
+    """largest acceleration a_max; plans use no more than the rotors' moments permit [m/s^2]"""
     deadline_factor: DeadlineFactor = 1.5
-    """gamma, ratio of the deadline to the duration of the first plan, which is based on the way over the plateau"""
+    """ratio gamma of the deadline to the duration of the first plan, which is based on the way over the plateau"""
     arrival_radius: PositiveMagnitude = 2.5
-    """r_f, distance from the target that counts as arrived [m]"""
+    """distance r_f from the target that counts as arrived [m]"""
     control_rate: Rate = 150.0
     """rate of estimator, tracker and log; the physics runs at 300 Hz [Hz]"""
     noise: FlightNoise = field(default_factory=FlightNoise)

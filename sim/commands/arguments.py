@@ -1,7 +1,7 @@
-"""Frozen dataclasses, which check themselves, from the words of a command line.
+"""Parser of a command line into frozen dataclasses, which validate themselves.
 
-Each leaf of a dataclass is a flag, or a place without one; a flag that is given twice is an error unless it takes a
-list, and so is nan or an infinity. A wrong word is a ``BadInputError`` of one line that names the flag, its value and
+Each leaf of a dataclass is a flag or a positional argument. A flag that is given twice is an error unless it takes a
+list; so are nan and infinity. A wrong word raises a ``BadInputError`` of one line that names the flag, its value and
 what is allowed. tyro prints the help.
 """
 
@@ -38,7 +38,7 @@ _FLAGS_ALLOWED = "allowed: flags, each followed by its values"
 
 
 class HelpPrinted(Exception):  # noqa: N818
-    """The help was asked for, and is printed."""
+    """Signal that the help was requested and has been printed."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class FlagGroup:
 
 
 def parse(argv: Sequence[str], prog: str, description: str, *groups: FlagGroup) -> tuple[Any, ...]:
-    """The dataclasses of the groups with the fields that ``argv`` gives; BadInputError if it cannot be.
+    """Return the dataclasses of the groups with the fields that ``argv`` gives; BadInputError if ``argv`` is wrong.
 
     ``--help`` prints the help and raises HelpPrinted.
     """
@@ -114,7 +114,7 @@ def _help_field(name: str, group: FlagGroup) -> tuple[str, Any, Any]:
 
 
 def flags(schema: type, prefix: str = "") -> Iterator[tuple[str, bool]]:
-    """The flags of a dataclass, each with whether it may be given several times; --no-FIELD for a truth value too."""
+    """Map each flag of a dataclass to whether it may be given several times; a truth value also has --no-FIELD."""
     for leaf in leaves_of(schema, prefix):
         if not leaf.positional:
             yield leaf.flag, leaf.form is not None and leaf.form.container is not None
@@ -123,12 +123,12 @@ def flags(schema: type, prefix: str = "") -> Iterator[tuple[str, bool]]:
 
 
 def fields_by_flag(schema: type, prefix: str = "") -> dict[str, str]:
-    """The dotted name of the field that each flag of a dataclass sets."""
+    """Map each flag of a dataclass to the dotted name of the field that it sets."""
     return {leaf.flag: leaf.field_name for leaf in leaves_of(schema, prefix) if not leaf.positional}
 
 
 class _Words:
-    """The words of ``argv``, on their way to the leaves that they are given to."""
+    """Assigns the words of ``argv`` to the leaves that they are given to."""
 
     def __init__(self, argv: Sequence[str], leaves: Sequence[Leaf]) -> None:
         self._argv = argv
@@ -139,7 +139,7 @@ class _Words:
         self._required = [leaf for leaf in leaves if leaf.required]
 
     def by_path(self) -> dict[str, list[list[str]]]:
-        """The words of each leaf that is given, one list for each time, by the path of the leaf.
+        """Return the words of each leaf that is given, one list for each occurrence, by the path of the leaf.
 
         Raises BadInputError where words are missing, are not among the choices, or are left over.
         """
@@ -176,11 +176,11 @@ class _Words:
             raise BadInputError("; ".join(f"{leaf.place} is missing; allowed: {leaf.wanted}" for leaf in missing))
         if left_over:
             named = ", ".join(short(word) or repr(word) for word in left_over)
-            raise BadInputError(f"{named}: nothing is known to do with this; {_FLAGS_ALLOWED}")
+            raise BadInputError(f"{named}: this argument is not expected here; {_FLAGS_ALLOWED}")
         return given
 
     def _value(self, leaf: Leaf) -> list[str]:
-        """The words of one value of a leaf."""
+        """Return the words of one value of a leaf."""
         form = leaf.form
         if form is None:
             raise BadInputError(f"{_as_given(leaf.flag, self._argv)}; allowed: no value on the command line")
@@ -189,7 +189,7 @@ class _Words:
             word, tied = self._rest[0]
             if not (tied or self._places_only or word in form.choices) and self._is_flag(word):
                 break
-            if form.count is None and len(self._rest) <= len(self._places):  # these are for the places
+            if form.count is None and len(self._rest) <= len(self._places):  # these are for the positional arguments
                 break
             words.append(self._rest.popleft()[0])
         if form.count is not None and len(words) < form.count:
@@ -201,7 +201,7 @@ class _Words:
         return words
 
     def _is_flag(self, word: str) -> bool:
-        """A flag, or what looks like one: a misspelt flag is no value of the flag before it."""
+        """Return True for a flag, or for what looks like one: a misspelt flag is no value of the flag before it."""
         name = word.partition("=")[0]
         if word == "--" or name.replace("_", "-") in self._by_flag:
             return True
@@ -216,7 +216,7 @@ def _built(
     argv: Sequence[str],
     known: Sequence[str],
 ) -> Any:
-    """The dataclass of a group: each field from its words, or as the default has it."""
+    """Build the dataclass of a group: each field from its words, or from the default."""
 
     def built(schema: type, prefix: str, default: Any) -> Any:
         hints, values = get_type_hints(schema), {}
@@ -239,7 +239,7 @@ def _built(
 
 
 def _default(entry: dataclasses.Field[Any], instance: Any) -> Any:
-    """The value of a field that is not given; None where it has to be."""
+    """Return the default of a field that is not given; None if the field is required."""
     if instance is not None:
         return getattr(instance, entry.name)
     if entry.default_factory is not dataclasses.MISSING:
@@ -258,18 +258,18 @@ def _converted(leaf: Leaf, words: Sequence[Sequence[str]], default: Any, argv: S
 
 
 def given(argv: Sequence[str]) -> list[str]:
-    """The flags in ``argv``, as often and in the order in which they are given."""
+    """Return the flags in ``argv`` in their order, with repetitions."""
     words = [word.partition("=")[0] for word in argv if word.startswith("--") and len(word) > 2]
     return [word.replace("_", "-") for word in words]
 
 
 def value_of(flag: str, argv: Sequence[str]) -> str | None:
-    """The first word given with ``flag``, None without the flag."""
+    """Return the first word given with ``flag``, None without the flag."""
     return next(iter(values_of(flag, argv)), None)
 
 
 def values_of(flag: str, argv: Sequence[str]) -> list[str]:
-    """The first word each time that ``flag`` is given."""
+    """Return the first word of each occurrence of ``flag``."""
     values = []
     for k, word in enumerate(argv):
         if word.startswith(f"{flag}="):
@@ -282,7 +282,7 @@ def values_of(flag: str, argv: Sequence[str]) -> list[str]:
 
 
 def without(flag: str, argv: Sequence[str]) -> list[str]:
-    """``argv`` with every ``flag`` and the word that follows it left out."""
+    """Return ``argv`` without every ``flag`` and the word that follows it."""
     kept: list[str] = []
     words = iter(argv)
     for word in words:
@@ -294,7 +294,7 @@ def without(flag: str, argv: Sequence[str]) -> list[str]:
 
 
 def with_flag(message: str, known: Sequence[str], prefix: str = "") -> str:
-    """The message, with the flag in place of the field where it starts with "field = ", "field: " or "field is "."""
+    """Return the message with the flag in place of the field if it starts with "field = ", "field: " or "field is "."""
     found = re.match(r"([A-Za-z_][\w.]*)(?= = |: | is )", message)
     if found is None:
         return message
@@ -312,11 +312,11 @@ def _check_flags(argv: Sequence[str], prog: str, known: Mapping[str, bool]) -> N
         if count > 1 and not known[name]:
             raise BadInputError(f"{name} is given {count} times; allowed: once")
         if negation(name) in counts:
-            raise BadInputError(f"{name} is given beside {negation(name)}; allowed: one of both")
+            raise BadInputError(f"{name} is given together with {negation(name)}; allowed: one of both")
 
 
 def suggestion(name: str, known: Sequence[str], prog: str) -> str:
-    """A hint for a flag that is not known: those that it may be a misspelling of, or those that are allowed."""
+    """Return a hint for an unknown flag: the flags that it may be a misspelling of, or those that are allowed."""
     if not name.startswith("--no-"):
         known = [flag for flag in known if flag not in {negation(other) for other in known}]
     # A field may be named without its group, which is no misspelling: --nodes means --planner.nodes.
@@ -330,7 +330,7 @@ def suggestion(name: str, known: Sequence[str], prog: str) -> str:
 
 
 def _check_values(value: Any, name: str) -> None:
-    """Raise BadInputError for a number that is not finite and a path that no file can have."""
+    """Raise BadInputError for a number that is not finite and for a path that no file can have."""
     if dataclasses.is_dataclass(value):
         for entry in dataclasses.fields(value):
             _check_values(getattr(value, entry.name), f"{name}.{entry.name}".strip("."))
@@ -354,7 +354,7 @@ def _as_given(flag: str, argv: Sequence[str]) -> str:
 
 
 def _values(flag: str, argv: Sequence[str]) -> str:
-    """The words that ``argv`` gives with a flag, where it does so last."""
+    """Return the words that follow the last occurrence of a flag in ``argv``."""
     words: list[str] = []
     inside = False
     for word in argv:

@@ -1,9 +1,9 @@
 """The command line ``mathnavi``.
 
-Exit codes: 0 the mission did what it should, 1 it ran and did not, or its results could not be written, 2 bad input:
-one line on standard error that names the field, its value and what is allowed, or the usage where there is no command
-at all; 70 an error that nothing foresaw: one line that names a file with the traceback; 130 and 143 a signal asked it
-to end. A command's module is imported when it is called, so that help is quick.
+Exit codes: 0 the mission did what it should; 1 it ran and did not, or its results could not be written; 2 bad input,
+with one line on standard error that names the field, its value and what is allowed, or with the usage if no command is
+given; 70 an unforeseen error, with one line that names a file with the traceback; 130 and 143 interrupted by a signal.
+A command's module is imported when it is called, so that help is quick.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _ALLOCATIONS = 200_000  # less deallocations, between two searches for garbage
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; the result is the exit code."""
+    """Run one command and return its exit code."""
     # Small matrices only: on a busy machine the threads of a linear-algebra library wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = list(sys.argv[1:] if argv is None else argv)
@@ -71,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 @contextmanager
 def _few_collections(whole_process: bool) -> Iterator[None]:
-    """Search rarely for garbage in here, and then no more in what there is, where this process is one command.
+    """Collect garbage rarely within the block, and exclude its objects afterwards, if this process is one command.
 
     Imports make many objects, none of which is garbage; the end of the process frees them all, and would first look
     through each of them.
@@ -89,7 +89,7 @@ def _few_collections(whole_process: bool) -> Iterator[None]:
 
 
 def _called(arguments: Sequence[str]) -> int:
-    """Exit code of a command, of the help or of the version."""
+    """Run a command, or print the help or the version; return the exit code."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a name of a file may be no text
     if not arguments or arguments[0] in ("-h", "--help"):
@@ -105,7 +105,7 @@ def _called(arguments: Sequence[str]) -> int:
 
 
 def _discard_output() -> None:
-    """Let nothing that is still to be printed fail again when the process ends."""
+    """Discard what is still to be printed, so that it does not fail again when the process ends."""
     with suppress(AttributeError, io.UnsupportedOperation):  # it is closed, or no file
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 

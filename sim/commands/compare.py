@@ -19,7 +19,7 @@ from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.interfaces.errors import FieldError
 
 OUT = Path("renders/out/comparison.html")
-DESCRIPTION = "Two runs, two sweeps or two studies beside each other: what was asked of them, and what came out."
+DESCRIPTION = "Two runs, two sweeps or two studies side by side: what was requested, and what came out."
 
 Place = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
 
@@ -31,9 +31,9 @@ class CompareOptions:
     left: Place
     """folder of a run or of studies, a study's .json, or the store of a sweep (.db)"""
     right: Place
-    """another one of the same kind"""
+    """second one, of the same kind"""
     out: Path = OUT
-    """the page to write, .html"""
+    """page to write, .html"""
 
     def __post_init__(self) -> None:
         if self.out.suffix != ".html":
@@ -45,7 +45,7 @@ def main(argv: Sequence[str]) -> int:
         (options,) = parse(argv, "mathnavi compare", DESCRIPTION, FlagGroup(CompareOptions))
     except HelpPrinted:
         return 0
-    from mathnavi.renders.comparison.report import (  # what draws takes long to import
+    from mathnavi.renders.comparison.report import (  # the drawing modules take long to import
         compare,
         is_comparison,
         write_comparison,
@@ -57,7 +57,7 @@ def main(argv: Sequence[str]) -> int:
     with bad_input():
         if out.exists() and not is_comparison(out):
             raise BadInputError(
-                f"--out = {out} is there and is no comparison; allowed: a new file, or an earlier comparison"
+                f"--out = {out} exists and is not a comparison; allowed: a new file, or an earlier comparison"
             )
         comparison = compare(options.left, options.right)
     console = Console(markup=False)

@@ -1,9 +1,9 @@
-"""``mathnavi completion``: a script that completes commands, names of plug-ins, flags and their values on TAB.
+"""``mathnavi completion``: a shell script that completes commands, names of plug-ins, flags and their values on TAB.
 
-The script asks ``mathnavi completion words WORD ...``, the words that stand there with the one that is being typed
-last, and gets one candidate a line: so a plug-in that is installed later is completed too, with its fields. They are
-read from the index (``mathnavi.sim.plugin.index``), which is a matter of a fifth of a second. Where nothing is known to
-complete with, the shell completes names of files.
+The script calls ``mathnavi completion words WORD ...`` with the words of the line, the one that is being typed last,
+and reads one candidate a line: so a plug-in that is installed later is completed too, with its fields. They are read
+from the index (``mathnavi.sim.plugin.index``), which takes a fifth of a second. If there is no candidate, the shell
+completes names of files.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mathnavi.sim.plugin.flag_names import flag_of, joined, negation
 from mathnavi.sim.plugin.groups import GROUPS, installed
 from mathnavi.sim.plugin.index import COMMAND, Description, describe
 
-WORDS = "words"  # what the scripts ask for
+WORDS = "words"  # the argument that the scripts pass
 SCRIPTS = {
     "bash": """# eval "$(mathnavi completion bash)"
 _mathnavi() {
@@ -88,7 +88,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def candidates(words: Sequence[str]) -> list[str]:
-    """Completions of the last of the words, which may be empty; none where it is a file or anything else."""
+    """Return the completions of the last word, which may be empty; none if it is a file or free text."""
     *before, current = words or [""]
     if current == "=":  # bash gives --flag=value in three words
         current = ""
@@ -114,7 +114,7 @@ def _candidates(before: Sequence[str], current: str) -> Sequence[str]:
 
 
 def _first(command: str) -> Sequence[str]:
-    """Words that may follow a command."""
+    """Return the words that may follow a command."""
     firsts = {**dict.fromkeys(FLOWN, "scenarios"), "study": "studies", "estimate": "estimators"}
     if command in firsts:
         return [*_names(firsts[command]), *(("all",) if command == "study" else ())]
@@ -128,7 +128,7 @@ def _first(command: str) -> Sequence[str]:
 
 
 def _flags(command: str, given: Sequence[str]) -> Flags:
-    """The flags of a command with the values that they take."""
+    """Return the flags of a command with the values that they take."""
     if command == "list":
         return {"--full": (), "--verbose": ()}
     name, flags = given[0] if given else "", Flags()
@@ -151,7 +151,7 @@ def _flags(command: str, given: Sequence[str]) -> Flags:
 
 
 def flags_of(described: Description, prefix: str = "") -> Flags:
-    """The flags of what is described below a prefix, with the values that are known to be allowed."""
+    """Return the flags of a described dataclass under a prefix, with the values that are known to be allowed."""
     flags = Flags()
     for field in described.fields:
         flag = flag_of(joined(prefix, field.name))
@@ -162,9 +162,9 @@ def flags_of(described: Description, prefix: str = "") -> Flags:
 
 
 def plugin(kind: str, name: str) -> Description:
-    """The plug-in with a name, or at "package.module:Class"; LookupError if there is none or it cannot be imported.
+    """Return the plug-in with a name, or at "package.module:Class".
 
-    PluginError for a name that several plug-ins have.
+    Raises LookupError if there is none or it cannot be imported, PluginError for a name that several plug-ins have.
     """
     point = named(installed(kind), kind, name) or EntryPoint(name, name, GROUPS[kind])
     if ":" not in point.value:
@@ -176,7 +176,7 @@ def plugin(kind: str, name: str) -> Description:
 
 
 def _given(flag: str, words: Sequence[str]) -> str | None:
-    """The value of a flag, in either way to write it; None without the flag."""
+    """Return the value of a flag, written --FLAG VALUE or --FLAG=VALUE; None without the flag."""
     for word, following in zip(words, [*words[1:], ""], strict=True):
         if word == flag:
             return following

@@ -1,7 +1,7 @@
-"""``--wall-deadline``: a command in a process of its own, which is ended when its time is up, or dies alone.
+"""``--wall-deadline``: a command in a child process, which is ended when its time is up, or crashes alone.
 
-A plug-in that never returns, in Python or in machine code, cannot be stopped from within its process. The command
-therefore runs in a child process, and this one waits for it:
+A plug-in that never returns, in Python or in machine code, cannot be stopped from within its process. Therefore the
+command runs in a child process, and this one waits for it:
 
     child -> parent, by a file     the stack where the child was when its time was up, or when it crashed
                                    (faulthandler writes it), or ENDED: the command has come to its end
@@ -44,9 +44,9 @@ _FRAME = re.compile(r'^  File "(.*)", line (\d+) in (.*)$', re.MULTILINE)
 
 
 def watched(command: str, argv: Sequence[str]) -> int | None:
-    """The exit code of a command that ``--wall-deadline`` is given with, run in a child process; None without it.
+    """Run a command with ``--wall-deadline`` in a child process and return its exit code; None without the flag.
 
-    None too for a value that is no time: the command itself refuses it.
+    Also None for a value that is not a time: the command itself refuses it.
     """
     argv = [word.replace("_", "-") if word.startswith("--wall_deadline") else word for word in argv]
     try:
@@ -60,10 +60,10 @@ def watched(command: str, argv: Sequence[str]) -> int | None:
 
 
 def watch(place: str, argv: Sequence[str], seconds: float) -> int:
-    """Run ``package.module:function`` with ``argv`` in a child process for at most ``seconds``; its exit code.
+    """Run ``package.module:function`` with ``argv`` in a child process for at most ``seconds``; return its exit code.
 
-    ``OUT_OF_TIME`` when its time was up, 128 + N where signal N killed it: either is said in one line on standard
-    error, with what was being run. Ctrl-C and SIGTERM are passed on.
+    The code is ``OUT_OF_TIME`` when its time was up and 128 + N if signal N killed it: one line on standard error
+    reports either, with the code that was running. Ctrl-C and SIGTERM are passed on.
     """
     with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as report:
         request = {"path": sys.path, "place": place, "argv": list(argv), "seconds": seconds, "report": report.fileno()}
@@ -80,7 +80,7 @@ def watch(place: str, argv: Sequence[str], seconds: float) -> int:
 
 
 def run(path: Sequence[str], place: str, argv: Sequence[str], seconds: float, report: int) -> None:
-    """Be the child: run the function, and end with its exit code."""
+    """Run the function in the child process, and end with its exit code."""
     module, _, name = place.partition(":")
     os.set_inheritable(report, False)
     faulthandler.enable(report)
@@ -92,7 +92,7 @@ def run(path: Sequence[str], place: str, argv: Sequence[str], seconds: float, re
 
 
 def _awaited(child: subprocess.Popen[bytes], seconds: float) -> int | None:
-    """The exit code of the child; None if it has not ended by itself. Ctrl-C is passed on to it, once."""
+    """Wait for the child and return its exit code; None if it has not ended by itself. Ctrl-C is passed on once."""
     try:
         return child.wait(seconds)
     except subprocess.TimeoutExpired:
@@ -105,7 +105,7 @@ def _awaited(child: subprocess.Popen[bytes], seconds: float) -> int | None:
 
 
 def _end(child: subprocess.Popen[bytes], number: signal.Signals) -> None:
-    """Send a signal to the child and what it has started."""
+    """Send a signal to the child and to the processes that it has started."""
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(child.pid, number)
     if number == signal.SIGKILL:
@@ -113,7 +113,7 @@ def _end(child: subprocess.Popen[bytes], number: signal.Signals) -> None:
 
 
 def _exit_code(code: int | None, report: IO[str], command: str, seconds: float) -> int:
-    """The exit code of this process; a line on standard error where the command has not come to its end."""
+    """Return the exit code of this process; print a line on standard error if the command has not come to its end."""
     report.seek(0)
     text = report.read()
     if code is not None and text.endswith(ENDED):
@@ -132,7 +132,7 @@ def _exit_code(code: int | None, report: IO[str], command: str, seconds: float) 
 
 
 def being_run(report: str) -> str:
-    """ ", in FILE:LINE FUNCTION" of the code that mathnavi had called last; "" where no stack was written."""
+    """ Return ", in FILE:LINE FUNCTION" of the code that mathnavi had called last; "" if no stack was written."""
     stacks = re.split(r"^(?:Current t|T)hread 0x.*$", report, flags=re.MULTILINE)[1:]
     current = 0 if "Current thread" in report else -1  # the main thread is the last one
     frames: list[str] = []

@@ -1,4 +1,4 @@
-"""Bad input: mistakes that the user can put right, each said in one line."""
+"""Bad input: mistakes that the user can correct, each reported in one line."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _LONGEST = 2000  # [characters] of a line on standard error
 
 
 class BadInputError(ValueError):
-    """The message names the field, its value and what is allowed."""
+    """Mistake in the input; the message names the field, its value and what is allowed."""
 
 
 @contextmanager
 def bad_input() -> Iterator[None]:
-    """Raise BadInputError for a ValueError or an OSError in here: the input was bad."""
+    """Raise BadInputError for a ValueError or an OSError within the block: the input was bad."""
     try:
         yield
     except BadInputError:
@@ -32,20 +32,20 @@ def bad_input() -> Iterator[None]:
 
 
 def worded(error: Exception) -> str:
-    """The message of an error; that of the operating system with its file first."""
+    """Return the message of an error; for one of the operating system with its file first."""
     if isinstance(error, OSError) and error.filename is not None:
         return f"{os.fsdecode(error.filename)}: {error.strerror}"
     return str(error)
 
 
 def short(word: str) -> str:
-    """A word of the command line as a message shows it: without its middle where it is very long."""
+    """Return a word of the command line as a message shows it: without its middle if it is very long."""
     return word if len(word) <= _LONGEST_WORD else f"{word[: _LONGEST_WORD // 2]}...{word[-_LONGEST_WORD // 2 :]}"
 
 
 def one_line(message: str) -> str:
-    """A message as one line that a terminal shows as it is: no line breaks, no control characters, and what is very
-    long without its middle.
+    """Return a message as one line that a terminal shows unchanged: without line breaks and control characters, and
+    without its middle if it is very long.
     """
     line = " ".join(message.split())
     if len(line) > _LONGEST:

@@ -1,8 +1,8 @@
 """``mathnavi estimate``: an estimator over the measurements and inputs of a finished run.
 
-The scenario is built again with this estimator, which names the sensors that it wants; what they read then, and what
-was commanded, is in the log. Truth, plans and the events of the other parts are kept. ``smoother`` in the place of the
-estimator's name is that of the recorded Kalman filter, over all readings of the run.
+The scenario is built again with this estimator, which names the sensors that it needs; their readings and the commands
+come from the log. Truth, plans and the events of the other components are kept. ``smoother`` in place of the
+estimator's name is the smoother of the recorded Kalman filter, over all readings of the run.
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ class EstimateOptions:
     """Flags of the command."""
 
     out: Path | None = None
-    """folder of the new run; DIR-ESTIMATOR beside DIR if not given"""
+    """folder of the new run; DIR-ESTIMATOR next to DIR if not given"""
     wall_deadline: WallDeadline | None = None
-    """time by the clock on the wall after which the command is ended [s], whatever it is at; none if not given"""
+    """limit of wall-clock time [s], after which the command is ended; none if not given"""
     trust: bool = False
-    """import code that DIR names and that is not installed; it runs as you"""
+    """whether to import code that DIR names and that is not installed; it runs with your rights"""
 
 
 def main(argv: Sequence[str]) -> int:
@@ -97,7 +97,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _places(argv: Sequence[str]) -> tuple[str, Path, Sequence[str]]:
-    """ESTIMATOR, DIR and the flags."""
+    """Split the arguments into ESTIMATOR, DIR and the flags."""
     for k, (place, allowed) in enumerate((("ESTIMATOR", ", ".join(_allowed())), ("DIR", "folder of a run"))):
         if len(argv) <= k or argv[k].startswith("-"):
             raise BadInputError(f"{place} is missing; allowed: {allowed}")
@@ -109,7 +109,7 @@ def _allowed() -> tuple[str, ...]:
 
 
 def _estimator(name: str, run_config: RunConfig) -> PluginSpec:
-    """The plug-in called so, or the smoother of the recorded one."""
+    """Return the plug-in with this name, or the smoother of the recorded one."""
     if name != SMOOTHER:
         return restored_plugin("estimators", name, run_config)
     recorded = restored_plugin("estimators", run_config.estimator, run_config)
@@ -118,14 +118,14 @@ def _estimator(name: str, run_config: RunConfig) -> PluginSpec:
 
 
 def _request(name: str, run_config: RunConfig, words: Sequence[str]) -> RunRequest:
-    """The recorded run with another estimator, or with the same and its recorded fields unless they are given anew."""
+    """Return the recorded run with another estimator, or with the same one; flags replace its recorded fields."""
     scenario = loaded("scenarios", run_config.scenario)
     controller = restored_plugin("controllers", run_config.controller, run_config)
     estimator = _estimator(name, run_config)
     config = run_config.restored(scenario.Config, run_config.fields, "fields")
     groups = (
         FlagGroup(EstimateOptions),
-        FlagGroup(type(estimator.config), "estimator", estimator.config, f"Of the estimator {name}."),
+        FlagGroup(type(estimator.config), "estimator", estimator.config, f"Fields of estimator {name}."),
     )
     known = tuple(flag for group in groups for flag, _ in flags(group.schema, group.prefix))
     prog = f"mathnavi estimate {name}"
@@ -146,13 +146,13 @@ def _request(name: str, run_config: RunConfig, words: Sequence[str]) -> RunReque
 
 
 def _playback(request: RunRequest, run_config: RunConfig, log: RunLog) -> ClosedLoop:
-    """The recorded run as a closed loop, with the requested estimator in it."""
+    """Return the recorded run as a closed loop with the requested estimator."""
     closed_loop = build(request, run_config)
     ((vehicle, agent),) = closed_loop.agents.items()
     fresh = closed_loop.plant.state(vehicle), np.zeros(agent.input_size)
     if (log.x.shape[1:], log.u.shape[1:]) != (fresh[0].shape, fresh[1].shape):
         raise BadInputError(
-            f"{log.directory / ARRAYS}: truth.x {log.x.shape} and command.u {log.u.shape} are not those of "
+            f"{log.directory / ARRAYS}: truth.x {log.x.shape} and command.u {log.u.shape} do not fit "
             f"{run_config.scenario}; allowed: (n, {len(fresh[0])}) and (n, {len(fresh[1])})"
         )
     readings = {
@@ -192,7 +192,7 @@ def _playback(request: RunRequest, run_config: RunConfig, log: RunLog) -> Closed
 def _smoothed(
     smoother: RecordedSmoother, plant: RecordedPlant, log: RunLog, request: RunRequest, run_config: RunConfig
 ) -> dict[str, Any]:
-    """Smooth the whole run; returns its config.json, with the estimator as it was recorded."""
+    """Smooth the whole run; return its config.json, with the estimator as recorded."""
 
     def samples() -> Iterator[Sample]:
         (name,) = plant.names
@@ -210,7 +210,7 @@ def _smoothed(
 
 
 def _restore(recording: Recording, log: RunLog, vehicle: str) -> None:
-    """Put the plans of the recorded run, and the events of all but its estimator, into the log of the new one."""
+    """Copy the plans of the recorded run, and all events but those of its estimator, into the log of the new one."""
     agent = recording.agents[vehicle]
     agent.plans[:] = zip(log.adopted.tolist(), log.plans, strict=True)
     agent.requests = agent.answers = int(log.summary.get("replans", len(log.plans)))  # another run's planner
@@ -219,7 +219,7 @@ def _restore(recording: Recording, log: RunLog, vehicle: str) -> None:
 
 
 def _comparison(request: RunRequest, run_config: RunConfig, log: RunLog, result: RunResult) -> Table | str:
-    """Root mean square errors of the recorded estimates and of the new ones, where the scenario has any."""
+    """Print the root mean square errors of the recorded and of the new estimates, if the scenario defines any."""
     ((_, states),) = result.recording.state_names.items()
     found = [
         _errors(request, states, run["estimate.t"], run["estimate.x"], log) if "estimate.x" in run else {}
@@ -238,7 +238,7 @@ def _comparison(request: RunRequest, run_config: RunConfig, log: RunLog, result:
 def _errors(
     request: RunRequest, states: tuple[str, ...], t: Array, x: Array, log: RunLog
 ) -> Mapping[str, tuple[str, str]]:
-    """Root mean square errors by name with unit: over the whole run, and over its last quarter.
+    """Return root mean square errors by name with unit: over the whole run, and over its last quarter.
 
     The errors are those that the scenario computes, or state by state.
     """

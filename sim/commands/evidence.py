@@ -1,4 +1,4 @@
-"""Tables of trials, to be read: rates with their limits, medians with their bands, what went wrong."""
+"""Tables of trials for the terminal: rates with their limits, medians with their bands, failures."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ GAP = 2  # [characters] between columns
 
 @dataclass(frozen=True)
 class Column:
-    """Cells of one or two lines under a name that may be broken between its words."""
+    """Column of a table: cells of one or two lines under a name that may be broken between its words."""
 
     name: str
     cells: Sequence[str]
@@ -64,7 +64,7 @@ def print_evidence(console: Console, records: Sequence[Record], varied: Sequence
 
 
 def verdict(records: Sequence[Record]) -> str:
-    """A sentence: the number of trials, and how they ended."""
+    """Return a sentence: the number of trials, and how they ended."""
     statuses = Counter(record.status for record in records)
     successes = sum(record.success is True for record in records)
     ends = [f"{count} {status.replace('-', ' ')}" for status, count in sorted(statuses.items()) if status != "ok"]
@@ -81,7 +81,7 @@ def _print_groups(console: Console, sweep: Sweep, groups: Sequence[TrialGroup], 
 
 
 def _print_table(console: Console, heading: str, lead: Sequence[Column], columns: Sequence[Column]) -> None:
-    """Print as many columns as there is room for beside those that lead, and name the rest."""
+    """Print the leading columns and as many others as there is room for, and name the rest."""
     everything = [*lead, *columns]
     ends = np.cumsum([column.width + GAP for column in everything])
     count = max(int(np.searchsorted(ends, console.width, side="right")), len(lead) + 1)
@@ -122,7 +122,7 @@ def _medians(sweep: Sweep, groups: Sequence[TrialGroup]) -> list[Column]:
 
 
 def _failures(records: Sequence[Record]) -> Iterator[Table]:
-    """Table of what was raised, or how processes died: the most frequent first, with a seed to see it again."""
+    """Print a table of exceptions and crashed processes: the most frequent first, with a seed that reproduces it."""
     seen: dict[tuple[str, str], list[int]] = {}
     for record in records:
         if record.error is not None:

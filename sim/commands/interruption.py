@@ -1,9 +1,10 @@
-"""Ctrl-C and SIGTERM: a command ends within two seconds, keeps what is stored, and says how to go on.
+"""Ctrl-C and SIGTERM: a command ends within two seconds, keeps what is stored, and prints how to go on.
 
-The first signal raises ``Interrupted`` where the main thread is; what has ended is committed, and child processes are
-ended, while it unwinds. Further signals are ignored meanwhile. The main thread may be in a library that does not
-return, or that swallows the exception: a second thread, which hears of the signal at once (``signal.set_wakeup_fd``),
-ends the process where it is not done after ``GRACE``. A store or a file is whole whenever that happens.
+The first signal raises ``Interrupted`` in the main thread; while it unwinds, finished results are committed and child
+processes are ended. Further signals are ignored meanwhile. The main thread may be in a library that does not
+return, or that swallows the exception: a second thread, which is notified of the signal at once
+(``signal.set_wakeup_fd``), ends the process if it still runs after ``GRACE``. Stores and files are consistent at any
+time.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ GRACE = 1.0  # [s] to unwind
 
 
 def nothing_written() -> str:
-    """Note on what is kept of a command that writes its result at its end."""
+    """Return the note on what is kept of a command that writes its result at its end."""
     return "nothing was written; to begin again"
 
 
@@ -33,7 +34,7 @@ _words: Callable[[], str] = nothing_written  # of the command that runs
 
 
 class Interrupted(KeyboardInterrupt):
-    """A signal asked the process to end."""
+    """Request by a signal that the process ends."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -41,30 +42,31 @@ class Interrupted(KeyboardInterrupt):
 
 
 def when_interrupted(words: Callable[[], str]) -> None:
-    """Have ``words`` say what is kept, and what the command printed after it is for, if a signal ends this command.
+    """Set the function whose text says what is kept, and what the command printed after it does, if a signal ends this
+    one: "3 of 8 trials are stored; to go on".
 
-    They may be called from another thread than this one. "3 of 8 trials are stored; to go on".
+    The function may be called from another thread than this one.
     """
     global _words
     _words = words
 
 
 def interrupted_line(argv: Sequence[str]) -> str:
-    """The line on standard error that says that a command was interrupted, and how it goes on."""
+    """Return the line for standard error that says that a command was interrupted, and how it goes on."""
     return one_line(f"mathnavi: interrupted, {_words()}: {shlex.join(['mathnavi', *argv])}")
 
 
 def exit_code(error: KeyboardInterrupt) -> int:
-    """The exit code that a shell has for a process that ended by the signal: 130 or 143."""
+    """Return the exit code that a shell has for a process that ended by the signal: 130 or 143."""
     return 128 + (error.number if isinstance(error, Interrupted) else signal.SIGINT)
 
 
 @contextmanager
 def interruptible(argv: Sequence[str], whole_process: bool = False) -> Iterator[None]:
-    """Answer the signals for as long as the block lasts, in which the command ``argv`` runs.
+    """Handle the signals within the block, in which the command ``argv`` runs.
 
-    After a signal, ``whole_process`` stays deaf to further ones: it has nothing to do but to end. Outside of the main
-    thread, where Python lets nobody answer signals, this changes nothing.
+    With ``whole_process``, further signals stay ignored after the first one: the process only has to end. Outside the
+    main thread, where Python allows no signal handlers, this changes nothing.
     """
     when_interrupted(nothing_written)
     if threading.current_thread() is not threading.main_thread():
@@ -106,7 +108,7 @@ def interruptible(argv: Sequence[str], whole_process: bool = False) -> Iterator[
 
 
 def _end_in_time(heard: int, done: threading.Event, argv: Sequence[str]) -> None:
-    """Wait for a signal, and end the process if it is not done soon after."""
+    """Wait for a signal, and end the process if it still runs after ``GRACE``."""
     with open(heard, "rb", buffering=0) as numbers:
         number = next((each[0] for each in iter(lambda: numbers.read(1), b"") if each[0] in SIGNALS), None)
     if number is not None and not done.wait(GRACE):
@@ -114,7 +116,7 @@ def _end_in_time(heard: int, done: threading.Event, argv: Sequence[str]) -> None
 
 
 def end(code: int, argv: Sequence[str]) -> NoReturn:
-    """End the process at once, and its child processes; say how the command goes on."""
+    """End the process and its child processes at once; print how the command goes on."""
     if "mathnavi.sim.sweep.child" in sys.modules:
         from mathnavi.sim.sweep.child import kill_children
 

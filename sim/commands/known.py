@@ -1,4 +1,4 @@
-"""The commands by name: the module of each, and what it is for."""
+"""Table of the commands by name: the module of each, and its purpose."""
 
 from __future__ import annotations
 

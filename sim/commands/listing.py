@@ -1,7 +1,7 @@
 """``mathnavi list``: the plug-ins that are installed, and where they come from.
 
-Names come from the entry points, the rest from the index of plug-ins: nothing is imported, so that the list is there at
-once. With ``--full`` all are imported, and estimators say what they claim to be.
+Names come from the entry points, the rest from the index of plug-ins: nothing is imported, so that the list appears at
+once. With ``--full`` all are imported, and the properties that estimators claim are added.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def read_words(argv: Sequence[str]) -> tuple[str, bool, bool]:
-    """The kind, whether to import its plug-ins, and whether to say all about them; BadInputError for other words.
+    """Return the kind, whether to import its plug-ins, and whether to print their fields; else BadInputError.
 
     tyro, which ``arguments`` imports, would take longer to import than the list takes.
     """
@@ -75,7 +75,7 @@ def read_words(argv: Sequence[str]) -> tuple[str, bool, bool]:
 
 
 def listing(kind: str, points: Sequence[EntryPoint], full: bool, verbose: bool) -> Table:
-    """The plug-ins of one kind: name and what it is; with ``verbose`` its fields and where it comes from below.
+    """Return the plug-ins of one kind: name and description; with ``verbose`` also fields and origin, below.
 
     They are imported here with ``full``, else described by the index.
     """
@@ -102,7 +102,7 @@ def listing(kind: str, points: Sequence[EntryPoint], full: bool, verbose: bool) 
 
 
 def claimed_properties(points: Sequence[EntryPoint]) -> Group:
-    """Table of what each estimator claims to be with its default fields, and notes below it."""
+    """Return a table of the properties that each estimator claims with its default fields, with notes below it."""
     from mathnavi.sim.interfaces.observer_properties import ObserverProperties
 
     table = Table(title=CLAIMED, title_justify="left", title_style="bold", box=None, padding=(0, 1, 0, 0))

@@ -11,13 +11,13 @@ BACKENDS = ("osmesa", "egl", "glfw")
 
 
 def check_choice() -> None:
-    """BadInputError if MUJOCO_GL names no backend that is known."""
+    """Raise BadInputError if MUJOCO_GL names an unknown backend."""
     chosen = os.environ.get("MUJOCO_GL", "").strip().lower()
     if chosen and chosen not in (*BACKENDS, *opengl.SWITCHED_OFF):
         raise BadInputError(f"MUJOCO_GL = {chosen}; allowed: {', '.join((*BACKENDS, *opengl.SWITCHED_OFF))}")
 
 
 def import_physics() -> None:
-    """Import MuJoCo without OpenGL: whoever flies draws nothing, and pictures are drawn by processes of their own."""
+    """Import MuJoCo without OpenGL: a process that simulates draws nothing, and separate processes draw pictures."""
     check_choice()
     opengl.import_mujoco()

@@ -1,4 +1,4 @@
-"""The folders that commands write to."""
+"""Output folders of the commands."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mathnavi.sim.records.claimed_folder import ClaimedFolder, claimed
 
 @contextmanager
 def output_folder(folder: Path) -> Iterator[None]:
-    """Make the folder and try to write into it; if what follows fails, what was made goes again."""
+    """Make the folder and check that it can be written to; if the block fails, remove what was made."""
     made: list[Path] = []
     try:
         try:
@@ -34,7 +34,7 @@ def output_folder(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def run_folder(folder: Path) -> Iterator[ClaimedFolder]:
-    """Claim the folder of a run before anything is flown; BadInputError where it cannot be had."""
+    """Claim the folder of a run before anything is flown; BadInputError if that is not possible."""
     from mathnavi.sim.records.run_folder import CONFIG, RECORDED  # takes a while to import
 
     with ExitStack() as opened:

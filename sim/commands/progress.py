@@ -1,4 +1,4 @@
-"""A bar for trials: number, rate, remaining time, failures."""
+"""Progress bar of trials (number, rate, remaining time, failures) and of a flight."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ DURATION = "10 s to a minute"
 
 @contextmanager
 def sweep_progress(errors: Console, name: str) -> Iterator[Callable[[Done], None]]:
-    """A function for the ``progress`` of ``run_trials``.
+    """Return a function for the ``progress`` of ``run_trials``.
 
-    It moves a bar, or prints a line now and then where ``errors`` is no terminal.
+    It moves a bar, or prints a line from time to time if ``errors`` is not a terminal.
     """
     bar = Progress(
         TextColumn(name), BarColumn(bar_width=12), TextColumn("{task.fields[status]}"),
@@ -49,7 +49,7 @@ def sweep_progress(errors: Console, name: str) -> Iterator[Callable[[Done], None
 
 @contextmanager
 def compilation_announced(errors: Console) -> Iterator[None]:
-    """Print a line, once, when numba begins to compile in here."""
+    """Print one line when numba begins to compile within the block."""
     announced = False
 
     def announce(compiling: bool) -> None:
@@ -64,9 +64,9 @@ def compilation_announced(errors: Console) -> Iterator[None]:
 
 @contextmanager
 def flight_progress(errors: Console) -> Iterator[Callable[[float, float], None]]:
-    """A function of the simulated time and its limit [s]: a bar over the flight.
+    """Yield a function of the simulated time and its limit [s], which moves a bar over the flight.
 
-    Kernels that numba compiles in here are announced by a line, and counted by the bar, with the time they have taken.
+    Kernels that numba compiles within the block are announced by a line, and the bar shows their number and time.
     """
     bar = Progress(
         TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[status]}"),
@@ -88,7 +88,7 @@ def flight_progress(errors: Console) -> Iterator[Callable[[float, float], None]]
     def fly(t: float, duration: float) -> None:
         nonlocal flown, flying
         now = time.perf_counter()
-        if not flying or t < flown[0]:  # the flight begins, or begins anew after a rehearsal
+        if not flying or t < flown[0]:  # the flight begins, or begins again after a rehearsal
             flown, flying = (t, now), True
         pace = f"{(t - flown[0]) / (now - flown[1]):.1f} x real time" if t > flown[0] else ""
         bar.update(

@@ -1,4 +1,4 @@
-"""Notes on where stored results come from: files that have changed since, other sources, another environment."""
+"""Notes on the origin of stored results: files that have changed since, other sources, another environment."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def note_origins(errors: Console, store: Store, elsewhere: Elsewhere) -> None:
 def note_changed_files(errors: Console, store: Store, named: Mapping[tuple[str, str], str]) -> None:
     """Print which files have changed since a store took trials with them.
 
-    ``named`` holds the digest of each file as it is, by the name of the field and its value.
+    ``named`` holds the present digest of each file, by the name of the field and its value.
     """
     for (name, value), digest in named.items():
         stored = store.input_digests(name, value)
@@ -31,17 +31,17 @@ def note_changed_files(errors: Console, store: Store, named: Mapping[tuple[str, 
             before = " and ".join(f"{each[:SHOWN]}..." for each in sorted(stored))
             errors.print(
                 f"{name} = {value} has changed since {sum(stored.values())} of the stored trials: its digest was "
-                f"{before} and is {digest[:SHOWN]}...; those stay as they are",
+                f"{before} and is {digest[:SHOWN]}...; those trials are kept unchanged",
                 style="dim", highlight=False, soft_wrap=True,
             )  # fmt: skip
 
 
 def note_environment(errors: Console, run_config: RunConfig) -> None:
-    """Print that a recorded run was made in another computing environment, or by another version, if it was."""
+    """Print a note if a recorded run was made in another computing environment, or by another version."""
     if other := difference(run_config.environment):
         named = f"in another environment: {other}" if run_config.environment else "without a note of its environment"
         errors.print(
-            f"{run_config.path.parent} was recorded {named}; results agree to rounding, perhaps not bit for bit",
+            f"{run_config.path.parent} was recorded {named}; results agree up to rounding, perhaps not bit for bit",
             style="dim", highlight=False, soft_wrap=True,
         )  # fmt: skip
 
@@ -49,10 +49,9 @@ def note_environment(errors: Console, run_config: RunConfig) -> None:
 def changed_inputs(
     run_config: RunConfig, now: Mapping[str, str], fields: Mapping[str, object], given: Sequence[str]
 ) -> Iterable[str]:
-    """Sentences on the files that are others than when a run was recorded, though the fields are the same.
+    """Return a sentence for each file whose content has changed since a run was recorded, though its field is the same.
 
-    ``now`` holds the digests by field, ``fields`` the values; files that are ``given`` anew, by their flags, may be
-    others.
+    ``now`` holds the digests by field, ``fields`` the values; files whose flags are ``given`` again may differ.
     """
     for name, digest in run_config.inputs.items():
         flag = f"--{name.replace('_', '-')}"

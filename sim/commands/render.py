@@ -20,29 +20,29 @@ from mathnavi.sim.plugin.trust import trusting
 
 @configuration
 class RenderOptions:
-    """The run to draw, and how."""
+    """Flags of the command: the run to draw, and how."""
 
     folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
     """folder of a run; the picture is written into it"""
     camera: str | None = None
-    """flights have chase, overview, top; fleets overview, top, arrival; missiles chase, side, target; robots top,
-    chase; bodies, arms panel, scene; others fixed, track, top, those of the model, board"""
+    """camera: of flights chase, overview, top; of fleets overview, top, arrival; of missiles chase, side, target; of
+    robots top, chase; of bodies and arms panel, scene; of others fixed, track, top, board, and those of the model"""
     still: bool = False
-    """a picture instead of a video"""
+    """whether to draw a still picture instead of a video"""
     time: float | None = None
-    """the moment of the still [s]; by default the one with most to see"""
+    """moment of the still [s]; the one with most to see if not given"""
     codec: Literal["h264", "av1", "vp9"] | None = None
-    """of the video, h264 if not given; av1 and vp9 are encoded without a library under the GPL"""
+    """codec of the video; h264 if not given; av1 and vp9 are encoded without a library under the GPL"""
     clip: bool = False
-    """five small seconds that play by themselves, an animated WebP, instead of a video"""
+    """whether to draw a small clip that plays for five seconds, an animated WebP, instead of a video"""
     begin: float | None = None
-    """where the clip begins [s]; by default where there is most to see"""
+    """beginning of the clip [s]; that of the run's highlight if not given"""
     end: float | None = None
-    """and where it ends [s]"""
+    """end of the clip [s]; that of the run's highlight if not given"""
     wall_deadline: WallDeadline | None = None
-    """time by the clock on the wall after which the command is ended [s], whatever it is at; none if not given"""
+    """limit of wall-clock time [s], after which the command is ended; none if not given"""
     trust: bool = False
-    """import code that DIR names and that is not installed; it runs as you"""
+    """whether to import code that DIR names and that is not installed; it runs with your rights"""
 
     def __post_init__(self) -> None:
         if self.still and self.clip:
@@ -71,14 +71,14 @@ def main(argv: Sequence[str]) -> int:
     except HelpPrinted:
         return 0
     opengl.check_choice()
-    from mathnavi.renders.clip import write_clip  # what draws takes a while to import
+    from mathnavi.renders.clip import write_clip  # the drawing modules take a while to import
     from mathnavi.renders.film import TOUR
     from mathnavi.renders.opengl import NoOpenGLError
     from mathnavi.renders.video import write_still, write_video
     from mathnavi.sim.commands.run_request import import_from_here
     from mathnavi.sim.records.claimed_folder import kept_in_place
 
-    if options.trust:  # a drawing of one's own
+    if options.trust:  # a custom drawing
         import_from_here()
     film = options.folder / f"{options.camera or 'video'}.mp4"
     try:

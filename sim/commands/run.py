@@ -1,4 +1,4 @@
-"""``mathnavi run``: fly a scenario, judge it, and write its folder."""
+"""``mathnavi run``: fly a scenario, evaluate it, and write its folder."""
 
 from __future__ import annotations
 
@@ -50,23 +50,23 @@ class RunOptions:
     out: Path | None = None
     """folder of the run; renders/out/SCENARIO-seedN if not given"""
     video: bool = False
-    """draw video.mp4"""
+    """whether to draw video.mp4"""
     codec: Literal["h264", "av1", "vp9"] | None = None
-    """of the video, h264 if not given; av1 and vp9 are encoded without a library under the GPL"""
+    """codec of the video; h264 if not given; av1 and vp9 are encoded without a library under the GPL"""
     report: bool = False
-    """write report.html"""
+    """whether to write report.html"""
     from_: Annotated[Path | None, tyro.conf.arg(name="from")] = None
-    """run folder whose config.json is run again; flags beside it take precedence"""
+    """folder of a run whose config.json is run again; other flags take precedence over it"""
     web: bool = False
-    """show the run in a browser while it is simulated, with sliders for what may change: prints the URL"""
+    """whether to show the run in a browser while it is simulated, with sliders for what may change; prints the URL"""
     host: str | None = None
-    """address of this machine at which that is served, 127.0.0.1 if not given; the URL of any other has a token"""
+    """address of this machine at which --web serves; 127.0.0.1 if not given; the URL of any other has a token"""
     port: Port | None = None
-    """port, 8765 if not given; 0 is any that is free"""
+    """port at which --web serves; 8765 if not given; 0 chooses a free one"""
     wall_deadline: WallDeadline | None = None
-    """time by the clock on the wall after which the command is ended [s], whatever it is at; none if not given"""
+    """limit of wall-clock time [s], after which the command is ended; none if not given"""
     trust: bool = False
-    """import code that the folder of --from names and that is not installed; it runs as you"""
+    """whether to import code that the folder of --from names and that is not installed; it runs with your rights"""
 
     def __post_init__(self) -> None:
         if self.codec is not None and not self.video:
@@ -101,7 +101,7 @@ def main(argv: Sequence[str]) -> int:
 def _run(
     request: RunRequest, run_config: RunConfig | None, folder: Path, follow: FollowedRun | None, errors: Console
 ) -> int:
-    """Fly, write the folder and draw; the exit code of the command."""
+    """Fly, write the folder and draw; return the exit code of the command."""
     with run_folder(folder) as claim:
         with flight_progress(errors) as progress:
             compile_ahead(request.config, request.controller.config, request.estimator.config)
@@ -118,7 +118,7 @@ def _run(
         removed = _stale(folder, claim.new)
         claim.install(dropped=(*removed, SCENE))
         when_interrupted(lambda: f"the run is in {folder}, its pictures may not be; to begin again")
-        if replaced:  # by chance, perhaps: nobody named the folder
+        if replaced:  # perhaps unintended: the user did not name the folder
             gone = f", and removed its {', '.join(removed)}" if removed else ""
             errors.print(f"replaced the run in {folder}{gone}", style="dim", soft_wrap=True, highlight=False)
         console = Console(markup=False)
@@ -142,7 +142,7 @@ def _followed(request: RunRequest) -> AbstractContextManager[FollowedRun]:
 
 
 def _check_spared(folder: Path, source: Path | None, files: Sequence[Path]) -> None:
-    """BadInputError if the run would be written over the one that it comes from, or over a file that it reads."""
+    """Raise BadInputError if the run would overwrite the one that it comes from, or a file that it reads."""
     with bad_input():
         check_spares(folder, [] if source is None else [source], "--out")
     for file in files:
@@ -151,7 +151,7 @@ def _check_spared(folder: Path, source: Path | None, files: Sequence[Path]) -> N
 
 
 def build(request: RunRequest, run_config: RunConfig | None) -> ClosedLoop:
-    """The closed loop of a request; BadInputError for fields that do not fit, or a file that has changed since."""
+    """Build the closed loop of a request; BadInputError for fields that do not fit, or a file that has changed."""
     with request.bad_input():
         if run_config is not None:
             _check_inputs(request, run_config)
@@ -160,7 +160,7 @@ def build(request: RunRequest, run_config: RunConfig | None) -> ClosedLoop:
 
 
 def _check_inputs(request: RunRequest, run_config: RunConfig) -> None:
-    """Raise BadInputError for a file that is another one than recorded, unless its flag is given anew."""
+    """Raise BadInputError for a file that differs from the recorded one, unless its flag is given again."""
     configs = request.config, request.controller.config, request.estimator.config
     prefixes = ("", "planner.", "estimator.")
     fields = {
@@ -178,8 +178,8 @@ def fly(
     again: Callable[[], ClosedLoop] | None = None,
     watch: Callable[[Loop], None] | None = None,
 ) -> RunResult:
-    """Run with a bar over the simulated time; ``again`` builds the closed loop once more, if it has to be, and
-    ``watch`` is called with the loop after every step.
+    """Run with a bar over the simulated time; ``again`` builds the closed loop once more if necessary, and ``watch`` is
+    called with the loop after every step.
     """
     flying = False
 
@@ -197,7 +197,7 @@ def fly(
 
 
 def _stale(folder: Path, new: Path) -> list[str]:
-    """Names of an earlier run's pictures and reports in a folder, which must not stay beside a new run."""
+    """Return the names of an earlier run's pictures and reports in a folder, which must not stay with a new run."""
     pictures = {file.name for file in folder.glob("*") if file.suffix in {".mp4", ".png", ".webp", ".html"}}
     if not pictures:
         return []  # what draws takes a while to import
@@ -208,7 +208,7 @@ def _stale(folder: Path, new: Path) -> list[str]:
 
 
 def _drawn(folder: Path) -> set[str]:
-    """Names of the pictures and reports of a run like the one in a folder, if it is known how it is drawn."""
+    """Return the names of the pictures and reports of a run like the one in a folder, if its drawing is known."""
     from mathnavi.renders.drawing import drawing_of
 
     try:
@@ -219,9 +219,9 @@ def _drawn(folder: Path) -> set[str]:
 
 
 def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
-    """Draw the video and the report if they are requested; False if one could not be written, for a full disk say.
+    """Draw the video and the report if requested; return False if one could not be written, to a full disk for example.
 
-    A run without them is still a run, and so is one of which there is nothing to be drawn.
+    A run without them is still valid, and so is one in which there is nothing to draw.
     """
     written = True
     if options.video:
@@ -245,7 +245,7 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
 
 
 def _announced(errors: Console, what: str) -> AbstractContextManager[object]:
-    """Say what is done in here: on a terminal while it is done, elsewhere by a line before it and one now and then."""
+    """Announce the work of the block: on a terminal while it lasts, elsewhere by a line before it and one now and then."""
     if errors.is_terminal:
         return errors.status(what)
     errors.print(what, highlight=False)

@@ -1,4 +1,4 @@
-"""A run's config.json, read back for ``run --from``."""
+"""Reader of a run's config.json for ``run --from``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mathnavi.sim.records.run_folder import CONFIG, read_run_document
 
 @dataclass(frozen=True)
 class RunConfig:
-    """The configuration of a recorded run: what is needed to run it again."""
+    """Configuration of a recorded run: all that is needed to run it again."""
 
     path: Path
     scenario: str
@@ -33,8 +33,8 @@ class RunConfig:
 
     @staticmethod
     def read(folder: Path, argv: Sequence[str] = ()) -> RunConfig:
-        """The configuration of the run in ``folder``; BadInputError if there is none, it is broken, or it names code
-        that is neither installed nor named in ``argv`` too, unless it is read within ``trusting()``.
+        """Read the configuration of the run in ``folder``; BadInputError if it is missing or broken, or names code that
+        is neither installed nor named in ``argv``, unless it is read within ``trusting()``.
         """
         path = folder / CONFIG
         if not path.is_file():
@@ -71,7 +71,7 @@ class RunConfig:
 
     @property
     def named_fields(self) -> dict[str, Any]:
-        """Every recorded field, by the name that the command line has for it."""
+        """Return every recorded field by its name on the command line."""
         return {
             **flattened(self.fields),
             **flattened(self.controller_fields, "planner."),
@@ -79,7 +79,7 @@ class RunConfig:
         }
 
     def restored(self, config: type, fields: dict[str, Any], where: str) -> Any:
-        """The frozen dataclass ``config`` with the recorded fields; BadInputError if they do not fit."""
+        """Return the frozen dataclass ``config`` with the recorded fields; BadInputError if they do not fit."""
         try:
             with within_record(self.places):
                 return instance(config, fields, where)
@@ -88,7 +88,7 @@ class RunConfig:
 
 
 def _inputs(document: RunDocument) -> dict[str, str]:
-    """The recorded digests; an earlier version recorded that of the terrain alone, and elsewhere."""
+    """Return the recorded digests; an earlier version recorded only that of the terrain, under another key."""
     if document.inputs is not None:
         return document.inputs
     digest = document.terrain.digest if document.terrain else None

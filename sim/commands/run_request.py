@@ -1,4 +1,4 @@
-"""The request of `mathnavi run` and `mathnavi sweep`: a scenario, its plug-ins, and every field of theirs."""
+"""Request of `mathnavi run` and `mathnavi sweep`: a scenario, its plug-ins, and all their fields."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ class CommonOptions:
     """Flags of every scenario."""
 
     seed: Seed = 0
-    """of every random draw: the same seed gives the same log, bit for bit"""
+    """seed of every random draw: the same seed gives the same log, bit for bit"""
     controller: str = ""
-    """name of a plug-in, or package.module:Class; its fields are --planner.*"""
+    """controller: name of a plug-in, or package.module:Class; its fields are --planner.*"""
     estimator: str = ""
-    """name of a plug-in, or package.module:Class; its fields are --estimator.*"""
+    """estimator: name of a plug-in, or package.module:Class; its fields are --estimator.*"""
 
 
 @dataclass(frozen=True)
 class RunRequest:
-    """A scenario with its plug-ins, and their fields, as requested."""
+    """Requested scenario with its plug-ins and their fields."""
 
     prog: str
     name: str  # of the scenario
@@ -61,18 +61,18 @@ class RunRequest:
 
     @property
     def fields(self) -> tuple[FlagGroup, ...]:
-        """The fields of the scenario and its plug-ins, at their present values."""
+        """Return the fields of the scenario and its plug-ins at their present values."""
         return _fields(self.config, self.controller, self.estimator, self.common)
 
     def build(self) -> ClosedLoop:
-        """The closed loop; errors as of ``scenarios.closed_loop.built``."""
-        from mathnavi.sim.scenarios.closed_loop import built  # not needed by a sweep of a user's own scenario
+        """Build the closed loop; errors as from ``scenarios.closed_loop.built``."""
+        from mathnavi.sim.scenarios.closed_loop import built  # not needed by a sweep of a user-defined scenario
 
         return built(self.name, self.scenario, self.config, self.common.seed, self.controller, self.estimator)
 
     @contextmanager
     def failures(self, what: str) -> Iterator[None]:
-        """Raise BadInputError for what a stranger's scenario raises while it is run."""
+        """Raise BadInputError for what a third-party scenario raises while it is run."""
         try:
             with of_stranger(self.scenario, f"scenarios: {self.name!r}: {what} failed:"):
                 yield
@@ -81,7 +81,7 @@ class RunRequest:
 
     @property
     def files(self) -> list[Path]:
-        """The files that the fields name."""
+        """Return the files that the fields name."""
         values = (
             value
             for config in (self.config, self.controller.config, self.estimator.config)
@@ -91,7 +91,7 @@ class RunRequest:
 
     @contextmanager
     def bad_input(self) -> Iterator[None]:
-        """Raise BadInputError for a ValueError or an OSError in here: the input was bad; the message names the flag."""
+        """Raise BadInputError for a ValueError or an OSError within the block; its message names the flag."""
         try:
             with bad_input():
                 yield
@@ -100,7 +100,7 @@ class RunRequest:
 
 
 def usage(command: str, argv: Sequence[str]) -> bool:
-    """Print the usage if it is requested, and return whether it is; BadInputError without any word."""
+    """Print the usage if it is requested, and return whether it was; BadInputError without arguments."""
     if not argv:
         raise BadInputError(f"SCENARIO is missing; allowed: {', '.join(names('scenarios'))}")
     if argv[0] in ("-h", "--help"):
@@ -110,13 +110,13 @@ def usage(command: str, argv: Sequence[str]) -> bool:
 
 
 def prepare() -> None:
-    """Import MuJoCo, and find a user's own plug-in, "my_planner:Mine", where the command is given."""
+    """Import MuJoCo, and make a user's plug-in, "my_planner:Mine", importable from the current folder."""
     opengl.import_physics()
     import_from_here()
 
 
 def import_from_here() -> None:
-    """Find a user's own modules in the current folder, after all that is installed."""
+    """Make a user's modules importable from the current folder, after all that is installed."""
     try:
         here = os.getcwd()
     except OSError as error:
@@ -134,9 +134,9 @@ def read_request(
     run_config: RunConfig | None = None,
     chosen: Mapping[str, str] | None = None,
 ) -> RunRequest:
-    """The request that ``argv`` makes, on top of what a recorded run was; BadInputError if it cannot be.
+    """Return the request that ``argv`` makes, on top of a recorded run if given; BadInputError if ``argv`` is wrong.
 
-    ``options`` are the command's own flags; ``chosen`` are plug-ins ("controller", "estimator") that no flag names.
+    ``options`` are the flags of the command; ``chosen`` are plug-ins ("controller", "estimator") that no flag names.
     """
     name, words = _scenario(argv, run_config)
     scenario = loaded("scenarios", name)
@@ -152,7 +152,7 @@ def read_request(
     config = _restored(scenario.Config, run_config, words) if run_config else scenario.Config()
     common = CommonOptions(run_config.seed if run_config else 0, controller, observer)
     groups = (
-        FlagGroup(CommonOptions, default=common, heading="Of every scenario."),
+        FlagGroup(CommonOptions, default=common, heading="Flags of every scenario."),
         FlagGroup(options),
         *_fields(config, planner, estimator, common),
     )
@@ -167,8 +167,8 @@ def read_request(
 def _fields(config: Any, controller: PluginSpec, estimator: PluginSpec, common: CommonOptions) -> tuple[FlagGroup, ...]:
     return (
         FlagGroup(type(config), default=config),
-        FlagGroup(type(controller.config), "planner", controller.config, f"Of the controller {common.controller}."),
-        FlagGroup(type(estimator.config), "estimator", estimator.config, f"Of the estimator {common.estimator}."),
+        FlagGroup(type(controller.config), "planner", controller.config, f"Fields of controller {common.controller}."),
+        FlagGroup(type(estimator.config), "estimator", estimator.config, f"Fields of estimator {common.estimator}."),
     )
 
 
@@ -185,7 +185,7 @@ def _scenario(argv: Sequence[str], run_config: RunConfig | None) -> tuple[str, S
 
 
 def loaded(kind: str, name: str) -> Any:
-    """The plug-in with a name; BadInputError names the flag that it is given with."""
+    """Return the plug-in with a name; BadInputError names the flag that it is given with."""
     try:
         return load(kind, name)
     except ValueError as error:
@@ -193,7 +193,7 @@ def loaded(kind: str, name: str) -> Any:
 
 
 def restored_plugin(kind: str, name: str, run_config: RunConfig | None) -> PluginSpec:
-    """A plug-in with its default fields, or with the recorded ones if it is the plug-in of the recorded run."""
+    """Return a plug-in with its default fields, or with the recorded ones if it is the plug-in of the recorded run."""
     plugin = loaded(kind, name)
     if run_config is not None:
         part = kind.removesuffix("s")
@@ -204,14 +204,14 @@ def restored_plugin(kind: str, name: str, run_config: RunConfig | None) -> Plugi
 
 
 def _restored(config: type, run_config: RunConfig, words: Sequence[str]) -> Any:
-    """The recorded configuration of a scenario, but for the lists that are given anew: those start empty."""
+    """Return the recorded configuration of a scenario, except that lists which are given again start empty."""
     lists = {flag for flag, repeats in flags(config) if repeats} & set(given(words))
     fields = {name: value for name, value in run_config.fields.items() if f"--{name.replace('_', '-')}" not in lists}
     return run_config.restored(config, fields, "$.fields")
 
 
 def _about_a_file(message: str, config: Any) -> str:
-    """The message, with the field that names a file before it where it starts with the name of that file."""
+    """Return the message, preceded by the field that names a file if it starts with the name of that file."""
     for entry in dataclasses.fields(config):
         value = getattr(config, entry.name)
         if isinstance(value, str) and message.startswith(f"{value}: "):

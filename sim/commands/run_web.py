@@ -1,8 +1,8 @@
-"""``mathnavi run --web``: a run is shown in a browser while it is simulated, and its reader changes what it meets.
+"""``mathnavi run --web``: a run is shown in a browser while it is simulated, and the user changes its conditions.
 
-A change is a change of the scenario's fields: the run is simulated again from its start with them, as fast as it can
-be, and shown from the moment of the change on. What is written in the end is a run as any other: its config.json says
-what was flown, and `run --from` flies it again.
+A change is a change of the scenario's fields: the run is simulated again from its start with them, as fast as
+possible, and shown from the moment of the change on. The run that is written in the end is like any other: its
+config.json says what was flown, and `run --from` flies it again.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 STEP = 0.02  # [s] of the wall clock that the simulation waits at most at a time
-PACES = (0.1, 20.0)  # times as fast as it is
+PACES = (0.1, 20.0)  # times real time
 RADAR_WEIGHT = 5.0
 WAITING = """<!doctype html><html lang="en"><meta charset="utf-8"><link rel="icon" href="data:,">
 <meta http-equiv="refresh" content="1"><title>mathnavi</title><p>The run is being prepared.</p></html>"""
-DRIVE = 30.0  # [s] that a target takes to its new place
+DRIVE = 30.0  # [s] in which a target drives to its new place
 PACE = "pace"  # the one slider that changes how the run is shown, not what happens
 
 
@@ -43,12 +43,12 @@ Simulate = Callable[[ClosedLoop, Callable[[Loop], None]], RunResult]
 
 
 class _ChangedError(Exception):
-    """The reader has changed a field: this simulation is given up."""
+    """Change of a field by the user: this simulation is given up."""
 
 
 @dataclass(frozen=True)
 class Control:
-    """A slider."""
+    """Slider of the page, which sets one field or the pace."""
 
     name: str
     label: str
@@ -60,7 +60,7 @@ class Control:
 
 
 class FollowedRun:
-    """A run as its page knows it; the simulation's thread and those of the server share it."""
+    """State of a run for its page; the thread of the simulation and those of the server share it."""
 
     def __init__(self, request: RunRequest) -> None:
         self._request, self._lock = request, threading.Lock()
@@ -74,12 +74,12 @@ class FollowedRun:
     # ---- for the server
 
     def page(self) -> str:
-        """The page as it is now."""
+        """Return the page in its present state."""
         with self._lock:
             return self._page
 
     def news(self, query: Mapping[str, str]) -> dict[str, Any]:
-        """Samples since the one that the query names."""
+        """Return the samples since the one that the query names."""
         since = query.get("since", "0")
         with self._lock:
             live, generation = self._live, self._generation
@@ -89,7 +89,7 @@ class FollowedRun:
         return live.news(int(since)) | found
 
     def change(self, posted: Any) -> dict[str, str]:
-        """Take values of sliders; FieldError for what is none, or out of its bounds."""
+        """Set sliders to values; FieldError for an unknown slider, or a value that is no number or out of bounds."""
         if not isinstance(posted, dict):
             raise FieldError("allowed: an object of names and values")
         for name, value in posted.items():
@@ -111,7 +111,7 @@ class FollowedRun:
     # ---- for the simulation
 
     def fly(self, closed_loop: ClosedLoop, simulate: Simulate) -> RunResult:
-        """Simulate at the reader's pace, again after every change."""
+        """Simulate at the user's pace, again after every change."""
         shown_from = 0.0
         self._controls = {control.name: control for control in _controls(self._request, closed_loop)}
         while True:
@@ -144,7 +144,8 @@ class FollowedRun:
             self._live, self._page = live, page
 
     def _watching(self, shown_from: float) -> Callable[[Loop], None]:
-        """Observer of the loop after every step: it takes samples, keeps the pace, and gives up after a change."""
+        """Return the observer of every step of the loop, which takes samples, keeps the pace, and stops after a change.
+        """
         behind, before = time.perf_counter(), shown_from  # when the present of the simulation should be reached
 
         def watch(loop: Loop) -> None:
@@ -167,7 +168,7 @@ class FollowedRun:
         return watch
 
     def _rebuilt(self, before: ClosedLoop) -> tuple[ClosedLoop, float]:
-        """The loop with the fields as they are now; the one before, built anew, where those cannot be flown."""
+        """Build the loop with the present fields, or again with the previous ones if those cannot be flown."""
         with self._lock:
             names, self._changes = self._changes, set()
             values = {control.name: control.value for control in self._controls.values()}
@@ -185,7 +186,7 @@ class FollowedRun:
 
 @contextmanager
 def followed(request: RunRequest, host: str, port: int) -> Iterator[FollowedRun]:
-    """A run that is served at an address for as long as the block lasts."""
+    """Serve a run at an address for as long as the block lasts."""
     run = FollowedRun(request)
     server = PageServer(host, port, run.page, {"/news": run.news}, {"/change": run.change})
     run.url = server.url
@@ -195,7 +196,7 @@ def followed(request: RunRequest, host: str, port: int) -> Iterator[FollowedRun]
 
 
 def _controls(request: RunRequest, closed_loop: ClosedLoop) -> list[Control]:
-    """The pace, and what the scenario's fields let change on the way."""
+    """Return the sliders: the pace, and the fields of the scenario that may change during the run."""
     found = [Control(PACE, PACE, *PACES, 0.1, "×", 1.0)]
     config, record = request.config, closed_loop.config
     fields = {entry.name for entry in dataclasses.fields(config)}
@@ -225,9 +226,9 @@ def _controls(request: RunRequest, closed_loop: ClosedLoop) -> list[Control]:
 def changed_config(
     config: Any, mission: Mapping[str, Any], values: Mapping[str, float], names: Collection[str], now: float
 ) -> Any:
-    """The configuration after some sliders were moved at ``now`` [s]; start and target stay those of the mission.
+    """Return the configuration after sliders were moved at ``now`` [s]; start and target stay those of the mission.
 
-    A radar is switched on then, and a target drives evenly to its new place; gusts blow from the start.
+    A radar is switched on then, and a target drives at constant speed to its new place; gusts blow from the start.
     """
     fields = {entry.name for entry in dataclasses.fields(config)}
     new: dict[str, Any] = {

@@ -41,50 +41,50 @@ class SearchOptions:
     """Flags of a search."""
 
     store: Path
-    """file of the results (SQLite); a search goes on where it stopped, and adds to what is there"""
+    """file of the results (SQLite); a search resumes where it stopped, and adds to what is there"""
     minimise: str | None = None
-    """figure of the summary that is to become as small as can be: clearance_margin_m, separation_margin_m, ..."""
+    """figure of the summary to minimise: clearance_margin_m, separation_margin_m, ..."""
     maximise: str | None = None
-    """figure that is to become as large as can be, in the place of --minimise: tracking_bound_share, ..."""
+    """figure of the summary to maximise, instead of --minimise: tracking_bound_share, ..."""
     over: tuple[str, ...] = ()
-    """FIELD=LOW..HIGH, with ,log on a logarithmic scale, or FIELD=V1,V2,...; FIELD[K] is a place of a field that is
-    given, seed the seed; may be given several times"""
+    """field to search over: FIELD=LOW..HIGH, with ,log on a logarithmic scale, or FIELD=V1,V2,...; FIELD[K] is one
+    place of a field that is given, seed is the seed; may be given several times"""
     missions: Count = 200
-    """how many at most"""
+    """largest number of missions"""
     until: float | None = None
-    """value of the figure at which the search has found what it looks for; with --rare the event"""
+    """value of the figure at which the search ends; with --rare the value that makes the event"""
     sampler: Sampler = "tpe"
-    """proposes where to fly next: tree-structured Parzen estimator, CMA-ES, or random draws for comparison"""
+    """sampler of the next missions: tree-structured Parzen estimator, CMA-ES, or random draws for comparison"""
     batch: Count = 8
-    """missions proposed at a time; the same seed and batch make the same search, with however many workers"""
+    """number of missions proposed at a time; the same seed and batch give the same search with any number of workers"""
     rare: bool = False
-    """estimate how probable it is that a mission reaches --until, by multilevel splitting over its random draws"""
+    """whether to estimate the probability that a mission reaches --until, by multilevel splitting over random draws"""
     particles: SeveralCount = 40
-    """missions that --rare moves along together"""
+    """number of missions (particles) that --rare moves together"""
     repetitions: SeveralCount = 5
-    """independent repetitions of --rare, from whose spread its interval follows"""
+    """number of independent repetitions of --rare, from whose spread its interval follows"""
     workers: Processes | None = None
-    """processes; one for each core if not given"""
+    """number of processes; one for each core if not given"""
     cluster: str | None = None
     """address of a Dask scheduler whose workers run the missions, tcp://HOST:PORT or tls://HOST:PORT"""
     timeout: Positive | None = None
     """time after which a mission is cut off and recorded as timed out [s]; none if not given"""
     retry: bool = False
-    """run those missions again that are stored as timed out or crashed"""
+    """whether to run those missions again that are stored as timed out or crashed"""
     mix_environments: bool = False
-    """take missions that are stored from another computing environment, and workers that compute in one"""
+    """whether to accept missions stored from another computing environment, and workers that compute in one"""
     worst: Count = 3
-    """how many of the worst missions are flown again into --out"""
+    """number of the worst missions that are flown again into --out"""
     out: Path | None = None
-    """folder for the runs of the worst missions, worst-1 and so on, to be drawn and flown again by --from"""
+    """folder for the runs of the worst missions, worst-1 and so on, which can be drawn, and flown again by --from"""
     report: bool = False
-    """write a page and a picture beside the store, with .html and .png in place of its ending"""
+    """whether to write a page and a picture next to the store, with .html and .png in place of its ending"""
 
     def __post_init__(self) -> None:
         if self.workers is not None and self.cluster is not None:
-            raise FieldError(f"cluster = {self.cluster!r} beside --workers {self.workers}; allowed: one of both")
+            raise FieldError(f"cluster = {self.cluster!r} together with --workers {self.workers}; allowed: one of both")
         if (self.minimise is None) == (self.maximise is None):
-            given = f"{self.minimise!r} beside --maximise {self.maximise}" if self.minimise else "not given"
+            given = f"{self.minimise!r} together with --maximise {self.maximise}" if self.minimise else "not given"
             raise FieldError(f"minimise = {given}; allowed: one of --minimise and --maximise")
         if self.rare and self.until is None:
             raise FieldError("until = not given; allowed with --rare: the value of the figure that makes the event")
@@ -95,7 +95,7 @@ class SearchOptions:
 
     @property
     def objective(self) -> Objective:
-        """The figure, and where it is to go."""
+        """Return the figure and the direction in which to search."""
         return Objective(str(self.minimise or self.maximise), self.maximise is not None)
 
 
@@ -194,7 +194,7 @@ def _search(
 
 
 def _check(fields: SearchFields, request: RunRequest) -> None:
-    """BadInputError for a space that cannot be searched as the options say."""
+    """Raise BadInputError for a space that cannot be searched with these options."""
     options: SearchOptions = request.options
     if options.rare and not hasattr(request.config, REDRAW):
         raise BadInputError(
@@ -211,10 +211,10 @@ def _check(fields: SearchFields, request: RunRequest) -> None:
 
 
 def _check_missions(fields: SearchFields) -> dict[tuple[str, str], str]:
-    """Raise, before any mission is flown, what is wrong with all: a file that is not there, ends that cannot be.
+    """Raise ValueError or OSError, before any flight, for what is wrong with all missions: a missing file, bad bounds.
 
-    Returns the digests of the files that missions name, as ``named_files``. ValueError or OSError. Without a field to
-    search over, the mission is built, and so has to be one that can be flown.
+    Returns the digests of the files that missions name, as ``named_files``. Without a field to search over, the
+    mission is built, and so has to be one that can be flown.
     """
     listed = [{each.name: value} for each in fields.space if isinstance(each, Choice) for value in each.values]
     named = named_files([fields.make(values) for values in [{}, *listed]])
@@ -235,6 +235,6 @@ def _counts(evaluations: Sequence[Evaluation], missions: int, stored: set[str]) 
 
 
 def _stored(evaluations: Sequence[Evaluation], options: SearchOptions, ended: int) -> str:
-    """Note on what is kept of a search that ends too early; ``ended`` missions are stored and not yet evaluated."""
+    """Return the note on what is kept of a search that ends early; ``ended`` missions are stored, not yet evaluated."""
     more = f", and {ended} more are stored" if ended else ""
     return f"{len(evaluations)} of {options.missions} missions are evaluated{more}"

@@ -1,7 +1,7 @@
 """``--over FIELD=LOW..HIGH``: from words to the space of a search, and from values of its fields to a trial.
 
-A field is named as its flag; one place of a field that holds several is named by its number, ``start[2]`` or
-``uncharted[0][1]``, and the field itself is given. ``seed`` is the seed of the mission.
+A field is named like its flag; one place of a field that holds several values is named by its index, ``start[2]`` or
+``uncharted[0][1]``, and the field itself must be given. ``seed`` is the seed of the mission.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ _PLACES = re.compile(r"(?P<name>[^\[\]]+)(?P<places>(\[\d+\])*)")
 
 @dataclass(frozen=True)
 class SearchFields:
-    """The fields that a search varies, and the request whose other fields stay as they are."""
+    """Fields that a search varies, and the request whose other fields stay unchanged."""
 
     request: RunRequest
     space: tuple[Dimension, ...]
 
     def make(self, values: Values) -> Trial:
-        """The trial at these values of the fields; FieldError where the configuration refuses them."""
+        """Return the trial at these values of the fields; FieldError if the configuration refuses them."""
         request, places = self.request, FieldPlaces(self.request)
         whole: dict[str, Any] = {}
         for name, value in values.items():
@@ -52,7 +52,7 @@ class SearchFields:
 
 
 def read_space(argv: Sequence[str], request: RunRequest) -> SearchFields:
-    """The space of every ``--over`` of ``argv``; BadInputError for one that cannot be searched."""
+    """Return the space of every ``--over`` of ``argv``; BadInputError for one that cannot be searched."""
     dimensions: list[Dimension] = []
     for text in values_of(OVER, argv):
         name, equals, values = text.partition("=")
@@ -83,7 +83,7 @@ def _dimension(name: str, values: str, request: RunRequest, argv: Sequence[str])
                 raise variation.wrong(f"{field} = {_held(request, places, flag)!r} has no such place; allowed: its own")
             held = held[number]
         if not isinstance(held, (int, float)) or isinstance(held, bool):
-            raise variation.wrong(f"there is {held!r}, which is no number; allowed: places of numbers")
+            raise variation.wrong(f"there is {held!r}, which is not a number; allowed: places of numbers")
         return _range(variation, *_numbers(variation, whole=isinstance(held, int)), log)
     if flag in given(argv):
         raise variation.wrong(f"{flag} is given as well; allowed: one of both")
@@ -103,7 +103,7 @@ def _range(variation: Variation, low: float, high: float, log: bool) -> Range:
 
 
 def _numbers(variation: Variation, *, whole: bool, low: float = -1e300, high: float = 1e300) -> tuple[float, float]:
-    """LOW and HIGH of a range that no flag reads."""
+    """Return LOW and HIGH of a range that no flag reads."""
     ends = variation.text.split("..")
     try:
         first, last = (int(end) if whole else float(end) for end in ends)
@@ -119,7 +119,7 @@ def _flag(name: str) -> str:
 
 
 def _split(name: str) -> tuple[str, tuple[int, ...]]:
-    """The field, and the places within it."""
+    """Return the field and the places within it."""
     field, _, rest = name.partition("[")
     return field, tuple(int(number) for number in re.findall(r"\d+", rest))
 
@@ -132,7 +132,7 @@ def _held(request: RunRequest, places: FieldPlaces, flag: str) -> Any:
 
 
 def _with_place(held: Any, numbers: Sequence[int], value: Any) -> Any:
-    """Content of a field with a value in one of its places; the value itself without a place."""
+    """Return the content of a field with a value in one of its places; the value itself without a place."""
     if not numbers:
         return value
     first, *rest = numbers

@@ -1,4 +1,4 @@
-"""Results of a search: printed, drawn on a page, and flown again."""
+"""Results of a search: print them, draw them on a page, and fly the worst missions again."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PRINTED, LISTED = 5, 20  # of the worst missions, in the terminal and on the pag
 
 @dataclass(frozen=True)
 class SearchResults:
-    """A search as it ended."""
+    """Result of a search."""
 
     scenario: str
     objective: Objective
@@ -36,7 +36,7 @@ class SearchResults:
     command: str  # that repeats it
 
     def worst(self, count: int) -> list[Evaluation]:
-        """The most extreme missions that were flown, each trial once."""
+        """Return the most extreme missions that were flown, each trial once."""
         once: dict[str, Evaluation] = {}
         for each in self.objective.best(self.evaluations):
             if each.record is not None:
@@ -44,12 +44,12 @@ class SearchResults:
         return list(once.values())[:count]
 
     def number(self, ending: str) -> int:
-        """Evaluations that ended so."""
+        """Return the number of evaluations that ended with this outcome."""
         return sum(each.ending == ending for each in self.evaluations)
 
     @property
     def verdict(self) -> str:
-        """A sentence: how many missions were flown, and how they ended."""
+        """Return a sentence: the number of missions, and how they ended."""
         violated = sum(each.violated for each in self.evaluations)
         return (
             f"{len(self.evaluations)} missions: {self.number('flown')} flown, {violated} of them did not do what they "
@@ -58,7 +58,7 @@ class SearchResults:
 
     @property
     def finding(self) -> str:
-        """A sentence: the extreme figure, or the probability of the event."""
+        """Return a sentence: the extreme figure, or the probability of the event."""
         name, unit = label(self.objective.key)
         if self.rare is not None:
             return _probability(self.rare, name, unit, self.objective.largest)
@@ -85,7 +85,7 @@ def _probability(rare: RareEvent, name: str, unit: str, largest: bool) -> str:
 
 
 def print_results(console: Console, results: SearchResults) -> None:
-    """Print what was found, the worst missions, and which fields mattered."""
+    """Print the finding, the worst missions, and the importance of the fields."""
     console.print(f"{results.scenario}, {results.verdict}", style="bold", highlight=False, soft_wrap=True)
     console.print(results.finding, highlight=False, soft_wrap=True)
     if worst := results.worst(PRINTED):
@@ -112,7 +112,7 @@ def print_results(console: Console, results: SearchResults) -> None:
 
 
 def write_worst(results: SearchResults, folder: Path, count: int) -> list[Path]:
-    """Fly the worst missions again, each into a folder of its own: worst-1, worst-2, ..."""
+    """Fly the worst missions again, each into its own folder: worst-1, worst-2, ..."""
     return [
         each.trial.flown().save(inside(folder, folder / f"worst-{k}"))
         for k, each in enumerate(results.worst(count), 1)
@@ -121,8 +121,8 @@ def write_worst(results: SearchResults, folder: Path, count: int) -> list[Path]:
 
 
 def write_pages(results: SearchResults, store: Path) -> list[Path]:
-    """Write the page and the picture beside the store."""
-    from mathnavi.renders.search_report import Point, SearchPage, write_search_report  # takes a while to import
+    """Write the page and the picture next to the store."""
+    from mathnavi.renders.search_report import Point, SearchPage, write_search_report  # slow to import
 
     points = [
         Point(
@@ -169,7 +169,7 @@ def write_pages(results: SearchResults, store: Path) -> list[Path]:
 
 
 def _shown(results: SearchResults) -> list[str]:
-    """The fields that are shown, those that matter most first."""
+    """Return the fields that are shown, the most important first."""
     names = [dimension.name for dimension in results.space]
     return sorted(names, key=lambda name: -results.importances.get(name, 0.0))
 

@@ -1,4 +1,4 @@
-"""The flags that say at which address a page is served."""
+"""Flags for the address at which a page is served."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ Port = Annotated[int, Interval(ge=0, le=65535)]
 
 
 def check_address(host: str | None, port: int | None, *, web: bool) -> None:
-    """Raise FieldError for an address without ``web``."""
+    """Raise FieldError for a host or a port without ``web``."""
     for name, value in (("host", host), ("port", port)):
         if value is not None and not web:
             raise FieldError(f"{name} = {value!r}; allowed: only together with --web")
 
 
 def address_of(host: str | None, port: int | None) -> tuple[str, int]:
-    """Host and port; those that are used where none is given."""
+    """Return host and port, with the defaults if not given."""
     return HOST if host is None else host, PORT if port is None else port

@@ -31,7 +31,7 @@ File = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE.db")]
 
 @dataclass(frozen=True)
 class StoreShowOptions:
-    """The store to show."""
+    """Flags of ``store show``."""
 
     file: File
     """store of a sweep"""
@@ -39,12 +39,12 @@ class StoreShowOptions:
 
 @dataclass(frozen=True)
 class StoreExportOptions:
-    """The store to export, and where to."""
+    """Flags of ``store export``."""
 
     file: File
     """store of a sweep"""
     out: Path
-    """file to write: .csv or .parquet, one line a trial, or .jsonl, one JSON object a trial"""
+    """file to write: .csv or .parquet with one row for each trial, or .jsonl with one JSON object for each trial"""
 
 
 def main(argv: Sequence[str]) -> int:
@@ -60,7 +60,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _show(argv: Sequence[str]) -> None:
-    (options,) = parse(argv, "mathnavi store show", "Print what is in a store.", FlagGroup(StoreShowOptions))
+    (options,) = parse(argv, "mathnavi store show", "Print the content of a store.", FlagGroup(StoreShowOptions))
     with bad_input(), Store.existing(options.file) as store:
         records = store.records()
     console = Console(markup=False)
@@ -84,16 +84,16 @@ def _show(argv: Sequence[str]) -> None:
 
 
 def _kind(record: Record, changed: Sequence[str]) -> tuple[str, ...]:
-    """Scenario, version of the code, environment, and digests of files that have changed, by the names of the fields.
+    """Return scenario, version of the code, environment, and digests of changed files by the names of the fields.
 
-    Records that differ in any of these are kept apart.
+    Records that differ in any of these are reported separately.
     """
     inputs = record.parameters.get("inputs", {})
     return record.scenario, record.code, record.origin.digest, *(str(inputs.get(name, "none")) for name in changed)
 
 
 def _changed_files(records: Sequence[Record]) -> list[str]:
-    """Fields in which one name stands for files of several contents."""
+    """Return the fields in which one name stands for files of different contents."""
     digests: dict[tuple[str, str], set[str]] = {}
     for record in records:
         for name, digest in record.parameters.get("inputs", {}).items():
@@ -128,14 +128,14 @@ def _writer(options: StoreExportOptions, store: Store) -> Callable[[Path], None]
 
 
 def _varied(records: Sequence[Record]) -> list[str]:
-    """The fields that sweeps have listed, and those that they have drawn: numbers that follow the seed."""
+    """Return the fields that sweeps have listed, and those that they have drawn: numbers that follow the seed."""
     compared = _compared(records)
     others = [name for name, values in _values(records).items() if len(values) > 1 and name not in compared]
     return [*compared, *Sweep(records, others).continuous]
 
 
 def _values(records: Sequence[Record]) -> dict[str, set[str]]:
-    """Values of each field in any of the trials, as JSON."""
+    """Return the values of each field in any of the trials, as JSON."""
     values: dict[str, set[str]] = {}
     for record in records:
         for name, value in record.fields.items():
@@ -144,7 +144,7 @@ def _values(records: Sequence[Record]) -> dict[str, set[str]]:
 
 
 def _compared(records: Sequence[Record]) -> list[str]:
-    """The fields that a sweep has listed: those that differ where the seed is the same. Drawn ones follow the seed.
+    """Return the fields that a sweep has listed: those that differ for the same seed. Drawn ones follow the seed.
 
     A field that follows from others, as a plug-in's defaults do, is left out.
     """

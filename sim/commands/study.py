@@ -1,4 +1,4 @@
-"""``mathnavi study``: tables and figures of the thesis done again, and the ledger of its claims."""
+"""``mathnavi study``: tables and figures of the thesis, reproduced, and the ledger of its claims."""
 
 from __future__ import annotations
 
@@ -54,17 +54,17 @@ class StudyOptions:
     """Flags of every study."""
 
     terrain: tuple[str, ...] = ()
-    """name of a terrain, or an .npz file; may be given several times; tian_shan if not given; for studies on terrain"""
+    """terrain of the studies on terrain: a name or an .npz file; may be given several times; tian_shan if not given"""
     out: Path | None = None
     """folder to write to, with a folder for each terrain if there are several; renders/out/study if not given"""
     quick: bool = False
-    """a small sample, for a first look"""
+    """whether to take a small sample, for a first look"""
     workers: Processes = field(default_factory=available_cores)
-    """processes that fly and compute"""
+    """number of processes that fly and compute"""
     cluster: str | None = None
-    """address of a Dask scheduler whose workers do it instead, tcp://HOST:PORT or tls://HOST:PORT"""
+    """address of a Dask scheduler whose workers fly and compute instead, tcp://HOST:PORT or tls://HOST:PORT"""
     mix_environments: bool = False
-    """take results that are stored from another computing environment, and workers that compute in one"""
+    """whether to accept results stored from another computing environment, and workers that compute in one"""
 
     def __post_init__(self) -> None:
         if len(set(self.terrain)) < len(self.terrain):
@@ -116,23 +116,23 @@ def main(argv: Sequence[str]) -> int:
 
 @dataclass(frozen=True)
 class _Site:
-    """A terrain, or none, with the studies that are done on it."""
+    """Terrain with the studies that are done on it, or the studies without terrain."""
 
     name: str
-    terrain: str | None  # as it was requested
+    terrain: str | None  # as requested
     folder: Path
     studies: Studies
 
     @property
     def where(self) -> str:
-        """The site in a sentence."""
+        """Return the words for the site in a sentence."""
         return self.name if self.terrain is None else f"over {self.name}"
 
 
 def _sites(options: StudyOptions, studies: Studies) -> list[_Site]:
-    """The terrains with the studies that are done on each, and the site of the others, which are done once.
+    """Return the terrains with the studies that are done on each, and the site of the others, which are done once.
 
-    The files of a study are in a folder of its terrain where there are several, all else lies beside these.
+    With several terrains each has its own folder of files; all other files lie next to these folders.
     """
     out = options.out or OUT
     over = {name: pair for name, pair in studies.items() if on_terrain(pair[0])}
@@ -153,7 +153,7 @@ def _sites(options: StudyOptions, studies: Studies) -> list[_Site]:
 
 
 def read_studies(argv: Sequence[str]) -> tuple[StudyOptions, dict[str, tuple[Any, Any]]]:
-    """The options, and the requested studies with their configurations; BadInputError if they cannot be."""
+    """Return the options, and the requested studies with their configurations; BadInputError if ``argv`` is wrong."""
     name = argv[0]
     chosen = names("studies") if name == ALL else (name,)
     try:
@@ -217,7 +217,7 @@ def _study(
 
 
 def _stored(path: Path) -> str:
-    """Note on what is kept of a study that is interrupted."""
+    """Return the note on what is kept of a study that is interrupted."""
     number = stored_results(path)
     if number is None:
         return f"what had ended is stored in {path}; to go on"
@@ -227,7 +227,7 @@ def _stored(path: Path) -> str:
 
 
 def _samples(studies: Studies) -> str:
-    """Samples of each study, in words."""
+    """Return the samples of each study, in words."""
     sizes = {name: dataclasses.asdict(config) for name, (_, config) in studies.items()}
     return "; ".join(
         f"{name}: {', '.join(f'{count} {what}' for what, count in of_study.items())}"

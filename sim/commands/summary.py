@@ -1,4 +1,4 @@
-"""The result of a run, to be read: the verdict, the summary as a table."""
+"""Result of a run for the terminal: the verdict, and the summary as a table."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SHOWN_ELSEWHERE = ("seed", "version", "efficiency_basis", SHORTFALL, PLANNER_STA
 
 
 def verdict(result: RunResult, subject: str = "the mission") -> str:
-    """A sentence: the mission, or what else was run, did what it should, or why it did not."""
+    """Return a sentence: the mission, or another subject, did what it should, or why it did not."""
     why, status = result.summary.get(SHORTFALL), result.summary.get(PLANNER_STATUS)
     unflown = f"; BUT THE PLANNER {status}" if status else ""
     if result.success:
@@ -28,9 +28,10 @@ def verdict(result: RunResult, subject: str = "the mission") -> str:
 
 
 def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
-    """One row a figure, in groups; keys of no group come last. Of a kind of events the first is shown.
+    """Return a table with one row for each figure, in groups; keys of no group come last.
 
-    How the Cramér-Rao bound is averaged, and why there is none, is in summary.json and in the report.
+    Of each kind of events the first is shown. How the Cramér-Rao bound is averaged, and why there is none, is in
+    summary.json and in the report.
     """
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="dim")

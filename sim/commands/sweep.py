@@ -43,33 +43,34 @@ class SweepOptions:
     """Flags of a sweep."""
 
     trials: Count
-    """of each combination of listed values, with the seeds SEED, SEED + 1, and so on"""
+    """number of trials of each combination of listed values, with the seeds SEED, SEED + 1, and so on"""
     store: Path
-    """file of the results (SQLite); a sweep goes on where it stopped, and adds to what is there"""
+    """file of the results (SQLite); a sweep resumes where it stopped, and adds to what is there"""
     vary: tuple[str, ...] = ()
-    """FIELD=V1,V2,...: each of these values; FIELD=LOW..HIGH: drawn for every trial; may be given several times"""
+    """field to vary: FIELD=V1,V2,... takes each of these values, FIELD=LOW..HIGH is drawn for every trial; may be given
+    several times"""
     workers: Processes | None = None
-    """processes; one for each core if not given"""
+    """number of processes; one for each core if not given"""
     cluster: str | None = None
     """address of a Dask scheduler whose workers run the trials, tcp://HOST:PORT or tls://HOST:PORT"""
     timeout: Positive | None = None
     """time after which a trial is cut off and recorded as timed out [s]; none if not given"""
     retry: bool = False
-    """run those trials again that are stored as timed out or crashed"""
+    """whether to run those trials again that are stored as timed out or crashed"""
     mix_environments: bool = False
-    """take trials that are stored from another computing environment, and workers that compute in one"""
+    """whether to accept trials stored from another computing environment, and workers that compute in one"""
     report: bool = False
-    """write a page beside the store, with .html in place of its ending"""
+    """whether to write a page next to the store, with .html in place of its ending"""
     web: bool = False
-    """show the report of the trials so far in a browser while the sweep goes on: prints the URL"""
+    """whether to show the report of the trials so far in a browser while the sweep runs; prints the URL"""
     host: str | None = None
-    """address of this machine at which that is served, 127.0.0.1 if not given; the URL of any other has a token"""
+    """address of this machine at which --web serves; 127.0.0.1 if not given; the URL of any other has a token"""
     port: Port | None = None
-    """port, 8765 if not given; 0 is any that is free"""
+    """port at which --web serves; 8765 if not given; 0 chooses a free one"""
 
     def __post_init__(self) -> None:
         if self.workers is not None and self.cluster is not None:
-            raise FieldError(f"cluster = {self.cluster!r} beside --workers {self.workers}; allowed: one of both")
+            raise FieldError(f"cluster = {self.cluster!r} together with --workers {self.workers}; allowed: one of both")
         if self.store.suffix == REPORT:
             raise FieldError(f"store = {self.store}; allowed: another ending than that of the report, {REPORT}")
         check_address(self.host, self.port, web=self.web)
@@ -88,7 +89,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _run(sweep: SweepRequest, argv: Sequence[str], served: ExitStack) -> int:
-    """Run the trials and print what came of them; the exit code of the command. ``served`` holds a server."""
+    """Run the trials and print their results; return the exit code of the command. ``served`` holds a server."""
     request, options = sweep.request, sweep.request.options
     if options.report:
         with bad_input():
@@ -184,7 +185,7 @@ def _report(sweep: SweepRequest, records: Sequence[Record], command: str) -> Pat
 
 @dataclass(frozen=True)
 class SweepRequest:
-    """The trials of a sweep, and what varies among them."""
+    """Trials of a sweep, and the fields that vary among them."""
 
     request: RunRequest  # the first, where plug-ins are varied
     trials: list[Trial]  # those of one seed together
@@ -194,7 +195,7 @@ class SweepRequest:
 
 
 def read_sweep(argv: Sequence[str]) -> SweepRequest:
-    """The sweep that ``argv`` requests; BadInputError if it cannot be."""
+    """Return the sweep that ``argv`` requests; BadInputError if ``argv`` is wrong."""
     variations = read_variations(argv)
     requests = read_requests(argv, SweepOptions, variations)
     seed, count = requests[0].common.seed, requests[0].options.trials
@@ -214,7 +215,7 @@ def read_sweep(argv: Sequence[str]) -> SweepRequest:
 
 
 def _check_combinations(sweep: SweepRequest, asked: Sequence[str]) -> None:
-    """BadInputError if two combinations of listed values are the same trials under two names."""
+    """Raise BadInputError if two combinations of listed values are the same trials under two names."""
     seen: dict[str, Trial] = {}
     for content, first in zip(asked, sweep.firsts, strict=False):
         other = seen.setdefault(content, first)

@@ -1,6 +1,6 @@
-"""``mathnavi sweep --web``: the report of a sweep that goes on, of the trials that are stored so far.
+"""``mathnavi sweep --web``: the report of a running sweep, with the trials that are stored so far.
 
-The worst runs have a link each: the trial is flown again, bit for bit the same run, and shown as ``mathnavi view
+Each of the worst runs has a link: the trial is flown again, bit for bit the same run, and shown as ``mathnavi view
 --web`` shows it.
 """
 
@@ -27,7 +27,7 @@ from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.records.sweep_data import Sweep, format_value, is_number
 from mathnavi.sim.sweep.trial import Trial
 
-EVERY = 5  # [s] after which a page asks again
+EVERY = 5  # [s] after which a page reloads
 HEAD = '<meta charset="utf-8">'
 VIEW = "/view"  # where a trial is shown
 MOST_WORST = 10  # runs with a link
@@ -40,7 +40,7 @@ JUDGED = {
 
 @dataclass
 class FollowedSweep:
-    """A sweep as its page knows it; the threads of the server read the store on their own."""
+    """State of a sweep for its page; the threads of the server read the store themselves."""
 
     name: str
     store: Path
@@ -58,14 +58,14 @@ class FollowedSweep:
     _flying: threading.Lock = field(default_factory=threading.Lock)
 
     def page(self) -> str:
-        """The report of what is stored; made anew after ``EVERY`` seconds at most."""
+        """Return the report of what is stored, made again if it is older than ``EVERY`` seconds."""
         with self._lock:
             if time.monotonic() - self._made >= EVERY or self.ended:
                 self._page, self._made = self._report(), time.monotonic()
             return self._page
 
     def view(self, query: Mapping[str, str]) -> str:
-        """The page of the trial that a query names, flown again; FieldError for one that is not of the sweep."""
+        """Return the page of the trial that a query names, flown again; FieldError for one that is not of the sweep."""
         content = query.get("trial", "")
         if content not in self.trials:
             raise FieldError(f"trial = {content!r}; allowed: one of this sweep, by a link of its page")
@@ -102,7 +102,7 @@ class FollowedSweep:
         )
 
     def _worst(self, stored: Sequence[str], records: Sequence[Record]) -> Markup:
-        """Table of the worst runs, each with a link; nothing where none ran to its end."""
+        """Return a table of the worst runs, each with a link; an empty text if none ran to its end."""
         flown = [pair for pair in zip(stored, records, strict=True) if pair[1].status == "ok"]
         if not flown:
             return Markup("")
@@ -127,14 +127,14 @@ class FollowedSweep:
         return section("Worst runs", card(table(heads, rows, "A link flies the trial again and shows the run.")))
 
     def _link(self, content: str) -> str:
-        """Address at which a trial is shown, with the token of the server if it has one."""
+        """Return the address at which a trial is shown, with the token of the server if it has one."""
         token = urlsplit(self.url).query
         return html.escape(f"{VIEW.lstrip('/')}?{urlencode({'trial': content})}{f'&{token}' if token else ''}")
 
 
 @contextmanager
 def followed(sweep: FollowedSweep, host: str, port: int) -> Iterator[FollowedSweep]:
-    """A sweep that is served at an address for as long as the block lasts."""
+    """Serve a sweep at an address for as long as the block lasts."""
     server = PageServer(host, port, sweep.page, pages={VIEW: sweep.view})
     sweep.url = server.url
     with server.serving():

@@ -1,4 +1,4 @@
-"""``mathnavi terrain``: bring an elevation model in, look at a map."""
+"""``mathnavi terrain``: import an elevation model, show a map."""
 
 from __future__ import annotations
 
@@ -33,33 +33,33 @@ NAME: {}"""
 
 @dataclass(frozen=True)
 class TerrainImportOptions:
-    """The elevation model to import, and the map to write."""
+    """Flags of ``terrain import``: the elevation model to import, and the map to write."""
 
     file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
-    """.png (16 bit), .hgt, .tif, .tiff or .npz"""
+    """elevation model: .png (16 bit), .hgt, .tif, .tiff or .npz"""
     out: Path
-    """the map to write, .npz"""
+    """map to write, .npz"""
     crop: Annotated[tuple[float, float, float, float] | None, tyro.conf.arg(metavar="WEST SOUTH EAST NORTH")] = None
-    """keep what lies within: degrees for an .hgt or a GeoTIFF in degrees, metres of its projection for another GeoTIFF,
-    metres from the south-west corner for .png and .npz"""
+    """rectangle to keep: in degrees for an .hgt or a GeoTIFF in degrees, in metres of the projection for another
+    GeoTIFF, in metres from the south-west corner for .png and .npz"""
     fill: bool = False
-    """fill voids from the heights around them, at most 100 nodes away"""
+    """whether to fill voids from the heights around them, at most 100 nodes away"""
     resample: float | None = None
     """distance between the nodes of the map [m], bilinear; that of the file if not given"""
     spacing: float | None = None
-    """distance between the pixels of a .png [m], which does not state it"""
+    """distance between the pixels of a .png [m], which does not contain it"""
     scale: float | None = None
-    """metres per unit of height; needed for a .png"""
+    """height of one unit [m]; needed for a .png"""
 
 
 @dataclass(frozen=True)
 class TerrainShowOptions:
-    """The map to show, and the picture to write."""
+    """Flags of ``terrain show``: the map to show, and the picture to write."""
 
     terrain: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE")]
-    """name of a terrain, or an .npz file"""
+    """terrain: its name, or an .npz file"""
     out: Path | None = None
-    """the picture to write, .png; renders/out/NAME.png if not given"""
+    """picture to write, .png; renders/out/NAME.png if not given"""
 
 
 def main(argv: Sequence[str]) -> int:
@@ -120,7 +120,7 @@ def _draw(terrain: HeightField, path: Path) -> None:
 
 
 def statistics(terrain: HeightField) -> str:
-    """Name, size, heights and source of a map, a line each."""
+    """Return name, size, heights and source of a map, one line each."""
     rows, columns = terrain.z.shape
     lines = {
         "name": terrain.name,
@@ -136,7 +136,7 @@ def statistics(terrain: HeightField) -> str:
 
 
 def steepest(terrain: HeightField) -> float:
-    """Slope [degrees] of the steepest triangle."""
+    """Return the slope [degrees] of the steepest triangle."""
     east, north = np.diff(terrain.z, axis=1), np.diff(terrain.z, axis=0)
     # A cell's diagonal runs from south-west to north-east: the south and east edges are one triangle
     squares = (east[:-1] ** 2 + north[:, 1:] ** 2, east[1:] ** 2 + north[:, :-1] ** 2)

@@ -1,4 +1,4 @@
-"""The flights that a sweep's report shows, flown again: a store keeps no paths."""
+"""Flights that the report of a sweep shows, flown again: a store keeps no paths."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ COLOURS = {"lowest": "#c2183b", "of median length": "#2166ac", "unsuccessful": "
 
 
 def shown_flights(trials: Sequence[Trial], records: Sequence[Record]) -> tuple[HeightField | None, list[Track]]:
-    """A terrain, and over it the flight that came nearest to the ground, one of median length, and one that failed.
+    """Return a terrain, and over it the flight with the least clearance, one of median length, and one that failed.
 
-    No terrain and no tracks where the scenario knows no terrain.
+    Without a terrain in the scenario there is neither terrain nor tracks.
     """
     ended = {
         k: record for k, record in enumerate(records) if record.status == "ok" and hasattr(trials[k].config, "terrain")
@@ -37,7 +37,7 @@ def shown_flights(trials: Sequence[Trial], records: Sequence[Record]) -> tuple[H
 
 
 def _chosen(records: Mapping[int, Record]) -> dict[str, int]:
-    """Indices of the records that are shown, each once, with the reason for it."""
+    """Return the indices of the records that are shown, each once, with the reason."""
     places, among = list(records), list(records.values())
     clearance = figures(among, "min_clearance_m")
     ratio = figures(among, PATH_RATIO)

@@ -1,4 +1,4 @@
-"""The command that flies a trial by itself, with its folder, its log and its pictures."""
+"""Command that flies one trial alone, with its folder, its log and its pictures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mathnavi.sim.sweep.trial import Trial
 
 
 def command_of(trial: Trial) -> str:
-    """``mathnavi run`` with the seed, the plug-ins and every field that is not at its default."""
+    """Return ``mathnavi run`` with the seed, the plug-ins and every field that is not at its default."""
     scenario = load("scenarios", trial.scenario)
     words = ["mathnavi", "run", trial.scenario, "--seed", str(trial.seed)]
     for flag, name, own in (

@@ -1,4 +1,4 @@
-"""The end of a command by an error that nothing foresaw: one line, and a file with the traceback to send."""
+"""End of a command by an unforeseen error: one line, and a file with the traceback to send."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ DEVELOPERS = "MATHNAVI_TRACEBACK"  # environment variable: with any value but ""
 
 
 def report(error: Exception, arguments: Sequence[str]) -> str:
-    """One line on an error that nothing foresaw; its traceback is written to a new file in the system's folder for
-    temporary files, with the command and the versions.
+    """Return one line on an unforeseen error; write its traceback, with the command and the versions, to a new file in
+    the system's folder for temporary files.
     """
     if isinstance(error, MemoryError):
         reason = "the memory of this machine does not suffice"
@@ -44,12 +44,12 @@ def report(error: Exception, arguments: Sequence[str]) -> str:
 
 
 def traceback_is_shown() -> bool:
-    """True if who develops has asked for tracebacks."""
+    """Return True if tracebacks are requested, for developers."""
     return bool(os.environ.get(DEVELOPERS))
 
 
 def not_written(error: Exception) -> str | None:
-    """One line on a file that the operating system refuses, or a disk with no room; None for any other error."""
+    """Return one line on a file that the operating system refuses, or a full disk; None for any other error."""
     if not isinstance(error, OSError):
         return None
     if error.filename is not None:
@@ -58,7 +58,7 @@ def not_written(error: Exception) -> str | None:
 
 
 def reader_has_gone() -> bool:
-    """True if nobody reads the standard output any more."""
+    """Return True if the reader of the standard output has closed it."""
     try:
         watch = select.poll()
         watch.register(sys.stdout.fileno(), 0)

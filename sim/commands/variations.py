@@ -1,8 +1,8 @@
 """``--vary FIELD=V1,V2,...`` and ``--vary FIELD=LOW..HIGH``: from words to trials.
 
 Listed values make a full factorial, and every combination flies the same seeds, so that it is compared with the others
-mission by mission. A drawn value is uniform, afresh for every trial, from a generator of the trial's seed and the
-field's name: what else is varied, and in which order, changes nothing in it.
+mission by mission. A drawn value is uniform, new for every trial, from a generator seeded by the trial's seed and the
+field's name: it does not depend on what else is varied, or in which order.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ TRUTH = {"true": True, "false": False}
 
 @dataclass(frozen=True)
 class Variation:
-    """One ``--vary``, or another option of the same form."""
+    """Option ``--vary``, or another one of the same form."""
 
     flag: str
     text: str  # after the equals sign
@@ -37,22 +37,22 @@ class Variation:
 
     @property
     def name(self) -> str:
-        """The field, as ``Record.fields`` has it."""
+        """Name of the field in ``Record.fields``."""
         return self.flag.removeprefix("--").replace("-", "_")
 
     @property
     def listed(self) -> list[str]:
-        """The words of the list, not yet read as values."""
+        """Return the words of the list, not yet read as values."""
         return self.text.split(",")
 
     def wrong(self, why: str) -> BadInputError:
-        """The error that names this flag, and why its values will not do."""
+        """Return the error that names this flag, and why its values are not allowed."""
         return BadInputError(f"{self.option} {self.name}={self.text}: {why}")
 
 
 @dataclass(frozen=True)
 class FieldPlaces:
-    """The places of the fields of a request: in which of its configurations they lie, and under which name."""
+    """Places of the fields of a request: the configuration in which each lies, and its name there."""
 
     request: RunRequest
 
@@ -66,7 +66,7 @@ class FieldPlaces:
         }
 
     def values(self, variation: Variation) -> Uniform | list[Any]:
-        """The distribution that a field is drawn from, or its listed values, as the command line reads them.
+        """Return the distribution that a field is drawn from, or its listed values, as the command line reads them.
 
         BadInputError if they cannot be read, or are given twice.
         """
@@ -93,14 +93,14 @@ class FieldPlaces:
             return TRUTH[text.lower()]
         words = text.split()
         if not words or any(word == "-h" or word.startswith("--") for word in words):
-            raise variation.wrong(f"{text!r} is no value; {FORMS}")
+            raise variation.wrong(f"{text!r} is not a value; {FORMS}")
         argv = [f"{variation.flag}={words[0]}"] if len(words) == 1 else [variation.flag, *words]
         (config,) = parse(argv, self.request.prog, "", group)
         return leaf(config, name)
 
 
 def read_variations(argv: Sequence[str]) -> list[Variation]:
-    """Every ``--vary`` of ``argv``; BadInputError for one of another form, and for a field that is varied twice."""
+    """Return every ``--vary`` of ``argv``; BadInputError for another form, and for a field that is varied twice."""
     variations: list[Variation] = []
     for text in values_of("--vary", argv):
         field, equals, values = text.partition("=")
@@ -114,9 +114,9 @@ def read_variations(argv: Sequence[str]) -> list[Variation]:
 
 
 def read_requests(argv: Sequence[str], options: type, variations: Sequence[Variation]) -> list[RunRequest]:
-    """The request for each combination of the controllers and estimators that are listed.
+    """Return the request for each combination of the listed controllers and estimators.
 
-    BadInputError for a variation of what is no field, or of a field that is given as well.
+    Raises BadInputError for a variation of an unknown field, or of a field that is given as well.
     """
     plugins = [variation for variation in variations if variation.flag in PLUGINS]
     for variation in plugins:
@@ -138,7 +138,8 @@ def read_requests(argv: Sequence[str], options: type, variations: Sequence[Varia
 
 
 def trials(request: RunRequest, variations: Sequence[Variation], count: int) -> tuple[list[list[Trial]], list[str]]:
-    """Trials of all combinations of listed values, for each of ``count`` seeds; and the names of the drawn fields."""
+    """Return the trials of all combinations of listed values with ``count`` seeds, and the names of the drawn fields.
+    """
     places = FieldPlaces(request)
     variations = [variation for variation in variations if variation.flag not in PLUGINS]
     listed: dict[str, list[Any]] = {}
@@ -160,14 +161,14 @@ def trials(request: RunRequest, variations: Sequence[Variation], count: int) -> 
 
 
 def listed_combinations(request: RunRequest, variations: Sequence[Variation]) -> int:
-    """Number of combinations that the listed values of fields make."""
+    """Return the number of combinations of the listed values of fields."""
     places = FieldPlaces(request)
     values = [places.values(variation) for variation in variations if variation.flag not in PLUGINS]
     return math.prod(len(listed) for listed in values if isinstance(listed, list))
 
 
 def set_fields(request: RunRequest, places: FieldPlaces, values: Mapping[str, Any]) -> RunRequest:
-    """The request with some flags set."""
+    """Return the request with some flags set."""
     if not values:
         return request
     fields: dict[str, dict[str, Any]] = {"": {}, "planner": {}, "estimator": {}}
@@ -187,7 +188,7 @@ def set_fields(request: RunRequest, places: FieldPlaces, values: Mapping[str, An
 
 
 def trial_of(request: RunRequest, seed: int) -> Trial:
-    """The trial that a request asks for, with one seed."""
+    """Return the trial of a request with one seed."""
     return Trial(
         request.name,
         request.config,

@@ -1,6 +1,6 @@
 """``mathnavi view``: a finished run in MuJoCo's own viewer, or as a page for a browser.
 
-The viewer shows it in real time, and again and again until it is closed.
+The viewer shows it in real time, repeatedly until it is closed.
 """
 
 from __future__ import annotations
@@ -43,22 +43,22 @@ NO_DISPLAY = "allowed: a desktop, or `mathnavi view DIR --web`, or `mathnavi ren
 
 @configuration
 class ViewOptions:
-    """The run to show, and how fast."""
+    """Flags of the command: the run to show, and how fast."""
 
     folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
     """folder of a run"""
     speed: Positive | None = None
-    """times as fast as it was; 1 if not given, in a browser what shows the run in about half a minute"""
+    """speed of the replay, times real time; 1 if not given, in a browser so that the run lasts about half a minute"""
     web: bool = False
-    """show it in a browser: prints the URL"""
+    """whether to show the run in a browser; prints the URL"""
     save: Path | None = None
-    """write the page to this file: it needs neither a server nor a network"""
+    """file to write the page to, which then needs neither a server nor a network"""
     host: str | None = None
-    """address of this machine at which the page is served, 127.0.0.1 if not given; the URL of any other has a token"""
+    """address of this machine at which --web serves; 127.0.0.1 if not given; the URL of any other has a token"""
     port: Port | None = None
-    """port, 8765 if not given; 0 is any that is free"""
+    """port at which --web serves; 8765 if not given; 0 chooses a free one"""
     trust: bool = False
-    """import code that DIR names and that is not installed; it runs as you"""
+    """whether to import code that DIR names and that is not installed; it runs with your rights"""
 
     def __post_init__(self) -> None:
         check_address(self.host, self.port, web=self.web)
@@ -66,7 +66,7 @@ class ViewOptions:
 
 @dataclass(frozen=True)
 class _Unchanged:
-    """No flags: a run is shown as it was."""
+    """Options of a command without flags: a run is shown unchanged."""
 
 
 def main(argv: Sequence[str]) -> int:
@@ -98,7 +98,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def read_replay(folder: Path) -> RecordedMotion:
-    """The run in a folder; BadInputError if there is none that can be shown."""
+    """Read the run in a folder; BadInputError if there is none that can be shown."""
     if not (folder / "config.json").is_file():
         raise BadInputError(f"DIR = {folder}: there is no {folder / 'config.json'}; allowed: the folder of a run")
     run_config = RunConfig.read(folder)
@@ -116,7 +116,7 @@ def read_replay(folder: Path) -> RecordedMotion:
 
 
 def check_display() -> None:
-    """Raise BadInputError where no window can be opened; MuJoCo's viewer would wait for it without end."""
+    """Raise BadInputError if no window can be opened; MuJoCo's viewer would wait for it forever."""
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise BadInputError(f"view: there is no display, DISPLAY is not set; {NO_DISPLAY}")
     import glfw
@@ -170,7 +170,7 @@ def _draw_paths(replay: RecordedMotion, viewer: Any) -> None:
 
 
 def _logs(folder: Path) -> dict[str, RunLog]:
-    """The log of every vehicle."""
+    """Return the log of every vehicle."""
     names = list(read_state_names(folder))
     if len(names) > 1:
         return dict(read_fleet(folder).vehicles)

@@ -14,7 +14,7 @@ from mathnavi.sim.interfaces.writing import write_text
 
 
 def page_of(folder: Path, speed: float | None) -> str:
-    """The page of the run in a folder; BadInputError if there is none that can be shown."""
+    """Return the page of the run in a folder; BadInputError if there is none that can be shown."""
     from mathnavi.renders.web.document import document  # what draws takes a while to import
     from mathnavi.renders.web.scene import read_scene
 
@@ -23,11 +23,11 @@ def page_of(folder: Path, speed: float | None) -> str:
 
 
 def show(folder: Path, speed: float | None, save: Path | None, address: tuple[str, int] | None) -> int:
-    """Write the page to a file, and serve it at an address until Ctrl-C, each if it is asked for."""
+    """Write the page to a file, and serve it at an address until Ctrl-C, each if requested."""
     errors = Console(stderr=True, markup=False)
     server = None if address is None else PageServer(*address, lambda: page)
     try:
-        with errors.status(f"reading {folder}"):  # which nobody sees but at a terminal
+        with errors.status(f"reading {folder}"):  # visible only at a terminal
             page = page_of(folder, speed)
         if save is not None:
             with bad_input():
@@ -42,7 +42,7 @@ def show(folder: Path, speed: float | None, save: Path | None, address: tuple[st
 
 
 def serve(server: PageServer, what: str) -> None:
-    """Say where the page is, and serve it until Ctrl-C."""
+    """Print the address of the page, and serve it until Ctrl-C."""
     print(f"{what} is shown at {server.url} until Ctrl-C", flush=True)
     try:
         server.serve_forever()

@@ -1,8 +1,8 @@
-"""A page served to a browser: at this machine alone, or at another address behind a token.
+"""Server of a page for a browser: on this machine alone, or at another address behind a token.
 
-Whatever is asked of the server must name it as its user does: a page from elsewhere that makes a browser ask this
-machine under a name of its own (DNS rebinding) is refused, and so is, at another address than this machine's own,
-whoever lacks the token of the URL.
+A request must name the server as its user does: a request that a foreign page makes a browser send to this machine
+under another name (DNS rebinding) is refused. At an address other than loopback, a request without the token of the
+URL is refused too.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Page = Callable[[Mapping[str, str]], str]  # HTML for the query's arguments; Val
 
 
 class PageServer(ThreadingHTTPServer):
-    """Serves a page at ``/`` and others at paths of their own, answers in JSON, and takes changes."""
+    """Server of a page at ``/`` and of others at their own paths, which answers in JSON and takes changes."""
 
     daemon_threads = True
     block_on_close = False
@@ -47,7 +47,7 @@ class PageServer(ThreadingHTTPServer):
         changes: Mapping[str, Change] | None = None,
         pages: Mapping[str, Page] | None = None,
     ) -> None:
-        """Bind to an address; port 0 is any that is free. BadInputError where that cannot be had."""
+        """Bind to an address; port 0 chooses a free one. Raises BadInputError if the address is not available."""
         self.page, self.answers, self.changes, self.pages = page, answers or {}, changes or {}, pages or {}
         self.is_local = _is_loopback(host)
         self.token = "" if self.is_local else secrets.token_urlsafe(24)
@@ -63,14 +63,14 @@ class PageServer(ThreadingHTTPServer):
 
     @property
     def url(self) -> str:
-        """Address of the page, with the token if there is one."""
+        """Return the address of the page, with the token if there is one."""
         host, port = str(self.server_address[0]), int(self.server_address[1])
         name = f"[{host}]" if ":" in host else host
         return f"http://{name}:{port}/" + (f"?token={self.token}" if self.token else "")
 
     @contextmanager
     def serving(self) -> Iterator[None]:
-        """Serve in a thread of its own for as long as the block lasts."""
+        """Serve in a separate thread for as long as the block lasts."""
         threading.Thread(target=self.serve_forever, daemon=True).start()
         try:
             yield
@@ -79,24 +79,24 @@ class PageServer(ThreadingHTTPServer):
             self.server_close()
 
     def refusal(self, host: str, origin: str | None, query: Mapping[str, list[str]]) -> str | None:
-        """Why a request with these headers is refused; None where it is not."""
+        """Return why a request with these headers is refused; None if it is not."""
         own = {f"{name}:{self.server_address[1]}" for name in LOCAL_NAMES}
         if self.is_local and host not in own:
             return f"the request is for {host!r}; allowed: {', '.join(sorted(own))}"
         if self.token and not hmac.compare_digest(query.get("token", [""])[0].encode(), self.token.encode()):
-            return "the token is missing or another one; allowed: the URL that the command printed"
+            return "the token is missing or wrong; allowed: the URL that the command printed"
         if origin is not None and origin != f"http://{host}":
             return "the request comes from another page; allowed: this one"
         return None
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers the requests of a ``PageServer``."""
+    """Handler of the requests to a ``PageServer``."""
 
     server: PageServer
     server_version, sys_version = "mathnavi", ""
     protocol_version = "HTTP/1.1"
-    timeout = 30.0  # [s] of a connection on which nothing is asked
+    timeout = 30.0  # [s] for which a connection may be idle
 
     def do_GET(self) -> None:
         path, query = self._asked()
@@ -142,7 +142,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Print nothing: the terminal is the command's."""
 
     def _asked(self) -> tuple[str | None, dict[str, list[str]]]:
-        """Path and query; no path where the request is refused."""
+        """Return path and query; no path if the request is refused."""
         parts = urlsplit(self.path)
         query = parse_qs(parts.query, keep_blank_values=True, max_num_fields=20)
         reason = self.server.refusal(self.headers.get("Host", ""), self.headers.get("Origin"), query)
@@ -172,7 +172,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def _is_loopback(host: str) -> bool:
-    """True for an address that only this machine has."""
+    """Return True for an address that only this machine can reach."""
     if host == "localhost":
         return True
     try:

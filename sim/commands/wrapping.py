@@ -1,4 +1,4 @@
-"""Usages as wide as the terminal: lines are broken between words."""
+"""Usage texts as wide as the terminal: lines are broken between words."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import textwrap
 
 
 def wrapped(text: str) -> str:
-    """The text with lines that fit into the terminal; what goes on below begins where the words of its line do.
+    """Return the text with lines that fit into the terminal; a continued line is indented like the words above it.
 
-    These are behind the first gap of two blanks ("  run     fly ...") or the first colon ("SCENARIO: ..."), else where
-    the line begins. A line that fits stays as it is.
+    These begin after the first gap of two blanks ("  run     fly ...") or the first colon ("SCENARIO: ..."), else where
+    the line begins. A line that fits stays unchanged.
     """
     width = shutil.get_terminal_size().columns
     return "\n".join(line if len(line) <= width else _broken(line, width) for line in text.splitlines())

@@ -1,4 +1,4 @@
-"""The planner and the certificate of aerial vehicles, each on its own: no scenario, no loop, no plug-in.
+"""Planner and certificate of aerial vehicles, each usable alone: without scenario, loop and plug-in.
 
 Map frame: x [m] east and y [m] north of the terrain's south-west corner, z [m] above sea level. A state is
 (p, v), (6,) [m, m/s]; an input is the acceleration (3,) [m/s^2], held over an arc, so that on each arc
@@ -40,14 +40,15 @@ _REPLANS = 100_000
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FlightPlan:
-    """A trajectory of arcs with constant acceleration, stamped in absolute time: one's own, or the planner's."""
+    """Trajectory of arcs with constant acceleration, stamped in absolute time: your own, or the planner's."""
 
     plan: Plan
-    arrival: float = math.nan  # [s] when it first is at its target; NaN of a plan of one's own
+    arrival: float = math.nan  # [s] when it first is at its target; NaN for a user-defined plan
 
     @staticmethod
     def from_inputs(t: ArrayLike, start: ArrayLike, u: ArrayLike) -> FlightPlan:
-        """The plan that accelerates with u (K, 3) [m/s^2] between the times t (K + 1,) [s], from the state start (6,).
+        """Return the plan that accelerates with u (K, 3) [m/s^2] between the times t (K + 1,) [s], from the state start
+        (6,).
 
         Raises MissionError for arrays that do not fit together, that are not finite, or times that do not increase.
         """
@@ -66,38 +67,41 @@ class FlightPlan:
 
     @property
     def t(self) -> Array:
-        """(K + 1,) [s] ends of the arcs."""
+        """Ends (K + 1,) [s] of the arcs."""
         return self.plan.t
 
     @property
     def x(self) -> Array:
-        """(K + 1, 6) [m, m/s] states at ``t``."""
+        """States (K + 1, 6) [m, m/s] at ``t``."""
         return self.plan.x
 
     @property
     def u(self) -> Array:
-        """(K, 3) [m/s^2] accelerations."""
+        """Accelerations (K, 3) [m/s^2] of the arcs."""
         return self.plan.u
 
     @property
     def duration(self) -> float:
-        """[s] from the first state to the last."""
+        """Time [s] from the first state to the last."""
         return self.plan.t_end - self.plan.t_start
 
     def state(self, t: ArrayLike) -> Array:
-        """(6,) the state at a time t [s], or (n, 6) at times (n,); the first state before the plan, the last after."""
+        """Return the state (6,) at a time t [s], or (n, 6) at times (n,); the first state before the plan, the last
+        after.
+        """
         return state_at(self.plan, float(t) if np.ndim(t) == 0 else np.asarray(t, dtype=np.float64))  # type: ignore[arg-type]
 
     def input(self, t: float) -> Array:
-        """(3,) [m/s^2] the acceleration from a time t [s] on; zero before the plan and after it."""
+        """Return the acceleration (3,) [m/s^2] from a time t [s] on; zero before the plan and after it."""
         return input_at(self.plan, t)
 
     def clearance(self, terrain: Terrain) -> float:
-        """Least height above the ground [m] over the whole plan, exact for every instant; -inf off the map."""
+        """ Return the least height above the ground [m] over the whole plan, exact for every instant; -inf off the map.
+        """
         return float(self.clearances(terrain).min())
 
     def clearances(self, terrain: Terrain) -> Array:
-        """(K,) [m] of each arc."""
+        """Return the clearance (K,) [m] of each arc."""
         ground = ground_of(terrain)
         return ground.path_clearance(self.x[:-1, :3], self.x[:-1, 3:], self.u, np.diff(self.t))
 
@@ -125,12 +129,14 @@ class FlightPlan:
 
 @dataclass(frozen=True, repr=False)
 class Verdict:
-    """Result of a certificate: certified or not, and the first reason why not; true in a condition if certified."""
+    """Result of a certificate: certified or not, and the first reason why not; its truth value is whether it is
+    certified.
+    """
 
     certified: bool
-    reason: str  # "" where it is certified
+    reason: str  # "" if it is certified
     status: Enum  # Status.OK, or a Status or FlightStatus that says why not
-    clearance: float  # [m] least height above the ground, -inf off the map, NaN of a plan that is malformed
+    clearance: float  # [m] least height above the ground, -inf off the map, NaN for a malformed plan
 
     def __bool__(self) -> bool:
         return self.certified
@@ -152,17 +158,17 @@ def certify(
     tracking: tuple[float, float] = (0.0, 0.0),
     reach: float = HULL_RADIUS,
 ) -> Verdict:
-    """C(pi) of any plan over a terrain: for every instant of it, and exactly,
+    """Evaluate the certificate C(pi) of any plan over a terrain: for every instant of it, and exactly,
 
         clearance >= clearance_min [m],   |v| <= speed_max [m/s],   |a| <= acceleration_max [m/s^2],
 
     its arcs join, it stays on the map, and it comes to rest within ``arrival_radius`` [m] of ``target`` (3,) [m], its
-    own end if none is given. A plan is the path of the centre of a ball of radius ``reach`` [m], and ``tracking`` is
-    how far, across and up [m], the centre may be off it; both enter the clearance and the distance to the edge of the
-    map. (Thesis, A.4; ``mathnavi.controllers.flight.certificate``.)
+    end if not given. A plan is the path of the centre of a ball of radius ``reach`` [m], and ``tracking`` is
+    the distance, horizontal and vertical [m], that the centre may have from it; both enter the clearance and the
+    distance to the edge of the map. (Thesis, A.4; ``mathnavi.controllers.flight.certificate``.)
 
-    Raises TerrainError for a terrain that is not known, MissionError for a target that is not three finite numbers and
-    for a ``clearance_min`` below ``reach``.
+    Raises TerrainError for an unknown terrain, MissionError for a target that is not three finite numbers and for a
+    ``clearance_min`` below ``reach``.
     """
     pi = plan.plan if isinstance(plan, FlightPlan) else plan
     ground = ground_of(terrain)
@@ -198,20 +204,20 @@ def plan_flight(
     radars: Sequence[Radar] = (),
     replan: bool = True,
 ) -> FlightPlan:
-    """A certified plan from ``start`` to rest at ``target``, over a terrain (thesis, A.3 to A.5).
+    """Return a certified plan from ``start`` to rest at ``target``, over a terrain (thesis, A.3 to A.5).
 
-    The planner optimises over a receding horizon; behind every answer stand a safety manoeuvre and a way to rest at the
-    target, and each is certified before it is taken up. With ``replan`` it is asked again every period along its own
-    plan, as in flight, and what comes back is the whole trajectory; without, it is the first answer. The trajectory
-    may pass the target at speed, at ``plan.arrival`` [s], before it comes to rest there.
+    The planner optimises over a receding horizon; behind every plan stand a safety manoeuvre and a way to rest at the
+    target, and each is certified before it is adopted. With ``replan`` the planner runs again every period along its
+    own plan, as in flight, and the whole trajectory is returned; without, only the first plan. The trajectory may pass
+    the target at speed, at ``plan.arrival`` [s], before it comes to rest there.
 
     ``start`` is a position (3,) [m] at rest or a state (6,) [m, m/s], ``target`` a position (3,) [m], both in the map
     frame. ``clearance_min`` [m], ``speed_max`` [m/s] and ``acceleration_max`` [m/s^2] are kept at every instant;
-    ``radars`` are avoided where that pays. ``controller`` is a plug-in for aerial vehicles, for one
+    ``radars`` are avoided where that reduces the cost. ``controller`` is a plug-in for aerial vehicles, for example
     ``plugin("flight", nodes=7)``.
 
-    Raises TerrainError for a terrain that is not known, MissionError for a start or a target that is too low or off the
-    map, and where no certified plan is found.
+    Raises TerrainError for an unknown terrain, MissionError for a start or a target that is too low or off the
+    map, and if no certified plan is found.
     """
     ground = ground_of(terrain)
     begin = np.array(start, dtype=np.float64)
@@ -237,9 +243,9 @@ def plan_flight(
 
 
 def _replanned(planner: Planner, first: Plan, target: Array) -> Plan:
-    """The trajectory that a receding horizon flies along its own plans until it is at the target (3,) [m]."""
+    """Return the trajectory that a receding horizon flies along its own plans until it is at the target (3,) [m]."""
     flown: list[Plan] = []
-    plan, t = first, first.t_start + planner.period  # the first is flown for a period before another is asked for
+    plan, t = first, first.t_start + planner.period  # the first is flown for a period before another is computed
     for _ in range(_REPLANS):
         later = t + planner.period
         if later >= min(plan.t_end, pass_time(plan, target, t)) - TIME_TOLERANCE:
@@ -253,7 +259,7 @@ def _replanned(planner: Planner, first: Plan, target: Array) -> Plan:
 
 
 def _until(plan: Plan, t: float) -> Plan:
-    """The part of a plan before a time t [s], which ends with its state then."""
+    """Return the part of a plan before a time t [s], which ends with its state then."""
     k = int(np.searchsorted(plan.t, t - TIME_TOLERANCE))
     times, x = plan.t[: k + 1].copy(), plan.x[: k + 1].copy()
     times[k], x[k] = t, state_at(plan, t)
@@ -261,7 +267,7 @@ def _until(plan: Plan, t: float) -> Plan:
 
 
 def _joined(parts: Sequence[Plan]) -> Plan:
-    """Plans that follow each other as one."""
+    """Join consecutive plans into one."""
     last = parts[-1]
     return dataclasses.replace(
         last,
@@ -274,7 +280,7 @@ def _joined(parts: Sequence[Plan]) -> Plan:
 
 
 def ground_of(terrain: Terrain) -> HeightField:
-    """The heights of a terrain; TerrainError for one that is not known."""
+    """Return the heights of a terrain; TerrainError for an unknown one."""
     if isinstance(terrain, HeightField):
         return terrain
     if not isinstance(terrain, str | Path):
@@ -287,7 +293,7 @@ def ground_of(terrain: Terrain) -> HeightField:
 
 
 def point_of(name: str, point: Sequence[float] | None) -> tuple[float, float, float]:
-    """The coordinates (x, y, z) [m] of a point; MissionError for other than three finite numbers."""
+    """Return the coordinates (x, y, z) [m] of a point; MissionError for other than three finite numbers."""
     values = np.array(point if point is not None else (), dtype=np.float64)
     if values.shape != (3,) or not np.isfinite(values).all():
         raise MissionError(f"{name} = {point!r}; allowed: three finite numbers [m]")

@@ -1,4 +1,4 @@
-"""A run read back from its folder: the arrays of log.npz as the recording that they were written from."""
+"""Loader of a run from its folder: the arrays of log.npz become the recording that they were written from."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ _OF_ESTIMATES, _OF_READINGS = "estimate.", "measurement."
 
 
 def load(folder: str | Path, *, trust: bool = False) -> RunResult:
-    """The run in a folder that ``mathnavi run`` or ``RunResult.save`` has written, of this version or an earlier one.
+    """Load the run in a folder that ``mathnavi run`` or ``RunResult.save`` of this version or an earlier one has
+    written.
 
     Its arrays are bit for bit those of the log. With ``trust``, video, report and plot import the drawing that the
-    folder names even if it is not installed; it runs as you. Raises RunFolderError where the folder, or one of its
-    files, is missing or broken.
+    folder names even if it is not installed; it runs with your rights. Raises RunFolderError if the folder, or one of
+    its files, is missing or broken.
     """
     try:
         config, summary, events = read_record(folder)
@@ -40,7 +41,7 @@ def load(folder: str | Path, *, trust: bool = False) -> RunResult:
 def _recording(
     arrays: Mapping[str, Array], events: list[Event], states: Mapping[str, tuple[str, ...]], summary: Mapping[str, Any]
 ) -> Recording:
-    """A single vehicle's arrays have no prefix, those of a fleet have their vehicle's name."""
+    """Return the recording; arrays of a single vehicle have no prefix, those of a fleet their vehicle's name."""
     t = arrays["t"]
     single = _TRUTH in arrays
     truths, agents, bounds = {}, {}, {}

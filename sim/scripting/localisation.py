@@ -1,4 +1,4 @@
-"""The pose of a robot within a wall that it knows, from its range sensors, on one's own data (thesis, Paper C).
+"""Pose estimation of a robot within a known wall from its range sensors, on your own data (thesis, Paper C).
 
 A pose is (x_1, x_2, phi) [m, m, rad]; sensor i measures along phi + alpha_i, counter-clockwise. Odometry is the mean
 input over a step, (u_1, u_2) [m/s, rad/s].
@@ -28,28 +28,28 @@ _RESAMPLED = 2048  # points of a polygon
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PoseEstimate:
-    """A pose as it is estimated."""
+    """Estimate of a pose."""
 
     estimate: Estimate
 
     @property
     def t(self) -> float:
-        """[s] since the first step."""
+        """Time [s] since the first step."""
         return self.estimate.t
 
     @property
     def pose(self) -> Array:
-        """(3,) [m, m, rad]; the wall's centre as long as nothing is known."""
+        """Pose (3,) [m, m, rad]; the wall's centre as long as nothing is known."""
         return self.estimate.x
 
     @property
     def covariance(self) -> Array | None:
-        """(3, 3) of the pose."""
+        """Covariance (3, 3) of the pose."""
         return self.estimate.covariance
 
     @property
     def status(self) -> Status:
-        """OK, INITIALISING or LOST."""
+        """Status: OK, INITIALISING or LOST."""
         return self.estimate.status
 
     def _table(self) -> tuple[str, list[Row]]:
@@ -69,15 +69,15 @@ class PoseEstimate:
 
 
 class PoseObserver:
-    """Steps an estimator of a robot's pose through ranges and odometry.
+    """Estimator of a robot's pose, stepped through ranges and odometry.
 
     ``wall`` is a closed curve: ``ellipse(a, b)``, ``wall_through(points)`` or a ``Curve``. ``angles`` (l,) [rad] are
-    those of the sensors off the heading. ``method`` is a plug-in, feasible_set_bank, range_ekf, range_iekf,
-    range_ukf, range_particle or range_observer, and ``fields`` are its own. ``range_noise`` [m] and ``odometry_noise``
-    [m/s, rad/s] are standard deviations of the sensors. ``start`` (3,) is the pose at the start where it is known, and
-    ``period`` [s] what a step usually takes.
+    those of the sensors relative to the heading. ``method`` is a plug-in, feasible_set_bank, range_ekf, range_iekf,
+    range_ukf, range_particle or range_observer, and ``fields`` are its fields. ``range_noise`` [m] and
+    ``odometry_noise`` [m/s, rad/s] are standard deviations of the sensors. ``start`` (3,) is the pose at the start if
+    it is known, and ``period`` [s] the usual length of a step.
 
-    Raises PluginError for a method that is not known, FieldError for a field or a value that is not allowed.
+    Raises PluginError for an unknown method, FieldError for a field or a value that is not allowed.
     """
 
     def __init__(
@@ -107,9 +107,9 @@ class PoseObserver:
         self._mission, self._method, self._t = mission, method, 0.0
 
     def step(self, dt: float, ranges: ArrayLike | None, odometry: ArrayLike) -> PoseEstimate:
-        """The estimate at the end of a step of dt [s].
+        """Return the estimate at the end of a step of dt [s].
 
-        ``ranges`` (l,) [m] are read at its end, NaN where a ray was lost; None where all were. ``odometry`` (2,) [m/s,
+        ``ranges`` (l,) [m] are read at its end, NaN where a ray was lost; None if all were. ``odometry`` (2,) [m/s,
         rad/s] is the mean speed and turn rate over the step, as the wheels measure it.
 
         Raises FieldError for a dt that is negative, and for arrays of another shape.
@@ -131,16 +131,18 @@ class PoseObserver:
 
 
 def feasible_set_bank(wall: Curve, angles: Sequence[float], **options: Any) -> PoseObserver:
-    """The feasible-set bank (Definition C.9): a ``PoseObserver`` that finds the pose from anywhere within the wall.
+    """Build the feasible-set bank (Definition C.9): a ``PoseObserver`` that finds the pose from anywhere within the
+    wall.
 
-    Its first readings determine on which set FS_y the pose is; Kalman filters start on it, and those at odds with the
-    rays while the robot moves are dropped. Arguments, units and errors are those of ``PoseObserver``.
+    Its first readings determine on which set FS_y the pose is; Kalman filters start on it, and those that contradict
+    the rays while the robot moves are dropped. Arguments, units and errors are those of ``PoseObserver``.
     """
     return PoseObserver(wall, angles, method="feasible_set_bank", **options)
 
 
 def wall_through(points: ArrayLike, order: int = 16) -> Curve:
-    """The smooth closed curve through measured points (n, 2) [m], in their order, as a Fourier series of this order:
+    """Fit the smooth closed curve through measured points (n, 2) [m], in their order, by a Fourier series of this
+    order:
 
         theta(s) = sum_k a_k cos ks + b_k sin ks,   s proportional to the length along the polygon.
 
@@ -157,7 +159,7 @@ def wall_through(points: ArrayLike, order: int = 16) -> Curve:
         closed = closed[::-1]  # counter-clockwise
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
     if not (np.diff(along) > 0.0).all():
-        raise FieldError("points: two that follow each other are the same; allowed: different ones")
+        raise FieldError("points: two consecutive ones are the same; allowed: different ones")
     s = np.linspace(0.0, along[-1], _RESAMPLED, endpoint=False)
     series = [np.fft.rfft(np.interp(s, along, closed[:, axis]))[: order + 1] / _RESAMPLED for axis in range(2)]
     rows = []

@@ -1,4 +1,4 @@
-"""Observers of velocities on one's own data, sample by sample: no plug-in, no scenario.
+"""Observers of velocities on your own data, sample by sample: without plug-in and scenario.
 
 A system x' = v, D_t v = F(x, v, u) on a configuration manifold, its metric the kinetic energy, is observed from its
 positions x and its inputs u (thesis, Paper D; ``mathnavi.estimators.riemannian``, ``mathnavi.estimators.velocity``).
@@ -36,7 +36,7 @@ _CLOCK = 1e-3  # [s] the nominal period of a mission; the observers follow the s
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MotionEstimate:
-    """The state of a Lagrangian system as it is estimated."""
+    """Estimate of the state of a Lagrangian system."""
 
     estimate: Estimate
     position: Array  # (size,) a point of the manifold
@@ -45,17 +45,17 @@ class MotionEstimate:
 
     @property
     def t(self) -> float:
-        """[s] since the first step."""
+        """Time [s] since the first step."""
         return self.estimate.t
 
     @property
     def status(self) -> Status:
-        """OK, INITIALISING or LOST."""
+        """Status: OK, INITIALISING or LOST."""
         return self.estimate.status
 
     @property
     def covariance(self) -> Array | None:
-        """Covariance of the state, from an observer that has one."""
+        """Covariance of the state, if the observer has one."""
         return self.estimate.covariance
 
     def _table(self) -> tuple[str, list[Row]]:
@@ -72,7 +72,7 @@ class MotionEstimate:
 
 
 class LagrangianObserver:
-    """Steps an estimator of a Lagrangian system through positions and inputs."""
+    """Estimator of a Lagrangian system, stepped through positions and inputs."""
 
     def __init__(self, system: LagrangianSystem, method: str, noise: float, speed_max: float, fields: Any) -> None:
         with raising(FieldError):
@@ -84,14 +84,14 @@ class LagrangianObserver:
 
     @property
     def system(self) -> LagrangianSystem:
-        """The system that is observed, with the names and units of its states and inputs."""
+        """Observed system, with the names and units of its states and inputs."""
         return self._system
 
     def step(self, dt: float, y: ArrayLike | None, u: ArrayLike | None = None) -> MotionEstimate:
-        """The estimate at the end of a step of dt [s], over which the input u (nu,) was held.
+        """Return the estimate at the end of a step of dt [s], over which the input u (nu,) was held.
 
-        y (size,) is the position read at its end, None where a reading was lost. The first step starts the observer at
-        its reading, with the velocity zero. u is zero if not given.
+        y (size,) is the position read at its end, None if the reading was lost. The first step starts the observer at
+        its reading, with zero velocity. u is zero if not given.
 
         Raises FieldError for a dt that is negative, and for y or u of another shape. A y that is not finite, or not a
         point of the manifold, is a reading that was lost.
@@ -105,7 +105,7 @@ class LagrangianObserver:
         self._t += float(dt)
         readings = []
         if y is not None:
-            point = np.array(y, dtype=np.float64)  # a copy: it may be a view of what goes on
+            point = np.array(y, dtype=np.float64)  # a copy: it may be a view of an array that changes
             if point.shape != (system.manifold.size,):
                 name, size = system.manifold.name, system.manifold.size
                 raise FieldError(f"y has shape {point.shape}; allowed on {name}: ({size},)")
@@ -122,17 +122,17 @@ class LagrangianObserver:
 
 
 class IntrinsicObserver(LagrangianObserver):
-    """The observer (D.6) on a manifold, in no coordinates:
+    """Observer (D.6) on a manifold, free of coordinates:
 
         xi' = eta - A grad S,   D_t eta = -B grad S + PT F + C R(eta, grad S) eta,   S = dist(x, xi)^2 / 2.
 
     ``where`` is ``Sphere(n)``, ``HyperbolicSpace(n)`` or ``EuclideanSpace(n)``, with ``potential`` U(p) [1/s^2], a
-    CasADi expression of the ambient point p (size,); or a system of one's own, ``RigidBody(inertia)`` for one. Points
+    CasADi expression of the ambient point p (size,); or your own system, for example ``RigidBody(inertia)``. Points
     and vectors are ambient: on ``Sphere(3)`` unit vectors (4,). The input is the force, ambient too.
 
-    ``bandwidth`` [1/s] is omega of the gains A = 2 zeta omega, B = omega^2; ``fields`` are the further ones of the
+    ``bandwidth`` [1/s] is omega of the gains A = 2 zeta omega, B = omega^2; ``fields`` are the other fields of the
     plug-in ``riemannian_observer``. ``noise`` [rad, m] is the standard deviation of a reading, ``speed_max`` the
-    highest |v|, by which outliers are refused; without it none are.
+    highest |v|, by which outliers are rejected; without it none are.
 
     Raises FieldError for a field or a value that is not allowed.
     """
@@ -157,17 +157,17 @@ class IntrinsicObserver(LagrangianObserver):
 
 
 class VelocityObserver(LagrangianObserver):
-    """The joint velocities of a mechanism from its encoders, with its mass matrix as the metric (D.6).
+    """Observer of the joint velocities of a mechanism from its encoders, with its mass matrix as the metric (D.6).
 
     ``mechanism`` is the path of an MJCF file, a name ("two-link", "dm_control:acrobot", "menagerie:NAME"), or a
     ``mujoco.MjModel``. y is qpos (nq,) [m, rad], u is ctrl (nu,), the velocity is qvel (nv,) [m/s, rad/s].
 
     ``method`` is a plug-in: riemannian_observer, high_gain, momentum_observer, lagrangian_ekf, lagrangian_ukf or
-    filtered_differences, and ``fields`` are its own. ``noise`` [rad, m] and ``speed_max`` as of an
+    filtered_differences, and ``fields`` are its fields. ``noise`` [rad, m] and ``speed_max`` are those of an
     ``IntrinsicObserver``.
 
-    Raises FieldError for a model that is no such mechanism and for a field or a value that is not allowed, PluginError
-    for a method that is not known.
+    Raises FieldError for a model that is not such a mechanism and for a field or a value that is not allowed,
+    PluginError for an unknown method.
     """
 
     def __init__(

@@ -15,7 +15,7 @@ from mathnavi.sim.interfaces.errors import FieldError, PluginError
 from mathnavi.sim.interfaces.fields import flattened, with_fields
 from mathnavi.sim.plugin.registry import PluginSpec, load, names
 
-KINDS = ("controllers", "estimators", "consensus")  # of plug-ins with fields of their own
+KINDS = ("controllers", "estimators", "consensus")  # of plug-ins with fields
 _PREFIXES = {"planner": "controllers", "estimator": "estimators"}
 _NAMED = tuple(
     kind
@@ -26,7 +26,7 @@ _NAMED = tuple(
 
 @contextmanager
 def raising(kind: type[ValueError]) -> Iterator[None]:
-    """A ValueError of no more specific kind in here is raised as one of ``kind``."""
+    """Raise a ValueError of no more specific kind within the block as one of ``kind``."""
     try:
         yield
     except ValueError as error:
@@ -36,7 +36,7 @@ def raising(kind: type[ValueError]) -> Iterator[None]:
 
 
 def flat(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields by dotted names, arrays as lists: {"noise": {"position": 5.0}} is {"noise.position": 5.0}."""
+    """Return fields by dotted names, arrays as lists: {"noise": {"position": 5.0}} is {"noise.position": 5.0}."""
     return {
         name: value.tolist() if isinstance(value, np.ndarray | np.generic) else value
         for name, value in flattened(fields).items()
@@ -44,21 +44,21 @@ def flat(fields: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def configured(base: Any, fields: Mapping[str, Any], where: str = "") -> Any:
-    """The configuration ``base`` with some fields set, named from ``where`` on.
+    """Return the configuration ``base`` with some fields set; messages name them from ``where`` on.
 
-    FieldError for a field that it does not have, and for a value of another type or out of its range.
+    Raises FieldError for a field that it does not have, and for a value of another type or out of its range.
     """
     with raising(FieldError):
         return with_fields(base, flat(fields), where)
 
 
 def plugin(name: str | type[Any], **fields: Any) -> PluginSpec:
-    """A controller, an estimator or a consensus protocol with some of its fields set.
+    """Return a controller, an estimator or a consensus protocol with some of its fields set.
 
     ``name`` is that of an installed plug-in ("flight", "range_ekf"), "package.module:Class", or the class itself.
     Nested fields are mappings, or dotted names: ``plugin("quadrotor", flight={"nodes": 9})``.
 
-    Raises PluginError for a name that is not known, FieldError for a field or a value that is not allowed.
+    Raises PluginError for an unknown name, FieldError for a field or a value that is not allowed.
     """
     found = _loaded(name) if isinstance(name, str) else name
     if not hasattr(found, "Config"):
@@ -84,7 +84,7 @@ def _loaded(name: str) -> Any:
 
 @dataclass(frozen=True)
 class ScriptRequest:
-    """A scenario with its configuration and its plug-ins, ready to be built."""
+    """Request of a scenario with its configuration and its plug-ins, ready to be built."""
 
     name: str
     scenario: Any
@@ -99,10 +99,10 @@ def request(
     estimator: PluginSpec | str | type[Any] | None,
     fields: Mapping[str, Any],
 ) -> ScriptRequest:
-    """The request that a script's arguments make.
+    """Return the request that a script's arguments make.
 
-    ``fields`` are the scenario's, and by "planner.NAME" and "estimator.NAME" those of its plug-ins. Raises PluginError
-    and FieldError as ``plugin`` does.
+    ``fields`` are the scenario's, and with "planner.NAME" and "estimator.NAME" those of its plug-ins. Raises
+    PluginError and FieldError as ``plugin`` does.
     """
     found = load("scenarios", scenario)
     own: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""Runs of scenarios: one, many, a study, or an environment to be commanded from outside."""
+"""Runs of scenarios: one run, a sweep, a study, or an environment that is commanded from outside."""
 
 from __future__ import annotations
 
@@ -49,14 +49,14 @@ def run(
     progress: Callable[[float], None] | None = None,
     **fields: Any,
 ) -> RunResult:
-    """Fly a scenario once and judge it: the same seed gives the same log, bit for bit.
+    """Fly a scenario once and evaluate it: the same seed gives the same log, bit for bit.
 
     ``controller`` and ``estimator`` are plug-ins (``plugin``), their names or their classes; the scenario's own if not
     given. ``fields`` are the scenario's, nested ones as mappings, ``noise={"position": 5.0}``, or by dotted names.
     ``progress`` is called with the simulated time [s].
 
-    Raises PluginError for a scenario or a plug-in that is not known, FieldError for a field or a value that is not
-    allowed, MissionError for a mission that cannot be flown, FileNotFoundError for a file that is not there.
+    Raises PluginError for an unknown scenario or plug-in, FieldError for a field or a value that is not allowed,
+    MissionError for a mission that cannot be flown, FileNotFoundError for a missing file.
     """
     asked = request(scenario, controller, estimator, fields)
 
@@ -69,10 +69,11 @@ def run(
 
 
 def make(scenario: str, *, seed: int = 0, estimator: Plugin = None, **fields: Any) -> Environment:
-    """A scenario as a ``dm_env.Environment``, whose actions command the actuators (``mathnavi.sim.environments.dm``).
+    """Make a ``dm_env.Environment`` of a scenario; its actions command the actuators
+    (``mathnavi.sim.environments.dm``).
 
-    ``seed`` draws the mission, and the generator of it the seeds of the episodes. Raises as ``run`` does, and
-    MissionError for a scenario that has nothing to command.
+    ``seed`` draws the mission, and a generator of the same seed draws the seeds of the episodes. Raises as ``run``
+    does, and MissionError for a scenario that has nothing to command.
     """
     from mathnavi.sim.environments.dm import load as environment
 
@@ -83,10 +84,10 @@ def make(scenario: str, *, seed: int = 0, estimator: Plugin = None, **fields: An
 
 
 def available(kind: str) -> tuple[str, ...]:
-    """Names of what is installed: "scenarios", "controllers", "estimators", "consensus", "studies", "terrains",
-    "drawings".
+    """Return the names of all that is installed of a kind: "scenarios", "controllers", "estimators", "consensus",
+    "studies", "terrains", "drawings".
 
-    FieldError for another kind.
+    Raises FieldError for another kind.
     """
     try:
         return names(kind)
@@ -97,19 +98,21 @@ def available(kind: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SweepResult:
-    """The trials of a sweep, in order of their seeds, those of one seed together."""
+    """Trials of a sweep in order of their seeds, those of one seed together."""
 
     records: tuple[Record, ...]
     varied: tuple[str, ...]  # fields
 
     @property
     def failures(self) -> Proportion:
-        """Share of missions that did not do what they should, or did not run to their end, with its interval."""
+        """Return the share of missions that did not do what they should, or did not run to their end, with its
+        interval.
+        """
         return rate(sum(not record.success for record in self.records), len(self.records))
 
     @property
     def rows(self) -> list[dict[str, Any]]:
-        """A row for each trial: seed, the varied fields, status, success and the summary's figures."""
+        """Return a row for each trial: seed, the varied fields, status, success and the summary's figures."""
         return [
             {
                 "seed": record.seed,
@@ -122,7 +125,7 @@ class SweepResult:
         ]
 
     def figures(self, name: str) -> Array:
-        """(trials,) a figure of the summaries; NaN where a trial has none."""
+        """Return a figure (trials,) of the summaries; NaN where a trial does not have it."""
         values = (record.summary.get(name) for record in self.records)
         return np.array([math.nan if value is None else float(value) for value in values])
 
@@ -165,14 +168,14 @@ def sweep(
 ) -> SweepResult:
     """Fly a scenario with the seeds ``seed`` to ``seed + trials - 1``, in parallel processes.
 
-    ``vary`` names fields as on the command line ("planner.nodes", "faults.gust_rms", "controller"). A list holds values
-    each of which flies every seed; a pair (low, high) is drawn from uniformly, afresh for each seed. With a ``store``
-    (an SQLite file) every trial is kept as it ends, and what it holds already is not flown again. ``timeout`` [s] is
-    for each trial; ``cluster`` is the address of a Dask scheduler. Trials that are stored from another computing
-    environment, and workers in one, count with ``mix_environments`` only.
+    ``vary`` names fields as on the command line ("planner.nodes", "faults.gust_rms", "controller"). Every value of a
+    list flies every seed; a pair (low, high) is a uniform distribution, drawn again for each seed. With a ``store`` (an
+    SQLite file) every trial is kept as it ends, and what it already holds is not flown again. ``timeout`` [s] is for
+    each trial; ``cluster`` is the address of a Dask scheduler. Trials that are stored from another computing
+    environment, and workers in one, are accepted only with ``mix_environments``.
 
-    Raises as ``run`` does, and StoreError for a store that is broken. A plug-in of one's own has to lie in a module, so
-    that the processes find it.
+    Raises as ``run`` does, and StoreError for a broken store. A custom plug-in must lie in a module, so that the
+    processes find it.
     """
     if trials < 1:
         raise FieldError(f"trials = {trials!r}; allowed: a whole number >= 1")
@@ -208,7 +211,8 @@ def _seed(seed: int) -> int:
 
 
 def _place(base: ScriptRequest, name: str) -> tuple[str, Any, str]:
-    """Place of a field: which configuration of the request it lies in, that configuration, and its name there."""
+    """Return the place of a field: the attribute of the request, the configuration there, and the field's name in it.
+    """
     prefix, _, rest = name.partition(".")
     if rest and prefix == "planner":
         return "controller", base.controller.config, rest
@@ -255,7 +259,7 @@ def _trial(base: ScriptRequest, seed: int) -> Trial:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StudyRun:
-    """A study that was done: its claims, tables and figure."""
+    """Result of a study: its claims, tables and figure."""
 
     name: str
     title: str
@@ -264,17 +268,17 @@ class StudyRun:
 
     @property
     def claims(self) -> Sequence[Claim]:
-        """Verdicts of the study on its claims: expected, measured, holds."""
+        """Return the verdicts of the study on its claims: expected, measured, holds."""
         return self.result.claims
 
     @property
     def rows(self) -> Sequence[Mapping[str, Any]]:
-        """The measurements, a mapping for each row of its CSV."""
+        """Return the measurements, a mapping for each row of its CSV."""
         return self.result.rows
 
     @property
     def figure(self) -> Figure:
-        """The study's matplotlib figure."""
+        """Return the study's matplotlib figure."""
         return self.result.figure
 
     def _table(self) -> tuple[str, list[Row]]:
@@ -298,12 +302,12 @@ def study(
     progress: Callable[[Progress], None] | None = None,
     **fields: Any,
 ) -> StudyRun:
-    """Do a table or a figure of the thesis again; ``quick`` is a small sample for a first look.
+    """Reproduce a table or a figure of the thesis; ``quick`` takes a small sample for a first look.
 
     ``fields`` are its sample sizes. A study of flights is done over ``terrain``, "tian_shan" if not given. With ``out``
     its trials are stored there, and NAME.csv, NAME.png, NAME.html and NAME.json are written.
 
-    Raises PluginError for a study that is not known, FieldError for a field or a value that is not allowed.
+    Raises PluginError for an unknown study, FieldError for a field or a value that is not allowed.
     """
     from mathnavi.sim.studies.framework.study import Setup, checked_result, first_look, on_terrain, write_result
 

@@ -1,4 +1,4 @@
-"""A safety filter for anybody's commands, on arrays: no scenario, no loop, no plug-in.
+"""Safety filter for any commands, on arrays: without scenario, loop and plug-in.
 
 Map frame and states as in ``mathnavi.sim.scripting.flight``; a command is an acceleration (3,) [m/s^2] that is held for
 a period.
@@ -25,12 +25,12 @@ from mathnavi.sim.scripting.requests import raising
 
 
 class SafetyFilter:
-    """Filter that flies a proposed command if a certified way to rest is left behind it, else the nearest that has one.
+    """Filter that flies a proposed command if a certified way to rest remains after it, else the nearest that has one.
 
         safe = mn.SafetyFilter("jacksboro", target, clearance_min=50.0)
         u, info = safe.step(t, x, proposed)
 
-    ``step`` is called once a ``period``. Where no command near the proposed one can be certified, the plan that was
+    ``step`` is called once every ``period``. If no command near the proposed one can be certified, the plan that was
     certified last is flown: to rest, up, and on to the ``target``. The method is in
     ``mathnavi.controllers.flight.command_filter``. It guards against the ground and the edge of the map, not against
     other vehicles.
@@ -56,11 +56,11 @@ class SafetyFilter:
 
         ``target`` (3,) [m] is where the plan behind every command comes to rest, within ``arrival_radius`` [m].
         ``position_noise`` [m] is the standard deviation of a state's position on each axis, and gusts push with
-        ``gust_rms`` [m/s^2] over ``gust_time_constant`` [s]: the guarantee holds for what is declared here, by the
-        tracker of ``bandwidth`` [rad/s] that follows the stored plan. With more ``candidates`` commands are changed
-        less, or as much.
+        ``gust_rms`` [m/s^2] over ``gust_time_constant`` [s]: the guarantee holds for the values declared here, with the
+        tracker of ``bandwidth`` [rad/s] that follows the stored plan. More ``candidates`` never change commands more,
+        and may change them less.
 
-        Raises TerrainError for a terrain that is not known, MissionError for all else that is wrong.
+        Raises TerrainError for an unknown terrain, MissionError for any other wrong argument.
         """
         ground = ground_of(terrain)
         for name, value, least in (
@@ -82,23 +82,23 @@ class SafetyFilter:
             bound_kept = tracking_bound(bandwidth, mission)
             self._filter = CommandFilter(mission, CriticallyDamped(period, bandwidth, bound_kept), candidates)
         self.interventions = 0
-        """steps so far at which another command than the proposed one was flown"""
+        """number of steps so far at which another command than the proposed one was flown"""
 
     @property
     def bound(self) -> TrackingBound:
-        """Distance from its plan that the vehicle may have, by which the ground is raised."""
+        """Distance that the vehicle may have from its plan, by which the ground is raised."""
         return self._filter.bound
 
     def step(
         self, t: float, x: ArrayLike, proposed: ArrayLike, covariance: ArrayLike | None = None, *, lost: bool = False
     ) -> tuple[Array, dict[str, Any]]:
-        """The command (3,) [m/s^2] to hold from t [s] on for a period, and what was decided.
+        """Return the command (3,) [m/s^2] to hold from t [s] on for a period, and ``info`` on the decision.
 
-        ``x`` (6,) [m, m/s] is the estimate of the state, ``covariance`` (6, 6) its own statement if it makes one, and
-        ``lost`` says that it is not to be relied on. ``info`` holds
+        ``x`` (6,) [m, m/s] is the estimate of the state, ``covariance`` (6, 6) its covariance if it has one, and
+        ``lost`` is True if it cannot be relied on. ``info`` holds
 
-            intervened     True if the command is another one than ``proposed``, which else is returned bit for bit
-            interventions  how many were so far
+            intervened     True if the command differs from ``proposed``, which is otherwise returned bit for bit
+            interventions  number of them so far
             flown          "proposed", "nearest" or "stored plan"
             reason         why the proposed command is not certified
             distance       [m/s^2] between the two

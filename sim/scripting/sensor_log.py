@@ -1,4 +1,4 @@
-"""Estimators over one's own log: times, readings and inputs as arrays, or from a CSV file; no scenario, no run.
+"""Estimators over your own log: times, readings and inputs as arrays, or from a CSV file; without scenario and run.
 
 log = SensorLog.from_csv("robot.csv", time="t", readings={"ranges": ["front", "left"], "odometry": ["v", "w"]})
 found = estimate("feasible_set_bank", mission, log)
@@ -27,13 +27,13 @@ _PERIOD_FACTOR = 2.0  # between the period that an estimator is built for and th
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SensorLog:
-    """A log: at t[k] the sensors were read, and from then on until t[k + 1] the input was inputs[k].
+    """Log of a vehicle: at t[k] the sensors were read, and from then until t[k + 1] the input was inputs[k].
 
     ``t`` (n,) [s] increases. ``readings`` are arrays (n, m) by the name of the sensor, (n,) for m = 1, in its unit and
-    frame; a row of NaN is a time at which it was not read. ``inputs`` (n, nu) are zero if not given.
+    frame; a row of NaN marks a time at which it was not read. ``inputs`` (n, nu) are zero if not given.
 
-    Raises LogError for times that are not finite or go back, for arrays of another length, and for an input that is not
-    finite, with the place in the array.
+    Raises LogError for times that are not finite or do not increase, for arrays of another length, and for an input
+    that is not finite, with the place in the array.
     """
 
     t: Array
@@ -71,7 +71,7 @@ class SensorLog:
         ``time`` names that of t [s], ``readings`` those of each sensor and ``inputs`` those of the input. An empty cell
         is a value that was not read.
 
-        Raises LogError for a column that is not there and a cell that is no number, FileNotFoundError.
+        Raises LogError for a missing column and for a cell that is not a number, FileNotFoundError for a missing file.
         """
         columns = [time, *(name for each in readings.values() for name in each), *inputs]
         values = read_columns(Path(path), columns, LogError)
@@ -102,16 +102,16 @@ class EstimateHistory:
     x: Array  # (n, nx) states, as the estimator's ``update`` documents them
     covariance: Array  # (n, nx, nx); NaN where there is none
     status: tuple[Status, ...]  # (n,)
-    extra: Mapping[str, Array]  # (n, ...) what else the estimator says, by name
+    extra: Mapping[str, Array]  # (n, ...) other outputs of the estimator, by name
 
     @property
     def ok(self) -> NDArray[np.bool_]:
-        """True (n,) where the estimate may be relied on."""
+        """Return True (n,) where the estimate may be relied on."""
         return np.array([status is Status.OK for status in self.status])
 
     @property
     def deviation(self) -> Array:
-        """Standard deviations (n, nx) of the states; NaN where there are none."""
+        """Return the standard deviations (n, nx) of the states; NaN where there are none."""
         deviations: Array = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
         return deviations
 
@@ -136,10 +136,10 @@ def estimate(method: str | PluginSpec | type[Any], mission: Any, log: SensorLog,
     """Run an estimator over a log.
 
     ``method`` is any plug-in of ``mathnavi list estimators``, its class, or ``plugin(NAME, ...)``, and ``fields`` are
-    its own. ``mission`` says what the estimator has to know of the vehicle and its sensors, as ``RangingMission(wall,
-    angles, ...)`` does; its period has to be about that of the log.
+    its fields. ``mission`` describes the vehicle and its sensors, as ``RangingMission(wall, angles, ...)`` does; its
+    period must be about that of the log.
 
-    Raises PluginError for a method that is not known, does not fit the mission or fails, FieldError for a field or a
+    Raises PluginError for a method that is unknown, does not fit the mission or fails, FieldError for a field or a
     value that is not allowed, and LogError for a log without readings that the method needs, or with malformed ones.
     """
     found = load("estimators", method) if isinstance(method, str) else method
@@ -198,7 +198,7 @@ def _check_readings(log: SensorLog, sensor: Sensor, method: str) -> None:
 
 
 def _commands(log: SensorLog, mission: Any, method: str) -> Array:
-    """Input (n, nu) held until each time, zero before the first."""
+    """Return the input (n, nu) held until each time, zero before the first."""
     count: int | None = getattr(mission, "input_size", None)
     if log.inputs is None:
         if count is None:
@@ -220,11 +220,11 @@ def _check_period(log: SensorLog, period: float, method: str) -> None:
 
 
 def _array(values: ArrayLike, name: str, dimension: int) -> Array:
-    """A copy of numbers with this many dimensions."""
+    """Return a copy of numbers with this number of dimensions."""
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
-        raise LogError(f"{name} holds what is no number; allowed: numbers") from None
+        raise LogError(f"{name} holds values that are not numbers; allowed: numbers") from None
     if dimension == 2 and array.ndim == 1:
         array = array[:, None]
     if array.ndim != dimension:

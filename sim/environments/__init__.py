@@ -1,6 +1,6 @@
-"""Scenarios as environments. Where Gymnasium is installed, importing this makes them known to it.
+"""Environments of the scenarios. If Gymnasium is installed, importing this package registers them there.
 
-Gymnasium looks for no plug-ins of its own accord: what is imported registers what it has.
+Gymnasium does not discover plug-ins by itself: a package registers its environments when it is imported.
 """
 
 from importlib.util import find_spec

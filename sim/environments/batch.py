@@ -1,12 +1,12 @@
-"""Many runs of a scenario's plant at once, by ``mujoco.batch``.
+"""Batch of rollouts of a scenario's plant, by ``mujoco.batch``.
 
     from mathnavi.sim.environments.batch import load
     rollouts = load("safe-flight", seed=3, terrain="jacksboro")
     states = rollouts.states(starts, commands)
 
 The physics alone, in still air: no sensors, no estimator, no gusts, no faults. A command is held for the period of the
-scenario's tracker, and brought back to its bounds, as in a flight; then the states are those of the loop's plant, bit
-for bit, on any number of threads. Whoever commands a fleet has a row for each vehicle.
+scenario's tracker, and clipped to its bounds, as in a flight; the states are those of the loop's plant, bit for bit,
+on any number of threads. Commands to a fleet have a row for each vehicle.
 """
 
 from __future__ import annotations
@@ -25,9 +25,11 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 def load(scenario: str, *, seed: int = 0, threads: int = 0, **fields: Any) -> Rollouts:
-    """The plant of a scenario with these fields, its mission drawn from ``seed``, on so many threads, 0 for all CPUs.
+    """Load the plant of a scenario with these fields and a mission drawn from ``seed``, on ``threads`` threads, 0 for
+    all CPUs.
 
-    ArgumentError for what is unknown or wrong, and for a scenario whose plant is not MuJoCo's or has late actuators.
+    Raises ArgumentError for an unknown scenario, for fields that are wrong, and for a scenario whose plant is not
+    MuJoCo's or has delayed actuators.
     """
     if isinstance(threads, bool) or not isinstance(threads, int) or threads < 0:
         raise ArgumentError(f"threads = {threads!r}; allowed: a whole number >= 0")
@@ -42,20 +44,20 @@ def load(scenario: str, *, seed: int = 0, threads: int = 0, **fields: Any) -> Ro
 
 
 class Rollouts:
-    """A plant that N runs start from at once."""
+    """Batch of N runs of a plant."""
 
     def __init__(self, plant: MujocoPlant, episode: EpisodeRunner, layouts: list[Layout], threads: int) -> None:
         self._plant, self._layouts, self._threads = plant, layouts, threads
         self._ticks = whole_ticks(episode.period, plant.dt, "the tracker's period")
         self._names, self.period = episode.names, episode.period
         self.start = episode.start
-        """(nx,) the state that the mission starts from; of a fleet (n, nx)"""
+        """state (nx,) at the start of the mission; of a fleet (n, nx)"""
 
     def states(self, starts: Any, commands: Any) -> Array:
-        """(N, K + 1, nx) the states from N starts (N, nx), and after each of K commands (N, K, nu).
+        """Return the states (N, K + 1, nx) from N starts (N, nx), and after each of K commands (N, K, nu).
 
         Of a fleet of n, (N, K + 1, n, nx) from (N, n, nx) and (N, K, n, nu). Actuators start at rest, as in a flight.
-        ArgumentError for other shapes, for what is not finite, and for a quaternion not of length 1.
+        Raises ArgumentError for other shapes, for values that are not finite, and for a quaternion not of length 1.
         """
         x, u = np.array(starts, dtype=np.float64), np.array(commands, dtype=np.float64)
         one, input_size = self.start.shape, self._layouts[0].input_size
@@ -74,7 +76,7 @@ class Rollouts:
         return found.reshape(len(x), u.shape[1] + 1, *one)
 
     def _rolled_out(self, x: Array, u: Array) -> Array:
-        """(N, K + 1, n, nx) from (N, n, nx) and (N, K, n, nu)."""
+        """Return the states (N, K + 1, n, nx) from starts (N, n, nx) and commands (N, K, n, nu)."""
         batch = Batch(self._plant.model, len(x), self._threads)
         qpos, qvel, ctrl = (batch.bind(field) for field in ("qpos", "qvel", "ctrl"))  # views of what is stepped
         for row, states in enumerate(x):
@@ -94,11 +96,11 @@ class Rollouts:
         return out
 
     def _bounded(self, inputs: Array) -> list[Array]:
-        """The inputs (n, nu) of one run within their bounds."""
+        """Clip the inputs (n, nu) of one run to their bounds."""
         return [layout.bounded(u)[0] for layout, u in zip(self._layouts, inputs, strict=True)]
 
     def _act(self, held: list[list[Array]], qpos: Array, qvel: Array, ctrl: Array) -> None:
-        """Bring the inputs, of each run and vehicle, to the actuators."""
+        """Apply the inputs of each run and vehicle to the actuators."""
         for row, inputs in enumerate(held):
             for layout, u in zip(self._layouts, inputs, strict=True):
                 control = ctrl[row, layout.actuators]
@@ -108,6 +110,6 @@ class Rollouts:
                     layout.drive.act(u, qpos[row, layout.q], qvel[row, layout.v], control, self._plant.dt)
 
     def _read(self, qpos: Array, qvel: Array, out: Array) -> None:
-        """The states (N, n, nx)."""
+        """Return the states (N, n, nx)."""
         for k, layout in enumerate(self._layouts):
             out[:, k] = np.concatenate((qpos[:, layout.q], qvel[:, layout.v]), axis=1)

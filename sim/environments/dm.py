@@ -1,29 +1,29 @@
-"""Every scenario as a ``dm_env.Environment``.
+"""Environments of all scenarios as ``dm_env.Environment``.
 
     from mathnavi.sim.environments.dm import load, load_learning
     environment = load("safe-flight", seed=3, terrain="jacksboro")
     environment = load_learning("safe-flight", seed=3, terrain="jacksboro")
 
-``load_learning`` makes one to learn in, v1 of Gymnasium's: rewards, observations and ends are those of
-``mathnavi.sim.environments.learning``. What follows is of ``load``, v0.
+``load_learning`` makes one for learning, v1 in Gymnasium: rewards, observations and terminations are those of
+``mathnavi.sim.environments.learning``. The rest of this text is on ``load``, v0.
 
-An action commands the actuators for one period of the scenario's tracker; it is bounded by what the scenario bounds its
-inputs by, and unbounded where it does not. The observation is the estimate
+An action commands the actuators for one period of the scenario's tracker; it has the bounds of the scenario's inputs,
+and is unbounded where they have none. The observation is the estimate
 (``mathnavi.sim.environments.episode_runner``). The reward is minus the scenario's stage cost over the step, int L dt
 with
 
     safe-flight            |a|^2 + beta, the running cost of (A.2), beta = 100 m^2/s^4
     simultaneous-arrival   the same, summed over the vehicles
-    quadrotor-canyon       the same of the acceleration that the vehicle makes, beta at its scale
+    quadrotor-canyon       the same with the acceleration of the vehicle, beta at its scale
     missile-guidance       the running cost of its case (B.4)
-    range-localisation     the squared error of the estimated pose, modulo symmetry, [m^2] and [rad^2] added up (C.5)
+    range-localisation     the squared error of the estimated pose, modulo symmetry, [m^2] and [rad^2] added (C.5)
     attitude-tracking      the squared angle to the reference [rad^2]
     arm-velocity           |Delta v|^2, the squared error of the estimated velocity (D.5, D.6), as of sphere-observer
     textbook-observer      |x^ - x|^2, the squared error of the estimate (Definition 2.2)
 
-The discount is 0 where the mission itself ends: the vehicle arrives, touches something or leaves every bound. Where the
-time is up it is 1, which is a truncation. An end that should not have been, a crash, costs nothing beside the steps
-until then: what it is to cost is for a wrapper to say.
+The discount is 0 when the mission terminates: the vehicle arrives, touches something or leaves every bound. When the
+time is up it is 1, which is a truncation. A failure, a crash for example, costs nothing besides the steps until then:
+a wrapper decides what it costs.
 """
 
 from __future__ import annotations
@@ -44,10 +44,11 @@ from mathnavi.sim.scenarios.task import Inputs
 
 
 def load(scenario: str, *, seed: int = 0, estimator: PluginSpec | str | None = None, **fields: Any) -> Environment:
-    """The scenario with these fields as an environment, of the estimator given or of its own.
+    """Make an environment of a scenario with these fields, with the estimator given or the scenario's default.
 
     ``seed`` draws the mission, and a generator of the same seed the seeds of the episodes. Nested fields are mappings,
-    ``noise={"position": 5.0}``. ValueError for what is unknown or wrong, and for a scenario with nothing to command.
+    ``noise={"position": 5.0}``. Raises ValueError for names that are unknown, fields that are wrong, and a scenario
+    with nothing to command.
     """
     return Environment(EpisodeRunner(scenario, seed, estimator, fields), np.random.default_rng(seed))
 
@@ -62,35 +63,35 @@ def load_learning(
     covariance: bool = False,
     **fields: Any,
 ) -> LearningEnvironment:
-    """The scenario with these fields as an environment to learn in, otherwise as ``load``.
+    """Make an environment for learning of a scenario with these fields, otherwise as ``load``.
 
-    ``hold`` [s], ``discount`` and ``covariance`` as of a ``LearningEpisode``. ValueError as of ``load``.
+    ``hold`` [s], ``discount`` and ``covariance`` are those of a ``LearningEpisode``. Raises ValueError as ``load``.
     """
     episode = EpisodeRunner(scenario, seed, estimator, fields)
     return LearningEnvironment(LearningEpisode(episode, hold, discount, covariance), np.random.default_rng(seed))
 
 
 class Environment(dm_env.Environment):
-    """A mission as a sequence of episodes, each with a seed drawn from ``seeds``."""
+    """Environment of one mission: a sequence of episodes, each with a seed drawn from ``seeds``."""
 
     def __init__(self, episode: EpisodeRunner, seeds: np.random.Generator) -> None:
         self.episode, self._seeds = episode, seeds
         self.fresh = True
-        """True while the next step begins an episode"""
+        """whether the next step begins an episode"""
         self.episode_seed: int | None = None
-        """of the present episode: a run of the scenario with it has the same noise and the same gusts"""
+        """seed of the present episode; a run of the scenario with it has the same noise and the same gusts"""
         self.info: dict[str, Any] = {}
-        """of the last step: outcome, clearance and events (``EpisodeRunner.info``)"""
+        """information on the last step: outcome, clearance and events (``EpisodeRunner.info``)"""
         self._observation_spec = _specs(episode.example)
 
     @property
     def mission(self) -> dict[str, Any]:
-        """Start, target and bounds, as a run's config.json has them."""
+        """Start, target and bounds, as in a run's config.json."""
         return self.episode.mission
 
     @property
     def recording(self) -> Recording:
-        """The log of the present episode, the truth included."""
+        """Return the log of the present episode, including the truth."""
         return self.episode.recording
 
     def reset(self) -> dm_env.TimeStep:
@@ -102,7 +103,7 @@ class Environment(dm_env.Environment):
     def step(self, action: Any) -> dm_env.TimeStep:
         """Hold an action for a period; before the first episode and after the end of one, begin the next instead.
 
-        ValueError for an action of another shape or not finite.
+        Raises ValueError for an action of another shape or not finite.
         """
         if self.fresh:
             return self.reset()
@@ -115,11 +116,11 @@ class Environment(dm_env.Environment):
         return dm_env.transition(made.reward, made.observation)
 
     def action_spec(self) -> specs.Array:
-        """(nu,), of a fleet (n, nu); its name says what is commanded, with units."""
+        """Return the spec of the action (nu,), of a fleet (n, nu); its name holds the commands with units."""
         return self.spec_of(self.episode.inputs)
 
     def spec_of(self, inputs: Inputs) -> specs.Array:
-        """Specs of the commands to such inputs of every vehicle."""
+        """Return the spec of the commands to these inputs of every vehicle."""
         low, high = (self.episode.rows([bound] * len(self.episode.names)) for bound in (inputs.low, inputs.high))
         name = ", ".join(inputs.names)
         if np.isinf(low).any() or np.isinf(high).any():
@@ -127,7 +128,7 @@ class Environment(dm_env.Environment):
         return specs.BoundedArray(low.shape, np.float64, low, high, name)
 
     def observation_spec(self) -> dict[str, specs.Array]:
-        """Specs of what is observed, by name."""
+        """Return the specs of the observation, by name."""
         return self._observation_spec
 
     def _begun(self, seed: int) -> Observation:
@@ -140,7 +141,7 @@ class Environment(dm_env.Environment):
 
 
 class LearningEnvironment(Environment):
-    """A mission to learn from, as a sequence of episodes, each with a seed drawn from ``seeds``."""
+    """Environment for learning of one mission: a sequence of episodes, each with a seed drawn from ``seeds``."""
 
     def __init__(self, learning: LearningEpisode, seeds: np.random.Generator) -> None:
         super().__init__(learning.runner, seeds)
@@ -148,7 +149,7 @@ class LearningEnvironment(Environment):
         self._observation_spec = _specs(learning.example)
 
     def action_spec(self) -> specs.Array:
-        """(nu,), of a fleet (n, nu), bounded; its name says what is commanded, with units."""
+        """Return the spec of the action (nu,), of a fleet (n, nu), bounded; its name holds the commands with units."""
         return self.spec_of(self._learning.inputs)
 
     def _begun(self, seed: int) -> Observation:
@@ -160,18 +161,18 @@ class LearningEnvironment(Environment):
 
 
 class FilteredEnvironment(dm_env.Environment):
-    """Commands that are filtered before they are held: nothing that is proposed leads into the ground.
+    """Environment whose commands are filtered before they are held: no proposed command leads into the ground.
 
     environment = FilteredEnvironment(load("safe-flight"))
     """
 
     def __init__(self, environment: Environment) -> None:
-        """ArgumentError for an environment to learn in, and for a scenario that states no safety filter."""
+        """Wrap an environment; ArgumentError for one for learning, and for a scenario that defines no safety filter."""
         if isinstance(environment, LearningEnvironment):
             raise ArgumentError("environment = a LearningEnvironment; allowed: one that load() made")
         self.environment = environment
         self.info: dict[str, Any] = {}
-        """of the last step, what was decided (``mathnavi.sim.environments.filtering``)"""
+        """decision of the filter at the last step (``mathnavi.sim.environments.filtering``)"""
         self._filter = EpisodeFilter(environment.episode)
 
     def reset(self) -> dm_env.TimeStep:
@@ -195,11 +196,11 @@ class FilteredEnvironment(dm_env.Environment):
         return made._replace(reward=reward)
 
     def action_spec(self) -> specs.Array:
-        """Specs of what may be proposed."""
+        """Return the spec of the commands that may be proposed."""
         return self.environment.spec_of(self._filter.inputs)
 
     def observation_spec(self) -> dict[str, specs.Array]:
-        """Specs of what is observed."""
+        """Return the specs of the observation."""
         return self.environment.observation_spec()
 
 

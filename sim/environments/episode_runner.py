@@ -1,20 +1,20 @@
-"""A scenario whose actuators are commanded from outside, in the place of planner and tracker: one episode at a time.
+"""Runner of a scenario whose actuators are commanded from outside, instead of by planner and tracker, in episodes.
 
-The sensors, the estimator, what disturbs the vehicle and what goes wrong are those of a run of the same seed. A command
-is held for the tracker's period. Observed is the newest estimate, never the truth:
+The sensors, the estimator, the disturbances and the faults are those of a run of the same seed. A command is held for
+the tracker's period. The observation is the newest estimate, never the truth:
 
-    t            [s] that the estimate is valid at
+    t            [s] at which the estimate is valid
     x            (nx,) the state, as the scenario's estimator has it
-    covariance   (nx, nx) where the estimator has one; zeros as long as there is none yet
+    covariance   (nx, nx) if the estimator has one; zeros as long as there is none yet
     status       0 ok, 1 initialising, 2 lost
     attitude, rate of a quadrotor: the parts of its estimate that it cannot be flown without
 
 Of a fleet, each of these and the command have a row for each vehicle.
 
-**Mission and seeds.** What a scenario draws of its mission, a flight's start and target, is drawn once, from the seed
-of the environment; what it draws beside that, noise, gusts and the start of a robot that has to find itself, from the
-seed of the episode. So terrain, models and cost-to-go are built once, and an episode is a run of these fields and this
-seed.
+**Mission and seeds.** The random part of a mission, for example start and target of a flight, is drawn once, from the
+seed of the environment; everything else that a scenario draws, noise, gusts and the start of a robot that must localise
+itself, is drawn from the seed of the episode. So terrain, models and cost-to-go are built once, and an episode is a run
+of these fields and this seed.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.task import Inputs, LearningTerms, Outcome, ProposalFilter, Sample, Task
 
 STATUSES = (Status.OK, Status.INITIALISING, Status.LOST)
-"""of an estimate, by the number that is observed"""
+"""status of an estimate, by the number that is observed"""
 
 Observation = dict[str, Any]
 
@@ -53,23 +53,23 @@ class EpisodeStep:
 
     observation: Observation
     reward: float  # minus the integral of the stage cost
-    terminated: bool  # the vehicle has arrived, touched something, or left every bound: nothing comes after
-    truncated: bool  # the time is up, and the episode might have gone on
+    terminated: bool  # the vehicle has arrived, touched something, or left every bound: the mission is over
+    truncated: bool  # the time is up, and the episode could have gone on
     info: dict[str, Any]  # "outcome", "clearance" and "events", see ``EpisodeRunner.info``
 
     @property
     def last(self) -> bool:
-        """No step comes after it."""
+        """True if no step comes after this one."""
         return self.terminated or self.truncated
 
 
 def drawn_seed(rng: np.random.Generator) -> int:
-    """A seed for the next episode."""
+    """Draw a seed for the next episode."""
     return int(rng.integers(_SEEDS))
 
 
 class EpisodeRunner:
-    """One mission of a scenario."""
+    """Runner of one mission of a scenario, episode by episode."""
 
     def __init__(
         self,
@@ -78,10 +78,10 @@ class EpisodeRunner:
         estimator: PluginSpec | str | None = None,
         fields: Mapping[str, Any] | None = None,
     ) -> None:
-        """``fields`` are the scenario's, nested ones as mappings or by dotted names.
+        """Build the mission; ``fields`` are the scenario's, nested ones as mappings or by dotted names.
 
-        ValueError for an unknown scenario or estimator, for fields that are wrong, and for a scenario that has nothing
-        to command.
+        Raises ValueError for an unknown scenario or estimator, for fields that are wrong, and for a scenario that has
+        nothing to command.
         """
         plugin = load("scenarios", scenario)
         wanted = plugin.estimator if estimator is None else estimator
@@ -100,32 +100,32 @@ class EpisodeRunner:
         self._task = _task(scenario, first)
         self._config = dataclasses.replace(self._config, **self._task.mission)
         self.mission: dict[str, Any] = first.config["mission"]
-        """the scenario's, as a run's config.json has it"""
+        """mission of the scenario, as in a run's config.json"""
         self.names = tuple(first.agents)
-        """of the vehicles, in the order of the rows"""
+        """names of the vehicles, in the order of the rows"""
         self._steps = _steps_per_command(scenario, first)
         self.period = first.agents[self.names[0]].tracker.period
-        """[s] for which a command is held"""
+        """time [s] for which a command is held"""
         self.plant = first.plant
-        """with the model of the mission"""
+        """plant with the model of the mission"""
         self.start = self.rows([first.plant.state(name) for name in self.names])
-        """(nx,) or (n, nx) the truth at the start of the mission as it was drawn"""
+        """true state (nx,) or (n, nx) at the start of the mission as drawn"""
         self._loop = Loop(first.plant, first.agents, first.duration)
         self.outcome: Outcome | None = None
-        """how the mission has ended; None while it goes on"""
+        """outcome of the mission; None while it goes on"""
         self.has_covariance = self._finds_covariance()
-        """True where the estimators have one"""
+        """whether the estimators have a covariance"""
         self.example = self._observation()
-        """an observation, for the shapes of all"""
+        """example of an observation, for the shapes"""
         self._closed_loop: ClosedLoop | None = None
 
     @property
     def config(self) -> Any:
-        """The scenario's fields, with those of the mission as it was drawn."""
+        """Fields of the scenario, with those of the mission as drawn."""
         return self._config
 
     def streams(self, seed: int) -> RandomStreams:
-        """The random streams of the episode of a seed."""
+        """Return the random streams of the episode of a seed."""
         return Assembler.for_scenario(self._plugin, self._config, seed, self._controller, self._estimator).streams
 
     @property
@@ -144,31 +144,31 @@ class EpisodeRunner:
         return self._sample.estimates
 
     def filters(self) -> Mapping[str, ProposalFilter]:
-        """Fresh safety filters, one for each vehicle; ArgumentError for a scenario that states none."""
+        """Return new safety filters, one for each vehicle; ArgumentError for a scenario that defines none."""
         if self._task.filters is None:
             raise ArgumentError(
-                f"scenario = {self._scenario!r} states no safety filter; allowed: safe-flight, simultaneous-arrival, "
+                f"scenario = {self._scenario!r} defines no safety filter; allowed: safe-flight, simultaneous-arrival, "
                 "quadrotor-canyon"
             )
         return self._task.filters()
 
     @property
     def proposals(self) -> Inputs:
-        """Commands that are proposed to the safety filter of each vehicle, with their bounds."""
+        """Inputs for the commands that are proposed to the safety filter of each vehicle, with their bounds."""
         return self._task.proposals[self.names[0]]
 
     @property
     def recording(self) -> Recording:
-        """The log of the episode so far, the truth included; ValueError before the first one."""
+        """Return the log of the episode so far, including the truth; ValueError before the first one."""
         self._begun()
         return dataclasses.replace(self._loop.recording).end()
 
     def rows(self, of_vehicles: list[Any]) -> Array:
-        """One array for each vehicle as the rows of one, or as it is if there is one vehicle."""
+        """Stack one array for each vehicle as rows; return it unchanged if there is one vehicle."""
         return np.array(of_vehicles if len(self.names) > 1 else of_vehicles[0])
 
     def begin(self, seed: int) -> Observation:
-        """A new episode, with fresh parts."""
+        """Begin a new episode, with new components."""
         closed_loop = self._built(seed)
         self._loop = Loop(closed_loop.plant, closed_loop.agents, closed_loop.duration, closed_loop.network)
         self._closed_loop, self._task = closed_loop, _task(self._scenario, closed_loop)
@@ -180,7 +180,7 @@ class EpisodeRunner:
         return self._observation()
 
     def check_goes_on(self) -> None:
-        """ArgumentError where no episode has begun or it is over."""
+        """Raise ArgumentError if no episode has begun or it is over."""
         self._begun()
         if self._loop.over or self._finished:
             raise ArgumentError(f"step() at {self._loop.t:.6g} s: the episode is over; allowed: after reset()")
@@ -188,9 +188,9 @@ class EpisodeRunner:
     def step(self, command: Any) -> EpisodeStep:
         """Hold a command (nu,), of a fleet (n, nu), for a period.
 
-        ValueError for one of another shape or not finite, and where no episode has begun or it is over. What is beyond
-        the bounds of the inputs is brought back by the plant, as in any run. A control step without
-        a finite cost, because the physics has lost the state, costs nothing.
+        Raises ValueError for a command of another shape or not finite, and if no episode has begun or it is over. The
+        plant clips commands to the bounds of the inputs, as in any run. A control step without a finite cost, because
+        the physics has diverged, costs nothing.
         """
         self.check_goes_on()
         loop, commands = self._loop, self.checked(command, self.inputs)
@@ -205,7 +205,7 @@ class EpisodeRunner:
         return EpisodeStep(self._observation(), 0.0 - cost, self._finished, over, self.info(events))
 
     def advance(self, commands: Mapping[str, Array]) -> float:
-        """One control step under the commands (nu,) by vehicle; its stage cost."""
+        """Make one control step under the commands (nu,) by vehicle; return its stage cost."""
         closed_loop, loop = self._begun(), self._loop
         for name, u in commands.items():
             loop.command(name, u)
@@ -217,7 +217,7 @@ class EpisodeRunner:
         return self._cost(before, commands)
 
     def _referee(self) -> None:
-        """Note how the mission has ended, once it has; one that arrives past its deadline is late."""
+        """Set the outcome once the mission has ended; a vehicle that arrives past its deadline is late."""
         terms = self._task.learning
         if terms is None or self.outcome is not None:
             return
@@ -226,8 +226,8 @@ class EpisodeRunner:
             self.outcome = Outcome.LATE
 
     def info(self, since: int) -> dict[str, Any]:
-        """Facts beside the observation: the "outcome", "" while the mission goes on; the "clearance" [m] of the true
-        state, where there is something to touch; and the kinds of the "events" from number ``since`` on.
+        """Return information besides the observation: the "outcome", "" while the mission goes on; the "clearance" [m]
+        of the true state, if there is something to touch; and the kinds of the "events" from number ``since`` on.
         """
         loop, terms = self._loop, self._task.learning
         info: dict[str, Any] = {
@@ -239,7 +239,7 @@ class EpisodeRunner:
 
     @property
     def present_plant(self) -> Plant:
-        """The plant of the present episode, disturbances around it; ValueError before the first one."""
+        """Return the plant of the present episode with its disturbances; ValueError before the first one."""
         return self._begun().plant
 
     @property
@@ -249,32 +249,32 @@ class EpisodeRunner:
 
     @property
     def truths(self) -> Mapping[str, Array]:
-        """The true states (nx,) at the last sample, for a reward and never for an observation."""
+        """Return the true states (nx,) at the last sample, for a reward and never for an observation."""
         return self._loop.truths
 
     @property
     def control_steps(self) -> int:
-        """Control steps, each with a sample, in the tracker's period."""
+        """Number of control steps, each with a sample, in the tracker's period."""
         return self._steps
 
     @property
     def terms(self) -> LearningTerms:
-        """A learner's terms of the present episode; ArgumentError for a scenario that states none."""
+        """Return the learning terms of the present episode; ArgumentError for a scenario that defines none."""
         if self._task.learning is None:
             raise ArgumentError(
-                f"scenario = {self._scenario!r} states no terms to learn by; allowed: one whose Task has learning"
+                f"scenario = {self._scenario!r} defines no learning terms; allowed: one whose Task has learning"
             )
         return self._task.learning
 
     def _built(self, seed: int) -> ClosedLoop:
-        """Fresh parts."""
+        """Build new components."""
         if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
             raise ArgumentError(f"seed = {seed!r}; allowed: a whole number >= 0")
         closed_loop: ClosedLoop = self._plugin.build(self._config, int(seed), self._controller, self._estimator)
         return closed_loop
 
     def _cost(self, before: Sample, commands: Mapping[str, Array]) -> float:
-        """Stage cost from the sample before to the present one; 0 where it is not finite."""
+        """Return the stage cost from the previous sample to the present one; 0 where it is not finite."""
         if not all(np.isfinite(x).all() for x in self._sample.truths.values()):
             return 0.0
         with np.errstate(over="ignore", invalid="ignore"):
@@ -287,7 +287,9 @@ class EpisodeRunner:
         return self._closed_loop
 
     def checked(self, command: Any, inputs: Inputs) -> dict[str, Array]:
-        """The command (nu,) of each vehicle, to these inputs; ArgumentError for one of another shape or not finite."""
+        """Return the command (nu,) of each vehicle to these inputs; ArgumentError for one of another shape or not
+        finite.
+        """
         u = np.array(command, dtype=np.float64)
         size = len(inputs.names)
         shape = (len(self.names), size) if len(self.names) > 1 else (size,)
@@ -303,9 +305,10 @@ class EpisodeRunner:
         return Sample(self._loop.t, self._loop.truths, _estimates(self._scenario, self._loop))
 
     def _finds_covariance(self) -> bool:
-        """True where the estimators have one, found by letting them observe, uncommanded, while they know nothing.
+        """Return True if the estimators have a covariance, found by letting them observe without commands while they
+        are initialising.
 
-        One that knows nothing even then is expected to.
+        One that is still initialising after some samples is assumed to have one.
         """
         for _ in range(_FIRST_SAMPLES):
             self._loop.observe()
@@ -319,7 +322,7 @@ class EpisodeRunner:
         return True
 
     def _observation(self) -> Observation:
-        """Fresh arrays, which nothing that follows changes."""
+        """Return the observation in new arrays, which nothing that follows changes."""
         estimates = [self._sample.estimates[name] for name in self.names]
         observation: Observation = {
             "t": self.rows([estimate.t for estimate in estimates]),
@@ -334,18 +337,18 @@ class EpisodeRunner:
 
     @property
     def status(self) -> Any:
-        """Number of the estimate's status in ``STATUSES``, of a fleet (n,)."""
+        """Return the index of the estimate's status in ``STATUSES``, of a fleet (n,)."""
         return self.rows([_number(self._sample.estimates[name].status) for name in self.names])[()]
 
     @property
     def covariance(self) -> Array:
-        """Covariance (nx, nx) of the estimate, of a fleet (n, nx, nx)."""
+        """Return the covariance (nx, nx) of the estimate, of a fleet (n, nx, nx)."""
         return self.rows([_covariance(self._sample.estimates[name]) for name in self.names])
 
 
 def _task(scenario: str, closed_loop: ClosedLoop) -> Task:
     if closed_loop.task is None:
-        raise ArgumentError(f"scenario = {scenario!r} states no stage cost; allowed: one whose ClosedLoop has a task")
+        raise ArgumentError(f"scenario = {scenario!r} defines no stage cost; allowed: one whose ClosedLoop has a task")
     if idle := [name for name, inputs in closed_loop.task.inputs.items() if not inputs.names]:
         raise ArgumentError(
             f"scenario = {scenario!r}: {idle[0]!r} has no actuators, so there is nothing to command; allowed: one with "
@@ -375,7 +378,7 @@ def _estimates(scenario: str, loop: Loop) -> dict[str, Estimate]:
 
 
 def _number(status: Status) -> int:
-    """The number of a status that is observed; one that is neither ok nor about to be is lost."""
+    """Return the observed number of a status; one that is neither ok nor initialising is lost."""
     return STATUSES.index(status) if status in STATUSES else STATUSES.index(Status.LOST)
 
 

@@ -1,12 +1,12 @@
-"""The safety filter around the commands of an episode, for the wrappers of Gymnasium and dm_env.
+"""Safety filter of the commands of an episode, for the wrappers of Gymnasium and dm_env.
 
-Each vehicle has a filter of its own (``mathnavi.controllers.flight.command_filter``), which sees its estimate and never
-the truth. It guards a vehicle against the ground and the edge of the map; what it knows of the map is what is charted
-at the start. It does not keep the vehicles of a fleet apart.
+Each vehicle has its own filter (``mathnavi.controllers.flight.command_filter``), which sees its estimate and never
+the truth. It guards a vehicle against the ground and the edge of the map; it knows only the part of the map that is
+charted at the start. It does not keep the vehicles of a fleet apart.
 
 To point masses an acceleration is proposed for each period of the tracker. To a quadrotor accelerations are proposed
-too, for each period of its planner, and not thrusts: its tracker flies them, for from an attitude that anything may
-have led to no way to rest is certified.
+too, for each period of its planner, and not thrusts: its tracker flies them, because from an arbitrary attitude no way
+to rest can be certified.
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ class EpisodeFilter:
     """Filter of the commands to all vehicles of an episode."""
 
     def __init__(self, episode: EpisodeRunner) -> None:
-        """ValueError for a scenario that states no safety filter."""
+        """Build the filters; ValueError for a scenario that defines no safety filter."""
         self._episode = episode
         self.begin()
         hold = next(iter(self._filters.values())).hold
         self.repeats = whole_ticks(hold, episode.period, "the time for which a command is held")
-        """periods of the tracker for which a proposal is held"""
+        """number of periods of the tracker for which a proposal is held"""
 
     @property
     def inputs(self) -> Inputs:
-        """Commands that may be proposed to each vehicle."""
+        """Inputs for the commands that may be proposed to each vehicle."""
         return self._episode.proposals
 
     def begin(self) -> None:
-        """Fresh filters, for a new episode."""
+        """Make new filters for a new episode."""
         self._filters = self._episode.filters()
         self._interventions = dict.fromkeys(self._episode.names, 0)
         self._answers: dict[str, list[FilteredCommand]] = {name: [] for name in self._episode.names}
 
     def filtered(self, proposed: Any) -> Any:
-        """The command (nu,) for the tracker's period, of a fleet (n, nu), in place of a proposed one.
+        """Return the command (nu,) for the tracker's period, of a fleet (n, nu), in place of a proposed one.
 
-        ValueError for a proposal of another shape or not finite.
+        Raises ValueError for a proposal of another shape or not finite.
         """
         commands = []
         for name, u in self._episode.checked(proposed, self.inputs).items():
@@ -55,10 +55,10 @@ class EpisodeFilter:
         return self._episode.rows(commands)
 
     def decided(self) -> dict[str, Any]:
-        """Decisions since the last call, for one proposal; of a fleet by vehicle.
+        """Return the decisions since the last call, for one proposal; of a fleet by vehicle.
 
-        That is ``FilteredCommand.info``, whatever was announced meanwhile included, with the number of "interventions"
-        so far and what is "guarded".
+        That is ``FilteredCommand.info``, including all that was announced meanwhile, with the number of
+        "interventions" so far and what is "guarded".
         """
         infos = {}
         for name, answers in self._answers.items():

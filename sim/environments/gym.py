@@ -1,16 +1,16 @@
-"""Every scenario as a ``gymnasium.Env``, in two versions.
+"""Environments of all scenarios as ``gymnasium.Env``, in two versions.
 
     import gymnasium, mathnavi.sim.environments
     env = gymnasium.make("mathnavi/SafeFlight-v1", seed=3, terrain="jacksboro", render_mode="rgb_array")
 
-v1, ``LearningEnv``, is to be learnt in: rewards, observations and ends are those of
+v1, ``LearningEnv``, is for learning: rewards, observations and terminations are those of
 ``mathnavi.sim.environments.learning``, and actions are bounded. v0, ``ScenarioEnv``, is the scenario itself: actions,
-observations and rewards are those of ``mathnavi.sim.environments.dm``, ``terminated`` where the mission ends and
-``truncated`` where the time is up. Either says in ``info`` the ``outcome`` of the mission, "" while it goes on, the
-``clearance`` [m] of the true state where there is something to touch, and the kinds of the ``events`` of the step.
+observations and rewards are those of ``mathnavi.sim.environments.dm``, ``terminated`` when the mission ends and
+``truncated`` when the time is up. Both return in ``info`` the ``outcome`` of the mission, "" while it goes on, the
+``clearance`` [m] of the true state if there is something to touch, and the kinds of the ``events`` of the step.
 
-``render_mode="rgb_array"`` draws a picture when it is asked for one, "human" shows a window
-from the first step on (``mathnavi.sim.environments.rendering``).
+``render_mode="rgb_array"`` draws a picture when ``render`` is called, "human" shows a window from the first step on
+(``mathnavi.sim.environments.rendering``).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from mathnavi.sim.scenarios.task import Inputs
 
 
 class ScenarioEnv(gymnasium.Env[Observation, Array]):
-    """A mission of a scenario; the seeds of its episodes are drawn from ``np_random``."""
+    """Environment of one mission of a scenario; the seeds of its episodes are drawn from ``np_random``."""
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": FPS}  # noqa: RUF012  Gymnasium's
 
@@ -48,32 +48,32 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
         render_mode: str | None = None,
         **fields: Any,
     ) -> None:
-        """The scenario with these fields, its mission drawn from ``seed``.
+        """Build the scenario with these fields, its mission drawn from ``seed``.
 
-        ValueError for what is unknown or wrong, and for a scenario with nothing to command.
+        Raises ValueError for names that are unknown, fields that are wrong, and a scenario with nothing to command.
         """
         self.render_mode = checked_mode(render_mode)
         self._pictures = Pictures()
         self.episode = EpisodeRunner(scenario, seed, estimator, fields)
-        """the mission, one episode after the other"""
+        """mission, run in one episode after the other"""
         self.action_space = self.space_of(self.episode.inputs)
         self.observation_space = _observation_space(self.episode.example)
 
     def space_of(self, inputs: Inputs) -> spaces.Space[Any]:
-        """Space of the commands to such inputs of every vehicle."""
+        """Return the space of the commands to these inputs of every vehicle."""
         n = len(self.episode.names)
         low, high = (self.episode.rows([bound] * n) for bound in (inputs.low, inputs.high))
         return spaces.Box(low, high, dtype=np.float64)
 
     @property
     def mission(self) -> dict[str, Any]:
-        """Start, target and bounds, as a run's config.json has them."""
+        """Start, target and bounds, as in a run's config.json."""
         return self.episode.mission
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode; ``info["seed"]`` is its own. There are no options."""
+        """Begin an episode; ``info["seed"]`` is its seed. There are no options."""
         super().reset(seed=seed)
         drawn = drawn_seed(self.np_random)
         return self._begun(drawn)
@@ -81,7 +81,7 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Hold an action.
 
-        ValueError for one of another shape or not finite, and where no episode has begun or it is over.
+        Raises ValueError for one of another shape or not finite, and if no episode has begun or it is over.
         """
         made = self._made(action)
         if self.render_mode == "human":
@@ -89,11 +89,12 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
         return made.observation, made.reward, made.terminated, made.truncated, made.info
 
     def render(self) -> Any:
-        """The picture (height, width, 3) of the present state, uint8, for "rgb_array"; None for the other modes."""
+        """Return the picture (height, width, 3) of the present state, uint8, for "rgb_array"; None for the other modes.
+        """
         return self._pictures.drawn(self.episode) if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
-        """Close the window and free what pictures are drawn with."""
+        """Close the window and free the renderer."""
         self._pictures.close()
 
     def _begun(self, seed: int) -> tuple[Observation, dict[str, Any]]:
@@ -104,7 +105,7 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
 
 
 class LearningEnv(ScenarioEnv):
-    """A mission of a scenario to learn from; the seeds of its episodes are drawn from ``np_random``."""
+    """Environment for learning of one mission of a scenario; the seeds of its episodes are drawn from ``np_random``."""
 
     def __init__(
         self,
@@ -117,9 +118,10 @@ class LearningEnv(ScenarioEnv):
         covariance: bool = False,
         **fields: Any,
     ) -> None:
-        """``hold`` [s], ``discount`` and ``covariance`` as of a ``LearningEpisode``; the rest as of a ``ScenarioEnv``.
+        """Build a ``LearningEpisode`` with ``hold`` [s], ``discount`` and ``covariance``; the rest as of a
+        ``ScenarioEnv``.
 
-        ValueError as those raise it.
+        Raises ValueError as those do.
         """
         super().__init__(scenario, seed, estimator, render_mode, **fields)
         self._learning = LearningEpisode(self.episode, hold, discount, covariance)
@@ -139,16 +141,16 @@ class LearningEnv(ScenarioEnv):
 
 
 class SafetyFilterWrapper(gymnasium.Wrapper[Observation, Array, Observation, Array]):
-    """Commands that are filtered before they are held: nothing that is proposed leads into the ground.
+    """Wrapper that filters commands before they are held: no proposed command leads into the ground.
 
         env = SafetyFilterWrapper(gymnasium.make("mathnavi/SafeFlight-v0"))
 
-    ``info["filter"]`` says what was decided (``mathnavi.sim.environments.filtering``). It stands around the environment
-    itself, within wrappers that change actions.
+    ``info["filter"]`` holds the decision (``mathnavi.sim.environments.filtering``). It wraps the environment itself,
+    inside of wrappers that change actions.
     """
 
     def __init__(self, env: gymnasium.Env[Observation, Array]) -> None:
-        """ArgumentError for an environment that is no scenario, or whose scenario states no safety filter."""
+        """Wrap an environment; ArgumentError for one of another kind than a scenario, or without a safety filter."""
         super().__init__(env)
         if type(env.unwrapped) is not ScenarioEnv:
             raise ArgumentError(f"env = a {type(env.unwrapped).__name__}; allowed: a ScenarioEnv, version 0")
@@ -158,7 +160,7 @@ class SafetyFilterWrapper(gymnasium.Wrapper[Observation, Array, Observation, Arr
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode, with fresh filters."""
+        """Begin an episode, with new filters."""
         begun = self.env.reset(seed=seed, options=options)
         self._filter.begin()
         return begun

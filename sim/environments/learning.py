@@ -1,34 +1,36 @@
-"""An episode to learn from: a reward under which arriving is best and crashing worst, and what lies ahead is seen.
+"""Episode for learning: a reward under which arriving is best and crashing worst, and an observation of the terrain
+ahead.
 
 An action is held for ``hold`` [s]. With the stage cost L, at most L_max, and the deadline T of the mission
 
     r_k = -1/(L_max T) int min(L, L_max) dt + gamma Phi(x_k+1) - Phi(x_k) - C(outcome),    Phi(x) = -Psi(x) / Psi(x_0),
 
-the integral over the hold, L counting as L_max where a bound of the mission is not kept (h_min and v_max of a flight),
-Psi the cost-to-go of the mission, Phi = 0 once it has ended, and C the cost of its end:
+where the integral is over the hold, L counts as L_max while a bound of the mission is violated (h_min and v_max of a
+flight), Psi is the cost-to-go of the mission, Phi = 0 once it has ended, and C is the cost of its outcome:
 
-    0   arrived; completed, of a mission without a target whose time is up
+    0   arrived; completed, for a mission without a target whose time is up
     1   late, missed
     2   crashed, off the map, diverged
 
-**Order.** An episode lasts T at most, so its stage costs add up to 0 to 1; those of the potential, with gamma = 1, to
-Psi(x_0) / Psi(x_0) = 1 whatever is done. So the return is 0 to 1 for arriving, -1 to 0 for being late and -2 to -1 for
-a crash, however long the episode was: ending early saves less than it costs.
+**Order.** An episode lasts T at most, so its stage costs add up to 0 to 1; the terms of the potential, with gamma = 1,
+add up to Psi(x_0) / Psi(x_0) = 1 for every policy. So the return is 0 to 1 for arriving, -1 to 0 for being late and -2
+to -1 for a crash, for an episode of any length: ending early saves less than it costs.
 
-**Shaping.** A difference of potentials leaves the optimal policy as it is (A. Y. Ng, D. Harada, S. Russell, Policy
-invariance under reward transformations, ICML 1999), if gamma is the learner's own; 1 unless it is given. A difference
-is paid when the vehicle comes nearer to the target by the way over the ground, and not only at the end.
+**Shaping.** A difference of potentials leaves the optimal policy unchanged (A. Y. Ng, D. Harada, S. Russell, Policy
+invariance under reward transformations, ICML 1999), if gamma is the learner's discount; 1 if not given. A difference
+is paid when the vehicle comes nearer to the target along the way over the ground, and not only at the end.
 
-**Time.** The deadline is the mission's own, so that to be late is an end and no truncation: ``time_left`` is observed.
+**Time.** The deadline belongs to the mission, so being late is a termination and not a truncation: ``time_left`` is
+observed.
 
-Observed are, of each vehicle of a fleet in a row,
+The observation, with a row for each vehicle of a fleet, is
 
     time_left    [s] until the deadline
     status       0 ok, 1 initialising, 2 lost
-    covariance   of the estimate, only where it is asked for
+    covariance   of the estimate, only if requested
 
-and what the mission states: ``mathnavi.sim.scenarios.flight_view`` of a flight, and of a quadrotor its attitude and
-rate; the estimate x and the way to the target of a missile; x of the rest.
+and the observation of the mission: ``mathnavi.sim.scenarios.flight_view`` of a flight, with attitude and rate of a
+quadrotor; the estimate x and the way to the target of a missile; x of the others.
 """
 
 from __future__ import annotations
@@ -52,48 +54,48 @@ END_COSTS = {
     Outcome.OFF_MAP: 2.0,
     Outcome.DIVERGED: 2.0,
 }
-"""C, by outcome"""
+"""cost C of each outcome"""
 
 
 def checked_discount(discount: float) -> float:
-    """gamma; ArgumentError for one that is none."""
+    """Return gamma; ArgumentError for a value that is not a discount."""
     if not 0.0 < discount <= 1.0:
         raise ArgumentError(f"discount = {discount!r}; allowed: > 0 and <= 1")
     return float(discount)
 
 
 class LearningEpisode:
-    """The missions of an ``EpisodeRunner``, one episode after the other."""
+    """Learning episodes of an ``EpisodeRunner``, one after the other."""
 
     def __init__(
         self, runner: EpisodeRunner, hold: float | None = None, discount: float = 1.0, covariance: bool = False
     ) -> None:
-        """ValueError for a scenario without a learner's terms, for a hold [s] that is not a whole number of periods of
-        the tracker, for a discount that is none, and for a covariance that no estimator has.
+        """Build the episodes; ValueError for a scenario without learning terms, for a hold [s] that is not a whole
+        number of periods of the tracker, for a wrong discount, and for a covariance that no estimator has.
         """
         wanted = runner.terms.hold if hold is None else hold
         self.hold = runner.period if wanted is None else wanted
-        """[s] for which an action is held"""
+        """time [s] for which an action is held"""
         self._repeats = whole_ticks(self.hold, runner.period, "hold") * runner.control_steps
         self._discount = checked_discount(discount)
         if covariance and not runner.has_covariance:
-            raise ArgumentError("covariance = True; allowed: False, for the estimator has none")
+            raise ArgumentError("covariance = True; allowed: False, because the estimator has none")
         self.runner, self._covariance = runner, covariance
         self.inputs: Inputs = runner.inputs.bounded
         """inputs of each vehicle, within finite bounds"""
         self.example = self._observation()
-        """an observation, for the shapes of all"""
+        """example of an observation, for the shapes"""
 
     def begin(self, seed: int) -> tuple[Observation, dict[str, Any]]:
-        """A new episode: its first observation, and ``info``."""
+        """Begin a new episode; return its first observation, and ``info``."""
         self.runner.begin(seed)
         self._potential = self._of_state()
         return self._observation(), {"seed": seed, **self.runner.info(0)}
 
     def step(self, action: Any) -> EpisodeStep:
-        """Hold an action (nu,), of a fleet (n, nu), brought back to its bounds.
+        """Hold an action (nu,), of a fleet (n, nu), clipped to its bounds.
 
-        ValueError for one of another shape or not finite, and where no episode has begun or it is over.
+        Raises ValueError for one of another shape or not finite, and if no episode has begun or it is over.
         """
         runner, inputs = self.runner, self.inputs
         runner.check_goes_on()
@@ -122,13 +124,13 @@ class LearningEpisode:
             raise ArgumentError(f"step() at {self.runner.t:.6g} s: the episode is over; allowed: after reset()")
 
     def _of_state(self) -> float:
-        """Phi of the present state."""
+        """Return Phi of the present state."""
         if self.runner.outcome is not None:
             return 0.0
         return 0.0 - self.runner.terms.potential(self.runner.t, self.runner.truths)
 
     def _observation(self) -> Observation:
-        """Fresh arrays, which nothing that follows changes."""
+        """Return the observation in new arrays, which nothing that follows changes."""
         runner = self.runner
         views = [runner.terms.view(runner.t, name, runner.estimates[name]) for name in runner.names]
         left = np.array([max(runner.terms.deadline - runner.t, 0.0)])

@@ -1,4 +1,5 @@
-"""Pictures of an episode as it stands: MuJoCo's scene, followed by a camera, or the states of an ODE over time."""
+"""Pictures of an episode at its present state: MuJoCo's scene, with a camera that follows, or the states of an ODE over
+time."""
 
 from __future__ import annotations
 
@@ -25,14 +26,14 @@ Pixels = NDArray[np.uint8]
 
 
 def checked_mode(render_mode: str | None) -> str | None:
-    """The render mode; ArgumentError for one that is none."""
+    """Return the render mode; ArgumentError for an unknown one."""
     if render_mode is not None and render_mode not in RENDER_MODES:
         raise ArgumentError(f"render_mode = {render_mode!r}; allowed: {', '.join(RENDER_MODES)}, or None")
     return render_mode
 
 
 class Pictures:
-    """Draws episodes with what it keeps from one picture to the next."""
+    """Renderer of episodes, which keeps its resources from one picture to the next."""
 
     def __init__(self) -> None:
         self._snapshots: Snapshots | None = None
@@ -41,7 +42,7 @@ class Pictures:
         self._shown: mujoco.MjData | None = None
 
     def drawn(self, episode: EpisodeRunner) -> Pixels:
-        """The picture (480, 640, 3). NoOpenGLError where there is nothing to draw with."""
+        """Draw the picture (480, 640, 3); NoOpenGLError if OpenGL is not available."""
         plant = _mujoco_plant(episode)
         if plant is None:
             return _chart(episode)
@@ -51,7 +52,7 @@ class Pictures:
         return self._snapshots.draw(plant.model, plant.data, _view(episode, plant))
 
     def show(self, episode: EpisodeRunner) -> None:
-        """Show the present state in a window, of MuJoCo's viewer where MuJoCo moves the system."""
+        """Show the present state in a window, MuJoCo's viewer if MuJoCo simulates the system."""
         plant = _mujoco_plant(episode)
         if plant is None:
             self._show_chart(episode)
@@ -60,7 +61,7 @@ class Pictures:
         if self._viewer is None:
             import mujoco.viewer
 
-            self._shown = mujoco.MjData(plant.model)  # the plant's own is another one in every episode
+            self._shown = mujoco.MjData(plant.model)  # the plant has another one in every episode
             self._viewer = mujoco.viewer.launch_passive(plant.model, self._shown)
             view = _view(episode, plant)
             for name in ("distance", "azimuth", "elevation"):
@@ -79,7 +80,7 @@ class Pictures:
         plt.pause(1.0 / FPS)
 
     def close(self) -> None:
-        """End the process that draws and close the window."""
+        """End the drawing process and close the window."""
         if self._snapshots is not None:
             self._snapshots.close()
         if self._viewer is not None:
@@ -92,7 +93,7 @@ class Pictures:
 
 
 def _mujoco_plant(episode: EpisodeRunner) -> MujocoPlant | None:
-    """The plant of the present episode; None for an ODE."""
+    """Return the plant of the present episode; None for an ODE."""
     plant = episode.present_plant
     while not isinstance(plant, MujocoPlant) and hasattr(plant, "plant"):
         plant = plant.plant
@@ -114,7 +115,7 @@ def _dress(episode: EpisodeRunner, plant: MujocoPlant) -> None:
 
 
 def _view(episode: EpisodeRunner, plant: MujocoPlant) -> View:
-    """A camera that keeps all vehicles in sight."""
+    """Return a camera that keeps all vehicles in view."""
     model, data = plant.model, plant.data
     own = [
         k for k in range(model.ngeom)
@@ -126,7 +127,7 @@ def _view(episode: EpisodeRunner, plant: MujocoPlant) -> View:
 
 
 def _chart(episode: EpisodeRunner) -> Pixels:
-    """States over time."""
+    """Draw the states over time."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # takes a while to import
     from matplotlib.figure import Figure
 

@@ -1,19 +1,19 @@
-"""Many missions of ``safe-flight`` at once, as a ``gymnasium.vector.VectorEnv``.
+"""Vector environment of ``safe-flight``: many missions at once, as a ``gymnasium.vector.VectorEnv``.
 
     import gymnasium, mathnavi.sim.environments
     envs = gymnasium.make_vec("mathnavi/SafeFlight-v1", num_envs=256, terrain="jacksboro")
 
 Row i is the environment ``gymnasium.make("mathnavi/SafeFlight-v1", seed=seed + i, ...)``: the same missions, noise and
-gusts, and, but for rounding, the same observations and rewards. Readings, gusts and rewards are computed for all rows
-at once; the vehicles are moved along exact arcs (``vector_kernels``), and by MuJoCo where one may touch the ground.
+gusts, and, up to rounding, the same observations and rewards. Readings, gusts and rewards are computed for all rows
+at once; the vehicles move along exact arcs (``vector_kernels``), and by MuJoCo where one may touch the ground.
 
-An episode that ends is followed by the next in the same step: ``final_obs`` and ``final_info`` hold its last, as
-Gymnasium has it of ``AutoresetMode.SAME_STEP``. ``missions`` is the number of different missions, which the rows share
-in turn: ``num_envs`` if not given. With a ``target`` they have one cost-to-go in common, and are made in a fraction of
-the time.
+When an episode ends, the next begins in the same step: ``final_obs`` and ``final_info`` hold its last values, as in
+Gymnasium's ``AutoresetMode.SAME_STEP``. ``missions`` is the number of different missions, which the rows share
+in turn: ``num_envs`` if not given. With a ``target`` they share one cost-to-go, and are built in a fraction of the
+time.
 
-What is computed is the full state as it is read at every control step, with noise and gusts. Other estimators, lost
-readings, jumps and targets that move are refused: ``vectorization_mode="async"`` has them.
+Supported are readings of the full state at every control step, with noise and gusts. Other estimators, lost
+readings, jumps and targets that move are refused: ``vectorization_mode="async"`` supports them.
 """
 
 from __future__ import annotations
@@ -75,9 +75,9 @@ _NAMES = np.array([str(_OUTCOMES.get(state, "")) for state in range(6)], dtype=o
 
 @dataclass(frozen=True, eq=False)
 class _Mission:
-    """A mission as its rows need it."""
+    """Data of a mission for its rows."""
 
-    flight: FlightMission  # as it is known at the start
+    flight: FlightMission  # as known at the start
     cost: FactoredCost
     deadline: float  # [s]
 
@@ -89,7 +89,7 @@ class _Mission:
 
 @dataclass(frozen=True, eq=False)
 class _Chance:
-    """Generators of an episode, as the plant of a single environment draws from them."""
+    """Random generators of an episode, used as by the plant of a single environment."""
 
     noise: np.random.Generator  # of the full-state sensor
     gusts: np.random.Generator
@@ -104,7 +104,7 @@ class _Chance:
 
 
 class _Contacts:
-    """Control steps of one vehicle by MuJoCo, of a model without any other."""
+    """Simulator of control steps of one vehicle by MuJoCo, in a model without others."""
 
     def __init__(self, plant: MujocoPlant, h: float) -> None:
         self._model, self._data = plant.model, mujoco.MjData(plant.model)
@@ -125,7 +125,7 @@ class _Contacts:
 
 
 class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
-    """Missions of ``safe-flight`` to learn from, a row each."""
+    """Vector environment for learning of missions of ``safe-flight``, one row each."""
 
     metadata: dict[str, Any] = {  # noqa: RUF012  as Gymnasium declares it
         "render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP
@@ -141,9 +141,9 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         missions: int | None = None,
         **fields: Any,
     ) -> None:
-        """``num_envs`` rows; the missions are drawn from ``seed`` on. The rest is as of a ``LearningEnv``.
+        """Build ``num_envs`` rows; the missions are drawn from ``seed`` on. The rest is as of a ``LearningEnv``.
 
-        ArgumentError for what is unknown or wrong, and for fields that are not computed for many rows.
+        Raises ArgumentError for fields that are unknown, wrong, or not supported for many rows.
         """
         count = num_envs if missions is None else missions
         for what, number in (("num_envs", num_envs), ("missions", count)):
@@ -173,7 +173,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         deadlines = np.array([mission.deadline for mission in self._missions])
         self._deadlines = deadlines
         self._last = np.ceil((deadlines - TIME_TOLERANCE) / self._h).astype(np.int64)
-        self._scale = terms.cost_max * deadlines  # what a whole episode can cost
+        self._scale = terms.cost_max * deadlines  # the most that a whole episode can cost
         self._violated = np.zeros(num_envs, dtype=np.int64)  # those of them at whose end a bound was not kept
         flight, self._cost_max = terms.missions[VEHICLE], terms.cost_max
         self._limits = flight.clearance_min, flight.speed_max
@@ -196,7 +196,9 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode in every row; ``seed`` is that of the first, one more of each further, or one of each."""
+        """Begin an episode in every row; ``seed`` is that of the first row, one more for each next one, or a list of
+        one for each row.
+        """
         if isinstance(seed, int):
             given: list[int | None] = [seed + i for i in range(self.num_envs)]
         else:
@@ -213,8 +215,8 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         return self._observation(), {**info, "seed": seeds, "_seed": every}
 
     def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, dict[str, Any]]:
-        """Hold an action (num_envs, 3) in every row; ValueError for another shape, for what is not finite, and before
-        ``reset``.
+        """Hold an action (num_envs, 3) in every row; ValueError for another shape, for values that are not finite, and
+        before ``reset``.
         """
         if not self._begun:
             raise ArgumentError("no episode has begun; allowed: after reset()")
@@ -238,7 +240,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
     # ---- a step
 
     def _bounded(self, actions: Array) -> tuple[Array, list[tuple[str, ...]]]:
-        """Accelerations (n, 3) within their bounds, and events where they begin to be shortened."""
+        """Return the accelerations (n, 3) clipped to their bounds, and events where clipping begins."""
         u = np.array(actions, dtype=np.float64)
         if u.shape != (self.num_envs, 3):
             raise ArgumentError(f"actions have shape {u.shape}; allowed: {(self.num_envs, 3)}")
@@ -256,7 +258,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         return u, [("input-clipped",) if begin else () for begin in begins]
 
     def _fly(self, u: Array) -> Integers:
-        """Advance every row; states of the rows, ``FLYING`` or how they ended."""
+        """Advance every row; return the states of the rows, ``FLYING`` or how they ended."""
         made, violated, limits = self._made, self._violated, self._limits
         made[:] = violated[:] = 0
         states = np.full(self.num_envs, FLYING, dtype=np.int64)
@@ -281,7 +283,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
                 states[i] = CRASHED if touched and after != OFF_MAP else after
 
     def _drawn_gusts(self) -> Array:
-        """(n, steps, 3) [m/s^2]."""
+        """Return gusts (n, steps, 3) [m/s^2]."""
         faults = self._runner.config.faults
         if faults.gust_rms == 0.0:
             return np.zeros((self.num_envs, self._steps, 3))
@@ -291,7 +293,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         return gusts_on(self._gusts, self._blowing, fresh, keep, stir, faults.gust_rms, faults.gust_limit)
 
     def _phi(self) -> Array:
-        """Phi (n,) of the present states."""
+        """Return Phi (n,) of the present states."""
         left = np.empty(self.num_envs)
         for cost, rows in self._rows.items():
             left[rows] = cost(self._x[rows, :3])
@@ -299,7 +301,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
 
     @cached_property
     def _rows(self) -> Mapping[FactoredCost, Integers]:
-        """Rows by cost-to-go."""
+        """Return the rows grouped by cost-to-go."""
         rows: dict[FactoredCost, list[int]] = {}
         for i, mission in enumerate(self._missions):
             rows.setdefault(mission.cost, []).append(i)
@@ -307,13 +309,14 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
 
     @cached_property
     def _first_costs(self) -> Array:
-        """Psi (n,) of the starts."""
+        """Return Psi (n,) of the starts."""
         return np.array([cost_at_start(mission.cost, mission.flight.start) for mission in self._missions])
 
     # ---- observations
 
     def _observe(self) -> None:
-        """Read the full states with their noise: a reading a control step, of which the last is the estimate."""
+        """Read the full states with their noise: one reading for each control step, the last of which is the estimate.
+        """
         noise = self._runner.config.noise.position
         self._read = self._x.copy()
         if noise > 0.0:
@@ -325,7 +328,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         return self._observed(np.arange(self.num_envs))
 
     def _observed(self, rows: Integers) -> Observation:
-        """Observations of some rows."""
+        """Return the observations of some rows."""
         flight = self._missions[0].flight
         views = components(flight_views(flight.terrain, flight.speed_max, self._read[rows], self._targets[rows]))
         left = np.maximum(self._deadlines[rows] - self._done[rows] * self._h, 0.0)
@@ -345,7 +348,9 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
     # ---- the next episode
 
     def _next(self, rows: Integers, info: dict[str, Any]) -> dict[str, Any]:
-        """Begin the next episode in some rows; ``info`` of the last of those that end, and of the first of the next."""
+        """Begin the next episode in some rows; return ``info`` of the last step of the old and of the first of the new
+        ones.
+        """
         last = self._observed(rows)
         observations, mask = np.full(self.num_envs, None, dtype=object), np.zeros(self.num_envs, dtype=bool)
         for k, i in enumerate(rows):
@@ -363,7 +368,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         }  # fmt: skip
 
     def _restart(self, rows: Integers) -> Integers:
-        """Begin an episode in some rows; the seeds of these."""
+        """Begin an episode in some rows; return their seeds."""
         seeds = np.array([drawn_seed(self._seeders[i]) for i in rows], dtype=np.int64)
         config = self._runner.config
         if config.noise.position > 0.0 or config.faults.gust_rms > 0.0:
@@ -382,7 +387,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
 
 def _refusal(name: str, value: Any) -> str:
     return (
-        f"{name} = {value!r} is not computed for many missions at once; allowed: to leave it out, or "
+        f"{name} = {value!r} is not computed for many missions at once; allowed: its default, or "
         'vectorization_mode="async"'
     )
 
@@ -394,7 +399,7 @@ def _flight_terms(runner: EpisodeRunner) -> FlightTerms:
 
 
 def _checked_plant(runner: EpisodeRunner) -> MujocoPlant:
-    """The plant of a mission; ArgumentError for fields that are not computed for many rows at once."""
+    """Return the plant of a mission; ArgumentError for fields that are not supported for many rows at once."""
     config = runner.config
     for name, value in (
         ("target_path", config.target_path),
@@ -409,7 +414,7 @@ def _checked_plant(runner: EpisodeRunner) -> MujocoPlant:
 
 
 def _steepest(terrain: HeightField) -> float:
-    """Slope of the steepest triangle."""
+    """Return the slope of the steepest triangle."""
     east, north = np.diff(terrain.z, axis=1), np.diff(terrain.z, axis=0)
     below_diagonal, above_diagonal = np.hypot(east[:-1], north[:, 1:]), np.hypot(east[1:], north[:, :-1])
     return float(max(below_diagonal.max(), above_diagonal.max())) / terrain.spacing

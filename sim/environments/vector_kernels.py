@@ -1,11 +1,11 @@
-"""Point masses flown for a number of control steps under held accelerations, compiled, a row a mission.
+"""Compiled kernels that fly point masses for a number of control steps under held accelerations, one mission a row.
 
 Over a control step h an acceleration a is held, gusts included, so that the arc is exact,
 
     p := p + v h + a h^2 / 2,        v := v + a h,
 
-and what MuJoCo's Runge-Kutta steps of order 4 lead to but for rounding, as long as nothing touches. A row whose hull
-may touch within its next control step is left before it (``NEAR``): that step is MuJoCo's to make.
+and equal to MuJoCo's Runge-Kutta steps of order 4 up to rounding, as long as nothing touches. A row whose hull
+may touch within its next control step stops before it (``NEAR``): MuJoCo makes that step.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ class Ground(NamedTuple):
 
     z: Array  # (rows, columns) [m] heights at the nodes
     spacing: float  # [m] between nodes
-    reach: float  # [m] from a vehicle's centre to what touches
+    reach: float  # [m] from a vehicle's centre to its hull
     steepest: float  # greatest slope
 
 
 class Rules(NamedTuple):
     """Length of a control step and limits of a mission."""
 
-    h: float  # [s] a control step
-    radius: float  # [m] around a target, within which is arrived
+    h: float  # [s] length of a control step
+    radius: float  # [m] around a target, within which a vehicle has arrived
     limits: tuple[float, float]  # (h_min [m], v_max [m/s])
 
 
 class Rows(NamedTuple):
-    """Episodes, one a row, in arrays that are advanced in place."""
+    """Episodes, one in each row, in arrays that are advanced in place."""
 
     x: Array  # (n, 6) [m, m/s] states
     targets: Array  # (n, 3) [m]
@@ -90,14 +90,14 @@ def fly(ground: Ground, rules: Rules, rows: Rows, u: Array, gusts: Array) -> Non
 
 @njit(cache=True, nogil=True)
 def is_violated(z: Array, spacing: float, x: Array, limits: tuple[float, float]) -> int:
-    """1 for a state x (6,) lower above the ground than h_min [m] or faster than v_max [m/s], 0 for any other."""
+    """Return 1 for a state x (6,) less than h_min [m] above the ground or faster than v_max [m/s], 0 for any other."""
     speed = math.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
     return 0 if x[2] - height_at(z, spacing, x[0], x[1]) >= limits[0] and speed <= limits[1] else 1
 
 
 @njit(cache=True, nogil=True)
 def state_after(width: float, depth: float, x: Array, target: Array, radius: float, done: int, last: int) -> int:
-    """State of a row that has touched nothing, x (6,) after ``done`` control steps."""
+    """Return the state of a row that has touched nothing, for x (6,) after ``done`` control steps."""
     if not (0.0 <= x[0] <= width and 0.0 <= x[1] <= depth):
         return OFF_MAP
     distance = math.sqrt((x[0] - target[0]) ** 2 + (x[1] - target[1]) ** 2 + (x[2] - target[2]) ** 2)
@@ -110,10 +110,10 @@ def state_after(width: float, depth: float, x: Array, target: Array, radius: flo
 def gusts_on(
     now: Array, begun: NDArray[np.bool_], fresh: Array, keep: float, stir: float, rms: float, limit: float
 ) -> Array:
-    """Gusts (n, steps, 3) of a first-order Gauss-Markov process, clipped to the length ``limit`` [m/s^2].
+    """Return gusts (n, steps, 3) of a first-order Gauss-Markov process, clipped to the length ``limit`` [m/s^2].
 
-    ``now`` (n, 3) is the process, which is changed, and ``begun`` (n,) says of which rows it runs; ``fresh``
-    (n, steps, 3) is standard normal.
+    ``now`` (n, 3) is the state of the process, which is changed, and ``begun`` (n,) is True for rows in which it runs;
+    ``fresh`` (n, steps, 3) is standard normal.
     """
     out = np.empty_like(fresh)
     for i in range(fresh.shape[0]):

@@ -1,14 +1,14 @@
 """Directed search: a sampler proposes values, missions are flown there, and their figures are reported to it.
 
-    ask for a batch of values -> trials, flown where the store lacks them -> give the sampler the figures, in order
+    request a batch of values -> trials, flown if the store lacks them -> report the figures to the sampler, in order
 
-The sampler is Optuna's: TPE, the tree-structured Parzen estimator, CMA-ES, or independent draws. What it proposes
-follows from its seed and from the figures that it got, batch by batch: the same seed and batch make the same search,
-with whatever number of workers. So a search that was killed goes on by being repeated: what it had flown is
-found in the store.
+The sampler is Optuna's: TPE, the tree-structured Parzen estimator, CMA-ES, or independent draws. Its proposals
+follow from its seed and from the reported figures, batch by batch: the same seed and batch give the same search with
+any number of workers. So a search that was killed resumes when it is repeated: missions that were flown are found in
+the store.
 
-What TPE takes for a proposal grows with the evaluations that it has seen. So it sees a bounded number: at 1,000 it
-forgets all but the 250 best and, of the others, the 250 newest. The best ones it would split off are among them.
+The time of a proposal by TPE grows with the number of evaluations that it has seen. So this number is bounded: at 1,000
+it forgets all but the 250 best and, of the others, the 250 newest. The best ones it would split off are among them.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     import optuna
 
 Sampler = Literal["tpe", "cmaes", "random"]
-_LARGEST = 1e15  # a figure that is infinite counts as this
+_LARGEST = 1e15  # an infinite figure is replaced by this
 _MOST, _KEPT = 1000, 250  # evaluations that TPE sees; of these, as many of the best and of the newest stay
-_FEWEST = 20  # evaluations from which importances say anything
+_FEWEST = 20  # evaluations from which importances are meaningful
 
 
 def directed(
@@ -44,8 +44,8 @@ def directed(
     """Evaluate ``missions`` values of the fields of ``space``, fewer if a figure reaches ``until`` before.
 
     ``batch`` values are proposed at a time. ``progress`` is called with all evaluations so far. A refused mission is
-    reported to the sampler as pruned, which it takes for worse than any that was flown, a failed one as failed.
-    Raises ValueError for a sampler that cannot search the space, and what ``Evaluator.evaluate`` raises.
+    reported to the sampler as pruned, which it treats as worse than any that was flown, a failed one as failed.
+    Raises ValueError for a sampler that cannot search the space, and as ``Evaluator.evaluate`` does.
     """
     proposals = _Proposals(space, sampler, seed)
     found: list[Evaluation] = []
@@ -91,7 +91,7 @@ class _Proposals:
         self._pruned, self._failed = optuna.trial.TrialState.PRUNED, optuna.trial.TrialState.FAIL
 
     def ask(self) -> tuple[optuna.Trial, Values]:
-        """A proposal, and the values that it proposes."""
+        """Return a proposal and the values that it proposes."""
         if self._forgets and self._seen >= _MOST and not self._open:
             self._forget()
         self._open += 1
@@ -113,7 +113,7 @@ class _Proposals:
             self._study.tell(proposal, state=self._pruned if evaluation.ending == "refused" else self._failed)
 
     def _forget(self) -> None:
-        """Go on with the best and the newest evaluations, and with the sampler as it is."""
+        """Continue with the best and the newest evaluations, and with the sampler unchanged."""
         import optuna
 
         trials = self._study.get_trials(deepcopy=False)
@@ -139,9 +139,9 @@ def _distribution(dimension: Dimension) -> optuna.distributions.BaseDistribution
 def importances(
     evaluations: Sequence[Evaluation], space: Sequence[Dimension], largest: bool = False
 ) -> dict[str, float]:
-    """Shares of the fields in what makes figures extreme, the largest first; {} where too few were flown to say.
+    """Return the importances of the fields for extreme figures, the largest first; {} if too few missions were flown.
 
-    By PED-ANOVA: the distribution of each field among the best tenth against that among all.
+    They follow from PED-ANOVA: the distribution of each field among the best tenth against that among all.
     """
     import optuna
 

@@ -1,8 +1,8 @@
 """Evaluations: missions flown at values of some fields, each an ordinary trial in an ordinary store.
 
-An evaluation is *flown* where the mission ran to its end and its summary has the figure; *refused* where the mission
-cannot be flown, which ``mathnavi run`` would call bad input: a ``FieldError``, ``MissionError``, ``PluginError`` or
-``TerrainError``, or another ``ValueError`` while it is built; *failed* where it did not run to its end for another
+An evaluation is *flown* if the mission ran to its end and its summary has the figure; *refused* if the mission
+cannot be flown, which ``mathnavi run`` reports as bad input: a ``FieldError``, ``MissionError``, ``PluginError`` or
+``TerrainError``, or another ``ValueError`` while it is built; *failed* if it did not run to its end for another
 reason, or has no such figure. None is left out.
 """
 
@@ -30,15 +30,15 @@ _BUILDING = re.compile(r'sweep/trial\.py", line \d+, in build$', re.MULTILINE)  
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A mission at values of the fields, and its figure."""
+    """Evaluation of a mission at values of the fields, with its figure."""
 
     number: int  # in the order of the search, from 0
     values: Values
     ending: Ending
     figure: float | None  # None unless flown
-    trial: Trial | None = None  # None where the configuration refuses the values
+    trial: Trial | None = None  # None if the configuration refuses the values
     record: Record | None = None
-    reason: str = ""  # it was refused, or failed
+    reason: str = ""  # why it was refused, or failed
 
     @property
     def violated(self) -> bool:
@@ -48,7 +48,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Objective:
-    """A figure of the summary, which is to become as small as can be, or as large."""
+    """Figure of the summary to minimise or to maximise."""
 
     key: str
     largest: bool = False
@@ -58,45 +58,44 @@ class Objective:
         return -figure if self.largest else figure
 
     def reached(self, figure: float | None, limit: float | None) -> bool:
-        """True where a figure is at a limit or beyond it."""
+        """Return True if a figure is at a limit or beyond it."""
         return figure is not None and limit is not None and self.cost(figure) <= self.cost(limit)
 
     def best(self, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
-        """The evaluations that were flown, the extreme ones first, equal ones in their order."""
+        """Return the evaluations that were flown, the extreme ones first, equal ones in their order."""
         known = [(self.cost(each.figure), each) for each in evaluations if each.figure is not None]
         return [each for _, each in sorted(known, key=lambda pair: pair[0])]
 
 
 class NoSuchFigureError(ValueError):
-    """The summary of a mission has no figure of the name that is searched for."""
+    """Error for a summary that has no figure with the name of the objective."""
 
 
 @dataclass
 class Evaluator:
-    """Flies missions and keeps count of them."""
+    """Evaluator that flies missions and counts them."""
 
     make: Callable[[Values], Trial]
     objective: Objective
     store: Store
     pool: Pool
     timeout: float | None = None  # [s] of a mission
-    retry: bool = False  # those that are stored as timed out or crashed
+    retry: bool = False  # run those again that are stored as timed out or crashed
     progress: Callable[[Progress], None] | None = None  # of the missions of one call
     mix_environments: bool = False  # those that are stored from another computing environment count too
 
     def __post_init__(self) -> None:
         if is_wall_clock(self.objective.key):
             raise NoSuchFigureError(
-                f"{self.objective.key} is a wall-clock time, another every time; allowed: a figure that a seed repeats"
+                f"{self.objective.key} is a wall-clock time, which differs every time; allowed: a figure that a seed repeats"
             )
         self.evaluations: list[Evaluation] = []
         self.elsewhere = Elsewhere()
 
     def evaluate(self, points: Sequence[Values]) -> list[Evaluation]:
-        """Fly the missions at these values that the store lacks; the evaluations in the same order.
+        """Fly the missions at these values that the store lacks; return the evaluations in the same order.
 
-        Raises NoSuchFigureError if a summary has no figure of the objective's name at all, and what ``run_trials``
-        raises.
+        Raises NoSuchFigureError if a summary has no figure of the objective's name at all, and as ``run_trials`` does.
         """
         made = [self._made(values) for values in points]
         trials = [each for each in made if isinstance(each, Trial)]
@@ -116,11 +115,11 @@ class Evaluator:
         return found
 
     def count(self, ending: Ending) -> int:
-        """Evaluations so far that ended so."""
+        """Return the number of evaluations so far with this outcome."""
         return sum(each.ending == ending for each in self.evaluations)
 
     def _made(self, values: Values) -> Trial | str:
-        """The trial, or why there is none."""
+        """Return the trial, or why there is none."""
         try:
             return self.make(values)
         except REFUSALS as error:
@@ -136,7 +135,7 @@ class Evaluator:
             return Evaluation(number, values, "refused" if refused else "failed", None, trial, record, reason)
         if self.objective.key not in record.summary:
             known = ", ".join(name for name, value in record.summary.items() if is_number(value))
-            raise NoSuchFigureError(f"{self.objective.key} is no figure of {record.scenario}; allowed: {known}")
+            raise NoSuchFigureError(f"{self.objective.key} is not a figure of {record.scenario}; allowed: {known}")
         figure = record.summary[self.objective.key]
         if not is_number(figure):
             reason = f"its {self.objective.key} is {figure!r}"

@@ -1,8 +1,8 @@
-"""Probability of an event that hardly any mission shows: multilevel splitting over the random streams of a scenario.
+"""Probability of a rare event: multilevel splitting over the random streams of a scenario.
 
 A particle is a chain of redraws (``mathnavi.sim.scenarios.redraw``), the first of everything; the kernel appends one
-more, of a share drawn from ``SHARES``. The level is the figure of the mission. A mission that is refused is as far from
-the event as can be, one that failed counts as the event. Fields with a range are uniform over it, or over its
+more, of a share drawn from ``SHARES``. The level is the figure of the mission. A refused mission is infinitely far from
+the event, a failed one counts as the event. Fields with a range are uniform over it, or over its
 logarithm, and are redrawn like any other block.
 """
 
@@ -23,14 +23,14 @@ from mathnavi.sim.search.space import Dimension, Values, drawn
 from mathnavi.sim.search.splitting import ProbabilityInterval, Splitting, mean_interval, split
 
 REDRAW = "redraw"  # the field of a scenario
-SHARES = (0.5, 0.2, 0.05)  # of the blocks, that a transition draws again: long and short steps
+SHARES = (0.5, 0.2, 0.05)  # shares of the blocks that a transition draws again: long and short steps
 
 Chain = tuple[Redraw, ...]
 
 
 @dataclass(frozen=True)
 class Chance:
-    """The distribution of a scenario's random draws, as chains of redraws."""
+    """Distribution of a scenario's random draws, as chains of redraws."""
 
     def draw(self, rng: np.random.Generator) -> Chain:
         """Draw everything."""
@@ -43,16 +43,16 @@ class Chance:
 
 @dataclass(frozen=True)
 class RareEvent:
-    """The probability of {figure at ``level`` or beyond}, over all repetitions."""
+    """Probability of {figure at ``level`` or beyond}, over all repetitions."""
 
     level: float  # figure
     probability: ProbabilityInterval
-    reached: bool  # False: the level asked for lies beyond, so the event is rarer than ``probability.high`` says
+    reached: bool  # False: the requested level lies beyond, so the event is rarer than ``probability.high`` says
     repetitions: tuple[Splitting[Chain], ...] = field(repr=False)
 
 
 def chance_values(chain: Chain, space: Sequence[Dimension]) -> Values:
-    """The fields of a mission that follow from a chain of redraws."""
+    """Return the fields of a mission that follow from a chain of redraws."""
     shares = [
         float(generator(np.random.SeedSequence(0, spawn_key=(zlib.crc32(each.name.encode()),)), chain).random())
         for each in space
@@ -73,12 +73,12 @@ def rare_event(
 ) -> RareEvent:
     """Estimate the probability of a figure at ``threshold`` or beyond, with at most ``missions`` missions in all.
 
-    Raises ValueError for fewer than two repetitions or particles, and where ``missions`` leaves a repetition fewer than
+    Raises ValueError for fewer than two repetitions or particles, and if ``missions`` leaves a repetition fewer than
     its particles.
     """
     most = missions // repetitions
     if repetitions < 2:
-        raise ArgumentError(f"repetitions = {repetitions}; allowed: two or more, for their spread gives the interval")
+        raise ArgumentError(f"repetitions = {repetitions}; allowed: two or more, because their spread gives the interval")
     if most < particles:
         raise ArgumentError(
             f"missions = {missions}; allowed: >= {particles * repetitions}, the particles of all repetitions"
@@ -113,7 +113,7 @@ def rare_event(
 
 
 def _bound(made: tuple[Splitting[Chain], ...], cost: Callable[[float], float]) -> RareEvent:
-    """The probability of the nearest level that every repetition has reached."""
+    """Return the probability of the nearest level that every repetition has reached."""
     common = max(each.levels[-1] for each in made)
     before = [
         max((k for k, level in enumerate(each.levels) if level >= common and each.probabilities[k] > 0.0), default=-1)

@@ -1,4 +1,4 @@
-"""The fields that a search varies, each over a range or over listed values."""
+"""Space of a search: the fields that it varies, each over a range or over listed values."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ Values = Mapping[str, Any]  # of the fields of a search, by name
 
 @dataclass(frozen=True)
 class Range:
-    """A field with a value from ``low`` to ``high``, whole numbers if both are, evenly spread over their logarithms
-    if ``log``."""
+    """Field with a value from ``low`` to ``high``, whole numbers if both are, uniform in their logarithms if ``log``.
+    """
 
     name: str
     low: float
@@ -34,7 +34,8 @@ class Range:
         return isinstance(self.low, int) and isinstance(self.high, int)
 
     def at(self, share: float) -> float:
-        """The value at a share, from 0 to less than 1, of the range: the inverse of its distribution function."""
+        """Return the value at a share, from 0 to less than 1, of the range: the inverse of its distribution function.
+        """
         low, high = (self.low, self.high + 1) if self.whole else (self.low, self.high)
         value = low * (high / low) ** share if self.log else low + share * (high - low)
         return min(math.floor(value), self.high) if self.whole else min(value, self.high)
@@ -42,13 +43,13 @@ class Range:
 
 @dataclass(frozen=True)
 class Choice:
-    """A field with one of several values, which need not be numbers."""
+    """Field with one of several values, which need not be numbers."""
 
     name: str
     values: tuple[Any, ...]
 
     def at(self, share: float) -> Any:
-        """The value at a share, from 0 to less than 1, of the list."""
+        """Return the value at a share, from 0 to less than 1, of the list."""
         return self.values[int(share * len(self.values))]
 
 
@@ -56,5 +57,5 @@ Dimension = Range | Choice
 
 
 def drawn(space: Sequence[Dimension], shares: Sequence[float]) -> dict[str, Any]:
-    """The values of all fields at these shares (n,) of their ranges, from 0 to less than 1."""
+    """Return the values of all fields at these shares (n,) of their ranges, from 0 to less than 1."""
     return {dimension.name: dimension.at(share) for dimension, share in zip(space, shares, strict=True)}

@@ -1,17 +1,17 @@
-"""Adaptive multilevel splitting: the probability of an event that hardly any draw from the prior shows.
+"""Adaptive multilevel splitting: the probability of an event that is rare under the prior.
 
-A level S(X) says how near a draw X comes to the event {S(X) <= s}, s its threshold (smaller is nearer). N particles are
-drawn from the prior. As long as the k-th largest level Z_j lies above s,
+A level S(X) measures how near a draw X comes to the event {S(X) <= s}, s its threshold (smaller is nearer). N particles
+are drawn from the prior. As long as the k-th largest level Z_j lies above s,
 
     K_j = number of particles with S >= Z_j
 
-of them, those that are farthest from the event, die; each is replaced by a copy of one that is left, which then makes
+of them, those that are farthest from the event, die; each is replaced by a copy of a survivor, which then makes
 ``steps`` transitions that are reversible with respect to the prior, each accepted only if it stays nearer than Z_j. The
 estimate
 
     p^ = prod_j (1 - K_j / N) * #{S(X_i) <= s} / N
 
-is unbiased for whatever N, k, steps and kernel (Bréhier, Gazeau, Goudenège, Lelièvre, Rousset, Annals of Applied
+is unbiased for any N, k, steps and kernel (Bréhier, Gazeau, Goudenège, Lelièvre, Rousset, Annals of Applied
 Probability 26, 2016; Cérou and Guyader, Stochastic Analysis and Applications 25, 2007). Kernels that mix badly cost
 variance, not bias. So the estimate of several independent repetitions is their mean, and the interval follows from
 their spread (``mean_interval``).
@@ -33,24 +33,24 @@ Particle = TypeVar("Particle")
 
 
 class Prior(Protocol[Particle]):
-    """The distribution that particles are drawn from, and a kernel that is reversible with respect to it."""
+    """Distribution from which particles are drawn, and a kernel that is reversible with respect to it."""
 
     def draw(self, rng: np.random.Generator) -> Particle:
-        """A particle."""
+        """Draw a particle."""
         ...
 
     def propose(self, particle: Particle, rng: np.random.Generator) -> Particle:
-        """Another particle, by the kernel."""
+        """Propose another particle by the kernel."""
         ...
 
 
 @dataclass(frozen=True)
 class Splitting(Generic[Particle]):
-    """One repetition: estimates of P(S <= level) for levels that come nearer and nearer to the event."""
+    """Result of one repetition: estimates of P(S <= level) for levels that come nearer and nearer to the event."""
 
     levels: tuple[float, ...]  # Z_0 > Z_1 > ...
     probabilities: tuple[float, ...]  # prod_(i <= j) (1 - K_i / N), of S < Z_j
-    estimate: float | None  # p^; None where the evaluations ran out before the event was reached
+    estimate: float | None  # p^; None if the evaluations ran out before the event was reached
     evaluations: int
     accepted: float  # share of the transitions
     particles: tuple[tuple[Particle, float], ...]  # at the end, each with its level
@@ -67,10 +67,11 @@ def split(
     steps: int = 5,
     most: float = math.inf,
 ) -> Splitting[Particle]:
-    """One repetition of the algorithm.
+    """Run one repetition of the algorithm.
 
-    ``evaluate`` returns the levels of particles, ``killed`` is the least share of them that dies at a level. No more
-    than ``most`` evaluations are begun. ArgumentError for fewer than two particles and a share that kills none or all.
+    ``evaluate`` returns the levels of particles, ``killed`` is the least share of them that dies at a level. At most
+    ``most`` evaluations are begun. Raises ArgumentError for fewer than two particles and a share that kills none or
+    all.
     """
     kill = math.ceil(killed * particles)
     if not 1 <= kill < particles:
@@ -110,7 +111,7 @@ def split(
 
 @dataclass(frozen=True)
 class ProbabilityInterval:
-    """A probability with the limits that cover it with a confidence."""
+    """Probability with the limits that cover it with a given confidence."""
 
     value: float
     low: float
@@ -120,14 +121,14 @@ class ProbabilityInterval:
 
 
 def mean_interval(estimates: Sequence[float], confidence: float = 0.95) -> ProbabilityInterval:
-    """The mean of unbiased estimates of a probability, from independent repetitions, and its interval.
+    """Return the mean of unbiased estimates of a probability, from independent repetitions, and its interval.
 
     The estimates are skewed, nearly log-normal, so Student's interval is taken for the logarithm of their mean, p
-    exp(+- t s / (p sqrt(n))). Where every estimate is 0 nothing but 0 to 1 is said. ArgumentError for fewer than two.
+    exp(+- t s / (p sqrt(n))). If every estimate is 0, the interval is 0 to 1. Raises ArgumentError for fewer than two.
     """
     n = len(estimates)
     if n < 2:
-        raise ArgumentError(f"estimates = {n}; allowed: two or more, for their spread gives the interval")
+        raise ArgumentError(f"estimates = {n}; allowed: two or more, because their spread gives the interval")
     mean = float(np.mean(estimates))
     if mean == 0.0:
         return ProbabilityInterval(0.0, 0.0, 1.0, n, confidence)

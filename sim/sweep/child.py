@@ -1,9 +1,9 @@
-"""The parent's side of a child process that runs tasks (``mathnavi.sim.sweep.serve``): time-outs, crashes,
-replacement.
+"""Parent's side of a child process that runs tasks (``mathnavi.sim.sweep.serve``): time-outs, crashes, replacement.
 
-A task, a trial or a job, runs in a process of its own so that whatever a plug-in does ends that process and nothing
-else. The process is started as a program, not forked, so it can be had from any thread and inside Dask's workers, and
-it leads a session of its own, so that Ctrl-C does not reach it and what a plug-in has started is killed with it.
+A task, a trial or a job, runs in a separate process so that a faulty plug-in ends that process and nothing
+else. The process is started as a program, not forked, so it can be started from any thread and inside Dask's workers,
+and it leads its own session, so that Ctrl-C does not reach it and processes that a plug-in has started are killed with
+it.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"),
     "PYTHONHASHSEED": "0",
 }
-_INTERVAL = 1.0  # [s] between two checks of whether somebody still waits
+_INTERVAL = 1.0  # [s] between two checks of whether the result is still needed
 _OUTPUT_LINES = 20  # of what a child printed before it died
 _OUTPUT_BYTES = 4000
 _EXIT_GRACE = 10.0  # [s] between the end of a connection and that of its process
@@ -42,15 +42,16 @@ _children: WeakSet[_Child] = WeakSet()  # of this process
 
 
 class RefusedError(RuntimeError):
-    """A child process does not run what was asked, because its code or its files are others."""
+    """Refusal of a child process to run a task, because its code or its files differ."""
 
 
 class OtherEnvironmentError(RefusedError):
-    """A worker computes in another environment, so that its results agree with those of this one to rounding only."""
+    """Difference in the environment of a worker, so that its results agree with those of this one only up to rounding.
+    """
 
     @staticmethod
     def from_difference(words: str) -> OtherEnvironmentError:
-        """The error for a difference between two environments in words."""
+        """Return the error for a difference between two environments, given in words."""
         return OtherEnvironmentError(
             f"a worker computes in another environment, {words}: its results would agree with those of this one to "
             "rounding, not bit for bit; allowed: the same environment, or --mix-environments"
@@ -58,22 +59,22 @@ class OtherEnvironmentError(RefusedError):
 
 
 class StoppedError(RuntimeError):
-    """Nobody waits for the task any more."""
+    """Signal that the result of the task is no longer needed."""
 
 
 class OverdueError(RuntimeError):
-    """A task has used up its time."""
+    """Time-out of a task."""
 
 
 class DiedError(RuntimeError):
-    """A child process ended in the middle of a task; the message says how."""
+    """End of a child process during a task; the message says how."""
 
 
 class Worker:
-    """Runs one task after the other in a child process, which is replaced when it has died or had to be killed."""
+    """Runner of one task after the other in a child process, which is replaced when it has died or had to be killed."""
 
     def __init__(self, path: Sequence[str], folder: str | None = None) -> None:
-        """``path`` is the child's sys.path, ``folder`` where it works."""
+        """Set the child's sys.path, ``path``, and its working folder, ``folder``."""
         self._path, self._folder = path, folder
         self._child: _Child | None = None
         self._closed = False
@@ -87,14 +88,14 @@ class Worker:
         stopped: Callable[[], bool] = lambda: False,
         compiling: Callable[[], None] = lambda: None,
     ) -> Ended:
-        """The record of a task that may take ``timeout`` [s], not counting what numba compiles.
+        """Run a task that may take ``timeout`` [s], without numba's compilation, and return its record.
 
-        A child that dies, or refuses, is believed if it had served nothing else before; otherwise the task is run once
-        more, in a new one: neither what an earlier task has left behind nor sources that were loaded long ago count.
+        The death or the refusal of a child counts if it had run nothing else before; otherwise the task runs once
+        more, in a new one, so that neither leftovers of an earlier task nor outdated sources matter.
         ``compiling`` is called when numba compiles.
 
-        Raises RefusedError, and StoppedError when the worker is stopped meanwhile or ``stopped()``, which is asked now
-        and then, says that nobody waits for the record.
+        Raises RefusedError, and StoppedError when the worker is stopped meanwhile or ``stopped()``, which is called
+        from time to time, returns that the record is no longer needed.
         """
         request = pickle.dumps((task, content))
         while True:
@@ -118,7 +119,7 @@ class Worker:
                 raise
 
     def stop(self) -> None:
-        """Kill the child, from any thread; no task runs any more."""
+        """Kill the child, from any thread; no task can run afterwards."""
         with self._lock:
             self._closed = True
             if self._child is not None:
@@ -155,7 +156,7 @@ class Worker:
 
 
 class _Clock:
-    """The rest of a limit [s]; it stands until it is started."""
+    """Clock of the time left of a limit [s]; it stands still until it is started."""
 
     def __init__(self, limit: float | None) -> None:
         self._left, self._since = math.inf if limit is None else limit, math.nan
@@ -172,7 +173,7 @@ class _Clock:
 
 
 class _Child:
-    """One process."""
+    """Child process with its connection."""
 
     def __init__(self, path: Sequence[str], folder: str | None) -> None:
         self.served = 0  # tasks
@@ -198,7 +199,7 @@ class _Child:
     def ask(
         self, request: bytes, timeout: float | None, compiling: Callable[[], None], stopped: Callable[[], bool]
     ) -> Ended:
-        """The record of one task; OverdueError, DiedError, RefusedError, StoppedError."""
+        """Request one task and return its record; OverdueError, DiedError, RefusedError, StoppedError."""
         clock = _Clock(timeout)
         self._output.truncate(0)
         try:
@@ -254,11 +255,13 @@ class _Child:
 
 
 def kill_children() -> None:
-    """Kill every child process of this process, and what these have started: nobody waits for them any more."""
+    """Kill every child process of this process, and the processes that these have started: no result is needed any
+    more.
+    """
     for child in list(_children):
         child.kill()
 
 
 def module_path() -> list[str]:
-    """The ``sys.path`` of this process."""
+    """Return the ``sys.path`` of this process."""
     return [entry for entry in sys.path if isinstance(entry, str)]

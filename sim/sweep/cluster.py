@@ -1,8 +1,8 @@
-"""Trials and jobs on a Dask cluster: the same child processes, one for every thread of the cluster's workers.
+"""Backend for trials and jobs on a Dask cluster: the same child processes, one for every thread of its workers.
 
-The workers need mathnavi as it is here, and the files that tasks name under the same names; a worker that has others
+The workers need the same version of mathnavi, and the files that tasks name under the same names; a worker with others
 refuses, and so does one in another computing environment unless environments are mixed. A worker that dies costs
-nothing but time: Dask runs its tasks elsewhere, and only a task that has cost several workers is recorded as crashed.
+only time: Dask runs its tasks elsewhere, and only a task that has killed several workers is recorded as crashed.
 When a sweep ends, the child processes that run no task end too.
 """
 
@@ -35,13 +35,13 @@ _ALLOWED = (
 
 
 class LostError(RuntimeError):
-    """The cluster is gone, or cannot run tasks at all."""
+    """Loss of the cluster, or of its ability to run tasks."""
 
 
 def check(address: str) -> None:
-    """ArgumentError if Dask is missing, or if no scheduler answers at ``address``."""
+    """Raise ArgumentError if Dask is missing, or if no scheduler answers at ``address``."""
     try:
-        with ThreadPoolExecutor(1) as aside:  # this thread may have an event loop of its own
+        with ThreadPoolExecutor(1) as aside:  # this thread may have its own event loop
             kind = aside.submit(asyncio.run, _kind(address, _dask())).result()
     except ModuleNotFoundError as error:
         raise ArgumentError(f"cluster = {address!r}: {HOW_TO_INSTALL}") from error
@@ -56,14 +56,14 @@ def _dask() -> Any:
 
 
 async def _kind(address: str, distributed: Any) -> str:
-    """What answers at an address. A whole client that finds nobody would take long to give up."""
+    """Return the kind of server at an address; a whole client without a scheduler would take long to give up."""
     arguments = distributed.Security().get_connection_args("client")
     async with distributed.rpc(address, timeout=PATIENCE, connection_args=arguments) as other:
         return str((await asyncio.wait_for(other.identity(), 2.0 * PATIENCE))["type"])
 
 
 class DaskCluster:
-    """A client, and the futures of the tasks that have not ended."""
+    """Backend with a client, and the futures of the tasks that have not ended."""
 
     def __init__(self, address: str, mix_environments: bool = False) -> None:
         self._address = address
@@ -113,7 +113,7 @@ class DaskCluster:
 
 
 def own_path() -> list[str]:
-    """Folders of the user's own modules: of ``sys.path`` what is no part of the Python installation."""
+    """Return the folders of the user's modules: the part of ``sys.path`` outside the Python installation."""
     folders = [Path(entry).resolve() for entry in module_path()]
     installed = [Path(folder).resolve() for folder in (sys.prefix, sys.base_prefix)]
     return [str(folder) for folder in folders if not any(map(folder.is_relative_to, installed))]
@@ -136,7 +136,7 @@ def execute(
 ) -> Ended:
     """Run a task in a child process of this Dask worker, from the client's folder if it is there too.
 
-    OtherEnvironmentError where the computing environment is not the one that is ``needed``, if one is.
+    Raises OtherEnvironmentError if the computing environment is not the ``needed`` one, if given.
     """
     if needed and (other := difference(needed)):
         raise OtherEnvironmentError.from_difference(other.replace("(here", "(there"))
@@ -167,7 +167,7 @@ def close_idle_workers() -> None:
 
 
 def _taken(place: Place) -> Worker:
-    """An idle worker of that place, or a new one."""
+    """Return an idle worker of that place, or a new one."""
     with _guard:
         for k, (its_place, worker) in enumerate(_idle):
             if its_place == place:

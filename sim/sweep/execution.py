@@ -1,10 +1,10 @@
-"""Trials and jobs in parallel, into a store.
+"""Execution of trials and jobs in parallel, into a store.
 
-What the store lacks is run, what ends is committed at once, and the rest may stop any time.
+Tasks that the store lacks are run, each is committed when it ends, and the execution may stop at any time.
 
     tasks -> hashes -> those that the store lacks -> workers (threads, each with a child process; or Dask) -> one writer
 
-Order and number of workers change nothing in a record.
+A record does not depend on the order and the number of workers.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Progress:
     total: int  # tasks, each counted once
     found: int  # of them, in the store before
     done: int  # and those too
-    failed: int  # of those that are done: did not run to their end
+    failed: int  # of those that are done: tasks that did not run to their end
     unsuccessful: int  # ran to their end, but the mission did not do what it should
     compiling: bool  # a worker has waited for numba, which happens once on a machine
 
@@ -53,18 +53,19 @@ def run_trials(
     mix_environments: bool = False,
     elsewhere: Elsewhere | None = None,
 ) -> list[Record]:
-    """Run the trials whose keys the store lacks, store each as it ends; the records in the order of ``trials``.
+    """Run the trials whose keys the store lacks, store each as it ends, and return the records in the order of
+    ``trials``.
 
     A trial that raises, crashes or takes longer than ``timeout`` [s] is a record too. With ``retry``, trials that the
     store records as crashed or timed out are run again, and their records replaced. ``workers`` processes run on this
     machine, or, with the address of a Dask scheduler for ``cluster``, one for every thread of the cluster's workers;
     with a ``pool``, those of the pool, which stay for the next call.
     Records of another computing environment, with other versions or another kind of processor, agree with those of this
-    one to rounding only, so they are left aside, and workers of a cluster in another environment are refused. With
-    ``mix_environments`` both do; ``elsewhere`` counts the stored ones.
-    Whatever ends the sweep before its time, Ctrl-C too, leaves everything that has ended in the store; the same call
-    goes on from there. A trial that is asked for twice runs once. What is returned names files as ``trials`` do, though
-    the store may have their content under other names.
+    one only up to rounding, so they are ignored, and workers of a cluster in another environment are refused. With
+    ``mix_environments`` both are accepted; ``elsewhere`` counts the stored ones.
+    If the sweep ends early, by Ctrl-C too, everything that has ended is in the store; the same call resumes from there.
+    A trial that is requested twice runs once. The returned records name files as ``trials`` do, though the store may
+    have their content under other names.
 
     Raises ValueError for bad arguments and a cluster that does not answer, StoreWriteError if the store can no longer
     be written, RefusedError if the sources or a file have changed since the keys were made, and LostError if the
@@ -90,7 +91,7 @@ def run_jobs(
     mix_environments: bool = False,
     elsewhere: Elsewhere | None = None,
 ) -> list[JobRecord]:
-    """Run the jobs whose keys the store lacks, store each as it ends; the records in the order of ``jobs``.
+    """Run the jobs whose keys the store lacks, store each as it ends, and return the records in the order of ``jobs``.
 
     Arguments, interruption and exceptions as for ``run_trials``.
     """
@@ -128,7 +129,7 @@ class _Run:
     ) -> dict[str, str]:
         """Run the tasks that the store lacks, with ``retry`` also those that crashed or timed out.
 
-        ``tasks`` are by their content hashes, ``endings`` by keys; the keys of the records of all tasks.
+        ``tasks`` are by their content hashes, ``endings`` by keys. Returns the keys of the records of all tasks.
         """
         stored = store.keys_of(tasks, self.mix_environments, elsewhere)
         ended = {content: endings[key] for content, key in stored.items()}
@@ -146,7 +147,7 @@ def _backend(workers: int, cluster: str | None, mix_environments: bool) -> Backe
 
 
 class Pool:
-    """Workers that stay while one list of trials after the other is run, so that no child process starts twice.
+    """Pool of workers that stay while several lists of trials are run, so that no child process starts twice.
 
     with Pool(workers=2) as pool:
         run_trials(some, store, pool=pool)
@@ -154,9 +155,9 @@ class Pool:
     """
 
     def __init__(self, workers: int = 1, cluster: str | None = None, mix_environments: bool = False) -> None:
-        """ArgumentError for fewer workers than one, and for the address of a cluster that does not answer.
+        """Start the pool; with ``mix_environments`` workers of the cluster may compute in another environment.
 
-        With ``mix_environments`` workers of the cluster may compute in another environment.
+        Raises ArgumentError for fewer workers than one, and for the address of a cluster that does not answer.
         """
         if workers < 1:
             raise ArgumentError(f"workers = {workers!r}; allowed: a whole number >= 1")
@@ -174,7 +175,7 @@ class Pool:
         self._backend.start(tasks, timeout, reported)
 
     def stop(self) -> None:
-        """End at once what still runs; workers that have done everything stay."""
+        """End all running tasks at once; idle workers stay."""
         if self._running:
             self._backend.stop()
 
@@ -186,12 +187,12 @@ class Pool:
 
 
 def available_cores() -> int:
-    """The processor's cores that this process may use."""
+    """Return the number of the processor's cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class _Sweep:
-    """Takes what a backend reports, and stores it."""
+    """Receiver of the reports of a backend, which stores them."""
 
     def __init__(
         self,
@@ -215,7 +216,7 @@ class _Sweep:
         try:
             backend.start(self._tasks, timeout, queue.put)
             while self._pending:
-                messages = [queue.get(), *_rest(queue)]  # commits wait for the disk, so all there is goes into one
+                messages = [queue.get(), *_rest(queue)]  # commits wait for the disk, so all available records go into one
                 self._take(messages)
                 fault = next((message for message in messages if isinstance(message, BaseException)), None)
                 messages = []
@@ -231,9 +232,9 @@ class _Sweep:
             backend.stop()
 
     def _take(self, messages: Sequence[Message]) -> None:
-        """Commit what has ended, and count it, once though it may be taken twice.
+        """Commit the tasks that have ended, and count each once though it may be reported twice.
 
-        OtherEnvironmentError for what was computed in another environment, unless environments are mixed.
+        Raises OtherEnvironmentError for a result from another environment, unless environments are mixed.
         """
         ended = [message for message in messages if isinstance(message, Ended)]
         self._store.add(*ended, retried=self._retry)
@@ -248,7 +249,7 @@ class _Sweep:
 
 
 def _counted(before: Progress, endings: Collection[Ending]) -> Progress:
-    """Add the endings to the counts of what has gone wrong."""
+    """Add the endings to the counts of failures."""
     return replace(
         before,
         failed=before.failed + sum(ending.status != "ok" for ending in endings),
@@ -266,7 +267,7 @@ def _rest(queue: SimpleQueue[Message]) -> list[Message]:
 
 
 class LocalWorkers:
-    """Threads of this process, each with a child process that runs the tasks, and stays until ``stop``."""
+    """Backend of threads of this process, each with a child process that runs the tasks and stays until ``stop``."""
 
     def __init__(self, count: int) -> None:
         self._count = count

@@ -1,9 +1,9 @@
-"""A job: a call of a module-level function with plain arguments, for computations that are no scenario.
+"""Job: a call of a module-level function with plain arguments, for computations without a scenario.
 
-The key of a job is the hash of the function's place, the arguments and what is in files that they name, the seed, the
-installed sources and the environment, so a result in a store is that of this very call. A result is plain data,
-their dataclasses, arrays (``mathnavi.sim.records.encoding``). A duration is returned as a ``MeasuredTime``, which a
-store keeps apart.
+The key of a job is the hash of the function's place, the arguments and the content of files that they name, the seed,
+the installed sources and the environment, so a result in a store belongs to exactly this call. A result is plain data,
+dataclasses of it, and arrays (``mathnavi.sim.records.encoding``). A duration is returned as a ``MeasuredTime``, which a
+store keeps separately.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from mathnavi.sim.records.store import canonical_json
 
 @dataclass(frozen=True)
 class Job:
-    """A call that any process can make; ``job`` builds it."""
+    """Call that any process can make; ``job`` builds it."""
 
     function: str  # "package.module:function"
     arguments: str  # JSON of the positional arguments and of those by name
@@ -37,12 +37,12 @@ class Job:
 
     @property
     def code(self) -> str:
-        """The version of the code that it runs."""
+        """Version of the code that it runs."""
         return code_version(at_place(self.function))
 
     @property
     def content(self) -> str:
-        """The hash of function, arguments, what is in files that they name, seed and code."""
+        """Hash of function, arguments, content of the files that they name, seed and code."""
         with trusting():  # likewise
             inputs = argument_digests(decoded(Encoded(parsed(self.arguments, self.function, ValueError))))
         called = canonical_json([self.function, self.arguments, inputs, self.seed, self.code])
@@ -50,17 +50,17 @@ class Job:
 
     @property
     def key(self) -> str:
-        """The hash of the content and of the environment of this process."""
+        """Hash of the content and of the environment of this process."""
         return in_environment(self.content)
 
     def call(self) -> Any:
         """Call the function in this process, and return what it returns."""
-        with trusting():  # whoever made the job has chosen its arguments
+        with trusting():  # the caller that made the job has chosen its arguments
             positional, named = decoded(Encoded(parsed(self.arguments, self.function, ValueError)))
         return at_place(self.function)(*positional, **named)
 
     def perform(self) -> dict[str, Any]:
-        """Call the function; its result as a record has it. TypeError for a result that cannot be stored."""
+        """Call the function; return its result as in a record. Raises TypeError for a result that cannot be stored."""
         coded = encoded(self.call())
         return {"result": _text(coded.tree), "arrays": coded.arrays, "timings": dict(coded.timings)}
 
@@ -74,19 +74,19 @@ class Job:
         timings: Mapping[str, float | None] | None = None,
         error: str | None = None,
     ) -> JobRecord:
-        """The record of how it ended in this process, under the key that it has here."""
+        """Return the record of how it ended in this process, under the key that it has here."""
         called = (in_environment(content), self.function, self.arguments, self.seed, self.code)
         origin = Origin(content, environment())
         return JobRecord(*called, status, result, arrays, dict(timings or {}), error, origin)
 
 
 def job(function: Callable[..., Any], *arguments: Any, seed: int = 0, **named: Any) -> Job:
-    """A call of ``function``, with ``seed`` for the global generators of the process that makes it.
+    """Build a call of ``function``, with ``seed`` for the global generators of the process that makes it.
 
         job(rate_on, RateCase("ring", 8, seed=0))
 
     Raises ValueError for a function that is not found by its name from another process, and TypeError for arguments
-    that are no plain data: numbers, texts, lists, tuples, mappings, and dataclasses of them.
+    that are not plain data: numbers, texts, lists, tuples, mappings, and dataclasses of them.
     """
     coded = encoded((arguments, named))
     if coded.arrays is not None or coded.timings:

@@ -1,9 +1,9 @@
-"""The child process of a sweep: it runs task after task, trials or jobs, for its parent, and dies with it.
+"""Child process of a sweep: it runs task after task, trials or jobs, for its parent, and ends with it.
 
-It hears on a connection of its own, so nothing that a plug-in prints can be taken for an answer:
+It communicates on a separate connection, so nothing that a plug-in prints can be taken for an answer:
 
     parent -> child     the pickled pair (task, content)
-    child -> parent     ("refused", why)                 its code or its files are not those that the hash stands for
+    child -> parent     ("refused", why)                 its code or its files are not those in the hash
                         ("began", None)                  from here on time counts
                         ("compiling", True or False)     numba has begun, or ended; this does not count
                         ("ended", record)
@@ -47,7 +47,7 @@ _LOADED = re.compile(r"^Extension modules:.*\n?", re.MULTILINE)
 def main(descriptor: int) -> None:
     """Serve until the other end of the connection is closed."""
     os.set_inheritable(descriptor, False)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     faulthandler.enable(all_threads=False, **WITHOUT_C_STACK)
     with suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(_OOM_SCORE)
@@ -64,13 +64,13 @@ def main(descriptor: int) -> None:
 
 
 def comparable(text: str) -> str:
-    """The message of an error, without what differs from process to process."""
+    """Return the message of an error without the parts that differ from process to process."""
     message = _LOADED.sub("", _ADDRESS.sub("0x...", text)).strip()
     return message[-MOST_CHARACTERS:].encode("utf-8", "backslashreplace").decode()
 
 
 def _hear(connection: Connection[Any, Any], requests: SimpleQueue[bytes]) -> None:
-    """Pass requests on; when the parent is gone, end this process and what its plug-ins have started."""
+    """Pass requests on; when the parent is gone, end this process and the processes that its plug-ins have started."""
     with suppress(EOFError, OSError):
         while True:
             requests.put(connection.recv_bytes())
@@ -88,7 +88,7 @@ def _answer(request: bytes, send: Send) -> None:
     if not same:
         send("refused", f"a worker has other sources or files than the sweep began with: its code is {task.code}")
         return
-    # A plug-in draws from the generator that it is given; one that does not repeats itself all the same.
+    # A plug-in draws from the generator that is passed to it; one that does not is repeatable all the same.
     random.seed(task.seed)
     np.random.seed(task.seed % 2**32)
     loaded = "numba" in sys.modules

@@ -1,4 +1,4 @@
-"""A task, the unit of work of a worker process: a trial or a job; and what a backend reports."""
+"""Task, the unit of work of a worker process: a trial or a job; and the reports of a backend."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Message = Ended | BaseException | None  # None: a worker waits until numba has c
 
 
 class SweepTask(Protocol):
-    """A computation that any process can repeat from what the task itself says."""
+    """Computation that any process can repeat from the content of the task alone."""
 
     WALL_TIME: ClassVar[str]  # the timing under which the duration of the whole task is recorded
 
@@ -22,31 +22,32 @@ class SweepTask(Protocol):
 
     @property
     def content(self) -> str:
-        """The hash of what is computed, its arguments, its seed and the installed sources."""
+        """Hash of the computation, its arguments, its seed and the installed sources."""
         ...
 
     @property
     def code(self) -> str:
-        """The version of the code that it runs."""
+        """Version of the code that it runs."""
         ...
 
     def perform(self) -> dict[str, Any]:
-        """Compute; the fields of the record that hold the result, ``timings`` among them."""
+        """Compute; return the fields of the record that hold the result, including ``timings``."""
         ...
 
     @property
     def record(self) -> Callable[..., Any]:
-        """Makes the record of how it ended: of a content hash, a status, and the fields of ``perform`` or ``error``."""
+        """Return the record of how it ended, from a content hash, a status, and the fields of ``perform`` or ``error``.
+        """
         ...
 
 
 class Backend(Protocol):
-    """Runs tasks somewhere, and reports each as it ends, from threads of its own."""
+    """Backend that runs tasks, and reports each as it ends, from its own threads."""
 
     def start(self, tasks: Mapping[str, SweepTask], timeout: float | None, report: Callable[[Message], None]) -> None:
-        """Begin; ``tasks`` by their content hashes, each with at most ``timeout`` [s]."""
+        """Begin to run ``tasks``, given by their content hashes, each for at most ``timeout`` [s]."""
         ...
 
     def stop(self) -> None:
-        """End at once. Nothing is reported afterwards."""
+        """End all tasks at once. Nothing is reported afterwards."""
         ...

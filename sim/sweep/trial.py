@@ -1,10 +1,10 @@
-"""One trial: a scenario with its plug-ins, every field resolved, and a seed. Its key is the hash of its content.
+"""Trial: a scenario with its plug-ins, every field resolved, and a seed. Its key is the hash of its content.
 
-In the key, the digest of what is in a file stands for the field that names it
-(``mathnavi.sim.interfaces.input_files``), and the environment that it is computed in is part of it.
+In the key, the digest of a file's content replaces the field that names the file
+(``mathnavi.sim.interfaces.input_files``), and the computing environment is part of the key.
 
-A trial may name a measure, a function at "package.module:function" that makes figures of the ``RunResult``, which holds
-the whole log. They join the summary, and only they are kept of it.
+A trial may name a measure, a function at "package.module:function" that computes figures from the ``RunResult``, which
+holds the whole log. The figures are added to the summary, and the log is not kept.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ if TYPE_CHECKING:  # the processes of a sweep import a scenario only where they 
 
 @dataclass(frozen=True)
 class Trial:
-    """A run that any process can repeat. Plug-ins are named as on the command line, or as "package.module:Class"."""
+    """Run that any process can repeat. Plug-ins are named as on the command line, or as "package.module:Class"."""
 
     scenario: str
     config: Any  # frozen dataclass of the scenario
@@ -52,12 +52,12 @@ class Trial:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """All resolved fields as plain data, and the digests of the files that fields name."""
+        """Return all resolved fields as plain data, and the digests of the files that fields name."""
         return self._parameters(run_inputs(*self._configs))
 
     @property
     def code(self) -> str:
-        """The version of the code that it runs."""
+        """Version of the code that it runs."""
         return code_version(
             _plugin("scenarios", self.scenario),
             _plugin("controllers", self.controller),
@@ -68,16 +68,16 @@ class Trial:
 
     @property
     def content(self) -> str:
-        """The hash of scenario, parameters, seed and code."""
+        """Hash of scenario, parameters, seed and code."""
         return contents([self])[0]
 
     @property
     def key(self) -> str:
-        """The hash of the content and of the environment of this process."""
+        """Hash of the content and of the environment of this process."""
         return in_environment(self.content)
 
     def build(self) -> ClosedLoop:
-        """The closed loop, ready to run; ValueError as the scenario has it."""
+        """Build the closed loop, ready to run; ValueError as raised by the scenario."""
         parts = (
             PluginSpec(_plugin("controllers", self.controller), self.controller_config),
             PluginSpec(_plugin("estimators", self.estimator), self.estimator_config),
@@ -86,18 +86,20 @@ class Trial:
         return closed_loop
 
     def flown(self) -> RunResult:
-        """Run it; the result with the whole log."""
+        """Run it; return the result with the whole log."""
         outcome: RunResult = self.build().run()
         return outcome
 
     def run(self) -> tuple[dict[str, Any], bool]:
-        """The summary, with what is measured beside it, and whether the mission did what it should."""
+        """Run it; return the summary with the figures of the measure, and whether the mission did what it should."""
         outcome = self.flown()
         measured = _function(self.measure)(outcome) if self.measure else {}
         return {**outcome.summary, **measured}, bool(outcome.success)
 
     def perform(self) -> dict[str, Any]:
-        """Run it; success, summary and timings as a record has them. TypeError for a summary that cannot be stored."""
+        """Run it; return success, summary and timings as in a record. Raises TypeError for a summary that cannot be
+        stored.
+        """
         figures, success = self.run()
         timings = {
             name: None if figures[name] is None else float(figures[name]) for name in filter(is_wall_clock, figures)
@@ -116,13 +118,13 @@ class Trial:
         timings: Mapping[str, float | None] | None = None,
         error: str | None = None,
     ) -> Record:
-        """The record of how it ended in this process, under the key that it has here."""
+        """Return the record of how it ended in this process, under the key that it has here."""
         named = (in_environment(content), self.scenario, self.parameters, self.seed, self.code)
         origin = Origin(content, environment())
         return Record(*named, status, success, dict(summary or {}), dict(timings or {}), error, origin)
 
     def renamed(self, record: Record) -> Record:
-        """The record of a trial of the same key, with files named as they are here."""
+        """Return the record of a trial of the same key, with the file names of this trial."""
         return replace(record, parameters=self._parameters(record.parameters["inputs"]))
 
     @property
@@ -149,7 +151,7 @@ class Trial:
             *declared_inputs(self.controller_config, "planner."),
             *declared_inputs(self.estimator_config, "estimator."),
         }
-        for name in declared & set(inputs):  # what is in a file counts, not where it lies
+        for name in declared & set(inputs):  # the content of a file counts, not its place
             first, *rest = name.split(".")
             holder = places[first] if first in places else parameters["config"]
             *above, last = rest if first in places else (first, *rest)
@@ -168,15 +170,15 @@ def trial(
     measure: str = "",
     **more: Any,
 ) -> Trial:
-    """A trial with some fields set, those that are not at their defaults.
+    """Build a trial with some fields set, those that are not at their defaults.
 
     ``fields`` are named as on the command line, with underscores: "terrain", "faults.gust_rms", "planner.nodes",
-    "estimator.rate"; ``more`` are those of the scenario that need no dot. Without a controller or an estimator, the
-    scenario's own; ``measure`` as of a Trial.
+    "estimator.rate"; ``more`` are those of the scenario that need no dot. Controller and estimator are the scenario's
+    defaults if not given; ``measure`` is that of a Trial.
 
         trial(seed=3, terrain="jacksboro", fields={"faults.gust_rms": 1.5, "planner.nodes": 13})
 
-    ValueError for a plug-in or a field that is not known, and for a value of another type or out of its range.
+    Raises ValueError for an unknown plug-in or field, and for a value of another type or out of its range.
     """
     plugin = _plugin("scenarios", scenario)
     names = {"controllers": controller or plugin.controller, "estimators": estimator or plugin.estimator}
@@ -204,21 +206,23 @@ def trial(
 
 
 def keys(trials: Sequence[Trial]) -> list[str]:
-    """The keys of many trials in the environment of this process; errors as of ``contents``."""
+    """Return the keys of many trials in the environment of this process; errors as of ``contents``."""
     return [in_environment(content) for content in contents(trials)]
 
 
 def contents(trials: Sequence[Trial]) -> list[str]:
-    """The content hashes of many trials, without building any of them; each file that they name is read once.
+    """Return the content hashes of many trials without building any of them; each file that they name is read once.
 
-    Raises what the digest of a field does, FileNotFoundError for a file that is not there for one.
+    Raises as the digest of a field does, for example FileNotFoundError for a missing file.
     """
     known: Digests = {}
     return [each._content(run_inputs(*each._configs, known)) for each in trials]
 
 
 def named_files(trials: Sequence[Trial]) -> dict[tuple[str, str], str]:
-    """Digest of each file that trials name, by the name of the field and its value; errors as of ``contents``."""
+    """Return the digest of each file that trials name, by the name of the field and its value; errors as of
+    ``contents``.
+    """
     known: Digests = {}
     found: dict[tuple[str, str], str] = {}
     for each in trials:
@@ -231,16 +235,16 @@ def named_files(trials: Sequence[Trial]) -> dict[tuple[str, str], str]:
 
 @cache
 def _plugin(kind: str, name: str) -> Any:
-    """A plug-in that another process can find too."""
+    """Return a plug-in that another process can find too."""
     plugin = load(kind, name)
     if plugin.__module__ == "__main__":
-        raise ArgumentError(f"{kind}: {name!r} lies in the script that runs; allowed: one in a module of its own")
+        raise ArgumentError(f"{kind}: {name!r} is defined in the script that runs; allowed: one in a module")
     return plugin
 
 
 @cache
 def _function(name: str) -> Callable[[Any], Mapping[str, Any]]:
-    """The function that stands at "package.module:function"."""
+    """Return the function at "package.module:function"."""
     module, _, attribute = name.partition(":")
     try:
         function: Callable[[Any], Mapping[str, Any]] = getattr(importlib.import_module(module), attribute)

@@ -1,6 +1,6 @@
-"""A field that is drawn afresh for every trial of a sweep.
+"""Distribution of a field that is drawn again for every trial of a sweep.
 
-The generator is one of the trial's seed and the field's name, so that what else is varied changes nothing in it.
+The generator is seeded by the trial's seed and the field's name, so that it does not depend on what else is varied.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Uniform:
-    """Interval that a field is drawn from, both ends included."""
+    """Interval from which a field is drawn, both ends included."""
 
     name: str  # of the field
     low: Any

@@ -1,8 +1,8 @@
-"""Bounds of fields that hold an angle or its rate, and that know in which unit.
+"""Bounds, with their unit, of fields that hold an angle or its rate.
 
-An angle in degrees where radians belong is far out of their range, and is refused there. One in radians where degrees
-belong is a small angle in range: it is refused where it is a common fraction of a turn as one writes it in radians,
-1.5708 for instance, which nobody means in degrees.
+An angle in degrees given for one in radians is far out of range, and is refused. One in radians given for one in
+degrees is a small angle within range: it is refused if it is a common fraction of a turn, written in radians as
+1.5708 for example, which is not a plausible value in degrees.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class Radians(GroupedMetadata):
 
 
 def check_angle(value: float, name: str, bounds: Degrees | Radians) -> None:
-    """Raise FieldError for an angle out of ``bounds``, or in the other unit: that of an item of a tuple for one."""
+    """Raise FieldError for an angle out of ``bounds``, or in the other unit; also for an item of a tuple."""
     condition = bounds.condition
     if not condition.holds(value):
         raise FieldError(f"{name} = {value!r}; allowed: {condition.allowed}{condition.hint(value)}")
@@ -88,7 +88,7 @@ def _range(low: float, high: float, open_low: bool, unit: str) -> str:
 
 
 def _is_written_in_radians(value: float) -> bool:
-    """True for a common fraction of a turn in radians, with as many digits as one writes."""
+    """Return True for a common fraction of a turn in radians, with a usual number of digits."""
     size = abs(value)
     written = (float(f"{k * math.pi / 12.0:.{digits}g}") for k in _TURNS for digits in range(_FEWEST, _MOST + 1))
     return 0.0 < size < 6.5 and (size in _SHORT or any(size == angle for angle in written))

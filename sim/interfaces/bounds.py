@@ -1,4 +1,4 @@
-"""Bounds declared with the field, and the dataclasses whose fields are held to them.
+"""Bounds that are declared with a field, and dataclasses whose fields are checked against them.
 
 ::
 
@@ -11,7 +11,7 @@
 
 ``ObserverConfig(damping=3.0)`` raises ``FieldError``: "damping = 3.0; allowed: a finite value > 0 and <= 1". Bounds are
 metadata of ``typing.Annotated``: ``Gt``, ``Ge``, ``Lt``, ``Le`` and ``Interval`` of the package annotated-types, and
-those defined here. A ``Literal`` allows what it lists, and None is allowed where the type says so.
+those defined here. A ``Literal`` allows the values that it lists, and None is allowed if the type includes it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ FARTHEST = 1e9  # [m, m/s] of a point or a velocity: its square is a number too
 LARGEST_SEED = 2**63 - 1  # that a store has room for
 FINITE = Predicate(math.isfinite)
 ANEW = object()
-"""Mark of a field's type in a subclass: its bounds stand in the place of those of the base class."""
+"""Mark of a field's type in a subclass: its bounds replace those of the base class."""
 _MARK = "checks_bounds"  # attribute of the __post_init__ that a configuration is given
 
 
@@ -50,7 +50,7 @@ def _no_hint(value: Any) -> str:
 
 @dataclass(frozen=True)
 class Condition:
-    """A test of one value, the words for what passes, and for one that does not, what may have been meant."""
+    """Test of one value, with the words for the allowed values, and a hint at the intended one if it fails."""
 
     holds: Callable[[Any], bool]
     allowed: str
@@ -58,7 +58,7 @@ class Condition:
 
 
 class Within(GroupedMetadata):
-    """Bounds that are checked after those that stand alone, if need be with words of their own for what is allowed."""
+    """Bounds that are checked after those that stand alone, optionally with special words for the allowed values."""
 
     def __init__(self, *bounds: Any, allowed: str = "") -> None:
         self.bounds, self.allowed = bounds, allowed
@@ -70,7 +70,7 @@ class Within(GroupedMetadata):
 class Each:
     """Bounds that hold for every item of a tuple.
 
-    A message shows the item; with words of its own for what is allowed it shows the whole tuple.
+    A message shows the item; with special words for the allowed values it shows the whole tuple.
     """
 
     def __init__(self, *bounds: Any, allowed: str = "") -> None:
@@ -78,7 +78,7 @@ class Each:
 
 
 def whole_ticks(tick: float) -> Condition:
-    """Condition for a duration [s] that is a whole number of ticks [s]."""
+    """Return the condition that a duration [s] is a whole number of ticks [s]."""
     return Condition(
         lambda duration: abs(duration / tick - round(duration / tick)) <= 1e-6,
         f"a whole number of ticks of {tick:g} s",
@@ -99,7 +99,7 @@ class TickRate(GroupedMetadata):
 
     def _is_whole(self, rate: float) -> bool:
         share = rate * self.tick
-        if not 0.0 < share < math.inf:  # a rate so low that it is none
+        if not 0.0 < share < math.inf:  # a rate so low that it is practically zero
             return False
         ticks = 1.0 / share
         return math.isfinite(ticks) and abs(ticks - round(ticks)) <= 1e-9
@@ -130,9 +130,9 @@ def configuration(made: type[Made], /) -> type[Made]: ...
 def configuration(*, prefix: str = "", eq: bool = True) -> Callable[[type[Made]], type[Made]]: ...
 @typing.dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
 def configuration(made: type[Any] | None = None, /, *, prefix: str = "", eq: bool = True) -> Any:
-    """Frozen dataclass whose fields are held to their declared bounds whenever an instance is made.
+    """Make a frozen dataclass whose fields are checked against their declared bounds whenever an instance is made.
 
-    A ``__post_init__`` of its own is called after that, and checks what several fields have to satisfy together.
+    A ``__post_init__`` of the class is called after that, and checks conditions on several fields together.
     Messages name a field with ``prefix`` before it; "{name}" in the prefix stands for the value of the field ``name``.
     """
     if made is None:
@@ -159,7 +159,7 @@ def _configuration(made: type[Any], prefix: str, eq: bool) -> Any:
 
 @cache
 def _most_derived(made: Any) -> type[Any]:
-    """The configuration that a class is, or the most derived one of those that it inherits from."""
+    """Return the class itself if it is a configuration, else the most derived configuration that it inherits from."""
     bases: Sequence[type[Any]] = made.__mro__
     return next(base for base in bases if hasattr(vars(base).get("__post_init__"), _MARK))
 
@@ -177,11 +177,11 @@ def check_bounds(fields: Any, prefix: str = "") -> None:
 
 
 class Declared(NamedTuple):
-    """One bound of one field."""
+    """Bound of a field."""
 
     name: str
-    optional: bool  # None is allowed too
-    each: bool  # it holds for every item
+    optional: bool  # whether None is allowed too
+    each: bool  # whether it holds for every item
     holds: Callable[[Any], bool]
     allowed: str
     hint: Callable[[Any], str]
@@ -189,10 +189,10 @@ class Declared(NamedTuple):
 
 @cache
 def declared(config: Any) -> tuple[Declared, ...]:
-    """Bounds that a dataclass declares, in the order of its fields.
+    """Return the bounds that a dataclass declares, in the order of its fields.
 
-    A field that a subclass declares anew, with another default say, keeps the bounds that it has in the base class,
-    unless its type there is marked with ``ANEW``.
+    A field that a subclass declares again, with another default for example, keeps the bounds that it has in the base
+    class, unless its type in the subclass is marked with ``ANEW``.
     """
     bases = [base for base in reversed(config.__mro__) if "__dataclass_fields__" in vars(base)]
     hints = [(inspect.get_annotations(base), get_type_hints(base, include_extras=True)) for base in bases]
@@ -205,13 +205,15 @@ def declared(config: Any) -> tuple[Declared, ...]:
 
 
 def _since_anew(hints: Sequence[Any]) -> Sequence[Any]:
-    """Types of a field, base classes first, from the last one that is marked with ``ANEW`` on, or all."""
+    """Return the types of a field, base classes first, from the last one that is marked with ``ANEW`` on, or all."""
     marked = [k for k, hint in enumerate(hints) if ANEW in getattr(hint, "__metadata__", ())]
     return hints[max(marked, default=0) :]
 
 
 def _conditions(hint: Any) -> Iterator[tuple[bool, bool, Condition]]:
-    """Conditions that a type puts on a value: each with whether None is allowed and whether it is of every item."""
+    """Return the conditions of a type on a value: each with whether None is allowed and whether it holds for every
+    item.
+    """
     if get_origin(hint) is Annotated:
         kind, *marks = get_args(hint)
         yield from _conditions(kind)
@@ -227,13 +229,15 @@ def _conditions(hint: Any) -> Iterator[tuple[bool, bool, Condition]]:
 
 
 def _is_optional(hint: Any) -> bool:
-    """True for ``A | None``; of other unions no bounds are read."""
+    """Return True for ``A | None``; of other unions no bounds are read."""
     is_union = get_origin(hint) in (typing.Union, types.UnionType)
     return is_union and len(get_args(hint)) == 2 and types.NoneType in get_args(hint)
 
 
 def _marked(kind: Any, marks: Sequence[Any]) -> Iterator[tuple[bool, Condition]]:
-    """Conditions in the metadata of one ``Annotated``, each with whether it is of every item: the interval first."""
+    """Return the conditions in the metadata of one ``Annotated``, with whether each holds for every item: interval
+    first.
+    """
     flat = list(_flat(marks))
     limits = [
         (name, getattr(mark, name)) for mark in flat for name, order in _ORDER.items() if isinstance(mark, order.mark)
@@ -267,7 +271,7 @@ def _flat(marks: Iterable[Any]) -> Iterator[Any]:
 
 class _Order(NamedTuple):
     mark: type[Any]
-    compared: Callable[[Any, Any], bool]  # (limit, value): false of a value that is not a number
+    compared: Callable[[Any, Any], bool]  # (limit, value): false for a value that is not a number
     sign: str
 
 
@@ -280,7 +284,7 @@ _ORDER = {
 
 
 def _words(kind: Any, limits: Sequence[tuple[str, Any]], finite: bool) -> str:
-    """Words for an interval: "a finite value > 0 and <= 1", "a whole number from 1 to 60"."""
+    """Return the words for an interval: "a finite value > 0 and <= 1", "a whole number from 1 to 60"."""
     if kind is int and not finite:
         if [name for name, _ in limits] == ["ge", "le"]:
             return f"a whole number from {limits[0][1]} to {limits[1][1]}"

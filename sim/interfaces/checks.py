@@ -10,13 +10,13 @@ from pathlib import Path
 
 from mathnavi.sim.interfaces.errors import FieldError
 
-_LONGEST_NAME, _LONGEST_PATH = 255, 4095  # [bytes] that the file systems of Linux and macOS take
+_LONGEST_NAME, _LONGEST_PATH = 255, 4095  # [bytes] that the file systems of Linux and macOS accept
 _LONGEST_PLAIN = 100  # [bytes], which leaves room for endings
-_CLOSE = 0.6  # similarity from which a name that is not known counts as misspelt
+_CLOSE = 0.6  # similarity from which an unknown name counts as misspelt
 
 
 def check(value: float, name: str, low: float, high: float = math.inf, *, open_low: bool = False) -> None:
-    """A finite value from ``low``, which with ``open_low`` it must exceed, to ``high``."""
+    """Check a finite value from ``low``, which it must exceed with ``open_low``, to ``high``."""
     allowed = f"{'>' if open_low else '>='} {low:g}" + (f" and <= {high:g}" if high < math.inf else "")
     inside = low < value <= high if open_low else low <= value <= high
     if not (math.isfinite(value) and inside):
@@ -24,7 +24,7 @@ def check(value: float, name: str, low: float, high: float = math.inf, *, open_l
 
 
 def check_path(path: Path, name: str) -> None:
-    """A name that a file can have: parts that a file system takes."""
+    """Check a path: its parts must be names that a file system accepts."""
     given, text = str(path), os.fsencode(path)
     if b"\0" in text:
         raise FieldError(f"{name} = {given!r}; allowed: a name without a null character")
@@ -36,17 +36,17 @@ def check_path(path: Path, name: str) -> None:
 
 
 def check_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Names, each of them once."""
+    """Check that each name is there once."""
     if twice := sorted({name for name in names if list(names).count(name) > 1}):
         raise FieldError(f"names = {list(names)!r}; allowed: each once, and not {', '.join(twice)} again")
     return tuple(names)
 
 
 def plain_name(name: object, what: str) -> str:
-    """A name that may be part of a path: one line without a slash that leads nowhere else.
+    """Return a name that may be part of a path: one line without a slash, which cannot lead to another folder.
 
-    FieldError unless it is a text of 1 to 100 bytes (UTF-8) that is printable, has neither "/" nor "\\", and begins
-    with neither "." nor "-".
+    Raises FieldError unless it is a text of 1 to 100 bytes (UTF-8) that is printable, has neither "/" nor "\\", and
+    begins with neither "." nor "-".
     """
     if not isinstance(name, str) or not is_plain_name(name):
         raise FieldError(
@@ -57,7 +57,7 @@ def plain_name(name: object, what: str) -> str:
 
 
 def is_plain_name(name: str) -> bool:
-    """True for a name that ``plain_name`` accepts."""
+    """Return True for a name that ``plain_name`` accepts."""
     return (
         name.isprintable()
         and 1 <= len(name.encode()) <= _LONGEST_PLAIN
@@ -68,20 +68,20 @@ def is_plain_name(name: str) -> bool:
 
 
 def check_spares(out: str | Path, sources: Iterable[str | Path], name: str = "out") -> None:
-    """Writing ``out`` replaces none of the files and folders that are read, by whatever path or link they are named."""
+    """Check that writing ``out`` replaces none of the files and folders that are read, by any path or link."""
     for source in map(Path, sources):
         if os.path.exists(out) and source.exists() and source.samefile(out):
             also = "" if str(source) == str(out) else f", {source}"
-            raise FieldError(f"{name} = {out} is what is read{also}; allowed: another name, so that it stays")
+            raise FieldError(f"{name} = {out} is what is read{also}; allowed: another name")
 
 
 def allowed_for(name: str, known: Sequence[str], besides: str = "") -> str:
-    """The end of an error about an unknown name: close matches, and all that is allowed."""
+    """Return the end of a message about an unknown name: close matches, and all allowed names."""
     close = close_names(name, known)
     meant = f"did you mean {' or '.join(close)}? " if close else ""
     return f"{meant}allowed: {', '.join([*known, *[besides] * bool(besides)]) or 'none'}"
 
 
 def close_names(name: str, known: Sequence[str]) -> list[str]:
-    """Names that a misspelt one may have been meant for, the nearest first."""
+    """Return the names that a misspelt one may stand for, the nearest first."""
     return difflib.get_close_matches(name, known, 3, _CLOSE)

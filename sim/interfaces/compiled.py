@@ -1,14 +1,14 @@
-"""Numba's compiler, and the folder that keeps the kernels it has compiled.
+"""Numba's compiler, with a folder that caches the compiled kernels.
 
-What is compiled is kept in a folder of the user ($XDG_CACHE_HOME/mathnavi/kernels or ~/.cache/mathnavi/kernels; numba's
+Compiled code is kept in a folder of the user ($XDG_CACHE_HOME/mathnavi/kernels or ~/.cache/mathnavi/kernels; numba's
 own variable NUMBA_CACHE_DIR names another) under a hash of all that it depends on: byte code and constants of the
 kernel and of every kernel that it calls, types of its arguments, options, processor, versions. So checkouts and
-installed wheels with the same kernels share one copy, and a change of a kernel compiles anew those of other files that
-call it, which numba's own cache does not notice. Without a folder to write to, every process compiles for itself.
+installed wheels with the same kernels share one copy, and after a change of a kernel those of other files that call it
+are compiled again, which numba's own cache misses. Without a folder to write to, every process compiles for itself.
 
-Much of what a kernel takes to compile is its machine code, and the code that lets Python call it. An *inner* kernel,
-``inner_njit``, is called by other kernels only: it has neither, and is optimised, translated and kept as a part
-of those that call it.
+Much of the compilation time of a kernel goes into its machine code, and into the code that lets Python call it. An
+*inner* kernel, ``inner_njit``, is called only by other kernels: it has neither, and is optimised, translated and kept
+as a part of those that call it.
 """
 
 from __future__ import annotations
@@ -50,21 +50,21 @@ if TYPE_CHECKING:
 else:
 
     def njit(function=None, *, cache=False, inner=False, **options):
-        """``numba.njit``, with kernels kept by their content if ``cache``."""
+        """Decorate with ``numba.njit``; with ``cache`` kernels are kept by their content."""
         if function is None:
             return lambda function: njit(function, cache=cache, inner=inner, **options)
         if inner:
             options = {"no_cpython_wrapper": True, "pipeline_class": _InnerCompiler, **options}
         kernel = numba.njit(**{"no_cfunc_wrapper": True, **options})(function)  # none is called as a pointer from C
-        if cache and isinstance(kernel, Dispatcher):  # it is a plain function where NUMBA_DISABLE_JIT is set
+        if cache and isinstance(kernel, Dispatcher):  # it is a plain function if NUMBA_DISABLE_JIT is set
             kernel._cache = KernelCache(kernel)
         if inner and isinstance(kernel, Dispatcher):
             kernel.add_overload = lambda found: kernel.overloads.update({tuple(found.signature.args): found})
-            kernel._compile_for_args = _refuse  # whatever Python calls it with
+            kernel._compile_for_args = _refuse  # for any arguments from Python
         return kernel
 
     def inner_njit(function=None, **options):
-        """``njit`` of an inner kernel, which only kernels can call."""
+        """Decorate an inner kernel with ``njit``; only kernels can call it."""
         return njit(function, inner=True, **options)
 
 
@@ -73,7 +73,7 @@ def _refuse(*arguments: Any, **keywords: Any) -> None:
 
 
 class _Unset:
-    """In place of the code generator: an inner kernel's environment stands in no machine code."""
+    """Substitute for the code generator: the environment of an inner kernel is not in any machine code."""
 
     @staticmethod
     def set_env(name: str, environment: object) -> None:
@@ -81,26 +81,26 @@ class _Unset:
 
 
 class _InnerLibrary(JITCodeLibrary):
-    """The code of an inner kernel, from which the kernels that call it are compiled."""
+    """Library with the code of an inner kernel, from which the kernels that call it are compiled."""
 
     codegen = _Unset
 
     def _optimize_final_module(self) -> None:
-        """Leave that to the callers, who optimise it together with their own code."""
+        """Leave optimisation to the calling kernels, which are optimised together with this code."""
 
     def _finalize_final_module(self) -> None:
-        """End here: no machine code."""
+        """Stop without machine code."""
         self._finalize_dynamic_globals()  # type: ignore[no-untyped-call]
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
-        """No address, for there is no machine code."""
+        """Return zero: without machine code there is no address."""
         self._ensure_finalized()  # type: ignore[no-untyped-call]
         return 0
 
 
 class _InnerCompiler(Compiler):
-    """Numba's compiler, writing into the library of an inner kernel."""
+    """Numba's compiler, which writes into the library of an inner kernel."""
 
     def compile_extra(self, func: Any) -> Any:
         self.state.library = _InnerLibrary(self.state.targetctx.codegen(), func.__qualname__)  # type: ignore[no-untyped-call]
@@ -108,9 +108,9 @@ class _InnerCompiler(Compiler):
 
 
 class _KeptLibrary(JITCodeLibrary):
-    """Machine code that was kept, and its bitcode, which is read when a kernel that calls it is compiled.
+    """Library with cached machine code, and its bitcode, which is read when a kernel that calls it is compiled.
 
-    Bitcode takes longer to read than all else, and a kernel that Python calls needs none.
+    Bitcode takes longer to read than all else, and a kernel that Python calls does not need it.
     """
 
     def __init__(self, codegen: Any, kept: tuple[str, str, tuple[bytes, bytes]], symbols: frozenset[str]) -> None:
@@ -136,7 +136,7 @@ class _KeptLibrary(JITCodeLibrary):
 
 
 def _symbols(library: JITCodeLibrary) -> frozenset[str]:
-    """What a library defines."""
+    """Return the symbols that a library defines."""
     module: Any = library._get_module_for_linking()  # type: ignore[no-untyped-call]
     return frozenset(
         each.name for kind in (module.functions, module.global_variables) for each in kind if not each.is_declaration
@@ -144,7 +144,7 @@ def _symbols(library: JITCodeLibrary) -> frozenset[str]:
 
 
 def _rebuilt(context: Any, content: tuple[frozenset[str], tuple[Any, ...]]) -> Any:
-    """The compiled code that ``save_overload`` kept, as numba's own ``CompileResult._rebuild`` makes it."""
+    """Rebuild the compiled code that ``save_overload`` kept, as numba's own ``CompileResult._rebuild`` does."""
     symbols, (kept, descriptor, environment, signature, object_mode, lifted, annotation, _, environments) = content
     library: Any = _KeptLibrary(context.codegen(), kept, symbols)
     found = compile_result(  # type: ignore[no-untyped-call]
@@ -163,7 +163,7 @@ def _checksum(file: Path, kept: bytes) -> bytes:
 
 
 def _read(file: Path) -> bytes | None:
-    """What a file keeps; None where there is none, or not what was written under that name.
+    """Return the content of a file; None if it does not exist, or is not what was written under that name.
 
     Damaged machine code would crash, or compute something else.
     """
@@ -177,13 +177,13 @@ def _read(file: Path) -> bytes | None:
 
 
 def kernel_folder() -> Path:
-    """The folder of all compiled kernels."""
+    """Return the folder of all compiled kernels."""
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     return Path(_config.CACHE_DIR or Path(home) / "mathnavi" / "kernels")
 
 
 class KernelCache(_Cache):
-    """The compiled code of one kernel, a file for each combination of argument types."""
+    """Cache of the compiled code of one kernel, with a file for each combination of argument types."""
 
     def __init__(self, kernel: Dispatcher[Any]) -> None:
         self._kernel = kernel
@@ -191,14 +191,14 @@ class KernelCache(_Cache):
 
     @property
     def cache_path(self) -> str:
-        """The folder of all kernels."""
+        """Folder of all kernels."""
         return str(kernel_folder())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The compiled code for arguments of the types ``sig``; None if it is not there or damaged."""
+        """Load the compiled code for arguments of the types ``sig``; None if it is missing or damaged."""
         if not self._enabled:
             return None
-        # Of numba a loaded kernel needs the memory management; what translates Python takes a while to import.
+        # A loaded kernel needs numba's memory management; numba's compiler takes a while to import.
         _runtime.rtsys.initialize(target_context)
         file = self.file(sig, target_context.codegen())
         if (kept := _read(file)) is None:
@@ -209,7 +209,7 @@ class KernelCache(_Cache):
         return _rebuilt(target_context, pickle.loads(kept))
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the compiled code, whole or not at all; nothing happens where it cannot be written."""
+        """Keep the compiled code, whole or not at all; nothing happens if it cannot be written."""
         if not self._enabled or data.library.has_dynamic_globals or data.lifted or data.reload_init:
             return
         file, kept = self.file(sig, data.codegen), _serialize.dumps((_symbols(data.library), data._reduce()))
@@ -226,7 +226,7 @@ class KernelCache(_Cache):
             _forget_unused(file.parent)
 
     def keeps(self, sig: Any) -> bool:
-        """True if compiled code for arguments of the types ``sig`` is kept."""
+        """Return True if compiled code for arguments of the types ``sig`` is kept."""
         context: Any = self._kernel.targetctx
         return self.file(sig, context.codegen()).exists()
 
@@ -235,7 +235,7 @@ class KernelCache(_Cache):
         self._enabled = True
 
     def disable(self) -> None:
-        """Compile anew, and leave the cache alone."""
+        """Bypass the cache: compile again, and do not change it."""
         self._enabled = False
 
     def flush(self) -> None:
@@ -248,7 +248,7 @@ class KernelCache(_Cache):
         return f"{self._kernel.__module__}.{self._kernel.py_func.__name__}"
 
     def file(self, sig: Any, codegen: Any) -> Path:
-        """The file of compiled code for arguments of the types ``sig``."""
+        """Return the file of compiled code for arguments of the types ``sig``."""
         versions = _FORMAT, sys.implementation.cache_tag, sys.abiflags, numba.__version__, _llvmlite.__version__
         types = [repr(sig), *map(repr, _fields(sig))]
         content = versions, codegen.magic_tuple(), types, kernel_digest(self._kernel)
@@ -256,11 +256,11 @@ class KernelCache(_Cache):
 
 
 Signature = tuple[Any, tuple[Any, ...]]
-"""a kernel and the types of its arguments"""
+"""pair of a kernel and the types of its arguments"""
 
 
 def any_missing(kernels: Iterable[Signature]) -> bool:
-    """True if kernels can be kept, and one of these is not."""
+    """Return True if kernels can be kept, and one of these is not."""
     folder = kernel_folder()
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
@@ -271,7 +271,7 @@ def any_missing(kernels: Iterable[Signature]) -> bool:
 
 
 def kernel_digest(kernel: Dispatcher[Any]) -> str:
-    """Hash of everything of mathnavi's that the machine code of a kernel depends on.
+    """Return the hash of all code of mathnavi that the machine code of a kernel depends on.
 
     Raises:
         TypeError: the kernel uses a global that has no known content.
@@ -283,7 +283,7 @@ def kernel_digest(kernel: Dispatcher[Any]) -> str:
 
 
 def _content(kernel: Dispatcher[Any], seen: set[Any]) -> Iterator[str]:
-    """The parts of a kernel's content, and of those that it calls, each kernel once."""
+    """Return the parts of the content of a kernel and of those that it calls, each kernel once."""
     seen.add(kernel)
     function = kernel.py_func
     yield repr(
@@ -299,9 +299,9 @@ def _content(kernel: Dispatcher[Any], seen: set[Any]) -> Iterator[str]:
 
 
 def _value(name: str, value: Any, names: tuple[str, ...], seen: set[Any]) -> Iterator[str]:
-    """The content of a global of a kernel; of a module what stands there under ``names``, those of the kernel's code.
+    """Return the content of a global of a kernel; of a module its values under ``names``, those in the kernel's code.
 
-    Names of attributes are among them too, so that a global may be read in vain, but none is left out.
+    Names of attributes are among them too, so that a global may be read needlessly, but none is missed.
     """
     if isinstance(value, Dispatcher):
         if value not in seen:
@@ -328,7 +328,7 @@ def _value(name: str, value: Any, names: tuple[str, ...], seen: set[Any]) -> Ite
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:
-    """A function's code, and that of the comprehensions in it."""
+    """Return a function's code, and that of the comprehensions in it."""
     yield code
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
@@ -336,20 +336,20 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 
 def _cells(function: Any) -> dict[str, Any]:
-    """Variables that a function takes from the one around it."""
+    """Return the variables that a function takes from the enclosing one."""
     cells = function.__closure__ or ()
     return {name: cell.cell_contents for name, cell in zip(function.__code__.co_freevars, cells, strict=True)}
 
 
 def _fields(types: Any) -> Iterator[tuple[str, ...]]:
-    """The names of the fields of all named tuples among types, which their own names leave out."""
+    """Return the names of the fields of all named tuples among types; the names of the types do not contain them."""
     for kind in types:
         yield from filter(None, [getattr(kind, "fields", None)])
         yield from _fields(getattr(kind, "types", ()))
 
 
 def _forget_unused(folder: Path) -> None:
-    """Remove entries that nobody has used for a season."""
+    """Remove entries that have not been used for a season."""
     now = time.time()
     for entry in os.scandir(folder):
         with suppress(OSError):

@@ -1,4 +1,4 @@
-"""The entry points of mathnavi's groups. Nothing heavy is imported here."""
+"""Entry points of mathnavi's groups. Nothing heavy is imported here."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ PREFIX = "mathnavi."  # of every group
 
 
 def entry_points_of(group: str) -> list[EntryPoint]:
-    """The entry points of a group, in the order of their names.
+    """Return the entry points of a group, in the order of their names.
 
-    The current folder installs nothing, though a user's own modules are imported from it: what lies there may be
-    somebody else's.
+    Those of distributions in the current folder are ignored, though a user's modules are imported from it: the folder
+    may belong to someone else.
     """
     try:
         here = os.getcwd()
@@ -29,7 +29,7 @@ def entry_points_of(group: str) -> list[EntryPoint]:
 
 @cache
 def _installed_path(path: tuple[str, ...], here: str) -> tuple[str, ...]:
-    """A ``sys.path`` without the current folder, unless Python itself is installed there."""
+    """Return ``sys.path`` without the current folder, unless Python itself is installed there."""
     folder = Path(here)
     if folder.is_relative_to(sys.prefix) or folder.is_relative_to(sys.base_prefix):
         return path
@@ -38,7 +38,7 @@ def _installed_path(path: tuple[str, ...], here: str) -> tuple[str, ...]:
 
 @cache
 def _found(path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
-    """The entry points of all groups, of each distribution the first on the path; to find them takes some 20 ms."""
+    """Return the entry points of all groups, from the first of each distribution on the path; this takes some 20 ms."""
     found: dict[str, list[EntryPoint]] = {}
     for distribution in distributions(path=list(path)):
         own = [point for point in distribution.entry_points if point.group.startswith(PREFIX)]
@@ -48,10 +48,10 @@ def _found(path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
 
 
 def named(points: Iterable[EntryPoint], kind: str, name: str, besides: str = "") -> EntryPoint | None:
-    """The entry point with a name, or None.
+    """Return the entry point with a name, or None.
 
-    Raises PluginError for a name that several distributions have given, with all of these and ``besides``, what may be
-    said in place of the name: which of them would be taken is the order of installation, and nobody's intention.
+    Raises PluginError for a name that several distributions have, since the order of installation would decide between
+    them. The message lists all of these and ``besides``, which may be given in place of the name.
     """
     found = [point for point in points if point.name == name]
     if len(found) > 1:
@@ -64,11 +64,11 @@ def named(points: Iterable[EntryPoint], kind: str, name: str, besides: str = "")
 
 
 def home(point: EntryPoint) -> str:
-    """Name and version of the distribution that an entry point is installed with, "" for none."""
+    """Return name and version of the distribution that an entry point is installed with, "" without one."""
     return _titled(point.dist) if point.dist else ""
 
 
 @cache
 def _titled(distribution: Distribution) -> str:
-    """Name and version of a distribution, which to read takes a millisecond."""
+    """Return name and version of a distribution; reading them takes a millisecond."""
     return f"{distribution.name} {distribution.version}"

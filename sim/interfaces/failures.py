@@ -1,4 +1,4 @@
-"""Exceptions of a plug-in's code, as one error that names the plug-in."""
+"""Conversion of exceptions in a plug-in's code to one error that names the plug-in."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MACHINERY = ("<frozen", __file__, importlib.__file__, metadata.__file__, contex
 def failures_named(
     subject: str, kind: type[ValueError], passing: tuple[type[BaseException], ...] = ()
 ) -> Iterator[None]:
-    """Raise a ``kind`` that begins with ``subject`` for whatever a plug-in raises in here, ``sys.exit()`` included.
+    """Raise a ``kind`` that begins with ``subject`` for any exception of a plug-in within the block, or ``sys.exit()``.
 
     Ctrl-C passes, and so do the exceptions ``passing`` and a ValueError that says what is allowed: it refuses its
     input.
@@ -31,7 +31,7 @@ def failures_named(
 
 
 def explained(error: BaseException) -> str:
-    """The exception, and where it was raised."""
+    """Return the exception as text, with the place where it was raised."""
     frames = traceback.extract_tb(error.__traceback__)
     if isinstance(error, SyntaxError):
         frames.clear()  # it names its own file and line
@@ -42,8 +42,8 @@ def explained(error: BaseException) -> str:
 
 
 def _text(error: BaseException) -> str:
-    """The message of an exception; none where the exception fails to make one."""
+    """Return the message of an exception; an empty one if the exception fails to make it."""
     try:
         return str(error)
-    except BaseException:  # whatever a stranger's ``__str__`` raises, KeyboardInterrupt too
+    except BaseException:  # a third-party ``__str__`` may raise anything, KeyboardInterrupt too
         return ""

@@ -23,7 +23,7 @@ _hints: Callable[[Any], dict[str, Any]] = cache(get_type_hints)
 
 
 def plain(value: Any) -> Any:
-    """A dataclass, or what its fields hold, as mappings, lists and what JSON has by itself."""
+    """Return a dataclass, or the value of a field, as mappings, lists and the other types of JSON."""
     if value is None or type(value) in _PLAIN:
         return value
     if dataclasses.is_dataclass(value):
@@ -40,16 +40,16 @@ def plain(value: Any) -> Any:
 
 
 def instance(config: type, fields: Mapping[str, Any], where: str) -> Any:
-    """The dataclass ``config`` with the fields that are given as plain data.
+    """Return the dataclass ``config`` with the fields that are given as plain data.
 
-    FieldError for a field that it does not have and for a value that is not of the declared type.
+    Raises FieldError for a field that it does not have and for a value that is not of the declared type.
     """
     with _refusing(config, where):
         return validated(config, _native(fields), where)
 
 
 def with_fields(config: Any, fields: Mapping[str, Any], where: str = "") -> Any:
-    """``config`` with some fields replaced, by dotted names; FieldError as for ``instance``."""
+    """Return ``config`` with some fields replaced, by dotted names; FieldError as for ``instance``."""
     own: dict[str, Any] = {}
     nested: dict[str, dict[str, Any]] = {}
     for name, value in fields.items():
@@ -70,21 +70,21 @@ def with_fields(config: Any, fields: Mapping[str, Any], where: str = "") -> Any:
 
 
 def leaf(config: Any, name: str) -> Any:
-    """The value of the field with a dotted name."""
+    """Return the value of the field with a dotted name."""
     for part in name.split("."):
         config = getattr(config, part)
     return config
 
 
 def leaf_type(config: Any, name: str) -> Any:
-    """The declared type of the field with a dotted name; that of an optional field is what it holds when given."""
+    """Return the declared type of the field with a dotted name; for an optional field without its None."""
     above, _, last = name.rpartition(".")
     hint = _hints(type(leaf(config, above) if above else config))[last]
     return _given(hint) if get_origin(hint) in (typing.Union, types.UnionType) else hint
 
 
 def flattened(fields: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested mappings as one, with dotted names."""
+    """Flatten nested mappings to one, with dotted names."""
     flat: dict[str, Any] = {}
     for name, value in fields.items():
         if isinstance(value, Mapping):
@@ -95,7 +95,7 @@ def flattened(fields: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def _native(value: Any) -> Any:
-    """``value`` with Python's own numbers in the place of NumPy's."""
+    """Return ``value`` with Python's numbers in place of NumPy's."""
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, (tuple, list)):
@@ -104,7 +104,8 @@ def _native(value: Any) -> Any:
 
 
 def _refusing(config: type, where: str) -> AbstractContextManager[None]:
-    """A configuration refuses values by a ValueError; whatever else a plug-in's own raises in here is a FieldError."""
+    """Let a ValueError, by which a configuration refuses values, pass; raise any other exception of it as a FieldError.
+    """
     return failures_named(
         f"{where or 'fields'}: {config.__module__}.{config.__qualname__} failed:", FieldError, (ValueError,)
     )

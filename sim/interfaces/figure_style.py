@@ -1,6 +1,6 @@
-"""The style of all figures, for matplotlib's ``rc_context``: a transparent ground, one ink, one colour for the grid.
+"""Style of all figures, for matplotlib's ``rc_context``: a transparent background, one ink, one colour for the grid.
 
-A report puts the reader's light or dark theme in the place of ``INK`` and ``GRID``. Nothing of matplotlib is imported
+A report replaces ``INK`` and ``GRID`` by the colours of the reader's light or dark theme. matplotlib is not imported
 here.
 """
 
@@ -10,7 +10,7 @@ from typing import Any
 
 INK, GRID = "#1b2733", "#b9c2cc"
 BOUND = "#c2183b"
-SERIES = ("#0d6bf2", "#e07b00", "#12a06b", "#c2185b", "#8a4fd0", "#7a8896")  # readable on light and on dark ground
+SERIES = ("#0d6bf2", "#e07b00", "#12a06b", "#c2185b", "#8a4fd0", "#7a8896")  # readable on a light and on a dark background
 STYLE: Any = {
     "font.size": 9.0,
     "font.family": "DejaVu Sans",

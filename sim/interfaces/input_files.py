@@ -7,9 +7,9 @@
         terrain: TerrainPlace = "tian_shan"               # Annotated[str, InputFile(heights_digest)]
         table: Annotated[Path | None, InputFile()] = None
 
-A result depends on what is in a file, not on where it lies. The mark ``InputFile`` declares that with the field, so
+A result depends on the content of a file, not on its place. The mark ``InputFile`` declares that with the field, so
 that no scenario, plug-in or study has to do anything else: ``input_digests`` finds every marked field of a
-configuration. A ``Path`` or a text without a mark counts too where it is the path of a file that is there, and its name
+configuration. A ``Path`` or a text without a mark counts too if it is the path of an existing file, and its name
 remains in the key.
 """
 
@@ -31,9 +31,9 @@ MOST = 4096 * MEBIBYTE  # of a file that a field names
 
 
 def content_digest(place: str | Path) -> str:
-    """SHA-256 of the content of a file, in hexadecimal, or of every file in a folder with its place in there.
+    """Return the SHA-256 of the content of a file, in hexadecimal, or of every file in a folder with its place in it.
 
-    Raises FileNotFoundError where there is neither.
+    Raises FileNotFoundError if neither exists.
     """
     path = Path(place)
     if path.is_dir():
@@ -45,7 +45,7 @@ def content_digest(place: str | Path) -> str:
 
 
 def digest_of(contents: Mapping[str, bytes]) -> str:
-    """SHA-256 of several contents with their names, in hexadecimal, whatever their order."""
+    """Return the SHA-256 of several contents with their names, in hexadecimal, independent of their order."""
     digest = hashlib.sha256()
     for name in sorted(contents):
         digest.update(f"{name}\0{hashlib.sha256(contents[name]).hexdigest()}\n".encode())
@@ -63,7 +63,7 @@ class InputFile:
 
 
 _UNDECLARED = InputFile(content_digest)
-"""Mark of a path or a text that has none of its own"""
+"""Mark of a path or a text that has no other"""
 
 
 @dataclass(frozen=True)
@@ -77,15 +77,14 @@ class PluginName:
 
 
 Digests = dict[tuple[InputFile, str], str]
-"""Digests that are known already, by mark and value of a field."""
+"""Digests that are already known, by mark and value of a field."""
 
 
 def input_digests(config: Any, prefix: str = "", known: Digests | None = None) -> dict[str, str]:
-    """Digest of what each field of a configuration names, by the dotted name of the field with ``prefix`` before it.
+    """Return the digest of the files of each field of a configuration, by the field's dotted name with ``prefix``.
 
     A field with several files has their digests, separated by commas. Digests that are ``known`` are not made again,
-    and others are added. Raises FileNotFoundError for a file that is not there, and what else the digest of a field
-    raises.
+    and others are added. Raises FileNotFoundError for a missing file, and other errors as the digest of a field does.
     """
     known = {} if known is None else known
     found: dict[str, str] = {}
@@ -98,7 +97,8 @@ def input_digests(config: Any, prefix: str = "", known: Digests | None = None) -
 
 
 def run_inputs(config: Any, controller: Any, estimator: Any, known: Digests | None = None) -> dict[str, str]:
-    """Digests of all files of a run, by the fields of the scenario, the controller ("planner.") and the estimator.
+    """Return the digests of all files of a run, by the fields of the scenario, the controller ("planner.") and the
+    estimator.
 
     ``known`` and errors as of ``input_digests``.
     """
@@ -110,7 +110,8 @@ def run_inputs(config: Any, controller: Any, estimator: Any, known: Digests | No
 
 
 def argument_digests(value: Any) -> list[str]:
-    """Digests of the files that the arguments of a call name, in their order: paths, and fields of dataclasses.
+    """Return the digests of the files that the arguments of a call name, in their order: paths, and fields of
+    dataclasses.
 
     Errors as of ``input_digests``.
     """
@@ -135,18 +136,19 @@ def argument_digests(value: Any) -> list[str]:
 
 
 def named_plugins(config: Any) -> list[Any]:
-    """The plug-ins that fields of a configuration name; errors as of what loads them."""
+    """Return the plug-ins that fields of a configuration name; errors as of their ``load``."""
     loaded = [mark.load(place) for _, mark, places in _named(config, PluginName, "") for place in places]
     return [each for each in loaded if each is not None]
 
 
 def declared_inputs(config: Any, prefix: str = "") -> set[str]:
-    """Names of the fields of a configuration that declare files, and name some, with ``prefix`` before them."""
+    """Return the names of the fields of a configuration that declare files, and name some, with ``prefix`` before them.
+    """
     return {name for name, mark, _ in _named(config, InputFile, prefix) if mark is not _UNDECLARED}
 
 
 def mark_of(hint: Any, kind: type[Any]) -> Any:
-    """The mark of a kind, ``InputFile`` or ``PluginName``, anywhere in a type; None for a type without one."""
+    """Return the mark of a kind, ``InputFile`` or ``PluginName``, anywhere in a type; None for a type without one."""
     if get_origin(hint) is Annotated:
         inner, *marks = get_args(hint)
         return next((mark for mark in marks if isinstance(mark, kind)), None) or mark_of(inner, kind)
@@ -154,7 +156,7 @@ def mark_of(hint: Any, kind: type[Any]) -> Any:
 
 
 def _named(config: Any, kind: Any, prefix: str) -> Iterator[tuple[str, Any, list[str]]]:
-    """Name, mark and places of each marked field that is given, in the order of the fields."""
+    """Return name, mark and places of each marked field that is given, in the order of the fields."""
     made: Any = type(config)
     for name, mark in _marks(made, kind):
         value = getattr(config, name)
@@ -185,12 +187,12 @@ def _hints(config: Any) -> tuple[tuple[str, Any], ...]:
 
 @cache
 def _marks(config: Any, kind: Any) -> tuple[tuple[str, Any], ...]:
-    """Name and mark of each field of a class of configurations; None for the mark of one that has none."""
+    """Return name and mark of each field of a class of configurations; None for a field without a mark."""
     return tuple((name, mark_of(hint, kind)) for name, hint in _hints(config))
 
 
 def _is_file(place: str, is_path: bool) -> bool:
-    """True for a path, or a text with a folder or an ending as paths have them, at which there is a file."""
+    """Return True for the path of an existing file; a text must have a folder or an ending as paths do."""
     try:
         return (is_path or "." in place or os.sep in place) and Path(place).is_file()
     except (OSError, ValueError):  # too long, or with a null in it: some other text

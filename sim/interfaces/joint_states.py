@@ -1,4 +1,4 @@
-"""The contribution of MuJoCo's joints to a state (q, v): slide and hinge one number each, a ball 4, 3, a free one 7, 6.
+"""Contribution of MuJoCo's joints to a state (q, v): slide and hinge one number each, a ball 4, 3, a free one 7, 6.
 
 q of a ball joint is a unit quaternion (w, x, y, z), v its rate [rad/s] in the frame of the body it carries. A free
 joint is a position [m] in the world frame before such a quaternion, and a velocity [m/s] there before such a rate.
@@ -17,14 +17,15 @@ from mathnavi.sim.interfaces.signals import Array
 SLIDE, HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
 BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)
 SIZES = {SLIDE: (1, 1), HINGE: (1, 1), BALL: (4, 3), FREE: (7, 6)}
-"""of a joint's part of q and of v"""
+"""sizes of a joint's part of q and of v"""
 
-_ROUNDING = 1e-6  # of a quaternion's length from 1 that is rounding, a float's at the worst
+_ROUNDING = 1e-6  # deviation of a quaternion's length from 1 by rounding, of a single-precision float at worst
 _UNIT = {SLIDE: "m", HINGE: "rad"}
 
 
 def state_names(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[str, ...]:
-    """Name and unit of each component of (q, v) of these joints; the name of the vehicle, before a "/", is left out."""
+    """Return name and unit of each component of (q, v) of these joints, without the name of the vehicle before a "/".
+    """
     positions, velocities = [], []
     for j in joints:
         full, kind = model.joint(j).name, int(model.jnt_type[j])
@@ -44,7 +45,9 @@ def state_names(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[str, ...]
 
 
 def quaternions(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[slice, ...]:
-    """Places in q of the quaternions of the balls and free joints among these, which lie together in the model."""
+    """Return the places in q of the quaternions of the ball and free joints among these, which are adjacent in the
+    model.
+    """
     first = int(model.jnt_qposadr[joints[0]])
     before = {BALL: 0, FREE: 3}  # numbers of the joint that come before its quaternion
     kinds = [(j, int(model.jnt_type[j])) for j in joints]
@@ -53,7 +56,7 @@ def quaternions(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[slice, ..
 
 
 def with_unit_quaternions(q: Array, where: Sequence[slice], what: str) -> Array:
-    """q (nq,) with its quaternions at length 1, from where rounding had put them.
+    """Return q (nq,) with its quaternions normalised to length 1, from which rounding had moved them.
 
     Raises ArgumentError if they were not near.
     """

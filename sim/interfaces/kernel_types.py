@@ -1,4 +1,4 @@
-"""Types of the arguments of kernels, as numba names them, for lists of kernels to compile ahead of a run."""
+"""Types of kernel arguments by their names in numba, for lists of kernels to compile ahead of a run."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from numba.core import types
 
 
 def array(dimensions: int, of: Any = float64, readonly: bool = False) -> Any:
-    """An array in C's order."""
+    """Return the type of an array in C order."""
     return types.Array(of, dimensions, "C", readonly)
 
 
 def combined(*parts: Any) -> Any:
-    """A tuple."""
+    """Return the type of a tuple."""
     build: Any = types.Tuple  # which has no types itself
     return build(parts)
 
 
 def named(kind: type, *parts: Any) -> Any:
-    """A named tuple."""
+    """Return the type of a named tuple."""
     build: Any = types
     return build.NamedTuple(parts, kind) if len({*parts}) > 1 else build.NamedUniTuple(parts[0], len(parts), kind)
 

@@ -1,6 +1,6 @@
 """Lists of numbers as fields of a configuration: ``--start 0.2 0.3``, one flag with all of its values.
 
-Without this the command line would take one flag for each of them.
+Without this the command line would need one flag for each value.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Declared properties of an observer, in the terms of Table 2.1: each property with the space it lives in.
+"""Declared properties of an observer, in the terms of Table 2.1: each property with its space.
 
-A claim is held to account by measurement, so an estimator that converges in practice for many starts and not for all
+A claim is verified by measurement, so an estimator that converges in practice from many starts but not from all
 is ``LOCAL``, with the rest in its note.
 """
 
@@ -16,7 +16,7 @@ class Domain(Enum):
     GLOBAL = "global"
     SEMI_GLOBAL = "semi-global"  # on any compact set, with the parameters chosen for it
     LOCAL = "local"
-    NONE = "none"  # of attraction: it converges from nowhere
+    NONE = "none"  # of attraction: it does not converge from any start
 
 
 class Rate(Enum):
@@ -25,11 +25,11 @@ class Rate(Enum):
     ASYMPTOTIC = "asymptotic"
     EXPONENTIAL = "exponential"
     FINITE_TIME = "finite-time"
-    NONE = "none"  # it does not decay to nought: Property 2.2 fails
+    NONE = "none"  # it does not decay to zero: Property 2.2 fails
 
 
 class InputDependence(Enum):
-    """For which inputs of the system the observer converges."""
+    """Inputs of the system for which the observer converges."""
 
     UNIFORM = "uniform"  # all
     SEMI_UNIFORM = "semi-uniform"  # all of any compact set, with the parameters chosen for it
@@ -38,7 +38,7 @@ class InputDependence(Enum):
 
 @dataclass(frozen=True)
 class ObserverProperties:
-    """Table 2.1 for one estimator."""
+    """Properties of one estimator, as in Table 2.1."""
 
     domain_of_attraction: Domain  # in Z
     rate: Rate  # in Z or X

@@ -1,7 +1,7 @@
-"""The parts of a closed loop. They conform by shape; there is nothing to inherit.
+"""Protocols of the components of a closed loop. Classes conform by shape; there is nothing to inherit.
 
-Periods are in seconds and are whole multiples of the plant's tick; the loop checks that once, at the start. No part has
-a reset(): a scenario builds fresh parts for every seed.
+Periods are in seconds and are whole multiples of the plant's tick; the loop checks that once, at the start. No
+component has a reset(): a scenario builds new ones for every seed.
 """
 
 from __future__ import annotations
@@ -16,28 +16,29 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Event, Measurement,
 
 
 class StateView(Protocol):
-    """The truth of one vehicle, as a plant shows it to the vehicle's own sensors."""
+    """True state of one vehicle, as a plant shows it to the sensors of the vehicle."""
 
     @property
     def x(self) -> Array:
-        """(nx,) the state, a copy."""
+        """State (nx,), a copy."""
         ...
 
     @property
     def acceleration(self) -> Array:
-        """(nv,) the rate of the velocities in the state over the last tick, disturbances included."""
+        """Rate (nv,) of the velocities in the state over the last tick, disturbances included."""
         ...
 
     def sensed(self, name: str) -> Array:
-        """The present reading of one of the vehicle's MuJoCo sensors, a rangefinder or an encoder for one; a copy.
+        """Return the present reading of one of the vehicle's MuJoCo sensors, for example a rangefinder or an encoder; a
+        copy.
 
-        ValueError if the vehicle has none of that name, or none that follows from the positions alone.
+        Raises ValueError if the vehicle has none of that name, or none that follows from the positions alone.
         """
         ...
 
 
 class Sensor(Protocol):
-    """A sensor mounted on a vehicle. It keeps no time: the plant reads it when a reading falls due."""
+    """Sensor mounted on a vehicle. It has no clock: the plant reads it when a reading is due."""
 
     @property
     def name(self) -> str:
@@ -51,34 +52,34 @@ class Sensor(Protocol):
 
     @property
     def rate(self) -> float | None:
-        """[Hz]; None: at every control step."""
+        """Rate [Hz] of its readings; None: one at every control step."""
         ...
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
-        """A reading (size,) with its noise drawn from ``rng``, or None if it was lost."""
+        """Return a reading (size,) with its noise drawn from ``rng``, or None if it was lost."""
         ...
 
 
 class ActuatorModel(Protocol):
-    """The model between the input of a vehicle and its joints and actuators, where these are not the same."""
+    """Model between the input of a vehicle and its joints and actuators, if these are not the same."""
 
     @property
     def input_size(self) -> int:
-        """nu."""
+        """Length nu of the input."""
         ...
 
     def act(self, u: Array, q: Array, v: Array, control: Array, dt: float) -> None:
-        """Before a tick of dt [s]: set, in place, what moves the vehicle under the input u (nu,).
+        """Set in place, before a tick of dt [s], the quantities that move the vehicle under the input u (nu,).
 
-        That is the joint velocities v (nv,) of a vehicle that moves exactly as commanded, or the ``control`` (na,) of
-        its actuators. q (nq,) are the joint positions, which are not to be changed.
+        These are the joint velocities v (nv,) of a vehicle that moves exactly as commanded, or the ``control`` (na,) of
+        its actuators. q (nq,) are the joint positions, which must not be changed.
         """
         ...
 
 
 @runtime_checkable
 class Plant(Protocol):
-    """The physical world: vehicles, sensors, disturbances."""
+    """Plant, the physical world: vehicles, sensors, disturbances."""
 
     dt: float  # [s] the physics tick
 
@@ -93,23 +94,23 @@ class Plant(Protocol):
         ...
 
     def state(self, name: str) -> Array:
-        """The truth of one vehicle, (nx,). For log and metrics only, never for a controller."""
+        """Return the true state (nx,) of one vehicle. For log and metrics only, never for a controller."""
         ...
 
     def state_names(self, name: str) -> tuple[str, ...]:
-        """Name and unit of each component of the state, "position_x [m]" for one."""
+        """Return name and unit of each component of the state, for example "position_x [m]"."""
         ...
 
     def sensor_sizes(self, name: str) -> dict[str, int]:
-        """Length of each sensor's reading, by sensor name."""
+        """Return the length of each sensor's reading, by sensor name."""
         ...
 
     def sensors(self, name: str) -> tuple[Sensor, ...]:
-        """The mounted sensors, in the order in which they are read."""
+        """Return the mounted sensors, in the order in which they are read."""
         ...
 
     def sense(self, name: str) -> Sequence[Measurement]:
-        """The readings that fell due since the last step began. Called once before each step."""
+        """Return the readings that fell due since the last step began. Called once before each step."""
         ...
 
     def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
@@ -117,7 +118,7 @@ class Plant(Protocol):
         ...
 
     def displace(self, name: str, offset: Array) -> None:
-        """Move a vehicle by (3,) [m] at once: the jumps w of Table A.3."""
+        """Displace a vehicle by (3,) [m] at once: the jumps w of Table A.3."""
         ...
 
     def place(self, name: str, state: Array) -> None:
@@ -125,164 +126,172 @@ class Plant(Protocol):
         ...
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
-        """Advance by so many ticks with inputs (nu,) by vehicle and forces held; returns events, contacts for one."""
+        """Advance by a number of ticks with inputs (nu,) by vehicle and forces held; return events, for example
+        contacts.
+        """
         ...
 
 
 @runtime_checkable
 class Estimator(Protocol):
-    """Measurements to estimate."""
+    """Estimator: from measurements to an estimate."""
 
     period: float  # [s]
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate at ``t`` [s], by the readings since the last call and the input ``command`` (nu,) held since."""
+        """Return the estimate at ``t`` [s], from the readings since the last call and the input ``command`` (nu,) held
+        since.
+        """
         ...
 
 
 @runtime_checkable
 class Planner(Protocol):
-    """Estimate to plan, slowly.
+    """Planner: from an estimate to a plan, at a low rate.
 
-    One that also has ``monitor(request) -> Plan | None`` is asked that at every control step between two planning
-    instants, with the messages that have arrived: for a plan that has to take over at once, or a failure that announces
-    a loss. Those messages are the next request's too.
+    If it also has ``monitor(request) -> Plan | None``, this is called at every control step between two planning
+    instants, with the messages that have arrived: it returns a plan that must take over at once, or a failure that
+    announces a loss. The next request contains these messages too.
     """
 
     period: float  # [s]
 
     def plan(self, request: PlanRequest) -> Plan:
-        """A plan for ``request``, or a Plan whose status says why there is none."""
+        """Return a plan for ``request``, or a Plan whose status says why there is none."""
         ...
 
 
 @runtime_checkable
 class Tracker(Protocol):
-    """Plan to command, fast.
+    """Tracker: from a plan to commands, at a high rate.
 
-    One that also has ``events() -> Sequence[tuple[str, str]]`` is asked after each command for the kind and the message
-    of what is to be recorded.
+    If it also has ``events() -> Sequence[tuple[str, str]]``, this is called after each command and returns the kind and
+    the message of each event to record.
     """
 
     period: float  # [s]
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
-        """The input (nu,) to hold until t + period."""
+        """Return the input (nu,) to hold until t + period."""
         ...
 
 
 @runtime_checkable
 class Coordinator(Protocol):
-    """The communication module of a vehicle: exchanges messages with others between planning instants."""
+    """Communication module of a vehicle, which exchanges messages with others between planning instants."""
 
     period: float  # [s]
 
     def exchange(self, t: float, received: Sequence[Message]) -> Outbox:
-        """Answer the messages received since the last call; the outbox holds what is to be sent."""
+        """Answer the messages received since the last call; the returned outbox holds the messages to send."""
         ...
 
     def propose(self, t: float, plan: Plan) -> None:
-        """The vehicle's planner has a plan, which is to take over at its start; it stands for any proposed before."""
+        """Propose a plan of the vehicle's planner, to take over at its start; it replaces any proposed before."""
         ...
 
     def admits(self, t: float, plan: Plan) -> bool:
-        """True if a proposed plan may take over now; one that may not is withdrawn."""
+        """Return True if a proposed plan may take over now; one that may not is withdrawn."""
         ...
 
     def adopted(self, t: float, plan: Plan) -> None:
-        """The plan is the one that is flown from now on."""
+        """Accept notice that the plan is flown from now on."""
         ...
 
 
 @runtime_checkable
 class Consensus(Protocol):
-    """Agreement of a vehicle with its neighbours on a number, faster than it plans (thesis, A.8.2).
+    """Consensus of a vehicle with its neighbours on a number, at a higher rate than it plans (thesis, A.8.2).
 
-    The vehicles communicate in rounds: in each, every one takes in its messages and then sends to its neighbours.
+    The vehicles communicate in rounds: in each, every vehicle receives its messages and then sends to its neighbours.
     """
 
     period: float  # [s] between two rounds
 
     @property
     def value(self) -> float:
-        """The value that the vehicle takes as agreed now; NaN while it knows nothing."""
+        """Value that the vehicle now takes as agreed; NaN while it knows nothing."""
         ...
 
     @property
     def outlier(self) -> bool:
-        """True if the vehicle only follows: its own number takes no part now."""
+        """True if the vehicle only follows: its own number does not take part now."""
         ...
 
     @property
     def refused(self) -> Mapping[str, int]:
-        """Number of messages that were not used, by why: "garbage", "stranger", "repeated", "from the future", ..."""
+        """Number of messages that were not used, by reason: "garbage", "stranger", "repeated", "from the future", ...
+        """
         ...
 
     def start(self, value: float, now: float = 0.0) -> None:
-        """The vehicle's own number from now on; not finite if it has none. It is communicated in the next round.
+        """Set the vehicle's own number from now on; not finite if it has none. It is communicated in the next round.
 
-        A time of arrival [s] is one of the clock that shows ``now`` [s]: it is ``value - now`` ahead. A time to go is
-        one of a clock that shows 0.
+        A time of arrival [s] refers to the clock that shows ``now`` [s]: it is ``value - now`` ahead. A time to go
+        refers to a clock that shows 0.
         """
         ...
 
     def exchange(self, t: float, received: Sequence[Message]) -> Any:
-        """One round at t [s]: take in what arrived since the last, and return the payload for all neighbours.
+        """Do one round at t [s]: receive the messages since the last, and return the payload for all neighbours.
 
-        Each message carries its sender's time of sending. Nothing that is received raises.
+        Each message carries its sender's time of sending. No received message raises an exception.
         """
         ...
 
 
 class ControllerPlugin(Protocol):
-    """An entry point of ``mathnavi.controllers``: builds the pair (planner, tracker)."""
+    """Entry point of ``mathnavi.controllers``, which builds the pair (planner, tracker)."""
 
     Config: ClassVar[type[Any]]  # a frozen dataclass; its fields become --planner.FIELD
 
     @staticmethod
     def build(config: Any, mission: Any) -> tuple[Planner, Tracker]:
-        """Fresh parts for one run. ``mission`` is the scenario's public description of the task.
+        """Build new components for one run. ``mission`` is the scenario's public description of the task.
 
-        A scenario that certifies plans also needs ``tracker.bound``, what the tracker keeps. It certifies unless the
-        plug-in has an attribute ``certified`` that is False; one that is a function, ``certified(planner, mission,
-        tracker)``, certifies in its own way: it returns the planner that is asked.
+        A scenario that certifies plans also needs ``tracker.bound``, the bound that the tracker keeps. It certifies
+        unless the plug-in has an attribute ``certified`` that is False; if that is a function, ``certified(planner,
+        mission, tracker)``, it certifies in its own way and returns the planner to use.
         """
         ...
 
 
 class EstimatorPlugin(Protocol):
-    """An entry point of ``mathnavi.estimators``."""
+    """Entry point of ``mathnavi.estimators``, which builds an estimator."""
 
     Config: ClassVar[type[Any]]  # a frozen dataclass; its fields become --estimator.FIELD
 
     @staticmethod
     def build(config: Any, mission: Any) -> Estimator:
-        """A fresh estimator for one run."""
+        """Build a new estimator for one run."""
         ...
 
     @staticmethod
     def sensors(config: Any, mission: Any) -> tuple[Sensor, ...]:
-        """The sensors that the estimator needs; the scenario mounts exactly these."""
+        """Return the sensors that the estimator needs; the scenario mounts exactly these."""
         ...
 
     @staticmethod
     def quality(config: Any, mission: Any) -> Any:
-        """Quality of its estimates, in the terms of the scenario (``EstimateQuality`` for an aerial mission)."""
+        """Return the quality of its estimates, in the terms of the scenario (``EstimateQuality`` for an aerial
+        mission).
+        """
         ...
 
     @staticmethod
     def properties(config: Any) -> ObserverProperties:
-        """Declared properties, as in Table 2.1. A third-party plug-in may leave them out: "not declared"."""
+        """Return the declared properties, as in Table 2.1. A third-party plug-in may leave them out: "not declared"."""
         ...
 
 
 class ConsensusPlugin(Protocol):
-    """An entry point of ``mathnavi.consensus``."""
+    """Entry point of ``mathnavi.consensus``, which builds a consensus protocol."""
 
     Config: ClassVar[type[Any]]  # a frozen dataclass; its fields are given by --consensus-with FIELD=VALUE
-    within_starts: ClassVar[bool]  # whether what is agreed stays between the least and the largest start
+    within_starts: ClassVar[bool]  # whether the agreed value stays between the least and the largest start
 
     @staticmethod
     def build(config: Any, mission: Any) -> Consensus:
-        """The protocol of one vehicle, for one run; ``mission``, a ``Node``, is what it may know of its fleet."""
+        """Build the protocol of one vehicle for one run; ``mission``, a ``Node``, holds what it may know of its fleet.
+        """
         ...

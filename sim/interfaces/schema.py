@@ -1,4 +1,4 @@
-"""Plain data, from a file as a rule, held to the type that a dataclass declares.
+"""Validation of plain data, usually from a file, against the type that a dataclass declares.
 
 ``msgspec`` generates the check from the dataclass and its annotations; the bounds of a ``configuration`` are checked as
 its instances are made. An error names the place in the file, the value there, and what is allowed::
@@ -24,7 +24,7 @@ import msgspec
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import FieldError
 
-ROOT = "$"  # the whole file, in the place of a value
+ROOT = "$"  # the whole file, in place of a value
 _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")  # in a place: a field, the number of an item, or any key
 _KINDS = {"object": "an object of names and values", "array": "a list", "null": "null"}
 _SHORT = reprlib.Repr()
@@ -34,14 +34,14 @@ _SHORT.maxlevel = 3
 
 
 def shortened(value: object) -> str:
-    """A value as a message shows it, without its middle where it is long."""
+    """Return a value as a message shows it, without its middle if it is long."""
     return _SHORT.repr(value)
 
 
 def validated(kind: Any, tree: Any, where: str = ROOT, *, closed: bool = True) -> Any:
-    """An instance of the type ``kind`` from plain data; FieldError with its place, below ``where``, for what is wrong.
+    """Return an instance of the type ``kind`` from plain data; FieldError with the place, below ``where``, of an error.
 
-    An object with a name that its dataclass has not is wrong too, unless not ``closed``.
+    An object with a name that its dataclass does not have is wrong too, unless ``closed`` is False.
     """
     if closed:
         _check_names(kind, tree, where)
@@ -54,17 +54,17 @@ def validated(kind: Any, tree: Any, where: str = ROOT, *, closed: bool = True) -
 
 
 def known_fields(kind: Any) -> list[str]:
-    """Names of the fields that an instance of a dataclass is made of."""
+    """Return the names of the fields of a dataclass that its instances are made from."""
     return [entry.name for entry in dataclasses.fields(kind) if entry.init]
 
 
 def unknown_field(kind: Any, name: object, where: str) -> FieldError:
-    """The error for a name that a dataclass has not."""
+    """Return the error for a name that a dataclass does not have."""
     return FieldError(f"{_joined(where, str(name))} is not a field; {allowed_for(str(name), known_fields(kind))}")
 
 
 def _decoded(kind: Any, value: Any) -> Any:
-    """Decode values that JSON has no type of its own for."""
+    """Decode values for which JSON has no type."""
     if isinstance(kind, type) and issubclass(kind, Path) and isinstance(value, str):
         return kind(value)
     raise TypeError(f"Expected `{'str' if kind is Path else getattr(kind, '__name__', kind)}`")
@@ -91,7 +91,7 @@ _hints: Callable[[Any], dict[str, Any]] = cache(get_type_hints)
 
 
 def _bare(hint: Any) -> Any:
-    """A type without its bounds; of an optional one what it holds where there is anything."""
+    """Return a type without its bounds; an optional one without its None."""
     while True:
         if get_origin(hint) is Annotated:
             hint = get_args(hint)[0]
@@ -105,7 +105,7 @@ def _bare(hint: Any) -> Any:
 
 
 def _inside(hint: Any, step: str | int) -> Any:
-    """The type of a field or an item of a type; ``Any`` where it cannot be said."""
+    """Return the type of a field or an item of a type; ``Any`` if it is not known."""
     kind, items = _bare(hint), get_args(_bare(hint))
     if dataclasses.is_dataclass(kind):
         return _hints(kind).get(str(step), Any)
@@ -117,7 +117,7 @@ def _inside(hint: Any, step: str | int) -> Any:
 
 
 def _explained(error: msgspec.ValidationError, kind: Any, tree: Any, where: str) -> str:
-    """The message for a fault: its place, the value there, and what is allowed."""
+    """Return the message for a fault: its place, the value there, and what is allowed."""
     reason, _, tail = str(error).rpartition(" - at ")
     if not reason:
         reason, tail = str(error), ""
@@ -130,7 +130,7 @@ def _explained(error: msgspec.ValidationError, kind: Any, tree: Any, where: str)
             place, value, hint = f"{place}[{number}]", value[int(number)], _inside(hint, int(number))
         else:
             place, value, hint = _joined(place, name), value[name], _inside(hint, name)
-    if isinstance(error.__cause__, ValueError):  # a configuration refuses what is of the right type
+    if isinstance(error.__cause__, ValueError):  # a configuration refuses a value of the right type
         return _joined(place, reason) if re.match(r"\w+ = ", reason) else f"{place}: {reason}".removeprefix(": ")
     if missing := re.fullmatch(r"Object missing required field `(.*)`", reason):
         return f"{_joined(place, missing[1])} is missing; allowed: {', '.join(known_fields(_bare(hint)))}"
@@ -138,7 +138,7 @@ def _explained(error: msgspec.ValidationError, kind: Any, tree: Any, where: str)
 
 
 def _culprit(hint: Any, values: Any) -> tuple[Any, Any]:
-    """The first key and value of a mapping that its type does not allow."""
+    """Return the first key and value of a mapping that its type does not allow."""
     kind = get_args(hint)[1]
     for key, value in values.items():
         try:
@@ -150,7 +150,7 @@ def _culprit(hint: Any, values: Any) -> tuple[Any, Any]:
 
 
 def _allowed(reason: str, hint: Any) -> str:
-    """The values that a type allows, in words."""
+    """Return the values that a type allows, in words."""
     if get_origin(hint) is Literal:
         return ", ".join(map(str, get_args(hint)))
     if isinstance(hint, type) and issubclass(hint, Enum):

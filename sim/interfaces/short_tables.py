@@ -1,4 +1,4 @@
-"""Short tables: what an interpreter shows of a run, a plan, an estimate or a solution."""
+"""Short tables, which an interpreter shows for a run, a plan, an estimate or a solution."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Row = tuple[str, str, str]
 
 
 def short_table(title: str, rows: Sequence[Row]) -> str:
-    """A title, and below it a line for each row, values aligned to the right."""
+    """Return a title, and below it a line for each row, values aligned to the right."""
     if not rows:
         return title
     left = max(len(name) for name, _, _ in rows)
@@ -22,7 +22,7 @@ def short_table(title: str, rows: Sequence[Row]) -> str:
 
 
 def html_table(title: str, rows: Sequence[Row]) -> str:
-    """The same as HTML, for a notebook."""
+    """Return the same as HTML, for a notebook."""
     cells = "".join(
         f"<tr><td>{escape(name)}</td><td style='text-align:right'>{escape(value)}</td><td>{escape(unit)}</td></tr>"
         for name, value, unit in rows
@@ -31,7 +31,7 @@ def html_table(title: str, rows: Sequence[Row]) -> str:
 
 
 def value_text(value: Any) -> str:
-    """A figure of a summary in a few characters; "-" for what is not known."""
+    """Return a figure of a summary in a few characters; "-" if it is not known."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "-"
     if isinstance(value, bool):
@@ -42,5 +42,5 @@ def value_text(value: Any) -> str:
 
 
 def vector_text(values: Sequence[float] | Any, digits: int = 4) -> str:
-    """The components of a vector, "(1.5, 0, -2)"."""
+    """Return the components of a vector as text, "(1.5, 0, -2)"."""
     return f"({', '.join(f'{float(value) + 0.0:.{digits}g}' for value in values)})"

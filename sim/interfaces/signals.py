@@ -1,9 +1,9 @@
-"""The signals of the loop, from sensors to actuators.
+"""Signals of the loop, from sensors to actuators.
 
     sensors --Measurement--> estimator --Estimate--> planner --Plan--> tracker --command u--> plant
 
-Every signal is immutable and carries the time it is valid at. This module imports numpy only, so that a model, a
-planner and an observer can speak of the same things without knowing each other.
+Every signal is immutable and carries the time at which it is valid. This module imports only numpy, so that a model, a
+planner and an observer can share these types without importing each other.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ class Status(Enum):
 
 
 OPTIMISED = 0
-"""Phase of an arc that was optimised; a mission numbers its further phases itself, from 1 on."""
+"""Phase of an arc that was optimised; a mission numbers its other phases, from 1 on."""
 
 
 def where_raised(error: BaseException) -> str:
-    """The line that raised, as " (FILE:LINE)"; "" where that is not known."""
+    """Return the line that raised, as " (FILE:LINE)"; "" if that is not known."""
     last = traceback.extract_tb(error.__traceback__)[-1:]
     return "".join(f" ({frame.filename}:{frame.lineno})" for frame in last)
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """One reading of one sensor."""
+    """Reading of a sensor."""
 
     name: str
     t: float  # [s]
@@ -60,7 +60,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Estimate:
-    """The estimate of the state at time ``t``."""
+    """Estimate of the state at time ``t``."""
 
     t: float  # [s]
     x: Array  # (nx,) state
@@ -71,7 +71,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Plan:
-    """The whole future, to rest or onto the target, as arcs with constant input stamped in absolute time.
+    """Plan of the whole future, to rest or onto the target, as arcs with constant input stamped in absolute time.
 
     Arc k holds the input ``u[k]`` over [t[k], t[k+1]] and starts at the state ``x[k]``; ``x[-1]`` is the state of
     rest in which the vehicle stays, or that in which it meets its target. A plan whose ``status`` is not ``OK`` is a
@@ -81,13 +81,13 @@ class Plan:
     t: Array  # (K + 1,) [s] absolute, increasing
     x: Array  # (K + 1, nx) state at t
     u: Array  # (K, nu) input over [t[k], t[k + 1]]
-    phase: Integers  # (K,) OPTIMISED, or a phase of the mission's own
-    status: Enum = Status.OK  # a Status, or the mission's own reason for refusing a plan
+    phase: Integers  # (K,) OPTIMISED, or a phase that the mission defines
+    status: Enum = Status.OK  # a Status, or a reason of the mission for refusing a plan
     message: str = ""  # details behind the status
-    ready: float = -np.inf  # [s] simulated time at which the plan is at hand
+    ready: float = -np.inf  # [s] simulated time at which the plan is available
     cost: float = np.nan  # the planner's objective
     solve_ms: float = np.nan  # thread CPU time of the optimisation; wall-clock figures stay out of the log
-    notes: tuple[str, ...] = ()  # kinds of further events to record when the plan is adopted, "rebased" for one
+    notes: tuple[str, ...] = ()  # kinds of other events to record when the plan is adopted, for example "rebased"
 
     @property
     def ok(self) -> bool:
@@ -96,7 +96,7 @@ class Plan:
 
     @property
     def by_fallback(self) -> bool:
-        """True for a plan that is flown because the planner had none, or none that was certified."""
+        """True for a plan that is flown because the planner had no plan, or no certified one."""
         return "fallback-plan" in self.notes or {"guarantee-lost", "rebased"} <= set(self.notes)
 
     @property
@@ -118,13 +118,13 @@ class Plan:
         solve_ms: float = np.nan,
         notes: tuple[str, ...] = (),
     ) -> Plan:
-        """A plan that is not there, and why."""
+        """Return a failed plan, with the reason."""
         nothing, none = np.empty((0, 0)), np.empty(0, np.int64)
         return Plan(np.empty(0), nothing, nothing, none, status, message, ready, solve_ms=solve_ms, notes=notes)
 
     @staticmethod
     def raised(error: BaseException) -> Plan:
-        """A failed plan in place of the answer of a planner that raised."""
+        """Return a failed plan in place of the answer of a planner that raised."""
         return Plan.failure(Status.RAISED, f"{type(error).__name__}: {error}{where_raised(error)}")
 
 
@@ -142,9 +142,9 @@ class Message:
 class Outbox:
     """Messages of a coordinator at one time: to others, to its own planner, and events.
 
-    The same message to the same several receivers as before, the very objects, is the former one repeated for those
-    that may have lost it: a network that loses none delivers it once, also to a receiver that could not take it then.
-    What all must know in the end is sent as a new message now and then.
+    If the message and the tuple of several receivers are the same objects as before, the message is a repetition for
+    those that may have lost it: a network that loses none delivers it once, also to a receiver that could not take it
+    then. Information that all must have in the end is sent as a new message from time to time.
     """
 
     messages: tuple[tuple[str | tuple[str, ...], Message], ...] = ()  # (receivers, message), for the network
@@ -154,7 +154,7 @@ class Outbox:
 
 @dataclass(frozen=True)
 class PlanRequest:
-    """A request to a planner: a plan that starts at ``t_start`` on the plan being flown."""
+    """Request to a planner: a plan that starts at ``t_start`` on the plan being flown."""
 
     t: float  # [s] now
     t_start: float  # [s] when the answer takes over: one planning period ahead, or now if there is no plan yet
@@ -165,7 +165,7 @@ class PlanRequest:
 
 @dataclass(frozen=True)
 class Event:
-    """Something worth a line in events.jsonl."""
+    """Event that is recorded as a line in events.jsonl."""
 
     t: float  # [s]
     agent: str

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all: nobody meets half of one, and a full disk leaves what was there."""
+"""Atomic writing of files, whole or not at all: no reader sees a part of one, and a full disk leaves the former one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-LONGEST = 60  # characters of a name that a scratch file repeats, so that its own does not become too long
+LONGEST = 60  # characters of a name that a scratch file repeats, so that its name does not become too long
 
 
 @contextmanager
@@ -18,16 +18,16 @@ def naming(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno is None:  # no word of the operating system
+        if error.errno is None:  # not an error of the operating system
             raise
         raise OSError(error.errno, error.strerror or os.strerror(error.errno), str(path)) from error
 
 
 @contextmanager
 def whole_files(*paths: Path) -> Iterator[list[Path]]:
-    """Scratch files, each beside its path, which take their places together when the block has ended.
+    """Open scratch files, each next to its path, which take their places together when the block has ended.
 
-    If the block raises, or one of the files cannot be had, nothing is changed. Raises OSError that names one of
+    If the block raises, or one of the files cannot be written, nothing is changed. Raises OSError that names one of
     ``paths``.
     """
     scratch: list[Path] = []

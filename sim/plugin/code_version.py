@@ -1,4 +1,4 @@
-"""Code that a result comes from: the version of the package and a digest of the sources as they are installed."""
+"""Version of the code that a result comes from: that of the package, and a digest of the installed sources."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.reading.files import MEBIBYTE, read_bytes
 
 PACKAGE = "mathnavi"
-FOLDERS = ("controllers", "estimators", "models", "sim")  # what a result can depend on; renders draws afterwards
-MOST_SOURCE = 1024 * MEBIBYTE  # of a file that lies in a package
+FOLDERS = ("controllers", "estimators", "models", "sim")  # a result depends on these; renders draws afterwards
+MOST_SOURCE = 1024 * MEBIBYTE  # of a file in a package
 _DIGITS = 16  # of a digest
 _IMPORT = re.compile(rb"^\s*(?:from\s+([A-Za-z_]\w*)[\w.]*\s+import\b|import\s+([^\n#;(]+))", re.MULTILINE)
 
 
 def code_version(*plugins: Any, need_sources: bool = True) -> str:
-    """The version of mathnavi and the digest of its sources, with those of plug-ins that lie elsewhere.
+    """Return the version of mathnavi and the digest of its sources, with those of plug-ins from elsewhere.
 
-    Raises ValueError for a plug-in without sources, of a notebook for one, unless they are not needed.
+    Raises ValueError for a plug-in without sources, from a notebook for example, unless they are not needed.
 
-    Of another's package every file counts, of a module that lies in no package the one file; so do the user's own
-    modules that these import, and what they import of installed packages: its version, or where the distribution has
-    another name its sources. It is the code as it was when this process first asked.
+    Of a third-party package every file counts, of a module outside of packages the one file; so do the user's modules
+    that these import, and the installed packages that they import: their version, or their sources if the distribution
+    has another name. It is the code at the first call in this process.
     """
     strangers = {plugin.__module__.partition(".")[0] for plugin in plugins} - {PACKAGE}
     digests = {name: _stranger(name) if need_sources or _places(name) else "without-sources" for name in strangers}
@@ -47,7 +47,8 @@ def _own() -> str:
 
 @cache
 def _stranger(name: str) -> str:
-    """Digest of the sources of a plug-in's top-level module, and of everything that it imports."""
+    """Return the digest of the sources of a third-party plug-in's top-level module, and of everything that it imports.
+    """
     counted: list[tuple[str, Path, Path]] = []
     versions: set[str] = set()
     waiting, seen = [name], {name}
@@ -55,14 +56,14 @@ def _stranger(name: str) -> str:
         module = waiting.pop()
         places = _places(module)
         if module == name and not places:
-            raise ArgumentError(f"the plug-ins of module {name!r} come from no file; allowed: modules with sources")
+            raise ArgumentError(f"the plug-ins of module {name!r} have no file; allowed: modules with sources")
         if module != name and places and _is_installed(places[0][1]) and (number := _version(module)):
             versions.add(f"{module} {number}")
             continue
         own = [(module, folder, file) for folder, start in places for file in _files(start)]
         counted += own
         if module != name and places and _is_installed(places[0][1]):
-            continue  # what an installed package imports in its turn is its own affair
+            continue  # imports of an installed package are not followed
         found = {each for *_, file in own if file.suffix == ".py" for each in _imports(file)} - seen
         seen |= found
         waiting += sorted(found)
@@ -70,11 +71,11 @@ def _stranger(name: str) -> str:
 
 
 def _places(name: str) -> list[tuple[Path, Path]]:
-    """The folder above a top-level module's files, and the file or the folder itself; none for one without sources."""
+    """Return the folder above a top-level module's files, and the file or the folder itself; none without sources."""
     module = sys.modules.get(name)
     try:
         spec = module.__spec__ if module is not None and module.__spec__ is not None else find_spec(name)
-    except (ImportError, ValueError):  # it is imported where it is there, perhaps
+    except (ImportError, ValueError):  # perhaps an optional import
         return []
     if spec is None:
         return []
@@ -84,7 +85,7 @@ def _places(name: str) -> list[tuple[Path, Path]]:
 
 
 def _imports(file: Path) -> Iterator[str]:
-    """Top-level modules that a source imports, without Python's own and mathnavi."""
+    """Return the top-level modules that a source imports, without Python's own and mathnavi."""
     for module, listed in _IMPORT.findall(read_bytes(file, ValueError, MOST_SOURCE)):
         for each in (module,) if module else listed.split(b","):
             name = each.split(b" as ")[0].strip().partition(b".")[0].decode(errors="replace")
@@ -93,12 +94,12 @@ def _imports(file: Path) -> Iterator[str]:
 
 
 def _is_installed(file: Path) -> bool:
-    """True for what lies among the installed packages."""
+    """Return True for a path among the installed packages."""
     return any(file.is_relative_to(sysconfig.get_path(each)) for each in ("purelib", "platlib"))
 
 
 def _version(name: str) -> str | None:
-    """Version of the distribution that is called as its module; None where there is none."""
+    """Return the version of the distribution with the name of its module; None if there is none."""
     try:
         return version(name)
     except PackageNotFoundError:
@@ -106,7 +107,7 @@ def _version(name: str) -> str | None:
 
 
 def _files(place: Path) -> Iterator[Path]:
-    """Everything in a package but caches and hidden files, in order; of a file the file itself."""
+    """Return all files of a package except caches and hidden files, in order; for a file the file itself."""
     if place.is_file():
         yield place
         return
@@ -118,7 +119,9 @@ def _files(place: Path) -> Iterator[Path]:
 
 
 def _digest(files: Iterable[tuple[str, Path, Path]], *more: str) -> str:
-    """Digest of (package, folder of the package, file): where each file lies in its package, and its content."""
+    """Return the digest of (package, folder of the package, file): the place of each file in its package, and its
+    content.
+    """
     digest = hashlib.sha256()
     for package, folder, file in files:
         content = hashlib.sha256(read_bytes(file, ValueError, MOST_SOURCE)).hexdigest()

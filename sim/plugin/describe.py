@@ -1,4 +1,4 @@
-"""The description of a plug-in, found by importing it: ``mathnavi.sim.plugin.index`` keeps it for later."""
+"""Description of a plug-in, found by importing it: ``mathnavi.sim.plugin.index`` keeps it for later."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from typing import Any
 from mathnavi.sim.plugin.leaves import Leaf, leaves_of
 from mathnavi.sim.plugin.source_stamps import Plain, stamp
 
-STATED = ("controller", "estimator")  # what a scenario is flown with unless something else is asked for
+STATED = ("controller", "estimator")  # the defaults of a scenario
 
 
 def described(value: str) -> Plain:
-    """Plain data on the class or function at "package.module:Name", as ``index.Description`` has them.
+    """Return plain data on the class or function at "package.module:Name", with the fields of ``index.Description``.
 
-    Any exception of the import but Ctrl-C, SystemExit included, is in ``error``.
+    Any exception of the import except Ctrl-C, including SystemExit, is in ``error``.
     """
     try:
         plugin = EntryPoint(value, value, "").load()
@@ -33,7 +33,7 @@ def described(value: str) -> Plain:
             "files": {file: stamp(file) for file in _files(plugin, schema, leaves)},
             "error": "",
         }
-    except BaseException as error:  # whatever a stranger's module does when it is imported
+    except BaseException as error:  # a third-party module may raise anything when it is imported
         if isinstance(error, KeyboardInterrupt):
             raise
         return {"first_line": "", "stated": {}, "fields": [], "files": {}, "error": str(error) or type(error).__name__}
@@ -52,7 +52,8 @@ def _field(leaf: Leaf) -> Plain:
 
 
 def _files(plugin: Any, schema: type | None, leaves: list[Leaf]) -> Iterator[str]:
-    """The sources that the description comes from: of the plug-in, its configuration, and the types named in it."""
+    """Return the sources that the description depends on: of the plug-in, its configuration, and the types named in it.
+    """
     bases = getattr(plugin, "__mro__", (plugin,))
     owners = [*bases, *(schema.__mro__ if schema else ()), *(base for leaf in leaves for base in leaf.owner.__mro__)]
     named = (owner.__name__ if isinstance(owner, ModuleType) else getattr(owner, "__module__", "") for owner in owners)
@@ -66,7 +67,7 @@ def _files(plugin: Any, schema: type | None, leaves: list[Leaf]) -> Iterator[str
 
 
 def _definitions(module: ModuleType, name: str) -> Iterator[str]:
-    """The sources of the modules of the same package that hold what ``name`` means in a module."""
+    """Return the sources of the modules of the same package that define ``name`` as used in a module."""
     missing = object()
     meaning = vars(module).get(name, missing)
     if meaning is missing:

@@ -1,4 +1,4 @@
-"""The text that stands below or beside each field of a dataclass in its source: its help on the command line."""
+"""Help texts of the fields of a dataclass: the string below, or the comment next to, each field in its source."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from functools import cache
 
 @cache
 def field_help(schema: type) -> dict[str, str]:
-    """Help by name of the field, of a dataclass and of those that it inherits from; "" where its source says nothing.
+    """Return the help by name of the field, of a dataclass and of its base classes; "" for a field without text.
 
-    A field without a docstring below it takes the comment beside it. The result is empty where there is no source.
+    A field without a docstring below it takes the comment next to it. The result is empty if there is no source.
     """
     texts: dict[str, str] = {}
     for each in reversed([base for base in schema.__mro__ if dataclasses.is_dataclass(base)]):
         try:
             source = textwrap.dedent(inspect.getsource(each))
             statements = ast.parse(source).body[0].body  # type: ignore[attr-defined]
-        except (OSError, TypeError, SyntaxError):  # made by a call, or in a notebook
+        except (OSError, TypeError, SyntaxError):  # defined by a call, or in a notebook
             continue
         remarks = comments(source)
         for field, below in zip(statements, [*statements[1:], None], strict=True):
@@ -36,7 +36,7 @@ def field_help(schema: type) -> dict[str, str]:
 
 
 def comments(source: str) -> dict[int, tuple[int, str]]:
-    """Column and text of every comment, by the number of its line."""
+    """Return column and text of every comment, by the number of its line."""
     return {
         token.start[0]: (token.start[1], token.string.lstrip("# ").strip())
         for token in tokenize.generate_tokens(io.StringIO(source).readline)
@@ -45,7 +45,7 @@ def comments(source: str) -> dict[int, tuple[int, str]]:
 
 
 def beside(node: ast.stmt, remarks: Mapping[int, tuple[int, str]]) -> str:
-    """The comment beside a statement, with the lines that continue it below."""
+    """Return the comment next to a statement, with the lines that continue it below."""
     line = node.end_lineno or node.lineno
     column, text = remarks.get(line, (0, ""))
     while text and (below := remarks.get(line + 1)) and below[0] == column:

@@ -1,4 +1,4 @@
-"""The groups of entry points that plug-ins are installed in. Nothing heavy is imported here."""
+"""Groups of entry points in which plug-ins are installed. Nothing heavy is imported here."""
 
 from __future__ import annotations
 
@@ -13,5 +13,5 @@ GROUPS = {  # by kind of plug-in
 
 
 def installed(kind: str) -> list[EntryPoint]:
-    """The entry points of a kind, in the order of their names."""
+    """Return the entry points of a kind, in the order of their names."""
     return entry_points_of(GROUPS[kind])

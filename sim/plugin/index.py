@@ -1,6 +1,6 @@
-"""The index of plug-ins: what each is and which fields it has, kept so that nothing has to be imported to say so.
+"""Index of plug-ins: the description and the fields of each, kept so that nothing has to be imported to list them.
 
-Each description is made once, by importing the plug-in in a process of its own, and kept in a file of the user's cache
+Each description is made once, by importing the plug-in in a separate process, and kept in a file of the user's cache
 ($XDG_CACHE_HOME/mathnavi or ~/.cache/mathnavi) together with the sizes and times of the sources that it comes from. It
 is made again when one of these changes, or another version is installed. Without a folder to write to it is made every
 time.
@@ -23,8 +23,8 @@ from mathnavi.sim.interfaces.reading.files import parsed, read_text
 from mathnavi.sim.plugin.groups import GROUPS, installed
 from mathnavi.sim.plugin.source_stamps import Plain, stamp
 
-Point = tuple[str, EntryPoint]  # the kind of a plug-in, and where it is
-COMMAND = "commands"  # the kind of the dataclasses that a command's own flags come from
+Point = tuple[str, EntryPoint]  # the kind of a plug-in, and its place
+COMMAND = "commands"  # the kind of the dataclasses that define a command's flags
 _FORMAT = 1
 _CHILD = """
 import json, os, sys
@@ -40,41 +40,41 @@ with os.fdopen(answer, "w", encoding="utf-8") as out:
 
 @dataclass(frozen=True)
 class FieldDescription:
-    """A field of a configuration, as the command line has it."""
+    """Field of a configuration on the command line."""
 
     name: str
-    """dotted, "noise.rate"; the flag is ``flag_of(name)``"""
+    """dotted name, "noise.rate"; the flag is ``flag_of(name)``"""
     type: str
-    """INT, FLOAT FLOAT FLOAT, {uniform,arclength}"""
+    """type of the value: INT, FLOAT FLOAT FLOAT, {uniform,arclength}"""
     choices: tuple[str, ...]
-    """all words that are allowed, where they can be listed"""
+    """all words that are allowed, if they can be listed"""
     switch: bool
-    """a truth value, which --no-NAME sets to false"""
+    """whether it is a truth value, which --no-NAME sets to false"""
     repeats: bool
     help: str
 
 
 @dataclass(frozen=True)
 class Description:
-    """A plug-in, without its code."""
+    """Description of a plug-in, without its code."""
 
     kind: str
     name: str
     value: str
-    """package.module:Class"""
+    """place of the class, package.module:Class"""
     distribution: str
-    """name and version of the package that it is installed with, "" for none"""
+    """name and version of the package that it is installed with, "" without one"""
     first_line: str
-    """of its docstring"""
+    """first line of its docstring"""
     stated: Mapping[str, str]
     """names of the controller and the estimator of a scenario"""
     fields: tuple[FieldDescription, ...]
     error: str
-    """why it cannot be imported, "" if it can"""
+    """reason why it cannot be imported, "" if it can"""
 
 
 def describe(points: Sequence[Point]) -> list[Description]:
-    """The descriptions of some plug-ins, from the index as far as it has them; it is brought up to date first."""
+    """Return the descriptions of some plug-ins, from the index if it has them; it is updated first."""
     path = _path()
     entries = _read(path)
     if any(not _fresh(entries.get(_key(*point))) for point in points):
@@ -88,7 +88,7 @@ def describe(points: Sequence[Point]) -> list[Description]:
 
 
 def imported(kind: str, point: EntryPoint) -> Description:
-    """The description of a plug-in that is imported for it, in this process."""
+    """Return the description of a plug-in by importing it in this process."""
     from mathnavi.sim.plugin.describe import described
 
     return _description(kind, point, described(point.value))
@@ -105,28 +105,29 @@ def _description(kind: str, point: EntryPoint, entry: Plain) -> Description:
 
 
 def _fresh(entry: Plain | None) -> bool:
-    """An entry that its sources have not left behind; one that could not be imported is tried again."""
+    """Return an entry that is still valid for its sources; one that could not be imported is tried again."""
     return (
         entry is not None and not entry["error"] and all(stamp(file) == then for file, then in entry["files"].items())
     )
 
 
 def _path() -> Path:
-    """The file of the index for this installation and this version of Python."""
+    """Return the file of the index for this installation and this version of Python."""
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     installation = hashlib.sha256(f"{sys.prefix} {sys.version}".encode()).hexdigest()[:16]
     return Path(home) / "mathnavi" / f"plugins-{installation}.json"
 
 
 def _rules() -> dict[str, list[int]]:
-    """The state of the sources that say how a plug-in is described."""
+    """Return the stamps of the sources that define how a plug-in is described."""
     here = os.path.dirname(__file__)
     names = ("describe.py", "field_help.py", "flag_names.py", "index.py", "leaves.py", "word_forms.py")
     return {name: stamp(os.path.join(here, name)) for name in names}
 
 
 def _read(path: Path) -> dict[str, Plain]:
-    """The entries of the index by their keys; none from a file that is missing, damaged or made by other rules."""
+    """Return the entries of the index by their keys; none from a file that is missing, damaged or made by other rules.
+    """
     try:
         content = parsed(read_text(path, ValueError), str(path), ValueError)
         if content["rules"] != _rules():
@@ -141,7 +142,7 @@ def _read(path: Path) -> dict[str, Plain]:
 
 
 def _write(path: Path, entries: Mapping[str, Plain]) -> None:
-    """Put a new file in the place of the old one, at once; nothing happens where it cannot be written."""
+    """Replace the file atomically; nothing happens if it cannot be written."""
     import tempfile  # a tenth of the time that the list takes
 
     with suppress(OSError):
@@ -156,13 +157,13 @@ def _write(path: Path, entries: Mapping[str, Plain]) -> None:
 
 
 def _described_apart(values: Sequence[str]) -> list[Plain]:
-    """Descriptions by a process of their own, which imports what stands at each value; what ends it is broken."""
+    """Describe plug-ins in a separate process, which imports each value; a plug-in that ends the process is broken."""
     import subprocess
 
     folder = os.getcwd()
     request = {"path": [*sys.path, *[folder] * (folder not in sys.path)], "values": list(values)}
     done = subprocess.run(
-        [sys.executable, "-P", "-c", _CHILD],  # -P: no file of this folder stands before a module
+        [sys.executable, "-P", "-c", _CHILD],  # -P: no file of this folder takes precedence over a module
         input=json.dumps(request),
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

@@ -1,4 +1,4 @@
-"""The leaves of a configuration: its fields, and those of the dataclasses that it is made of, as flags."""
+"""Leaves of a configuration: its fields, and those of the dataclasses in it, as flags."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from mathnavi.sim.plugin.word_forms import Form, form_of
 
 @dataclass(frozen=True)
 class Leaf:
-    """A field that holds no further dataclass."""
+    """Field that does not hold a dataclass."""
 
     owner: type
     name: str  # of the field in its owner
     path: str  # dotted, below the prefix
     field_name: str  # dotted, in the dataclass of the group
     hint: Any
-    marks: tuple[Any, ...]  # what stands beside the type within Annotated
+    marks: tuple[Any, ...]  # the metadata of the type within Annotated
     required: bool
 
     @property
     def flag(self) -> str:
-        """The flag as it is given on the command line."""
+        """Flag as given on the command line."""
         return flag_of(self.path)
 
     @property
@@ -39,27 +39,28 @@ class Leaf:
 
     @cached_property
     def form(self) -> Form | None:
-        """How words become its value; None for a field without values."""
+        """Form of the words of its value; None for a field without values."""
         return form_of(Annotated[(self.hint, *self.marks)] if self.marks else self.hint)
 
     @property
     def value_name(self) -> str:
-        """Name of its value in the help."""
+        """Name of the value in the help."""
         return self.form.name if self.form else "nothing"
 
     @property
     def help(self) -> str:
-        """Its documentation, on one line."""
+        """Documentation of the field, on one line."""
         return " ".join(field_help(self.owner).get(self.name, "").split())
 
     @property
     def wanted(self) -> str:
-        """The values that are allowed, where the field is missing."""
+        """Allowed values, for the message if the field is missing."""
         return (self.help if self.positional else f"{self.value_name} {self.help}".rstrip()) or self.value_name
 
     @property
     def explained(self) -> str:
-        """The values that are allowed, where one is wrong: its type, or the number of values and what each is."""
+        """Allowed values, for the message if one is wrong: the type, or the number of values and the meaning of each.
+        """
         name = self.value_name.strip("{}")
         count = len(name.split())
         if count == 1:
@@ -69,13 +70,13 @@ class Leaf:
 
     @property
     def place(self) -> str:
-        """The name in a message: the flag, or what the help calls the place."""
+        """Name in a message: the flag, or the name of the positional argument in the help."""
         given = next((str(mark.metavar) for mark in self.marks if getattr(mark, "metavar", None)), None)
         return (given or self.name.upper()) if self.positional else self.flag
 
 
 def leaves_of(schema: type, prefix: str, above: str = "", filled: bool = False) -> Iterator[Leaf]:
-    """The leaves of a dataclass; with ``filled`` all its fields have values already."""
+    """Return the leaves of a dataclass; with ``filled`` all its fields have values already."""
     hints = get_type_hints(schema, include_extras=True)
     for entry in dataclasses.fields(schema):
         if not entry.init:

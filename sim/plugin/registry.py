@@ -1,7 +1,7 @@
 """Plug-ins: entry points, or "package.module:Class" for a class that declares a frozen configuration.
 
-A plug-in is a class with a frozen dataclass ``Config`` and a static ``build``. The built-in ones enter by the same
-door as a stranger's package, and what any of them builds is checked before it flies.
+A plug-in is a class with a frozen dataclass ``Config`` and a static ``build``. The built-in ones are found in the same
+way as those of third-party packages, and what any of them builds is checked before it flies.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Quality = TypeVar("Quality")
 _PLACE = "package.module:Class"
 _OWN = "mathnavi"  # the package of the built-in plug-ins
 
-NEEDED = {  # of the class itself, beside Config
+NEEDED = {  # of the class itself, besides Config
     "controllers": ("build",),
     "estimators": ("build", "sensors", "quality"),
     "consensus": ("build", "within_starts"),
@@ -41,14 +41,14 @@ NEEDED = {  # of the class itself, beside Config
 
 @dataclass(frozen=True)
 class PluginSpec:
-    """A plug-in and its configuration."""
+    """Plug-in with its configuration."""
 
     plugin: Any
     config: Any
 
     @staticmethod
     def with_fields(plugin: Any, **fields: Any) -> PluginSpec:
-        """A plug-in class with some fields of its configuration set."""
+        """Return a plug-in class with some fields of its configuration set."""
         return PluginSpec(plugin, plugin.Config(**fields))
 
     @property
@@ -57,14 +57,14 @@ class PluginSpec:
 
 
 def names(kind: str) -> tuple[str, ...]:
-    """Names of the installed plug-ins of a kind, in order, each once."""
+    """Return the names of the installed plug-ins of a kind, in order, each once."""
     return tuple(dict.fromkeys(point.name for point in installed(kind)))
 
 
 def called(kind: str, place: str) -> str:
-    """The name of the class at "package.module:Class" on the command line.
+    """Return the name of the class at "package.module:Class" on the command line.
 
-    That of its entry point, unless another plug-in has it too; else that place itself.
+    It is the name of its entry point, unless another plug-in has it too; else that place itself.
     """
     points = installed(kind)
     taken = Counter(point.name for point in points)
@@ -72,9 +72,9 @@ def called(kind: str, place: str) -> str:
 
 
 def load(kind: str, name: str) -> Any:
-    """The plug-in called ``name``, or the class at "package.module:Class".
+    """Load the plug-in called ``name``, or the class at "package.module:Class".
 
-    Raises PluginError if there is none, naming those that exist, if several have the name, naming where each is from,
+    Raises PluginError if there is none, naming those that exist, if several have the name, naming the origin of each,
     or if it declares no frozen configuration.
     """
     point = named(installed(kind), kind, name, _PLACE)
@@ -91,10 +91,10 @@ def load(kind: str, name: str) -> Any:
 
 @contextmanager
 def of_stranger(plugin: Any, subject: str) -> Iterator[None]:
-    """PluginError that begins with ``subject`` for what the code of a plug-in raises in here.
+    """Raise a PluginError that begins with ``subject`` for any exception of a plug-in's code within the block.
 
     Refusals pass: exceptions of mathnavi, an OSError, and a ValueError that says what is allowed. Any exception of
-    mathnavi's own plug-ins is a defect, and passes too; that one of them ends the process does not.
+    mathnavi's own plug-ins is a defect, and passes too, but not SystemExit.
     """
     try:
         yield
@@ -112,7 +112,7 @@ def _is_own(kind: Any) -> bool:
 
 
 def loadable(kind: str) -> dict[str, Any]:
-    """The installed plug-ins of a kind by name, without those that cannot be loaded."""
+    """Return the installed plug-ins of a kind by name, without those that cannot be loaded."""
     found = {}
     for name in names(kind):
         with suppress(PluginError):
@@ -121,7 +121,7 @@ def loadable(kind: str) -> dict[str, Any]:
 
 
 def checked_controller(spec: PluginSpec, mission: Any, bound: type | None = None) -> tuple[Planner, Any]:
-    """The planner and the tracker that a controller builds; the tracker's ``bound`` is of the type given, if one is.
+    """Return the planner and the tracker that a controller builds; the tracker's ``bound`` has the given type, if any.
 
     Raises PluginError if the build fails or anything that the loop needs is missing.
     """
@@ -140,7 +140,7 @@ def checked_controller(spec: PluginSpec, mission: Any, bound: type | None = None
 
 
 def checked_estimator(spec: PluginSpec, mission: Any) -> Estimator:
-    """The estimator that a plug-in builds; PluginError as for a controller."""
+    """Return the estimator that a plug-in builds; PluginError as for a controller."""
     _check_class("estimators", spec.plugin, spec.name)
     estimator: Estimator = _invoke("estimators", spec, "build", mission)
     _check_made(f"estimators: {spec.name!r}: build() returned the estimator", estimator, "update")
@@ -148,7 +148,7 @@ def checked_estimator(spec: PluginSpec, mission: Any) -> Estimator:
 
 
 def checked_consensus(spec: PluginSpec, mission: Any) -> Consensus:
-    """The consensus by which a vehicle agrees with others; PluginError as for a controller."""
+    """Return the consensus by which a vehicle agrees with others; PluginError as for a controller."""
     _check_class("consensus", spec.plugin, spec.name)
     consensus: Consensus = _invoke("consensus", spec, "build", mission)
     for method in ("exchange", "start"):
@@ -163,7 +163,7 @@ def checked_consensus(spec: PluginSpec, mission: Any) -> Consensus:
 
 
 def checked_sensors(spec: PluginSpec, mission: Any) -> tuple[Sensor, ...]:
-    """The sensors that a vehicle carries for an estimator; PluginError as for a controller."""
+    """Return the sensors that a vehicle carries for an estimator; PluginError as for a controller."""
     _check_class("estimators", spec.plugin, spec.name)
     sensors = _invoke("estimators", spec, "sensors", mission)
     subject = f"estimators: {spec.name!r}: sensors() returned"
@@ -178,7 +178,7 @@ def checked_sensors(spec: PluginSpec, mission: Any) -> tuple[Sensor, ...]:
 
 
 def checked_quality(spec: PluginSpec, mission: Any, quality: type[Quality]) -> Quality:
-    """The quality of a plug-in's estimates, of the type given; PluginError as for a controller."""
+    """Return the quality of a plug-in's estimates, of the given type; PluginError as for a controller."""
     _check_class("estimators", spec.plugin, spec.name)
     answer = _invoke("estimators", spec, "quality", mission)
     if not isinstance(answer, quality):
@@ -203,7 +203,7 @@ def _check_class(kind: str, plugin: Any, name: str) -> None:
 
 
 def _check_name(kind: str, point: EntryPoint) -> None:
-    """PluginError for the name of an entry point that could not be part of a path, as it is in those of results."""
+    """Raise PluginError for the name of an entry point that cannot be part of a path, as it is for results."""
     try:
         plain_name(point.name, f"{kind}: the name of {point.value}")
     except ValueError as error:
@@ -216,18 +216,18 @@ def _frozen(config: type) -> bool:
 
 
 def _at(kind: str, place: str) -> Any:
-    """The class at "package.module:Class"; PluginError where there is no such module, or no such class in it."""
+    """Return the class at "package.module:Class"; PluginError if there is no such module, or no such class in it."""
     name, _, attribute = place.partition(":")
     if not all(part.isidentifier() for part in name.split(".")):
         raise PluginError(
-            f"{kind}: {place!r} cannot be imported: {name!r} is no name of a module; allowed: {_PLACE}, from the "
+            f"{kind}: {place!r} cannot be imported: {name!r} is not the name of a module; allowed: {_PLACE}, from the "
             "folder in which the module is"
         )
     try:
         module = importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name is None or not f"{name}.".startswith(f"{error.name}."):
-            raise  # the module is there, and another one that it imports is not
+            raise  # the module exists, and another one that it imports does not
         ending = f" (the module of {name} is {name.removesuffix('.py')})" if name.endswith(".py") else ""
         raise PluginError(
             f"{kind}: {place!r} cannot be imported: there is no module {error.name!r} in the present folder, and none "
@@ -246,7 +246,8 @@ def _at(kind: str, place: str) -> Any:
 def _invoke(kind: str, spec: PluginSpec, method: str, mission: Any) -> Any:
     """Call a plug-in's method with its configuration and a mission.
 
-    PluginError if the mission does not fit, or the method fails in any way but a refusal that says what is allowed.
+    Raises PluginError if the mission does not fit, or the method fails in any way but a refusal that says what is
+    allowed.
     """
     if wanted := _unfit(spec.plugin, mission):
         raise PluginError(
@@ -258,11 +259,11 @@ def _invoke(kind: str, spec: PluginSpec, method: str, mission: Any) -> Any:
 
 
 def _unfit(plugin: Any, mission: Any) -> str:
-    """The kind of mission that a plug-in is built for, where that is another one; else ""."""
+    """Return the kind of mission that a plug-in is built for if it is another one; else ""."""
     try:
         kind = get_type_hints(plugin.build).get("mission")
         fits = not isinstance(kind, type | UnionType) or isinstance(mission, kind)
-    except (NameError, TypeError):  # hints that mean nothing here, or a protocol that cannot be asked
+    except (NameError, TypeError):  # hints that mean nothing here, or a protocol that cannot be checked
         return ""
     if fits or kind is None:
         return ""
@@ -270,7 +271,7 @@ def _unfit(plugin: Any, mission: Any) -> str:
 
 
 def _fitting(kind: str, mission: Any) -> list[str]:
-    """Names of the installed plug-ins that a mission fits."""
+    """Return the names of the installed plug-ins that fit a mission."""
     return [name for name, plugin in loadable(kind).items() if not _unfit(plugin, mission)]
 
 

@@ -1,4 +1,4 @@
-"""Stamps of source files, by which a change is seen, and the plain data of the index of plug-ins."""
+"""Stamps of source files, which reveal changes, and the plain data of the index of plug-ins."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import os
 from typing import Any
 
 Plain = dict[str, Any]
-"""Data as JSON has them, by name."""
+"""JSON data by name"""
 
 
 def stamp(file: str) -> list[int]:
-    """Size [bytes] and time of the last change [ns] of a file; empty if it is gone."""
+    """Return size [bytes] and time of the last change [ns] of a file; empty if it does not exist."""
     try:
         status = os.stat(file)
     except OSError:

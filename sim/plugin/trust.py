@@ -1,7 +1,7 @@
-"""Code that a folder may name: a run's config.json is data, and data of a stranger runs nothing that he chose.
+"""Trust in code that a folder names: a run's config.json is data, and data from others must not run arbitrary code.
 
-What is installed as an entry point is loaded, whether it is named by its name or by its place, "package.module:Class".
-Everything else that a folder names is loaded only within ``trusting()``, which ``--trust`` asks for.
+A plug-in that is installed as an entry point is loaded, by its name or by its place, "package.module:Class".
+All other code that a folder names is loaded only within ``trusting()``, which ``--trust`` requests.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _recorded: ContextVar[Mapping[str, str]] = ContextVar("recorded", default={})  #
 
 @contextmanager
 def trusting(trust: bool = True) -> Iterator[None]:
-    """Folders that are read in here may name any code, if ``trust``; else only what is installed."""
+    """Allow folders that are read within the block to name any code if ``trust``; else only installed plug-ins."""
     token = _trusted.set(trust)
     try:
         yield
@@ -31,22 +31,22 @@ def trusting(trust: bool = True) -> Iterator[None]:
 
 
 def is_trusted() -> bool:
-    """True within ``trusting()``."""
+    """Return True within ``trusting()``."""
     return _trusted.get()
 
 
 def recorded_places(fields: Any, where: str) -> dict[str, str]:
-    """Every text "package.module:Class" in the recorded fields of a scenario or a plug-in, with where it was read.
+    """Return every text "package.module:Class" in the recorded fields of a scenario or a plug-in, with its origin.
 
-    Some of them name code, which only whoever loads them knows: ``within_record`` refuses these. There are none in a
-    folder that is trusted.
+    Some of them name code, which only the code that loads them knows: ``within_record`` refuses these. For a trusted
+    folder the result is empty.
     """
     return {} if is_trusted() else {text: where for text in _texts(fields) if _PLACE.fullmatch(text)}
 
 
 @contextmanager
 def within_record(places: Mapping[str, str]) -> Iterator[None]:
-    """In here, ``check_loaded`` refuses the places that a folder names."""
+    """Let ``check_loaded`` refuse, within the block, the places that a folder names."""
     token = _recorded.set(places)
     try:
         yield
@@ -55,13 +55,15 @@ def within_record(places: Mapping[str, str]) -> Iterator[None]:
 
 
 def check_loaded(place: str) -> None:
-    """UntrustedError for a place that a folder names, and that is about to be loaded, unless it is installed."""
+    """Raise UntrustedError for a place that a folder names, and that is about to be loaded, unless it is installed."""
     if place in _recorded.get():
         check_place(place, _recorded.get()[place])
 
 
 def check_place(place: str, where: str) -> None:
-    """UntrustedError unless a place that a folder names is that of an installed plug-in, or the folder is trusted."""
+    """Raise UntrustedError unless a place that a folder names is that of an installed plug-in, or the folder is
+    trusted.
+    """
     if not is_trusted() and not _is_installed(place):
         raise UntrustedError(
             f"{where} names code that is not installed: {place!r}; allowed: installed plug-ins, or --trust, with which "
@@ -70,9 +72,9 @@ def check_place(place: str, where: str) -> None:
 
 
 def uninstalled(places: Iterable[str]) -> tuple[str, ...]:
-    """The plug-ins among names and places "package.module:Class" that are not installed, each once.
+    """Return the plug-ins among names and places "package.module:Class" that are not installed, each once.
 
-    A folder that records one of them is run again with ``--trust`` only.
+    A folder that records one of them is run again only with ``--trust``.
     """
     return tuple(place for place in dict.fromkeys(places) if _PLACE.fullmatch(place) and not _is_installed(place))
 
@@ -82,7 +84,7 @@ def _is_installed(place: str) -> bool:
 
 
 def _texts(value: Any) -> Iterator[str]:
-    """Every text within plain data."""
+    """Return every text within plain data."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, Mapping):

@@ -1,4 +1,5 @@
-"""The types of fields as words of a command line: how many a value takes, which are allowed, how they are read."""
+"""Forms of the types of fields on a command line: the number of words of a value, the allowed ones, their conversion.
+"""
 
 from __future__ import annotations
 
@@ -16,22 +17,22 @@ NAMES: dict[Any, str] = {int: "INT", float: "FLOAT", str: "STR", Path: "PATH"}
 
 @dataclass(frozen=True)
 class Form:
-    """The words of one value of a field."""
+    """Form of the words of one value of a field."""
 
     count: int | None
-    """words of a value; None for as many as follow"""
+    """number of words of a value; None for as many as follow"""
     name: str
-    """of the value in a message: INT, {uniform,arclength}, FLOAT FLOAT FLOAT"""
+    """name of the value in a message: INT, {uniform,arclength}, FLOAT FLOAT FLOAT"""
     read: Callable[[Sequence[str]], Any]
-    """the value of some words; raises ValueError"""
+    """function that converts some words to the value; raises ValueError"""
     choices: tuple[str, ...] = ()
-    """all words that are allowed, where they can be listed"""
+    """all words that are allowed, if they can be listed"""
     container: type | None = None
-    """tuple or list, where each time that the flag is given adds one value; None where it is given once"""
+    """container, tuple or list, to which each occurrence of the flag adds one value; None if the flag is given once"""
 
 
 def form_of(hint: Any) -> Form | None:
-    """Form of a type with its annotations; None for a type that no words can express."""
+    """Return the form of a type with its annotations; None for a type that no words can express."""
     if get_origin(hint) is Annotated:
         hint, *marks = get_args(hint)
         for mark in marks:
@@ -75,7 +76,7 @@ def _member(values: dict[str, Any], word: str) -> Any:
 
 def _path(word: str) -> Path:
     if not word:
-        raise ValueError("an empty word")  # which Path takes for the folder that the command is given in
+        raise ValueError("an empty word")  # which Path reads as the current folder
     return Path(word)
 
 
@@ -86,7 +87,7 @@ def _repeated(container: type, item: Form | None) -> Form | None:
 
 
 def _fixed(items: Sequence[Form | None]) -> Form | None:
-    """A tuple of as many values as it has types."""
+    """Return the form of a tuple with one value for each of its types."""
     forms = [form for form in items if form is not None and form.count is not None and form.container is None]
     if len(forms) < len(items):
         return None
@@ -102,7 +103,7 @@ def _fixed(items: Sequence[Form | None]) -> Form | None:
 
 
 def _either(options: Sequence[Form | None]) -> Form | None:
-    """The first of some types that the words can be read as; a tuple among them takes the words that follow."""
+    """Return the form of the first of some types that the words can be read as; a tuple takes the words that follow."""
     forms = [form for form in options if form is not None and form.container is None]
     if not forms or len(forms) < len(options):
         return None

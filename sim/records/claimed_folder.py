@@ -1,11 +1,11 @@
-"""A folder that is replaced whole: it is written beside its place, and put there in one step when all is in it.
+"""Atomic replacement of a folder: the new one is written next to its place, and put there in one step when complete.
 
-    PARENT/NAME          the folder as it was, untouched until then
+    PARENT/NAME          the former folder, unchanged until then
     PARENT/.NAME.new     the folder that is being written
-    PARENT/.NAME.lock    locked by the process that writes it, and free as soon as that process ends, however it ends
+    PARENT/.NAME.lock    locked by the process that writes it, and free as soon as that process ends in any way
     PARENT/.NAME.old     the former folder, for a moment, on file systems that cannot exchange two folders
 
-What a process that was killed has left of these is put right by the next one that claims the folder.
+The next process that claims the folder removes or restores what a killed process has left of these.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ NO_EXCHANGE = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EXDEV)  # file s
 
 @dataclass(frozen=True)
 class ClaimedFolder:
-    """A folder that no other process writes, and the one beside it that is to take its place."""
+    """Folder that no other process writes, and the new one next to it that will take its place."""
 
     place: Path  # without symbolic links
     new: Path  # empty at first
@@ -37,7 +37,7 @@ class ClaimedFolder:
     def install(self, dropped: Collection[str] = ()) -> None:
         """Put the new folder in its place.
 
-        Files of the former one that the new one lacks are kept, but for the names ``dropped``.
+        Files of the former one that the new one lacks are kept, except the names ``dropped``.
         """
         if not self.place.exists():
             os.rename(self.new, self.place)
@@ -52,10 +52,10 @@ class ClaimedFolder:
 
 @contextmanager
 def claimed(folder: Path) -> Iterator[ClaimedFolder]:
-    """Claim a folder for as long as the block lasts; without ``install``, nothing that was there is changed.
+    """Claim a folder for as long as the block lasts; without ``install``, existing files are not changed.
 
     Raises RunFolderError for a folder that another process writes, or that cannot be replaced whole: a mount point, the
-    current folder, one with folders in it. Raises OSError, which names the file, where nothing can be written.
+    current folder, one with folders in it. Raises OSError, which names the file, if nothing can be written.
     """
     with naming(folder):
         place = _place(folder)
@@ -84,7 +84,7 @@ def claimed(folder: Path) -> Iterator[ClaimedFolder]:
 def kept_in_place(folder: Path) -> Iterator[None]:
     """Keep a folder from being replaced while something is written into it; RunFolderError if it is being replaced.
 
-    Where nothing can be written beside it, it cannot be replaced anyway.
+    If nothing can be written next to it, it cannot be replaced anyway.
     """
     place = folder.resolve()
     with locked(place, folder) if os.access(place.parent, os.W_OK) else nullcontext():
@@ -92,7 +92,7 @@ def kept_in_place(folder: Path) -> Iterator[None]:
 
 
 def _place(folder: Path) -> Path:
-    """The folder without symbolic links, if it can be replaced whole."""
+    """Return the folder without symbolic links, if it can be replaced whole."""
     if any(path.is_symlink() and not path.exists() for path in (folder, *folder.parents)):
         raise FileNotFoundError(errno.ENOENT, "a link that leads nowhere")
     place = folder.resolve()
@@ -112,7 +112,7 @@ def _place(folder: Path) -> Path:
 
 
 def _put_right(place: Path) -> None:
-    """Remove what a process that was killed has left, or bring back the folder that it was about to replace."""
+    """Remove what a killed process has left, or restore the folder that it was about to replace."""
     former = beside(place, "old")
     if former.exists() and not place.exists():
         os.rename(former, place)
@@ -123,7 +123,7 @@ def _put_right(place: Path) -> None:
 
 @contextmanager
 def _named_as_in(folder: Path, new: Path) -> Iterator[None]:
-    """Raise an OSError of a file in ``new`` as one of that file in ``folder``."""
+    """Raise an OSError on a file in ``new`` as one on that file in ``folder``."""
     try:
         yield
     except OSError as error:
@@ -134,7 +134,7 @@ def _named_as_in(folder: Path, new: Path) -> Iterator[None]:
 
 
 def _keep(file: Path, kept: Path) -> None:
-    """Have a file in a second place too, as a link where the file system has links, else as a copy."""
+    """Put a file in a second place too, as a link if the file system has links, else as a copy."""
     try:
         os.link(file, kept, follow_symlinks=False)
     except OSError:
@@ -142,7 +142,7 @@ def _keep(file: Path, kept: Path) -> None:
 
 
 def _exchange(new: Path, place: Path) -> None:
-    """Exchange two folders, in one step where the file system can."""
+    """Exchange two folders, in one step if the file system can."""
     library = ctypes.CDLL(None, use_errno=True)
     if hasattr(library, "renameat2"):
         one, other = os.fsencode(new), os.fsencode(place)

@@ -1,4 +1,4 @@
-"""Claims: what the thesis prints or what was required, each beside what was measured; and their ledger."""
+"""Claims, printed in the thesis or required, each with the measured value; and their ledger."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from mathnavi.sim.interfaces.bounds import configuration
 
 Kind = Literal["printed", "target"]
 VERDICTS = {True: "yes", False: "no", None: "not measured"}
-WIDEST = 40  # [characters] of a column that is filled up, so that it can be read where it is not rendered
+WIDEST = 40  # [characters] of a padded column, so that the text is readable where it is not rendered
 
 
 @configuration(prefix="claim {id!r}: ")
 class Claim:
-    """One statement and how it fared."""
+    """Claim with its measured value and whether it holds."""
 
     id: str
-    kind: Kind  # "printed": in the thesis, and may honestly not hold; "target": what is asked of this software
+    kind: Kind  # "printed": in the thesis, and may honestly not hold; "target": required of this software
     statement: str
     source: str  # where it stands
     expected: str
@@ -27,12 +27,12 @@ class Claim:
 
     @property
     def verdict(self) -> str:
-        """Verdict in a word."""
+        """Verdict in one word."""
         return VERDICTS[self.holds]
 
 
 def tally(claims: Sequence[Claim]) -> str:
-    """Numbers of claims that hold and that do not, in words."""
+    """Return the numbers of claims that hold and that do not, in words."""
     counts = Counter(claim.verdict for claim in claims)
     counted = [f"{counts['yes']} of {len(claims)} claims hold"]
     if missed := counts["no"]:
@@ -43,9 +43,9 @@ def tally(claims: Sequence[Claim]) -> str:
 
 
 def ledger(over_terrain: Mapping[str, Sequence[Claim]], without: Sequence[Claim], samples: str) -> str:
-    """The claims as a Markdown text: a table of those that are measured over terrain, a table of those that are not.
+    """Return the claims as Markdown: a table of those that are measured over terrain, a table of the others.
 
-    The first has a pair of columns for each terrain. ``samples`` says how much was measured.
+    The first has a pair of columns for each terrain. ``samples`` describes the samples that were measured.
     """
     tables, tallies = [], [f"- {terrain}: {tally(claims)}.\n" for terrain, claims in over_terrain.items()]
     if any(over_terrain.values()):
@@ -56,8 +56,8 @@ def ledger(over_terrain: Mapping[str, Sequence[Claim]], without: Sequence[Claim]
         tallies.append(f"- without terrain: {tally(without)}.\n")
     return (
         "# Claims\n\n"
-        "What the thesis prints (kind `printed`; it may honestly not hold) and what is asked of this software (kind\n"
-        "`target`), each beside what was measured. Written by `mathnavi study all`.\n\n"
+        "What the thesis prints (kind `printed`; it may honestly not hold) and what is required of this software (kind\n"
+        "`target`), each with the measured value. Written by `mathnavi study all`.\n\n"
         f"Samples: {samples}.\n\n" + "".join(tallies) + "\n" + "\n".join(tables)
     )
 

@@ -1,7 +1,7 @@
-"""The computing environment that a result was made in: versions, and the kind of processor as far as sums depend on it.
+"""Computing environment of a result: versions, and the kind of processor as far as sums depend on it.
 
 The same code with the same seed gives the same numbers, bit for bit, in the same environment. In another one a sum may
-be rounded otherwise: NumPy and OpenBLAS choose their kernels by the processor, and libraries change from version to
+be rounded differently: NumPy and OpenBLAS choose their kernels by the processor, and libraries change from version to
 version. So an environment is part of the key of a stored result, and every record names it.
 """
 
@@ -18,19 +18,21 @@ from importlib.util import find_spec
 from pathlib import Path
 
 PACKAGES = ("numpy", "scipy", "mujoco", "casadi", "numba", "llvmlite", "daqp", "dm-control", "filterpy")
-"""Those that compute; what draws and prints is left out"""
+"""packages that compute, without those that draw and print"""
 UNKNOWN = ""
-"""Digest of the environment of a record that names none, because an earlier version wrote it"""
+"""digest of the environment of a record that names none, because an earlier version wrote it"""
 _CORE_NAMES = ("scipy_openblas_get_corename64_", "scipy_openblas_get_corename", "openblas_get_corename")
 
 
 def versions() -> dict[str, str]:
-    """Version by name of Python and of the packages that results depend on."""
+    """Return the versions of Python and of the packages that results depend on, by name."""
     return {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}}
 
 
 def machine() -> dict[str, str]:
-    """Operating system, C library, architecture, and the kernels that NumPy and its BLAS chose for this processor."""
+    """Return operating system, C library, architecture, and the kernels that NumPy and its BLAS chose for this
+    processor.
+    """
     import numpy as np  # as long to import as everything else here
 
     built = np.show_config(mode="dicts")
@@ -47,12 +49,12 @@ def machine() -> dict[str, str]:
 
 @cache
 def environment() -> Mapping[str, str]:
-    """The environment of this process: ``versions`` and ``machine`` together."""
+    """Return the environment of this process: ``versions`` and ``machine`` together."""
     return {**versions(), **machine()}
 
 
 def environment_digest(described: Mapping[str, str] | None = None) -> str:
-    """Digest of an environment, of that of this process unless another is given."""
+    """Return the digest of an environment; that of this process if not given."""
     return _digest(tuple(sorted((environment() if described is None else described).items())))
 
 
@@ -62,14 +64,17 @@ def _digest(items: tuple[tuple[str, str], ...]) -> str:
 
 
 def in_environment(content: str, digest: str | None = None) -> str:
-    """Key of a result: the hash of what was computed and of the environment, that of this process unless given."""
+    """Return the key of a result: the hash of the computation and of the environment, that of this process if not
+    given.
+    """
     return hashlib.sha256(f"{content} {environment_digest() if digest is None else digest}".encode()).hexdigest()
 
 
 def difference(other: Mapping[str, str]) -> str:
-    """Words for how another environment differs from that of this process, "numpy 2.3.1 (here 2.4.0), ..."; "" if not.
+    """Return the difference of another environment from that of this process, "numpy 2.3.1 (here 2.4.0), ..."; "" if
+    none.
 
-    Without a description of the other one: "not recorded".
+    Without a description of the other one it is "not recorded".
     """
     if not other:
         return "not recorded"
@@ -82,7 +87,7 @@ def difference(other: Mapping[str, str]) -> str:
 
 
 def _blas_core() -> str:
-    """Name of the kernels that the OpenBLAS which NumPy brings has chosen, "SkylakeX"; "" for another BLAS."""
+    """Return the name of the kernels that NumPy's own OpenBLAS has chosen, "SkylakeX"; "" for another BLAS."""
     spec = find_spec("numpy")
     assert spec is not None
     assert spec.origin is not None

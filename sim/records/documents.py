@@ -1,6 +1,6 @@
-"""The JSON files of a run's folder, of a study and of a store as dataclasses: what they are held to when they are read.
+"""Schemas, as dataclasses, of the JSON files of a run's folder, of a study and of a store, checked when they are read.
 
-Other names than those here are a scenario's own, and are let pass.
+Other names than those here belong to a scenario, and are accepted.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ class PluginDocument:
 
 @configuration
 class TerrainDocument:
-    """The map that was flown over."""
+    """Map that was flown over."""
 
     name: str
-    path: str | None = None  # as it was given; None in a study
+    path: str | None = None  # as given; None in a study
     digest: str | None = None
     hills: tuple[tuple[float, float, float, float], ...] = ()  # that were added to it
 
 
 @configuration
 class RunDocument:
-    """config.json; that of an earlier version may have less."""
+    """Content of config.json; that of an earlier version may have fewer fields."""
 
     scenario: str
     seed: Seed
@@ -61,7 +61,7 @@ class ArrayDocument:
 
 @configuration
 class ArrayIndexDocument:
-    """log.json."""
+    """Content of log.json."""
 
     states: dict[str, tuple[str, ...]]  # (nx,) names with units, by vehicle
     arrays: dict[str, ArrayDocument] = field(default_factory=dict)
@@ -69,7 +69,7 @@ class ArrayIndexDocument:
 
 @configuration
 class StudyRecord:
-    """NAME.json of a study."""
+    """Content of NAME.json of a study."""
 
     study: str
     claims: tuple[Claim, ...]
@@ -80,7 +80,7 @@ class StudyRecord:
 
 @configuration
 class TrialParameters:
-    """The parameters of a trial in a store."""
+    """Parameters of a trial in a store."""
 
     config: dict[str, Any] = field(default_factory=dict)
     controller: PluginDocument | None = None
@@ -89,7 +89,7 @@ class TrialParameters:
 
 
 def check_summary(summary: Mapping[str, Any], where: str = ROOT) -> None:
-    """Raise FieldError for a figure of a summary that is not of its kind."""
+    """Raise FieldError for a figure of a summary that has the wrong type."""
     for name, value in summary.items():
         kind = _KINDS.get(name)
         if kind is not None:

@@ -1,16 +1,16 @@
-"""Results of computations as JSON and a block of arrays, and back: the same values, of the same types, bit for bit.
+"""Encoding of results as JSON and a block of arrays, and decoding: the same values, of the same types, bit for bit.
 
-JSON has no tuples, no infinities and no classes, so what it lacks is an object with one tag:
+JSON has no tuples, infinities or classes, so such a value is an object with one tag:
 
     {"$tuple": [...]}              {"$float": "nan"}           {"$pairs": [[key, value], ...]}     any other mapping
     {"$class": place, "$fields": {...}}                        dataclasses and NamedTuples, by "module:Class"
     {"$enum": [place, name]}       {"$path": "a/b"}            {"$number": [dtype, value]}         a scalar of NumPy
     {"$array": [dtype, shape, [...]]}                          a small array
     {"$block": [name, row]}                                   a larger one, a row of an array of the block, an .npz file
-    {"$block": name}                                           one that is such an array by itself
-    {"$timing": name}                                          a ``MeasuredTime``, which is kept apart from all else
+    {"$block": name}                                           one that is a whole array of the block
+    {"$timing": name}                                          a ``MeasuredTime``, which is kept separately
 
-A class is found again by its name, so it stands in a module, not in a function.
+A class is found again by its name, so it must be defined in a module, not in a function.
 """
 
 from __future__ import annotations
@@ -35,19 +35,20 @@ from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.groups import GROUPS, installed
 from mathnavi.sim.plugin.trust import is_trusted
 
-SMALL = 32  # elements of an array that stands among the text
-_AS_TEXT = "biuf"  # kinds of arrays that may
+SMALL = 32  # largest number of elements of an array within the text
+_AS_TEXT = "biuf"  # kinds of arrays that may be within the text
 _IN_A_BLOCK = "biufcSUmM"  # all kinds but those of objects and of records
 _PLAIN = (bool, int, str)
 
 
 class MeasuredTime(float):
-    """A duration measured on this machine, in a unit of its own: kept, but no result that another run repeats."""
+    """Duration measured on this machine, in any unit; it is kept, but another run does not repeat it.
+    """
 
 
 @dataclasses.dataclass(frozen=True)
 class Encoded:
-    """A value as JSON, its larger arrays as the bytes of an .npz file, and what was timed by the place in the value."""
+    """Value as JSON, its larger arrays as the bytes of an .npz file, and its timings by their place in the value."""
 
     tree: Any
     arrays: bytes | None = None
@@ -55,7 +56,7 @@ class Encoded:
 
 
 def encoded(value: Any) -> Encoded:
-    """``value`` as plain data; TypeError for what cannot be had back, with its place."""
+    """Encode ``value`` as plain data; TypeError, with its place, for a part that cannot be decoded again."""
     writer = _Writer()
     tree = writer.tree(value, "")
     arrays = writer.arrays()
@@ -67,9 +68,9 @@ def encoded(value: Any) -> Encoded:
 
 
 def decoded(coded: Encoded) -> Any:
-    """The value that was encoded.
+    """Decode an encoded value.
 
-    Raises StoreError for what is no such value, and StoreError or ImportError if a class is not there any more.
+    Raises StoreError for data that is not such a value, and StoreError or ImportError if a class no longer exists.
     """
     arrays: dict[str, Array] = {}
     if coded.arrays is not None:
@@ -79,33 +80,33 @@ def decoded(coded: Encoded) -> Any:
     except StoreError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
-        raise StoreError(f"no result that was stored: {error!r}") from None
+        raise StoreError(f"not a stored result: {error!r}") from None
 
 
 def place_of(kind: Any) -> str:
-    """The name "module:Name" under which a class or a function is found again; ArgumentError if not."""
+    """Return the name "module:Name" under which a class or a function is found again; ArgumentError if it has none."""
     module, name = getattr(kind, "__module__", ""), getattr(kind, "__qualname__", "")
     if module == "__main__":
-        raise ArgumentError(f"{name} lies in the script that runs; allowed: a module of its own")
+        raise ArgumentError(f"{name} is defined in the script that runs; allowed: a module")
     place = f"{module}:{name}"
     try:
         found = at_place(place)
     except (ImportError, AttributeError, ValueError):
         found = None
     if found is not kind:
-        raise ArgumentError(f"{kind!r} is not found at {place!r}; allowed: what stands in a module")
+        raise ArgumentError(f"{kind!r} is not found at {place!r}; allowed: what is defined in a module")
     return place
 
 
 @cache
 def at_place(place: str) -> Any:
-    """The class or function that stands at "module:Name"."""
+    """Return the class or function at "module:Name"."""
     module, _, name = place.partition(":")
     return attrgetter(name)(importlib.import_module(module))
 
 
 class _Writer:
-    """Encodes one value; larger arrays and timings are put aside."""
+    """Encoder of one value, which collects larger arrays and timings separately."""
 
     def __init__(self) -> None:
         self.timings: dict[str, float | None] = {}
@@ -113,7 +114,7 @@ class _Writer:
         self._stacks: dict[tuple[str, tuple[int, ...]], tuple[str, list[Array]]] = {}  # by type and shape
 
     def arrays(self) -> dict[str, Array]:
-        """The arrays of the block by their names: thousands of one type and shape are one, which is read at once."""
+        """Return the arrays of the block by their names: arrays of one type and shape are stacked, and read at once."""
         return self._whole | {name: np.stack(rows) for name, rows in self._stacks.values()}
 
     def tree(self, value: Any, place: str) -> Any:
@@ -177,7 +178,7 @@ class _Writer:
 
 
 class _Reader:
-    """Decodes one value."""
+    """Decoder of one value."""
 
     def __init__(self, arrays: Mapping[str, Array], timings: Mapping[str, float | None]) -> None:
         self._arrays, self._timings = arrays, timings
@@ -223,17 +224,17 @@ class _Reader:
 
 
 def _row(row: Any, count: int) -> int:
-    """``row`` if it is the number of one of ``count`` rows. Raises StoreError for anything else."""
+    """Return ``row`` if it is the index of one of ``count`` rows. Raises StoreError for anything else."""
     if type(row) is not int or not 0 <= row < count:
         raise StoreError(f"$block row = {row!r}; allowed: a whole number from 0 to {count - 1}")
     return row
 
 
 def _class_at(place: str, base: type) -> Any:
-    """A class that holds data, by its place; ValueError for anything else that a file may name.
+    """Return a class that holds data, by its place; ValueError for anything else that a file may name.
 
-    Outside of ``trusting()`` no package is imported for it but mathnavi's and those of installed plug-ins. Of a user's
-    own job whose result this is, the package has been imported.
+    Outside of ``trusting()`` only mathnavi's packages and those of installed plug-ins are imported for it. The package
+    of a user's job has been imported before its result is read.
     """
     package = place.partition(":")[0].partition(".")[0]
     if not (is_trusted() or package in sys.modules or package in _installed_packages()):
@@ -245,7 +246,7 @@ def _class_at(place: str, base: type) -> Any:
         or (issubclass(kind, tuple) and hasattr(kind, "_fields"))
     )
     if not (holds_data and issubclass(kind, base)):
-        raise StoreError(f"{place!r} is no class of data; allowed: a dataclass, a NamedTuple or an Enum")
+        raise StoreError(f"{place!r} is not a class of data; allowed: a dataclass, a NamedTuple or an Enum")
     return kind
 
 

@@ -1,4 +1,4 @@
-"""Packages that are installed with an extra of mathnavi only."""
+"""Optional packages, which are installed only with an extra of mathnavi."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ EXTRAS = {"pyarrow": "parquet"}  # by package
 
 
 def extra(module: str, name: str) -> Any:
-    """Import a module of one of the packages; FieldError with the field ``name`` where the package is missing."""
+    """Import a module of one of the packages; FieldError for the field ``name`` if the package is missing."""
     package = module.partition(".")[0]
     try:
         importlib.import_module(package)

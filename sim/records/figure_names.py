@@ -1,8 +1,8 @@
-"""The names of a summary's figures: their groups and units, and which of them are wall-clock times."""
+"""Names of a summary's figures: their groups and units, and which of them are wall-clock times."""
 
 from __future__ import annotations
 
-# The summary's figures as they are read, for every table that shows them.
+# Readable names of the summary's figures, for every table that shows them.
 SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     "impact": (
         "hit", "hit_ground", "miss_m", "aspect_error_deg", "path_angle_error_deg", "impact_speed_m_s", "impact_time_s",
@@ -43,12 +43,12 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     "solver": ("solver_failures", "iteration_limits", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max"),
     "bound": ("efficiency", "efficiency_basis"),
 }  # fmt: skip
-# All figures above are numbers, or null where there is none, but for these.
+# All figures above are numbers, or null if not known, except these.
 TRUTH_VALUES = frozenset(("hit", "hit_ground", "converged", "escaped", "arrived", "touched_wall"))
 TEXTS = frozenset(("observable", "nearest_pair", "efficiency_basis"))
-# By the end of a name; the longer first.
+# Units by the end of a name; longer ones first.
 UNITS = {"_per_s": "1/s", "_m_s": "m/s", "_deg": "deg", "_rad": "rad", "_ms": "ms", "_s": "s", "_m": "m"}
-# What a name alone does not say; |v| is a length in the metric of what moves.
+# Labels that do not follow from the name; |v| is a length in the metric of the system.
 LABELS = {
     "efficiency": ("rms over Cramér-Rao", ""),
     "efficiency_basis": ("over", ""),
@@ -65,12 +65,12 @@ LABELS = {
     "tracking_bound_share": ("share of bound used", ""),
     "deadline_left_s": ("deadline left", "s"),
 }
-SHORTFALL = "shortfall"  # the summary's key of what a run did not do; without it the mission did what it should
-PLANNER_STATUS = "planner_status"  # the summary's key of a planner that had no part in the run; without it, it had
+SHORTFALL = "shortfall"  # the summary's key for why a run did not do what it should; without it the mission did
+PLANNER_STATUS = "planner_status"  # the summary's key for a planner that had no part in the run; without it, it had
 
 
 def label(key: str) -> tuple[str, str]:
-    """The readable name and the unit ("" for none) of a key of the summary."""
+    """Return the readable name and the unit ("" for none) of a key of the summary."""
     if key.startswith("solve_ms_"):
         return f"solve time {key.removeprefix('solve_ms_')}", "ms"
     if key in LABELS:
@@ -80,5 +80,5 @@ def label(key: str) -> tuple[str, str]:
 
 
 def is_wall_clock(key: str) -> bool:
-    """True if a key of a summary is a wall-clock time: such figures differ from run to run."""
+    """Return True if a key of a summary is a wall-clock time: such figures differ from run to run."""
     return key.startswith("solve_ms") or key.endswith("_wall_s") or key == "real_time_factor"

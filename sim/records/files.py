@@ -1,4 +1,4 @@
-"""Values as JSON, and JSON files."""
+"""Conversion of values to JSON, and JSON files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from mathnavi.sim.interfaces.writing import write_text
 
 
 def inside(folder: Path, path: Path) -> Path:
-    """``path``, which lies in ``folder``; PermissionError if a link there leads out, OSError for links in a circle."""
+    """Return ``path``, which is in ``folder``; PermissionError if a link leads out of it, OSError for circular links.
+    """
     try:
         there, within = path.resolve(), folder.resolve()
     except RuntimeError:  # links that lead to each other
@@ -28,7 +29,7 @@ def inside(folder: Path, path: Path) -> Path:
 
 
 def jsonable(value: Any) -> Any:
-    """``value`` in the types of JSON, with null for what it lacks: NaN and infinity."""
+    """Return ``value`` in the types of JSON, with null for NaN and infinity, which it lacks."""
     if isinstance(value, Mapping):
         return {str(key): jsonable(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -43,7 +44,7 @@ def jsonable(value: Any) -> Any:
 
 
 def as_json(value: Any) -> str:
-    """``value`` as JSON on indented lines."""
+    """Return ``value`` as JSON on indented lines."""
     return json.dumps(jsonable(value), indent=2) + "\n"
 
 

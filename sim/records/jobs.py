@@ -1,9 +1,9 @@
-"""Records of jobs, and their tables in a store: computations that are no scenario.
+"""Records of jobs (computations without a scenario), and their tables in a store.
 
-    jobs(key, function, arguments, seed, code, status, result, arrays, error)      one row a job
-    job_timings(key, figure, value)                                                what depends on the clock
+    jobs(key, function, arguments, seed, code, status, result, arrays, error)      one row for each job
+    job_timings(key, figure, value)                                                figures that depend on the clock
 
-``arguments`` and ``result`` are JSON as ``mathnavi.sim.records.encoding`` has it; ``arrays`` is an .npz file of the
+``arguments`` and ``result`` are JSON as encoded by ``mathnavi.sim.records.encoding``; ``arrays`` is an .npz file of the
 larger arrays of the result. The tables are made when the first job is stored, so a store of trials alone has none.
 """
 
@@ -47,7 +47,7 @@ WHERE ? AND jobs.status IN ('crashed', 'timed-out')
 
 @dataclass(frozen=True)
 class JobRecord:
-    """One job: the function that was called, with what, and how that ended."""
+    """Record of a job: the function that was called, its arguments, and how the call ended."""
 
     key: str
     function: str  # "package.module:function"
@@ -63,12 +63,12 @@ class JobRecord:
 
     @property
     def success(self) -> None:
-        """None: a job has no mission that may fail."""
+        """Always None: a job has no mission that may fail."""
         return None
 
     @property
     def value(self) -> Any:
-        """The value that the function returned; ValueError if it returned none."""
+        """Return the value that the function returned; ValueError if it did not return."""
         if self.result is None:
             raise ValueError(f"{self.function} {self.status}: it returned nothing")
         return decoded(Encoded(parsed(self.result, self.function, StoreError), self.arrays, self.timings))
@@ -88,13 +88,13 @@ def add_job(connection: sqlite3.Connection, record: JobRecord, retried: bool) ->
 
 
 def job_statuses(connection: sqlite3.Connection) -> dict[str, str]:
-    """End of every job, by its key."""
+    """Return the status of every job, by its key."""
     known = connection.execute("SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = 'jobs'").fetchone()
     return dict(connection.execute("SELECT key, status FROM jobs").fetchall()) if known else {}
 
 
 def job_records(connection: sqlite3.Connection, keys: Iterable[str]) -> list[JobRecord]:
-    """The jobs with these keys, in their order; KeyError for one that is not there."""
+    """Return the jobs with these keys, in their order; KeyError for a missing one."""
     return [_record(connection, key) for key in keys]
 
 

@@ -1,4 +1,4 @@
-"""Locks that end with the process that holds them, so that one that was killed leaves nothing locked."""
+"""Locks that end with the process that holds them, so that a killed process leaves nothing locked."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from pathlib import Path
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.writing import naming
 
-LONGEST = 200  # bytes of a name that the names beside it repeat
+LONGEST = 200  # bytes of a name that the names of the files next to it repeat
 
 
 def beside(place: Path, ending: str) -> Path:
-    """The hidden path ``.NAME.ending`` beside a file or a folder, of a name that is not too long."""
+    """Return the hidden path ``.NAME.ending`` next to a file or a folder, with a name that is not too long."""
     name = place.name
     if len(os.fsencode(name)) > LONGEST:
         name = hashlib.sha256(os.fsencode(name)).hexdigest()
@@ -25,10 +25,10 @@ def beside(place: Path, ending: str) -> Path:
 
 @contextmanager
 def locked(place: Path, shown: Path) -> Iterator[None]:
-    """Lock a file or a folder, which need not be there, by a file beside it that goes again.
+    """Lock a file or a folder, which need not exist, by a temporary file next to it.
 
-    Raises RunFolderError, which calls it ``shown``, if another process has locked it, and OSError where there can be no
-    lock.
+    Raises RunFolderError, which calls it ``shown``, if another process has locked it, and OSError if a lock is not
+    possible.
     """
     path = beside(place, "lock")
     while True:
@@ -39,7 +39,7 @@ def locked(place: Path, shown: Path) -> Iterator[None]:
         except BlockingIOError:
             os.close(descriptor)
             raise RunFolderError(
-                f"{shown} is in use: another process is writing it; allowed: another one, or when that has ended"
+                f"{shown} is in use: another process is writing it; allowed: another one, or after its end"
             ) from None
         except BaseException:
             os.close(descriptor)
@@ -47,7 +47,7 @@ def locked(place: Path, shown: Path) -> Iterator[None]:
         with suppress(FileNotFoundError):
             if os.path.samestat(os.fstat(descriptor), os.stat(path)):
                 break
-        os.close(descriptor)  # whoever held it has removed it meanwhile
+        os.close(descriptor)  # the process that held it has removed it meanwhile
     try:
         yield
     finally:

@@ -1,4 +1,4 @@
-"""The arrays of a run's log, and the shapes that they have: n samples, k estimates, p plans of b breakpoints in all.
+"""Arrays of a run's log and their shapes: n samples, k estimates, p plans with b breakpoints in all.
 
 | array | shape |
 |---|---|
@@ -6,11 +6,11 @@
 | ``truth.x``, ``command.u``, ``measurement.NAME`` | (n, any) |
 | ``cramer_rao.deviation`` | (n, any) |
 | ``estimate.t``, ``estimate.x``, ``estimate.NAME`` | (k,) [s], (k, any), (k, ...) |
-| ``plan.offsets`` | (p + 1,) from 0 to b: where in the breakpoints each plan begins |
+| ``plan.offsets`` | (p + 1,) from 0 to b: index of the breakpoint at which each plan begins |
 | ``plan.t``, ``plan.x``, ``plan.u``, ``plan.phase`` | (b,) [s], (b, any), (b, any), (b,) |
 | ``plan.adopted``, ``plan.cost`` | (p,) [s], (p,) |
 
-In the log of a fleet the name of the vehicle stands before all but ``t``.
+In the log of a fleet the name of the vehicle is the prefix of all names but ``t``.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _PLANS = {"t": 1, "x": 2, "u": 2, "phase": 1}  # dimensions of the arrays that h
 def check_arrays(arrays: Mapping[str, Array], path: Path, prefix: str = "") -> None:
     """Raise RunFolderError for an array of a vehicle that is missing, or has another shape than above.
 
-    ``prefix`` is what stands before the names in the file.
+    ``prefix`` is the prefix of the names in the file.
     """
     names = (TIME, TRUTH, COMMAND)
     if missing := [name if name == TIME else f"{prefix}{name}" for name in names if name not in arrays]:

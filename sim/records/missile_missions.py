@@ -1,4 +1,4 @@
-"""The mission of a missile as config.json holds it."""
+"""Record of the mission of a missile in config.json."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from mathnavi.models.missile.mission import Case, Target
 
 @dataclass(frozen=True)
 class MissileRecord:
-    """The dive of a missile, in the thesis' Earth frame (z down), whose X_e has the ``azimuth``."""
+    """Dive of a missile, in the thesis' Earth frame (z down), whose X_e has the ``azimuth``."""
 
     dimension: str  # of ``mathnavi.models.missile.coordinates.COORDINATES``
     start: tuple[float, ...]  # (nx,)
     target: tuple[Target, ...]  # the legs of its motion
-    aspect_angle: float  # [rad] over the horizontal
+    aspect_angle: float  # [rad] above the horizontal
     input_max: tuple[float, ...]  # (nu,)
     miss_allowed: float  # [m]
     aspect_allowed: float | None = None  # [deg]

@@ -1,8 +1,8 @@
-"""Missions as config.json holds them, written by ``mathnavi.sim.interfaces.fields.plain`` and read by ``read_mission``.
+"""Records of missions in config.json, written by ``mathnavi.sim.interfaces.fields.plain``, read by ``read_mission``.
 
 Those of missile and robot, whose models take a while to import, are in ``missile_missions`` and ``range_missions``.
 
-A field with a default may be missing from a folder that was written before the field was there.
+A field with a default may be missing from a folder that was written before the field existed.
 """
 
 from __future__ import annotations
@@ -19,9 +19,10 @@ MissionRecord = TypeVar("MissionRecord")
 
 
 def read_mission(kind: type[MissionRecord], fields: Mapping[str, Any]) -> MissionRecord:
-    """The mission in a run's config.json as a dataclass of this module; fields that it does not have are ignored.
+    """Return the mission in a run's config.json as a dataclass of this module; fields that it does not have are
+    ignored.
 
-    Raises FieldError for a field that is missing, and for a value of another type.
+    Raises FieldError for a missing field, and for a value of another type.
     """
     known = {each.name for each in dataclasses.fields(kind)}  # type: ignore[arg-type]
     given = {name: value for name, value in fields.items() if name in known}
@@ -31,7 +32,7 @@ def read_mission(kind: type[MissionRecord], fields: Mapping[str, Any]) -> Missio
 
 @dataclass(frozen=True)
 class RadarRecord:
-    """A radar, and how it moves while it is on."""
+    """Radar, with its motion while it is on."""
 
     x: float  # [m] east, map frame
     y: float  # [m] north, map frame
@@ -45,7 +46,7 @@ class RadarRecord:
 
 @dataclass(frozen=True)
 class FlightRecord:
-    """The flight of a point mass."""
+    """Flight of a point mass."""
 
     start: Point  # [m] map frame
     target: Point  # [m] map frame
@@ -54,12 +55,12 @@ class FlightRecord:
     acceleration_max: float  # [m/s^2] a_max
     arrival_radius: float  # [m] r_f
     tracking_bound: dict[str, float | None] = field(default_factory=dict)  # horizontal, vertical [m], speed [m/s], ...
-    deadline_factor: float | None = None  # gamma; None in a fleet, which has a deadline in common
+    deadline_factor: float | None = None  # gamma; None in a fleet, which has a common deadline
 
 
 @dataclass(frozen=True)
 class ChangingFlightRecord(FlightRecord):
-    """A flight with what changes on the way."""
+    """Flight whose conditions change on the way."""
 
     radars: tuple[RadarRecord, ...] = ()
     charted_at: float | None = None  # [s] when the planner learns of hills that the map does not show
@@ -68,7 +69,7 @@ class ChangingFlightRecord(FlightRecord):
 
 @dataclass(frozen=True)
 class QuadrotorRecord(FlightRecord):
-    """The flight of a quadrotor's centre, and its body."""
+    """Flight of a quadrotor's centre, and its body."""
 
     reach: float = dataclasses.field(kw_only=True)  # [m] from the centre to the farthest part
     thrust_max: float = dataclasses.field(kw_only=True)  # [N] of a rotor
@@ -76,7 +77,7 @@ class QuadrotorRecord(FlightRecord):
 
 @dataclass(frozen=True)
 class FleetRecord:
-    """The flights of a fleet; ``vehicles`` holds what each has of its own, ``start`` and ``target`` [m], by name."""
+    """Flights of a fleet; ``vehicles`` holds ``start`` and ``target`` [m] of each vehicle, by name."""
 
     vehicles: dict[str, Any]
     clearance_min: float  # [m]
@@ -92,7 +93,7 @@ class FleetRecord:
 
 @dataclass(frozen=True)
 class LagrangianRecord:
-    """A Lagrangian system whose velocity is observed."""
+    """Lagrangian system whose velocity is observed."""
 
     manifold: str
     states: tuple[str, ...]  # (nx,) with units
@@ -102,21 +103,21 @@ class LagrangianRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class SpaceRecord(LagrangianRecord):
-    """A rigid body, or a point on a space of constant curvature."""
+    """Rigid body, or a point on a space of constant curvature."""
 
     space: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class MechanismRecord(LagrangianRecord):
-    """A mechanism in MuJoCo."""
+    """Mechanism in MuJoCo."""
 
     mechanism: str  # as ``mathnavi.models.mechanism.entity.build_spec`` takes it
 
 
 @dataclass(frozen=True)
 class TextbookRecord:
-    """A system of the textbook."""
+    """System of the textbook."""
 
     title: str
     states: tuple[str, ...]  # (n,) with units

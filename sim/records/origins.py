@@ -1,10 +1,10 @@
-"""Origins of the records of a store: what was computed, apart from the computing environment that it was made in.
+"""Origins of the records of a store: the hash of the computation, and the computing environment of its execution.
 
     environments(digest, description)           description is JSON: versions, processor, BLAS kernels by name
     origins(key, content, environment)          of each trial and job; content: hash of all but the environment
 
-The key of a record is the hash of both. Records of the same content from two environments are the same to rounding and
-not bit for bit, so they stand beside each other, and are mixed only on request. A record that an earlier version wrote
+The key of a record is the hash of both. Records of the same content from two environments are equal up to rounding and
+not bit for bit, so both are kept, and are mixed only on request. A record that an earlier version wrote
 has no origin.
 """
 
@@ -35,14 +35,14 @@ CREATE TABLE IF NOT EXISTS origins (
 
 @dataclass(frozen=True)
 class Origin:
-    """Content hash of a record, and the environment that it was made in; nothing of a record of an earlier version."""
+    """Content hash of a record, and its environment; both empty for a record of an earlier version."""
 
     content: str = ""
     environment: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def digest(self) -> str:
-        """Digest of the environment, UNKNOWN where there is none."""
+        """Digest of the environment, UNKNOWN if there is none."""
         return environment_digest(self.environment) if self.environment else UNKNOWN
 
 
@@ -58,7 +58,7 @@ def add_origin(connection: sqlite3.Connection, key: str, origin: Origin) -> None
 
 
 def environments(connection: sqlite3.Connection) -> dict[str, dict[str, str]]:
-    """Description of every environment by its digest."""
+    """Return the description of every environment by its digest."""
     if not _are_there(connection):
         return {}
     described = connection.execute("SELECT * FROM environments")
@@ -66,7 +66,8 @@ def environments(connection: sqlite3.Connection) -> dict[str, dict[str, str]]:
 
 
 def keys_by_content(connection: sqlite3.Connection, keys: Container[str]) -> dict[str, dict[str, str]]:
-    """Those of ``keys``, the records that are there, that have each content, by the digest of the environment."""
+    """Return, for each content, those of ``keys`` (of existing records) that have it, by the digest of the environment.
+    """
     found: dict[str, dict[str, str]] = {}
     if _are_there(connection):
         for key, content, digest in connection.execute("SELECT key, content, environment FROM origins ORDER BY key"):
@@ -76,7 +77,7 @@ def keys_by_content(connection: sqlite3.Connection, keys: Container[str]) -> dic
 
 
 def origins(connection: sqlite3.Connection) -> dict[str, Origin]:
-    """Origin of every record that has one, by its key."""
+    """Return the origin of every record that has one, by its key."""
     if not _are_there(connection):
         return {}
     described = environments(connection)
@@ -91,19 +92,19 @@ def _are_there(connection: sqlite3.Connection) -> bool:
 
 @dataclass
 class Elsewhere:
-    """Counts of tasks that a store has the records of from other environments, by the digest of the environment."""
+    """Counts of tasks whose records in a store come from other environments, by the digest of the environment."""
 
     taken: Counter[str] = field(default_factory=Counter)
-    """in the place of a record of this environment, as requested"""
+    """number of those taken in place of a record of this environment, as requested"""
     left: Counter[str] = field(default_factory=Counter)
-    """that were computed here all the same"""
+    """number of those computed here all the same"""
 
     def chosen(
         self, contents: Iterable[str], stored: Mapping[str, Mapping[str, str]], here: str, mix: bool
     ) -> dict[str, str]:
-        """Key of the record of each content, as far as it is stored: that of the environment ``here``, by its digest.
+        """Return the key of the record of each stored content: that of the environment ``here``, given by its digest.
 
-        With ``mix`` one from another environment does where there is none; it is counted in either case.
+        With ``mix`` one from another environment is accepted if there is none; it is counted in either case.
         """
         chosen: dict[str, str] = {}
         for content in contents:
@@ -118,14 +119,14 @@ class Elsewhere:
         return chosen
 
     def words(self, described: Mapping[str, Mapping[str, str]]) -> list[str]:
-        """Sentences on what comes from elsewhere; none where nothing does."""
+        """Return sentences on the records from other environments; none if there are no such records."""
         said = [
             f"from another environment, {difference(described.get(digest, {}))}: {count}; they agree with results of "
-            "this one to rounding, not bit for bit"
+            "this one up to rounding, not bit for bit"
             for digest, count in sorted(self.taken.items())
         ]
         return said + [
             f"stored from another environment, {difference(described.get(digest, {}))}: {count}; they are computed "
-            "here anew, and --mix-environments takes them as they are"
+            "here again, and --mix-environments accepts them unchanged"
             for digest, count in sorted(self.left.items())
         ]

@@ -1,4 +1,4 @@
-"""Tables as Parquet: a column has one type, and what is missing is null."""
+"""Tables as Parquet: a column has one type, and missing values are null."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ WIDEST = range(-(2**63), 2**63)  # of a whole number
 
 
 def write_parquet(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows as a table, whole or not at all; FieldError where pyarrow is not installed.
+    """Write rows as a table, whole or not at all; FieldError if pyarrow is not installed.
 
-    A column of truth values, whole numbers, numbers or texts keeps them; in any other one all values are texts, those
-    that are no text as JSON, as in CSV.
+    A column of truth values, whole numbers, numbers or texts keeps its type; in any other one all values are texts,
+    with JSON for values that are not texts, as in CSV.
     """
     arrow, parquet = extra("pyarrow", "Parquet"), extra("pyarrow.parquet", "Parquet")
     types = {bool: arrow.bool_(), int: arrow.int64(), float: arrow.float64(), str: arrow.string()}

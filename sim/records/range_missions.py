@@ -1,4 +1,4 @@
-"""The mission of a robot with range sensors as config.json holds it."""
+"""Record of the mission of a robot with range sensors in config.json."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from mathnavi.sim.records.missions import Point
 
 @dataclass(frozen=True)
 class RangingRecord:
-    """A robot with range sensors within a wall; angles are in radians."""
+    """Robot with range sensors within a wall; angles are in radians."""
 
     field: str  # name of the wall
     coefficients: tuple[tuple[float, float, float, float], ...]  # [m] a_x, b_x, a_y, b_y of each harmonic
-    angles: tuple[float, ...]  # (l,) [rad] of the sensors off the heading
+    angles: tuple[float, ...]  # (l,) [rad] of the sensors relative to the heading
     ranging: RangeQuality
     odometry: OdometryQuality
     known_start: KnownStart | None

@@ -1,15 +1,15 @@
-"""The folder of a run: what is written at the end of a run, and how it is read again.
+"""Folder of a run: the files that are written at the end of a run, and how they are read again.
 
-| file | what it holds |
+| file | content |
 |---|---|
 | ``config.json`` | scenario, seed, every field, both plug-ins, digests of files and sources, mission, environment |
 | ``summary.json`` | figures of merit by name, with units |
-| ``events.jsonl`` | one event a line, in the order in which they were recorded |
+| ``events.jsonl`` | one event on each line, in the order in which they were recorded |
 | ``log.npz`` | the arrays of ``mathnavi.sim.engine.log`` |
 | ``log.json`` | shape and type of each array; names and units of each vehicle's states |
-| ``scene.npz`` | shapes and poses (``mathnavi.sim.engine.scene_record``), of a run whose scenario names no drawing |
+| ``scene.npz`` | shapes and poses (``mathnavi.sim.engine.scene_record``), for a run whose scenario names no drawing |
 
-Everything that needs a recorded run reads it here: ``read_log`` for a single vehicle, ``read_fleet`` for several.
+All code that needs a recorded run reads it here: ``read_log`` for a single vehicle, ``read_fleet`` for several.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ from mathnavi.sim.records.log_arrays import COMMAND, TIME, TRUTH, check_arrays
 CONFIG, SUMMARY, EVENTS, ARRAYS, ARRAY_INDEX = "config.json", "summary.json", "events.jsonl", "log.npz", "log.json"
 SCENE = "scene.npz"
 RUN_FILES = (CONFIG, EVENTS, ARRAYS, ARRAY_INDEX, SUMMARY)
-RECORDED = (*RUN_FILES, SCENE)  # all that a run may write
+RECORDED = (*RUN_FILES, SCENE)  # all files that a run may write
 STATUS_CHANGE = "estimator-status"  # kind of the events that say so
 FLEET_TRUTH = f".{TRUTH}"  # ending of the names of a fleet's arrays of true states
 
 
 class NothingToDrawError(ValueError):
-    """A run that ended before there was anything to be seen."""
+    """Run that ended before there was anything to draw."""
 
 
 # ---- writing
@@ -62,7 +62,7 @@ def write_run(
 ) -> None:
     """Write a run's folder, whole or not at all; other files in it are kept.
 
-    ``scene`` are the arrays of ``mathnavi.sim.engine.scene_record``, of a run that is drawn by them. Raises
+    ``scene`` are the arrays of ``mathnavi.sim.engine.scene_record``, for a run that is drawn from them. Raises
     RunFolderError and OSError as ``claimed_folder.claimed`` does; OSError names the file.
     """
     with claimed(folder) as claim:
@@ -77,7 +77,7 @@ def write_run_files(
     recording: Recording,
     scene: Mapping[str, Array] | None = None,
 ) -> None:
-    """Write the files of a run into a folder that is there; OSError names the one that could not be written."""
+    """Write the files of a run into an existing folder; OSError names the one that could not be written."""
     arrays = recording.arrays()
     _write_npz(folder / ARRAYS, arrays)
     if scene is not None:
@@ -102,7 +102,7 @@ def _write_npz(path: Path, arrays: Mapping[str, Array]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class RunLog:
-    """The run of a single vehicle."""
+    """Log of the run of a single vehicle."""
 
     directory: Path
     config: Mapping[str, Any]
@@ -113,7 +113,7 @@ class RunLog:
     u: Array  # (n, nu) the commanded input, held over [t_i, t_i+1)
     plans: tuple[Plan, ...]  # in order of adoption
     adopted: Array  # (len(plans),) [s]
-    arrays: Mapping[str, Array]  # every array of the vehicle as it was recorded, without the prefix of a fleet
+    arrays: Mapping[str, Array]  # every array of the vehicle as recorded, without the prefix of a fleet
 
     @property
     def title(self) -> str:
@@ -122,13 +122,13 @@ class RunLog:
 
     @cached_property
     def _statuses(self) -> tuple[Array, tuple[Status, ...]]:
-        """Times [s] at which the estimator's status changed, and the status from each of them on."""
+        """Return the times [s] at which the estimator's status changed, and the status from each of them on."""
         changes = [event for event in self.events if event.kind == STATUS_CHANGE]
         named = tuple(Status[_status_name(event)] for event in changes)
         return np.array([event.t for event in changes]), named
 
     def status(self, t: float) -> Status:
-        """Status of the newest estimate at ``t`` [s]."""
+        """Return the status of the newest estimate at ``t`` [s]."""
         times, named = self._statuses
         k = last_at(times, t)
         return named[k] if k >= 0 else Status.OK
@@ -136,7 +136,7 @@ class RunLog:
 
 @dataclass(frozen=True, eq=False)
 class FleetLog:
-    """The run of a fleet."""
+    """Log of the run of a fleet."""
 
     directory: Path
     config: Mapping[str, Any]
@@ -146,12 +146,12 @@ class FleetLog:
 
 
 def last_at(times: Array, t: float) -> int:
-    """Index of the last of the times (n,) at or before ``t``; -1 before the first."""
+    """Return the index of the last of the times (n,) at or before ``t``; -1 before the first."""
     return int(np.searchsorted(times, t + 1e-9, side="right")) - 1
 
 
 def described(event: Event) -> tuple[str, str]:
-    """Kind of an event in plain words, and its details."""
+    """Return the kind of an event in plain words, and its details."""
     if event.kind == "message" and event.message.startswith("radar "):
         return "radar on", ""
     return event.kind.replace("-", " "), event.message
@@ -160,8 +160,8 @@ def described(event: Event) -> tuple[str, str]:
 def read_log(directory: str | Path, *, may_diverge: bool = False) -> RunLog:
     """Read the folder of a single vehicle's run.
 
-    With ``may_diverge`` a run ends with its last finite state; without it, all states have to be finite. Raises
-    FileNotFoundError where something is missing, RunFolderError where something is broken.
+    With ``may_diverge`` a run ends with its last finite state; without it, all states must be finite. Raises
+    FileNotFoundError if a file is missing, RunFolderError if one is broken.
     """
     folder = existing_folder(directory)
     config, summary, events = _read_texts(folder)
@@ -195,7 +195,7 @@ def read_fleet(directory: str | Path) -> FleetLog:
 
 
 def read_state_names(directory: str | Path) -> dict[str, tuple[str, ...]]:
-    """Names of the states with their units, (nx,) by vehicle; errors as of ``read_log``."""
+    """Read the names of the states with their units, (nx,) by vehicle; errors as of ``read_log``."""
     path = Path(directory) / ARRAY_INDEX
     _require(path)
     index: ArrayIndexDocument = files.read_json(path, ArrayIndexDocument, RunFolderError)
@@ -203,7 +203,7 @@ def read_state_names(directory: str | Path) -> dict[str, tuple[str, ...]]:
 
 
 def existing_folder(directory: str | Path) -> Path:
-    """Path of a run's folder; FileNotFoundError where there is none."""
+    """Return the path of a run's folder; FileNotFoundError if it does not exist."""
     folder = Path(directory)
     if not folder.is_dir():
         raise FileNotFoundError(f"run folder {str(folder)!r} does not exist")
@@ -218,7 +218,7 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def read_run_document(directory: Path) -> tuple[RunDocument, dict[str, Any]]:
-    """config.json of a run, as the dataclass that it is held to and as plain data; errors as of ``read_log``."""
+    """Read config.json of a run, as its dataclass and as plain data; errors as of ``read_log``."""
     path = directory / CONFIG
     _require(path)
     document, plain = files.read_document(path, RunDocument, RunFolderError)
@@ -226,13 +226,13 @@ def read_run_document(directory: Path) -> tuple[RunDocument, dict[str, Any]]:
 
 
 def _without_prefix(arrays: Mapping[str, Array], prefix: str) -> dict[str, Array]:
-    """The arrays whose names begin with ``prefix``, under the rest of their names, and the times."""
+    """Return the arrays whose names begin with ``prefix``, under the rest of their names, and the times."""
     own = {key.removeprefix(prefix): rows for key, rows in arrays.items() if key.startswith(prefix)}
     return own | ({"t": arrays["t"]} if "t" in arrays else {})
 
 
 def _read_texts(folder: Path) -> tuple[dict[str, Any], dict[str, Any], tuple[Event, ...]]:
-    """Configuration, summary and events."""
+    """Read configuration, summary and events."""
     _, config = read_run_document(folder)
     summary = read_json(folder / SUMMARY)
     try:
@@ -245,10 +245,10 @@ def _read_texts(folder: Path) -> tuple[dict[str, Any], dict[str, Any], tuple[Eve
 
 
 def _check_named(path: Path, prefix: str, x: Array, names: Sequence[str]) -> None:
-    """RunFolderError for states (n, nx) of which log.json names another number: they are of another run."""
+    """Raise RunFolderError for states (n, nx) if log.json names another number of them: they belong to another run."""
     if x.shape[1] != len(names):
         raise RunFolderError(
-            f"{path}: {prefix}truth.x has {x.shape[1]} states; allowed: {len(names)}, as {ARRAY_INDEX} beside it names"
+            f"{path}: {prefix}truth.x has {x.shape[1]} states; allowed: {len(names)}, as {ARRAY_INDEX} next to it names"
         )
 
 
@@ -270,7 +270,7 @@ def _read_events(path: Path) -> tuple[Event, ...]:
 
 
 def _status_name(event: Event) -> str:
-    """The name of the status that an estimator took."""
+    """Return the name of the status that an estimator took."""
     return event.message.partition(":")[0].upper()
 
 
@@ -280,7 +280,8 @@ def _read_arrays(path: Path) -> dict[str, Array]:
 
 
 def _of_vehicle(arrays: Mapping[str, Array], path: Path, may_diverge: bool, prefix: str = "") -> dict[str, Any]:
-    """Fields of a ``RunLog`` from the arrays of one vehicle; ``prefix`` is what their names have in the file."""
+    """Return the fields of a ``RunLog`` from the arrays of one vehicle; ``prefix`` is that of their names in the file.
+    """
     check_arrays(arrays, path, prefix)
     t, x, u = (arrays[name] for name in (TIME, TRUTH, COMMAND))
     finite = int(np.logical_and.accumulate(np.isfinite(x).all(axis=1)).sum())
@@ -306,18 +307,18 @@ def _plans(arrays: Mapping[str, Array]) -> tuple[Plan, ...]:
 
 
 def read_arrays(directory: str | Path) -> dict[str, Array]:
-    """Every array of a run's log by its dotted name; errors as of ``read_log``."""
+    """Read every array of a run's log by its dotted name; errors as of ``read_log``."""
     return _read_arrays(existing_folder(directory) / ARRAYS)
 
 
 def read_scene(directory: str | Path) -> dict[str, Array] | None:
-    """The arrays of a run's scene (``mathnavi.sim.engine.scene_record``); None where it has none."""
+    """Read the arrays of a run's scene (``mathnavi.sim.engine.scene_record``); None if it has none."""
     path = existing_folder(directory) / SCENE
     return read_npz(path, RunFolderError, kinds=NUMBERS_AND_TEXTS) if path.exists() else None
 
 
 def read_scene_cameras(directory: str | Path) -> tuple[str, ...] | None:
-    """Names of the cameras of a run's scene; None where it has no scene."""
+    """Read the names of the cameras of a run's scene; None if it has no scene."""
     path, name = existing_folder(directory) / SCENE, "camera.names"
     if not path.exists():
         return None
@@ -326,5 +327,5 @@ def read_scene_cameras(directory: str | Path) -> tuple[str, ...] | None:
 
 
 def read_record(directory: str | Path) -> tuple[dict[str, Any], dict[str, Any], tuple[Event, ...]]:
-    """Configuration, summary and events of a run; errors as of ``read_log``."""
+    """Read configuration, summary and events of a run; errors as of ``read_log``."""
     return _read_texts(existing_folder(directory))

@@ -2,12 +2,12 @@
 
 **Proportion.** k events in n independent trials of unknown probability p. The two-sided limits are Clopper and
 Pearson's: low is the p for which k or more events have probability (1 - c) / 2, high that for which k or fewer have it,
-so that [low, high] covers p with probability c at least, whatever p is. The one-sided bound, ``upper``, leaves 1 - c on
+so that [low, high] covers p with probability c at least, for every p. The one-sided bound, ``upper``, leaves 1 - c on
 its one side: without any event, (1 - upper)^n = 1 - c. As P(k or more events) = I_p(k, n - k + 1), the regularised
 incomplete beta function, the limits are values of its inverse.
 
 **Median.** The band is the bootstrap's percentile interval: the median of n values drawn with replacement from the
-sample, again and again. The values so drawn are the sample's order statistics x_(1) <= ... <= x_(n) at the indices
+sample, repeatedly. The drawn values are the sample's order statistics x_(1) <= ... <= x_(n) at the indices
 ceil(n u), u uniform, and sorting commutes with that: the i-th smallest of them is x_(ceil(n U_i)) with U_i the i-th
 order statistic of n uniform numbers. Those in the middle are drawn directly, U_i ~ Beta(i, n + 1 - i), so that a
 resample costs the same for every n.
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Proportion:
-    """Events in trials, with limits of their probability."""
+    """Proportion of events in trials, with limits of their probability."""
 
     events: int
     trials: int
@@ -44,7 +44,7 @@ class Proportion:
         return self.events / self.trials
 
     def text(self) -> str:
-        """The proportion as text; without an event it states the upper bound."""
+        """Return the proportion as text; without an event it states the upper bound."""
         if self.events == 0:
             return f"0 of {self.trials} (at most {percent(self.upper)} %, {100.0 * self.confidence:g} %)"
         limits = f"[{percent(self.low)}, {percent(self.high)}]"
@@ -53,25 +53,25 @@ class Proportion:
 
 @dataclass(frozen=True)
 class Band:
-    """The median of n values, with the limits between which resampled medians lie."""
+    """Median of n values, with the limits between which resampled medians lie."""
 
     median: float
-    low: float  # NaN of too few values
+    low: float  # NaN for too few values
     high: float
     n: int
     confidence: float = 0.95
 
     def text(self) -> str:
-        """Median and band as text, in the unit of the values."""
+        """Return median and band as text, in the unit of the values."""
         if math.isnan(self.low):
             return f"{self.median:.4g} (n = {self.n})"
         return f"{self.median:.4g} [{self.low:.4g}, {self.high:.4g}] (n = {self.n})"
 
 
 def rate(events: int, trials: int, confidence: float = 0.95) -> Proportion:
-    """The rate of ``events`` in ``trials``.
+    """Return the rate of ``events`` in ``trials``.
 
-    ArgumentError unless 0 <= events <= trials, trials >= 1 and 0 < confidence < 1.
+    Raises ArgumentError unless 0 <= events <= trials, trials >= 1 and 0 < confidence < 1.
     """
     _check_confidence(confidence)
     if trials < 1:
@@ -90,9 +90,9 @@ def rate(events: int, trials: int, confidence: float = 0.95) -> Proportion:
 def median_band(
     values: Sequence[float] | Array, rng: np.random.Generator, confidence: float = 0.95, resamples: int = 9999
 ) -> Band:
-    """The median of ``values`` (n,) and its bootstrap band; a single value has no band.
+    """Return the median of ``values`` (n,) and its bootstrap band; a single value has no band.
 
-    ValueError for no values at all, and for NaN: what there is no number for has to be left out, and counted, before.
+    Raises ValueError for no values at all, and for NaN: missing values must be left out, and counted, before.
     """
     x = np.sort(checked_sample(values, "values", confidence))
     n = x.size
@@ -106,9 +106,9 @@ def median_band(
 
 
 def supported_band(values: Sequence[float] | Array, rng: np.random.Generator, confidence: float = 0.95) -> Band:
-    """``median_band`` of values (n,), but without limits where the sample is too small for any.
+    """Return ``median_band`` of values (n,), but without limits if the sample is too small for any.
 
-    All n values together span the median of what they are drawn from with probability 1 - 2^(1 - n) only; nothing
+    All n values together span the median of their distribution only with probability 1 - 2^(1 - n); no interval
     within them can do so with a higher one. For 95 % it takes six.
     """
     band = median_band(values, rng, confidence)
@@ -116,7 +116,8 @@ def supported_band(values: Sequence[float] | Array, rng: np.random.Generator, co
 
 
 def checked_sample(values: Sequence[float] | Array, name: str, confidence: float) -> Array:
-    """The sample as an array (n,); ValueError, with its name, for none and NaN, and for a confidence not in (0, 1)."""
+    """Return the sample as an array (n,); ValueError, with its name, for none and NaN, and a confidence not in (0, 1).
+    """
     _check_confidence(confidence)
     x = np.asarray(values, dtype=np.float64)
     if x.ndim != 1 or x.size == 0:
@@ -127,12 +128,12 @@ def checked_sample(values: Sequence[float] | Array, name: str, confidence: float
 
 
 def percent(p: float) -> str:
-    """A probability in percent, with digits enough for small ones."""
+    """Return a probability in percent, with enough digits for small ones."""
     return f"{100.0 * p:.1f}" if p >= 0.001 or p == 0.0 else f"{100.0 * p:.2g}"
 
 
 def _resampled_medians(x: Array, rng: np.random.Generator, resamples: int) -> Array:
-    """(resamples,) medians of samples with replacement of the sorted values ``x`` (n,)."""
+    """Return medians (resamples,) of samples with replacement of the sorted values ``x`` (n,)."""
     n = x.size
     i = (n + 1) // 2  # the middle one, or the lower of the two
     u = rng.beta(i, n + 1 - i, resamples)

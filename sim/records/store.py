@@ -1,19 +1,19 @@
-"""A store of trials: one SQLite file that survives the death of whoever writes it, and that plain ``sqlite3`` reads.
+"""Store of trials: one SQLite file that survives the death of the process that writes it, and that ``sqlite3`` reads.
 
-    trials(key, scenario, seed, code, status, success, parameters, summary, error)     one row a trial
-    timings(key, figure, value)                                                        what depends on the clock
+    trials(key, scenario, seed, code, status, success, parameters, summary, error)     one row for each trial
+    timings(key, figure, value)                                                        figures that depend on the clock
 
-the tables of ``mathnavi.sim.records.origins``, and, where computations are stored that are no scenario, those of
+the tables of ``mathnavi.sim.records.origins``, and, if computations without a scenario are stored, those of
 ``mathnavi.sim.records.jobs``.
 
 ``key`` is the hash of scenario, resolved parameters, seed, code version and computing environment. ``parameters`` and
 ``summary`` are JSON. No figure in ``trials`` depends on the time, on the load of the machine or on the number of
-workers, so two sweeps of the same trials in the same environment leave the same table, with one exception: that a trial
-timed out, or crashed for want of memory, may be the machine's doing. Such trials may be run again, and their rows
+workers, so two sweeps of the same trials in the same environment leave the same table, with one exception: the machine
+may be the cause of a trial that timed out, or crashed for lack of memory. Such trials may be run again, and their rows
 replaced.
 
 SQLite's rollback journal is kept on purpose: between commits the one file is the whole store, which may be copied,
-moved to a network drive or read where nothing may be written. Every commit waits for the disk.
+moved to a network drive or read from a read-only folder. Every commit waits for the disk.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ from mathnavi.sim.records.origins import Elsewhere, Origin, add_origin, environm
 
 APPLICATION = 0x6D6E6176  # "mnav", in the header of the file: what kind of database it is
 SCHEMA = 1
-STUDY_STORE = "trials.db"  # beside the files of the studies whose trials and jobs it holds
+STUDY_STORE = "trials.db"  # next to the files of the studies whose trials and jobs it holds
 STATUSES = ("ok", "raised", "crashed", "timed-out")
-TRANSIENT = ("crashed", "timed-out")  # statuses that may be another one the next time
+TRANSIENT = ("crashed", "timed-out")  # statuses that may differ the next time
 TABLES = {
     "trials": ("key", "scenario", "seed", "code", "status", "success", "parameters", "summary", "error"),
     "timings": ("key", "figure", "value"),
@@ -77,17 +77,17 @@ WHERE ? AND trials.status IN {TRANSIENT}
 """
 PATIENCE = 60.0  # [s] to wait for another process that is writing
 
-_NOT_FINITE = re.compile(r'"(?:[^"\\]|\\.)*"|-?Infinity|NaN')  # strings are matched so that they stay as they are
+_NOT_FINITE = re.compile(r'"(?:[^"\\]|\\.)*"|-?Infinity|NaN')  # strings are matched so that they stay unchanged
 _AS_JSON = {"Infinity": "9e999", "-Infinity": "-9e999", "NaN": "null"}
 
 
 class StoreWriteError(RuntimeError):
-    """A store that was usable and no longer is: the disk is full, or it may no longer be written."""
+    """Store that is no longer usable: the disk is full, or it may no longer be written."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """One trial: what was asked, and how it ended."""
+    """Record of a trial: its request, and how it ended."""
 
     key: str
     scenario: str
@@ -95,7 +95,7 @@ class Record:
     seed: int
     code: str  # version
     status: str  # "ok": it ran to its end; "raised", "crashed" or "timed-out": it did not
-    success: bool | None  # whether the mission did what it should; None where it did not run to its end
+    success: bool | None  # whether the mission did what it should; None if it did not run to its end
     summary: dict[str, Any]
     timings: dict[str, float | None] = field(default_factory=dict)
     error: str | None = None
@@ -103,7 +103,7 @@ class Record:
 
     @cached_property
     def fields(self) -> dict[str, Any]:
-        """The parameters by the names that the command line has for them: "faults.gust_rms", "planner.nodes"."""
+        """Return the parameters by their names on the command line: "faults.gust_rms", "planner.nodes"."""
         named = flattened(self.parameters.get("config", {}))
         for part, prefix in (("controller", "planner."), ("estimator", "estimator.")):
             entry = self.parameters.get(part, {})
@@ -119,9 +119,9 @@ class Ending(NamedTuple):
 
 
 def canonical_json(value: Any) -> str:
-    """``value`` as JSON, always the same text for the same value.
+    """Return ``value`` as JSON, always the same text for the same value.
 
-    An infinity is a number too large for a double, which every reader takes for one; NaN is null.
+    An infinity is a number too large for a double, which every reader reads as one; NaN is null.
     """
     text = json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, default=_plain)
     if "NaN" in text or "Infinity" in text:
@@ -137,7 +137,7 @@ def _plain(value: Any) -> Any:
 
 
 class Store:
-    """An open store. It belongs to the thread that opened it."""
+    """Open store. It belongs to the thread that opened it."""
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
         self.path = path
@@ -145,10 +145,10 @@ class Store:
 
     @staticmethod
     def open(path: Path | str) -> Store:
-        """The store at ``path`` for reading and writing; it is made where there is no such file, with its folder.
+        """Open the store at ``path`` for reading and writing; it is made, with its folder, if there is no such file.
 
-        ValueError for a file that is no store, a store of another schema, and one that cannot be written; they are
-        left as they are.
+        Raises ValueError for a file that is not a store, a store of another schema, and one that cannot be written;
+        they are left unchanged.
         """
         path = Path(path)
         with _opening(path):
@@ -174,7 +174,7 @@ class Store:
 
     @staticmethod
     def existing(path: Path | str) -> Store:
-        """The store that is at ``path``, to be read; ValueError as for ``open``, and where there is none."""
+        """Open the store at ``path`` for reading; ValueError as for ``open``, and if it does not exist."""
         path = Path(path)
         with _opening(path):
             if not path.is_file():
@@ -197,8 +197,8 @@ class Store:
     def add(self, *records: Record | JobRecord, retried: bool = False) -> None:
         """Commit records, all or none, before this returns.
 
-        A key that the store has stays as it is; one that timed out or crashed is replaced if ``retried``.
-        StoreWriteError if they cannot be written. What was committed before stays readable.
+        A record whose key the store has stays unchanged; one that timed out or crashed is replaced if ``retried``.
+        Raises StoreWriteError if they cannot be written. Earlier commits stay readable.
         """
         with self._errors_named(), self._transaction():
             for record in records:
@@ -219,19 +219,19 @@ class Store:
                     )
 
     def keys(self) -> set[str]:
-        """The keys of all trials."""
+        """Return the keys of all trials."""
         return set(self.endings())
 
     def endings(self) -> dict[str, Ending]:
-        """End of every trial, by its key."""
+        """Return the end of every trial, by its key."""
         with self._reading():
             rows = self._connection.execute("SELECT key, status, success FROM trials")
             return {key: Ending(status, None if success is None else bool(success)) for key, status, success in rows}
 
     def records(self, keys: Iterable[str] | None = None) -> list[Record]:
-        """The trials with these keys, in their order; all of them in the order of their keys if none are given.
+        """Return the trials with these keys, in their order; all of them in the order of their keys if none are given.
 
-        KeyError for a key that the store does not have.
+        Raises KeyError for a key that the store does not have.
         """
         if keys is None:
             keys = sorted(self.keys())
@@ -240,12 +240,12 @@ class Store:
             return [self._record(key, known.get(key, Origin())) for key in keys]
 
     def job_endings(self) -> dict[str, Ending]:
-        """End of every job, by its key."""
+        """Return the end of every job, by its key."""
         with self._reading():
             return {key: Ending(status, None) for key, status in job_statuses(self._connection).items()}
 
     def jobs(self, keys: Iterable[str]) -> list[JobRecord]:
-        """The jobs with these keys, in their order; KeyError for a key that the store does not have."""
+        """Return the jobs with these keys, in their order; KeyError for a key that the store does not have."""
         with self._reading():
             known = origins(self._connection)
             found = job_records(self._connection, keys)
@@ -254,16 +254,16 @@ class Store:
     def keys_of(
         self, contents: Iterable[str], mix_environments: bool = False, elsewhere: Elsewhere | None = None
     ) -> dict[str, str]:
-        """Key of the record of each content hash, as far as the store has one that was made in this environment.
+        """Return the key of the record of each content hash, if the store has one that was made in this environment.
 
-        With ``mix_environments`` one from another environment does where there is none. ``elsewhere`` counts those.
+        With ``mix_environments`` one from another environment is accepted if there is none; ``elsewhere`` counts those.
         """
         with self._reading():
             stored = keys_by_content(self._connection, self.keys() | job_statuses(self._connection).keys())
         return (elsewhere or Elsewhere()).chosen(contents, stored, environment_digest(), mix_environments)
 
     def input_digests(self, field: str, value: str) -> dict[str, int]:
-        """Numbers of the trials in which a field that names a file has a value, by the digest that the file had then.
+        """Count the trials in which a field that names a file has a value, by the digest that the file had then.
 
         ``field`` is named as on the command line.
         """
@@ -278,24 +278,24 @@ class Store:
             return dict(self._connection.execute(query, (f'$.inputs."{field}"', f"$.{part}.{name}", value)).fetchall())
 
     def environments(self) -> dict[str, dict[str, str]]:
-        """Description of the environments that the records were made in, by their digests."""
+        """Return the description of the environments of the records, by their digests."""
         with self._reading():
             return environments(self._connection)
 
     def rows(self) -> list[dict[str, Any]]:
-        """The trials as a table: parameters and figures by column, ordered by key."""
+        """Return the trials as a table: parameters and figures by column, ordered by key."""
         return [_row(record) for record in self.records()]
 
     def export_csv(self, path: Path) -> None:
-        """Write one line a trial: parameters and figures as columns, ordered by key. The file is whole or not there.
+        """Write one line for each trial: parameters and figures as columns, ordered by key; the whole file or none.
 
-        FieldError for a ``path`` that is the store.
+        Raises FieldError for a ``path`` that is the store.
         """
         check_spares(path, [self.path])
         write_text(path, as_csv(self.rows()))
 
     def export_jsonl(self, path: Path) -> None:
-        """Write one JSON object a trial, ordered by key; FieldError and the file as with ``export_csv``."""
+        """Write one JSON object for each trial, ordered by key; FieldError and the file as with ``export_csv``."""
         check_spares(path, [self.path])
         names = [entry.name for entry in fields(Record)]
         objects = ({name: getattr(record, name) for name in names} for record in self.records())
@@ -324,13 +324,13 @@ class Store:
         return replace(record, origin=origin)
 
     def _created(self) -> bool:
-        """True if the file was empty; it is a store now."""
+        """Return True if the file was empty; it is a store now."""
         with _opening(self.path), self._transaction():
             if self.path.stat().st_size > 0:
                 return False
             for statement in filter(str.strip, CREATE.split(";")):
                 self._connection.execute(statement)
-            # Both stand in the file's header, so a store that was half made when its maker died is none at all.
+            # Both are in the file's header, so a store that was half made when its process died does not count as one.
             self._connection.execute(f"PRAGMA application_id = {APPLICATION}")
             self._connection.execute(f"PRAGMA user_version = {SCHEMA}")
             return True
@@ -338,7 +338,7 @@ class Store:
     def _check(self) -> None:
         with _opening(self.path):
             if self._pragma("application_id") != APPLICATION:
-                raise StoreError(f"{self.path}: a database of something else; allowed: a store of trials or a new file")
+                raise StoreError(f"{self.path}: a database of another kind; allowed: a store of trials or a new file")
             if (schema := self._pragma("user_version")) != SCHEMA:
                 raise StoreError(f"{self.path}: a store of schema {schema}; allowed: schema {SCHEMA}")
             if others := self._connection.execute(
@@ -358,7 +358,7 @@ class Store:
                 raise StoreError(f"{self.path}: a damaged store ({fault}); allowed: a whole one")
 
     def _try_to_write(self) -> None:
-        """Begin a change, which needs the file and a journal beside it, and take it back."""
+        """Begin a change, which needs the file and a journal next to it, and roll it back."""
         with _opening(self.path):
             self._connection.execute("BEGIN IMMEDIATE")
             self._connection.execute(f"PRAGMA user_version = {SCHEMA}")
@@ -402,7 +402,9 @@ class Store:
 
 
 def stored_results(path: Path) -> int | None:
-    """Number of trials and jobs in a store that another thread may be writing; None if it cannot be read just now."""
+    """Return the number of trials and jobs in a store that another thread may be writing; None if it cannot be read
+    now.
+    """
     if not path.is_file():
         return 0
     try:
@@ -421,7 +423,7 @@ def _connect(path: Path, mode: str, timeout: float = PATIENCE) -> sqlite3.Connec
 
 @contextmanager
 def _opening(path: Path) -> Iterator[None]:
-    """Raise StoreError for whatever goes wrong while a store is opened: the path is at fault."""
+    """Raise StoreError for any error while a store is opened: the path is wrong."""
     try:
         yield
     except OSError as error:
@@ -431,7 +433,7 @@ def _opening(path: Path) -> Iterator[None]:
 
 
 def _row(record: Record) -> dict[str, Any]:
-    """The values of a trial by column."""
+    """Return the values of a trial by column."""
     row: dict[str, Any] = {
         "key": record.key,
         "scenario": record.scenario,
@@ -451,7 +453,7 @@ def _row(record: Record) -> dict[str, Any]:
 
 
 def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows as CSV, with the columns of a store's table of trials where there is no row."""
+    """Return rows as CSV, with the columns of a store's table of trials if there is no row."""
     text = io.StringIO()
     writer = csv.DictWriter(text, columns_of(rows), lineterminator="\n")
     writer.writeheader()
@@ -460,10 +462,10 @@ def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def columns_of(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The columns of all rows in order, those of a store's table of trials where there is no row."""
+    """Return the columns of all rows in order, those of a store's table of trials if there is no row."""
     return list(dict.fromkeys(name for row in rows for name in row)) or list(TABLES["trials"])
 
 
 def cell(value: Any) -> Any:
-    """Numbers and texts as they are, nothing as nothing, the rest as JSON."""
+    """Return numbers and texts unchanged, nothing for None, the rest as JSON."""
     return value if value is None or type(value) in (int, float, str) else canonical_json(value)

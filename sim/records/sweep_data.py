@@ -1,9 +1,9 @@
-"""The records of a sweep as its report needs them: in groups, with a rate for each kind of event and a median for each
+"""Data for the report of a sweep: its records in groups, with a rate for each kind of event and a median for each
 figure, for any scenario.
 
 Trials are grouped by the values of the fields that were varied. A field with many numeric values, or with another one
-for every seed, is continuous: it makes no groups but bins. Of a summary, truth values become rates and numbers medians;
-what a flight calls ``min_clearance_m`` and ``clearance_min`` is a clearance and h_min, what it must not fall below.
+for every seed, is continuous: it makes bins instead of groups. Of a summary, truth values become rates and numbers
+medians; ``min_clearance_m`` of a flight is the clearance and ``clearance_min`` is h_min, its lower limit.
 """
 
 from __future__ import annotations
@@ -25,36 +25,36 @@ from mathnavi.sim.records.store import Record
 
 MOST_LISTED = 12  # values of a numeric field that still make groups
 MOST_BINS, LEAST_IN_BIN = 8, 10  # bins of a continuous field, and trials in each of several
-SMALL = 1e-3  # a number below which has a power of ten
+SMALL = 1e-3  # numbers below it have a power of ten
 CLEARANCE, CLEARANCE_BOUND = "min_clearance_m", "clearance_min"
 PATH, STRAIGHT, PATH_RATIO = "path_length_m", "straight_line_m", "path_over_straight_line"
-# What matters first; the rest of a summary follows in its own order.
+# The most important first; the rest of a summary follows in its own order.
 KEY_FIGURES = (
     CLEARANCE, "spread_s", "separation_min_m", "arrival_time_s", PATH_RATIO, "control_effort",
     "miss_m", "aspect_error_deg", "impact_speed_m_s", "cost",
     "radar_exposure_s", "fallback_steps", "tracking_error_max_m",
 )  # fmt: skip
 
-Test = Callable[[Record], bool | None]  # whether an event happened in a trial; None where the trial cannot say
+Test = Callable[[Record], bool | None]  # whether an event happened in a trial; None if that is not known
 
 
 @dataclass(frozen=True)
 class TrialGroup:
-    """Records that belong together."""
+    """Group of records with the same values of the varied fields."""
 
     name: str
     values: tuple[object, ...]  # of the fields that make the groups
     records: Sequence[Record]
 
     def rate(self, happened: Test) -> Proportion | None:
-        """Proportion of an event among the trials where it is known; None without any."""
+        """Return the proportion of an event among the trials where it is known; None without any."""
         known = [event for record in self.records if (event := happened(record)) is not None]
         return rate(sum(known), len(known)) if known else None
 
     def band(self, key: str) -> Band | None:
-        """Median and band of a figure among the trials that have it, from fixed resamples; None without any.
+        """Return median and band of a figure among the trials that have it, from fixed resamples; None without any.
 
-        An infinite value, such as the clearance of who has left the map, is a value.
+        An infinite value, such as the clearance of a vehicle that has left the map, is a value.
         """
         known = figures(self.records, key)
         known = known[~np.isnan(known)]
@@ -63,9 +63,9 @@ class TrialGroup:
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Records, and the names of the fields that were varied, as ``Record.fields`` has them.
+    """Records of a sweep, and the names of the fields that were varied, as in ``Record.fields``.
 
-    Raises ValueError where there are no records, and for a field that no record has.
+    Raises ValueError if there are no records, and for a field that no record has.
     """
 
     records: Sequence[Record]
@@ -80,22 +80,23 @@ class Sweep:
 
     @cached_property
     def continuous(self) -> list[str]:
-        """The varied fields that make no groups: numbers of many values, or of another value for every seed."""
+        """Return the varied fields that make no groups: numbers with many values, or with another value for every seed.
+        """
         return [name for name in self.varied if _all(values := self.values(name)) and self._is_spread(values)]
 
     @cached_property
     def listed(self) -> list[str]:
-        """The varied fields that make groups."""
+        """Return the varied fields that make groups."""
         return [name for name in self.varied if name not in self.continuous]
 
     @cached_property
     def groups(self) -> list[TrialGroup]:
-        """Groups by the values of ``listed``, in order; a single one without such a field."""
+        """Return the groups by the values of ``listed``, in order; a single one without such a field."""
         return grouped(self.records, self.listed) if self.listed else [TrialGroup("all trials", (), self.records)]
 
     @cached_property
     def events(self) -> dict[str, Test]:
-        """The kinds of events that have rates, by name."""
+        """Return the kinds of events that have rates, by name."""
         tests: dict[str, Test] = {
             "success": lambda record: record.success is True,
             "recorded failure": lambda record: record.status != "ok",
@@ -118,7 +119,7 @@ class Sweep:
 
     @cached_property
     def figures(self) -> list[str]:
-        """The keys of the summary's numbers that are not the same everywhere, those that matter most first."""
+        """Return the keys of the summary's numbers that are not the same everywhere, the most important first."""
         order = dict.fromkeys([*KEY_FIGURES, *(key for keys in SUMMARY_GROUPS.values() for key in keys), *self._keys])
         found = []
         for key in order:
@@ -129,15 +130,16 @@ class Sweep:
 
     @cached_property
     def timings(self) -> list[str]:
-        """The keys of what was measured with a clock."""
+        """Return the keys of the measured times."""
         return list(dict.fromkeys(key for record in self.records for key in record.timings))
 
     def values(self, name: str) -> list[Any]:
-        """Values of a field, one a record."""
+        """Return the values of a field, one for each record."""
         return [_hashable(record.fields.get(name)) for record in self.records]
 
     def bins(self, name: str) -> list[TrialGroup]:
-        """The records by a continuous field, in order, with equally many in each bin as far as equal values allow.
+        """Return the records in bins of a continuous field, in order, with equally many in each as far as equal values
+        allow.
 
         A bin's ``values`` are the least and the greatest of the field in it.
         """
@@ -162,7 +164,7 @@ class Sweep:
         seeds: dict[float, set[int]] = {}
         for value, record in zip(values, self.records, strict=True):
             seeds.setdefault(value, set()).add(record.seed)
-        # A value that is listed is flown with the seeds of the others, one that is drawn with a seed of its own.
+        # A listed value is flown with the seeds of the others, a drawn one with its own seed.
         alone = [min(values) for values in seeds.values() if len(values) == 1]
         drawn = 2 * len(alone) > len(seeds) > 1 and len(set(alone)) == len(alone)
         return drawn or len(seeds) > MOST_LISTED
@@ -173,12 +175,12 @@ class Sweep:
 
 
 def planned_by_none(record: Record) -> bool:
-    """True if the planner had no part in a trial, though the mission may have done what it should."""
+    """Return True if the planner had no part in a trial, though the mission may have done what it should."""
     return PLANNER_STATUS in record.summary
 
 
 def grouped(records: Iterable[Record], names: Sequence[str]) -> list[TrialGroup]:
-    """Records by the values of fields, in order of those."""
+    """Group records by the values of fields, in order of these."""
     found: dict[tuple[Any, ...], list[Record]] = {}
     for record in records:
         found.setdefault(tuple(_hashable(record.fields.get(name)) for name in names), []).append(record)
@@ -195,7 +197,9 @@ def grouped(records: Iterable[Record], names: Sequence[str]) -> list[TrialGroup]
 
 
 def figures(records: Sequence[Record], key: str) -> Array:
-    """(n,) A figure of each record, from its summary or its timings, or the ratio of two; NaN where there is none."""
+    """Return a figure (n,) of each record, from its summary or its timings, or the ratio of two; NaN where it is
+    missing.
+    """
     if key == PATH_RATIO:
         ratio: Array = figures(records, PATH) / figures(records, STRAIGHT)
         return ratio
@@ -204,7 +208,7 @@ def figures(records: Sequence[Record], key: str) -> Array:
 
 
 def format_value(value: object) -> str:
-    """The value of a field, to be read."""
+    """Return the value of a field as readable text."""
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, (tuple, list)):
@@ -213,7 +217,7 @@ def format_value(value: object) -> str:
 
 
 def format_numbers(*values: float) -> list[str]:
-    """Numbers of one kind: four digits of the largest and enough to distinguish them; whole ones as they are."""
+    """Format numbers of one kind: four digits of the largest and enough to distinguish them; whole ones unchanged."""
     finite = [value for value in values if math.isfinite(value)]
     largest = max(map(abs, finite), default=0.0)
     if 0.0 < largest < SMALL:
@@ -226,12 +230,12 @@ def format_numbers(*values: float) -> list[str]:
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """True if a value is a number; a truth value is none."""
+    """Return True if a value is a number; a truth value is not."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def shared(records: Sequence[Record]) -> Mapping[str, Any]:
-    """The fields that are the same in all records."""
+    """Return the fields that are the same in all records."""
     first = records[0].fields
     return {name: value for name, value in first.items() if all(r.fields.get(name) == value for r in records)}
 
@@ -250,7 +254,7 @@ def _too_low(record: Record) -> bool | None:
     if not is_number(bound) or CLEARANCE not in record.summary:
         return None
     clearance = record.summary[CLEARANCE]
-    return clearance is None or bool(clearance < bound)  # what is no number is no proof of a clearance
+    return clearance is None or bool(clearance < bound)  # without a number a clearance is not proven
 
 
 def _too_near(record: Record) -> bool | None:
@@ -278,5 +282,5 @@ def _hashable(value: Any) -> Any:
 
 
 def _order(value: object) -> tuple[bool, float, str]:
-    """Numbers before words."""
+    """Return a sort key: numbers before words."""
     return (not is_number(value), float(value) if is_number(value) else 0.0, str(value))

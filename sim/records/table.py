@@ -1,4 +1,4 @@
-"""A table of results, whatever shows it: a report, a comparison, or a study's page."""
+"""Table of results, for a report, a comparison, or a study's page."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text or numbers under their columns' names."""
+    """Table: rows of text or numbers under the names of their columns."""
 
     title: str
     columns: Sequence[str]

@@ -87,7 +87,7 @@ class Evaluator:
     def __post_init__(self) -> None:
         if is_wall_clock(self.objective.key):
             raise NoSuchFigureError(
-                f"{self.objective.key} is a wall-clock time, which differs every time; allowed: a figure that a seed repeats"
+                f"{self.objective.key} is a wall-clock time, never the same; allowed: a figure that a seed repeats"
             )
         self.evaluations: list[Evaluation] = []
         self.elsewhere = Elsewhere()

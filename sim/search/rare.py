@@ -78,7 +78,7 @@ def rare_event(
     """
     most = missions // repetitions
     if repetitions < 2:
-        raise ArgumentError(f"repetitions = {repetitions}; allowed: two or more, because their spread gives the interval")
+        raise ArgumentError(f"repetitions = {repetitions}; allowed: two or more, as their spread gives the interval")
     if most < particles:
         raise ArgumentError(
             f"missions = {missions}; allowed: >= {particles * repetitions}, the particles of all repetitions"

@@ -128,7 +128,7 @@ def mean_interval(estimates: Sequence[float], confidence: float = 0.95) -> Proba
     """
     n = len(estimates)
     if n < 2:
-        raise ArgumentError(f"estimates = {n}; allowed: two or more, because their spread gives the interval")
+        raise ArgumentError(f"estimates = {n}; allowed: two or more, as their spread gives the interval")
     mean = float(np.mean(estimates))
     if mean == 0.0:
         return ProbabilityInterval(0.0, 0.0, 1.0, n, confidence)

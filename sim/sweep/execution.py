@@ -216,7 +216,7 @@ class _Sweep:
         try:
             backend.start(self._tasks, timeout, queue.put)
             while self._pending:
-                messages = [queue.get(), *_rest(queue)]  # commits wait for the disk, so all available records go into one
+                messages = [queue.get(), *_rest(queue)]  # commits wait for the disk, so one takes all messages
                 self._take(messages)
                 fault = next((message for message in messages if isinstance(message, BaseException)), None)
                 messages = []

@@ -1,8 +1,7 @@
 """Arrays from .npz files and raw bytes: every header is checked before anything is allocated for it.
 
-An .npz file is a zip archive of .npy files. Each of these states its type and its shape, which have to fit the size of
-the member, and all together the largest size that is allowed: neither a shape that is not there nor a zip bomb takes
-memory.
+An .npz file is a zip archive of .npy files. Each of these states its type and its shape, which must fit the size of
+the member, and their sum the largest allowed size: neither a false shape nor a zip bomb takes memory.
 """
 
 from __future__ import annotations
@@ -25,27 +24,27 @@ MOST_ARRAYS = 10_000  # of a file
 NUMBERS = "biuf"  # kinds of arrays of numbers and truth values
 NUMBERS_AND_TEXTS = NUMBERS + "U"
 _ENDING = ".npy"
-_LONGEST_HEADER = 10_000  # [characters], which numpy takes for safe
+_LONGEST_HEADER = 10_000  # [characters], which numpy considers safe
 
 
 def read_npz(
     path: Path, error: Refusal, *, kinds: str = NUMBERS, names: Collection[str] | None = None
 ) -> dict[str, Array]:
-    """The arrays of an .npz file by name, or those of ``names`` that it has; ``kinds`` are their types' ``kind``.
+    """Read the arrays of an .npz file by name, or those of ``names`` that it has; ``kinds`` are their types' ``kind``.
 
-    Raises FileNotFoundError where there is no file.
+    Raises FileNotFoundError if there is no file.
     """
     with opened(path, error, MOST_BYTES) as file:
         return _arrays(file, str(path), error, kinds, names)
 
 
 def decoded_npz(content: bytes, where: str, error: Refusal, *, kinds: str = NUMBERS) -> dict[str, Array]:
-    """The arrays of an .npz file that has been found at ``where`` as bytes."""
+    """Decode the arrays of an .npz file from its bytes, found at ``where``."""
     return _arrays(io.BytesIO(content), where, error, kinds, None)
 
 
 def read_raw(path: Path, dtype: str, shape: tuple[int, ...], error: Refusal) -> Array:
-    """The array of a type and a shape that a file without a header holds."""
+    """Read the array of a type and a shape from a file without a header."""
     size = np.dtype(dtype).itemsize * math.prod(shape)
     content = read_bytes(path, error, size)
     if len(content) != size:
@@ -94,7 +93,7 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, where: str, error:
 
 
 def _header(stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Shape and type that an .npy file states."""
+    """Return the shape and the type that an .npy file states."""
     version = npy.read_magic(stream)
     read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
     shape, _, dtype = read(stream, max_header_size=_LONGEST_HEADER)

@@ -1,7 +1,7 @@
-"""Bytes, text and JSON from files: the one place, with its neighbours here, through which every file is read.
+"""Readers of bytes, text and JSON from files; every file is read by these and their neighbours here.
 
-A file that is larger than a file of its kind can be is refused before it is read. What is wrong with a file is one
-line that names it, the place in it, the value, and what is allowed.
+A file that is larger than a file of its kind can be is refused before it is read. An error is one
+line that names the file, the place in it, the value, and what is allowed.
 """
 
 from __future__ import annotations
@@ -19,30 +19,30 @@ MOST_LINES = 1024 * MEBIBYTE  # of a file that is read line by line
 MOST_OF_A_LINE = MEBIBYTE
 _MOST_DIGITS = 300
 
-Refusal = type[ValueError]  # the kind of error that is raised for a file that is not as it should be
+Refusal = type[ValueError]  # the type of the error that is raised for a wrong file
 
 
 def read_bytes(path: Path, error: Refusal, most: int) -> bytes:
-    """The content of a file of at most ``most`` bytes; FileNotFoundError where there is none."""
+    """Read the content of a file of at most ``most`` bytes; FileNotFoundError if it does not exist."""
     with opened(path, error, most) as file:
         content: bytes = file.read(most + 1)
-    if len(content) > most:  # it has grown, or does not say its size
+    if len(content) > most:  # it has grown, or does not state its size
         raise _too_large(path, error, len(content), most)
     return content
 
 
 def opened(path: Path, error: Refusal, most: int) -> Any:
-    """An open file of at most ``most`` bytes, to be read as bytes; a folder, a pipe or a device is refused."""
+    """Open a file of at most ``most`` bytes for reading bytes; a folder, a pipe or a device is refused."""
     try:
-        file = open(path, "rb", opener=_without_waiting)  # noqa: SIM115 - it is the caller's to close
+        file = open(path, "rb", opener=_without_waiting)  # noqa: SIM115 - the caller closes it
     except IsADirectoryError:
         raise error(f"{path} is a folder; allowed: a file") from None
     except ValueError as fault:  # a null character
-        raise error(f"{str(path)!r} is no name of a file ({fault})") from None
+        raise error(f"{str(path)!r} is not the name of a file ({fault})") from None
     about = os.fstat(file.fileno())
     if not stat.S_ISREG(about.st_mode):
         file.close()
-        raise error(f"{path} is no regular file; allowed: a file that is not a pipe or a device")
+        raise error(f"{path} is not a regular file; allowed: a file that is not a pipe or a device")
     if about.st_size > most:
         file.close()
         raise _too_large(path, error, about.st_size, most)
@@ -50,7 +50,7 @@ def opened(path: Path, error: Refusal, most: int) -> Any:
 
 
 def read_text(path: Path, error: Refusal, most: int = MOST_TEXT) -> str:
-    """The text of a file, which is UTF-8."""
+    """Read the text of a file in UTF-8."""
     try:
         return read_bytes(path, error, most).decode("utf-8")
     except UnicodeDecodeError as fault:
@@ -58,18 +58,18 @@ def read_text(path: Path, error: Refusal, most: int = MOST_TEXT) -> str:
 
 
 def read_json(path: Path, kind: Any, error: Refusal, *, closed: bool = False) -> Any:
-    """The document in a JSON file as an instance of ``kind``, as ``schema.validated`` makes it."""
+    """Read the document in a JSON file as an instance of ``kind``, by ``schema.validated``."""
     return read_document(path, kind, error, closed=closed)[0]
 
 
 def read_document(path: Path, kind: Any, error: Refusal, *, closed: bool = False) -> tuple[Any, Any]:
-    """The document in a JSON file as an instance of ``kind``, and as the plain data that it is."""
+    """Read the document in a JSON file as an instance of ``kind``, and as plain data."""
     tree = parsed(read_text(path, error), str(path), error)
     return checked(kind, tree, str(path), error, closed=closed), tree
 
 
 def read_lines(path: Path, kind: Any, error: Refusal) -> Iterator[Any]:
-    """The documents in a file that holds one in each line."""
+    """Read the documents in a file that holds one in each line."""
     with opened(path, error, MOST_LINES) as file:
         number = 0
         while line := file.readline(MOST_OF_A_LINE + 1):
@@ -82,12 +82,12 @@ def read_lines(path: Path, kind: Any, error: Refusal) -> Iterator[Any]:
 
 
 def decoded(text: str | bytes, kind: Any, where: str, error: Refusal, *, closed: bool = False) -> Any:
-    """A JSON text, found at ``where``, as an instance of ``kind``."""
+    """Decode a JSON text, found at ``where``, as an instance of ``kind``."""
     return checked(kind, parsed(text, where, error), where, error, closed=closed)
 
 
 def parsed(text: str | bytes, where: str, error: Refusal) -> Any:
-    """A JSON text, found at ``where``, as plain data of whatever shape."""
+    """Parse a JSON text, found at ``where``, as plain data of any shape."""
     try:
         return json.loads(text, parse_int=_integer)
     except RecursionError:
@@ -97,8 +97,8 @@ def parsed(text: str | bytes, where: str, error: Refusal) -> Any:
 
 
 def checked(kind: Any, tree: Any, where: str, error: Refusal, *, closed: bool = False) -> Any:
-    """Plain data, found at ``where``, as an instance of ``kind``."""
-    from mathnavi.sim.interfaces.schema import validated  # not needed by what only lists plug-ins
+    """Check plain data, found at ``where``, and return it as an instance of ``kind``."""
+    from mathnavi.sim.interfaces.schema import validated  # not needed to list plug-ins
 
     try:
         return validated(kind, tree, closed=closed)
@@ -107,14 +107,14 @@ def checked(kind: Any, tree: Any, where: str, error: Refusal, *, closed: bool = 
 
 
 def _integer(digits: str) -> int:
-    """A whole number that a double holds too."""
+    """Return a whole number that a double can hold too."""
     if len(digits) > _MOST_DIGITS:
         raise ValueError(f"a whole number of {len(digits)} digits, where {_MOST_DIGITS} are allowed")
     return int(digits)
 
 
 def _without_waiting(path: str, flags: int) -> int:
-    """Open a file, and never wait for whoever may write to it, as a pipe has one."""
+    """Open a file without waiting for a writer, as opening a pipe would."""
     return os.open(path, flags | os.O_NONBLOCK)
 
 

@@ -1,4 +1,4 @@
-"""MJCF files: the ones of this package, and those of a stranger."""
+"""Reader of MJCF files: those of this package, and those of users."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _DECLARATION = re.compile(rb"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
 
 
 def read_spec(path: Path, error: Refusal) -> Any:
-    """The ``mujoco.MjSpec`` of an MJCF file; ``error`` for one that MuJoCo cannot read.
+    """Read the ``mujoco.MjSpec`` of an MJCF file; ``error`` for one that MuJoCo cannot read.
 
-    A document type is refused: MJCF has none, and entities expand without end. What it includes is checked likewise,
-    and every file that it names has to be a regular one.
+    A document type is refused: MJCF has none, and entities expand without end. The files that it includes are checked
+    in the same way, and every file that it names must be a regular one.
     """
     _check(path, path.parent, error, set())
     try:

@@ -1,4 +1,4 @@
-"""PNG pictures from files: their size is checked before they are decoded."""
+"""Reader of PNG pictures, whose size is checked before they are decoded."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def check_pixels(width: int, height: int, path: Path, error: Refusal) -> None:
 
 
 def read_picture(path: Path, error: Refusal) -> tuple[Image.Image, Array]:
-    """A picture and its values (rows, cols) as stored, row 0 on top."""
+    """Read a picture, and its values (rows, cols) as stored, row 0 on top."""
     try:
-        # What pillow warns of is either an error or a large map, which is no fault.
+        # A warning of pillow is either an error, or on a large map, which is allowed.
         with (
             warnings.catch_warnings(action="ignore"),
             opened(path, error, MOST_BYTES) as file,

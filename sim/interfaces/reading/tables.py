@@ -1,4 +1,4 @@
-"""Columns of numbers from CSV files."""
+"""Reader of columns of numbers from CSV files."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 def read_columns(path: Path, names: Sequence[str], error: Refusal) -> Array:
-    """Columns (rows, len(names)) of a CSV file whose first line names them; NaN for a cell that is empty.
+    """Read columns (rows, len(names)) of a CSV file whose first line names them; NaN for an empty cell.
 
-    Raises ``error`` for a column that is not there or there twice, for a row of another length, and for a cell that is
-    no number, with its line and its column; FileNotFoundError where there is no file.
+    Raises ``error`` for a column that is missing or there twice, for a row of another length, and for a cell that is
+    not a number, with its line and its column; FileNotFoundError if there is no file.
     """
     with opened(path, error, MOST_LINES) as file, io.TextIOWrapper(file, "utf-8-sig", newline="") as text:
         reader = csv.reader(text)

@@ -132,7 +132,7 @@ def _exit_code(code: int | None, report: IO[str], command: str, seconds: float) 
 
 
 def being_run(report: str) -> str:
-    """ Return ", in FILE:LINE FUNCTION" of the code that mathnavi had called last; "" if no stack was written."""
+    """Return ", in FILE:LINE FUNCTION" of the code that mathnavi had called last; "" if no stack was written."""
     stacks = re.split(r"^(?:Current t|T)hread 0x.*$", report, flags=re.MULTILINE)[1:]
     current = 0 if "Current thread" in report else -1  # the main thread is the last one
     frames: list[str] = []

@@ -1,8 +1,8 @@
-"""One agent of the loop with its state between ticks: estimate, plan, and messages of others.
+"""Runner of one agent of the loop, with its state between ticks: estimate, plan, and messages from others.
 
 A vehicle that flies among others has a coordinator, which exchanges messages with theirs over the network. A plan of
-such a vehicle is proposed as soon as it is there, and takes over only if the coordinator admits it at its start;
-otherwise the plan before, which leads to rest, stays.
+such a vehicle is proposed as soon as it is available, and takes over only if the coordinator admits it at its start;
+otherwise the previous plan, which leads to rest, stays.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Agent:
-    """Estimator, planner and tracker of one vehicle: they see measurements and messages, never the truth."""
+    """Agent of one vehicle, its estimator, planner and tracker: they see measurements and messages, never the truth."""
 
     estimator: Estimator
     planner: Planner
@@ -45,13 +45,13 @@ class Agent:
     input_size: int = 3
     messages: Sequence[Message] = ()  # delivered at their own times
     coordinator: Coordinator | None = None  # of a vehicle among others
-    stored: Plan | None = None  # flown from the start; without one the first plan is, as soon as it is there
-    sensors: Sequence[str] = ()  # names of those that the estimator asked for
+    stored: Plan | None = None  # flown from the start; without one the first plan, as soon as it is available
+    sensors: Sequence[str] = ()  # names of those that the estimator requires
 
 
 @dataclass
 class AgentRunner:
-    """One agent and its state between ticks."""
+    """Runner of one agent, with its state between ticks."""
 
     name: str
     agent: Agent
@@ -69,7 +69,7 @@ class AgentRunner:
     estimate: Estimate | None = None
     plan: Plan | None = None
     usable: bool = True  # the tracker's last command
-    estimating: bool = True  # the estimator's last answer was usable
+    estimating: bool = True  # whether the estimator's last answer was usable
     unused_readings: UnusedReadings = field(init=False)
     monitor: Callable[[PlanRequest], Plan | None] | None = field(init=False)  # the planner's, if it has one
     estimator_events: Callable[[], Iterable[tuple[str, str]]] | None = field(init=False)  # likewise
@@ -83,7 +83,7 @@ class AgentRunner:
         self.tracker_events = getattr(agent.tracker, "events", None)
 
     def control_step(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
-        """Estimate, plan and track as far as they fall due at tick k, t [s]; ``row`` is that of the log."""
+        """Estimate, plan and track if they are due at tick k, t [s]; ``row`` is that of the log."""
         if self.plan is None and self.agent.stored is not None:
             self._take_over(t, self.agent.stored)
         self.observe(row, k, t, readings)
@@ -92,7 +92,7 @@ class AgentRunner:
         self.record.command(row, self.command)
 
     def observe(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
-        """Take in the readings of the sensors, and estimate if that falls due."""
+        """Receive the readings of the sensors, and estimate if that is due."""
         if readings:
             self.record.measurements(row, readings)
             self.inbox.extend(self.unused_readings.watched(readings))
@@ -126,7 +126,7 @@ class AgentRunner:
         self.inbox = []
         if not self.unused_readings.settled:
             for sensor in self.unused_readings.found():
-                text = f"the estimator asked for the sensor {sensor!r} and uses no reading of it; is the name misspelt?"
+                text = f"the estimator requires the sensor {sensor!r} and uses no reading of it; is the name misspelt?"
                 self.record.event(t, "sensor-unused", text)
         if not complaint:
             self.estimate = estimate
@@ -141,7 +141,7 @@ class AgentRunner:
             self.record.estimate(self.estimate)
 
     def _of_coordinator(self, t: float, call: Callable[[Coordinator], T], otherwise: T) -> T:
-        """The coordinator's answer; ``otherwise`` without a coordinator, and where it raises, which is recorded."""
+        """Return the coordinator's answer; ``otherwise`` without a coordinator, and if it raises, which is recorded."""
         if self.agent.coordinator is None:
             return otherwise
         try:
@@ -160,7 +160,7 @@ class AgentRunner:
         self.undelivered = sorted([*self.undelivered, *outbox.planner_messages], key=lambda each: each.t)
 
     def _deliver(self, t: float) -> list[Message]:
-        """Messages that fall due, for the planner's next request; each is recorded."""
+        """Deliver the messages that are due to the planner's next request; each is recorded."""
         due = []
         while self.undelivered and self.undelivered[0].t <= t + TIME_TOLERANCE:
             message = self.undelivered.pop(0)
@@ -171,7 +171,7 @@ class AgentRunner:
         return due
 
     def _monitor(self, k: int, t: float, estimate: Estimate) -> None:
-        """Ask the planner what cannot wait for the next planning instant."""
+        """Call the planner's monitor, for what cannot wait until the next planning instant."""
         news = bool(self.undelivered) and self.undelivered[0].t <= t + TIME_TOLERANCE
         if self.monitor is None or self.plan is None or not (news or k % self.estimator_ticks == 0):
             return
@@ -184,7 +184,7 @@ class AgentRunner:
             return
         self.record.asked(plan)
         if plan.ok:
-            self.pending = [plan]  # what was to take over next starts on the plan that is given up
+            self.pending = [plan]  # the next plan starts on the plan that is given up
             self._of_coordinator(t, lambda coordinator: coordinator.propose(t, plan), None)
             self._adopt(t)
         else:
@@ -223,7 +223,7 @@ class AgentRunner:
         self.pending = waiting
 
     def _admitted(self, t: float, plan: Plan) -> bool:
-        """True if the others leave room for the plan; the first plan was announced to nobody and needs no answer."""
+        """Return True if the others admit the plan; the first plan was not announced and needs no answer."""
         if self.agent.coordinator is None or self.plan is None:
             return True
         return self._of_coordinator(t, lambda coordinator: coordinator.admits(t, plan), otherwise=False)
@@ -241,7 +241,7 @@ class AgentRunner:
             self.record.event(t, note, message)
 
     def _record_events(self, t: float, events: Iterable[tuple[str, str]]) -> None:
-        """Record what a part of the agent has to report."""
+        """Record the events that a component of the agent reports."""
         for kind, message in events:
             self.record.event(t, kind, message)
 
@@ -263,7 +263,7 @@ class AgentRunner:
 
 
 def _unusable(estimate: Any, before: Estimate | None) -> str:
-    """The error in an estimator's answer; "" for none."""
+    """Return the error in an estimator's answer; "" for none."""
     if not isinstance(estimate, Estimate):
         return f"update() returned {type(estimate).__name__}; allowed: Estimate"
     x = np.asarray(estimate.x)

@@ -1,4 +1,4 @@
-"""Compilation by numba, only where its cache holds nothing: reports of it, and two processes that share it.
+"""Compilation by numba of kernels that its cache lacks: reports of it, and two processes that share it.
 
     python -m mathnavi.sim.engine.compilation CLAIMS MODULE ... [--first]
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def compilation_reported(report: Callable[[bool], None]) -> Iterator[None]:
-    """Call ``report(True)`` when numba begins to compile in here, and ``report(False)`` when it has ended."""
+    """Call ``report(True)`` when numba begins to compile within the block, and ``report(False)`` when it has ended."""
     event: Any = importlib.import_module("numba.core.event")  # takes a while to import
 
     class Listener(event.Listener):
@@ -47,12 +47,12 @@ def compilation_reported(report: Callable[[bool], None]) -> Iterator[None]:
 
 
 def compile_ahead(*configs: object) -> None:
-    """Compile what configurations name as their ``kernels``, a module with a list ``KERNELS`` each, by two processes.
+    """Compile the ``kernels`` of configurations, each a module with a list ``KERNELS``, by two processes.
 
     The second process takes the kernels from the end of the list, this one from its start, until none is left:
-    neighbours, which share inner kernels, are compiled by the same one. Nothing happens where they are all kept
-    already. Whether the second process succeeds changes nothing but the time: what is missing afterwards is compiled
-    where it is called.
+    neighbours, which share inner kernels, are compiled by the same one. Nothing happens if all are cached already.
+    A failure of the second process only costs time: kernels that are missing afterwards are compiled when they are
+    called.
     """
     modules = dict.fromkeys(name for config in configs if isinstance(name := getattr(config, "kernels", None), str))
     if not modules or (os.cpu_count() or 1) < 2:
@@ -76,14 +76,14 @@ def compile_ahead(*configs: object) -> None:
 
 
 def listed(modules: Iterable[str]) -> list[Signature]:
-    """The kernels of modules, each once."""
+    """Return the kernels of modules, each once."""
     return list(dict.fromkeys(each for module in modules for each in importlib.import_module(module).KERNELS))
 
 
 def compile_unclaimed(kernels: Sequence[tuple[int, Signature]], claims: Path) -> None:
     """Compile numbered kernels that no other process has claimed by a file with that number."""
     collecting = gc.isenabled()
-    gc.disable()  # it would go through all that numba's compiler holds again and again
+    gc.disable()  # it would search all objects of numba's compiler again and again
     try:
         for number, (kernel, arguments) in kernels:
             with suppress(FileExistsError):
@@ -96,14 +96,14 @@ def compile_unclaimed(kernels: Sequence[tuple[int, Signature]], claims: Path) ->
 
 @dataclass
 class CompilationClock:
-    """Time that compilation has taken so far."""
+    """Clock of the time that compilation has taken so far."""
 
     seconds: float = 0.0  # [s]
 
 
 @contextmanager
 def compilation_timed() -> Iterator[CompilationClock]:
-    """A clock of the compilation in here. Where nothing has imported numba yet, nothing is timed."""
+    """Yield a clock of the compilation within the block. If numba has not been imported yet, nothing is timed."""
     clock, began = CompilationClock(), 0.0
 
     def report(compiling: bool) -> None:

@@ -1,9 +1,9 @@
-"""Steps without collision detection and constraints, where nothing is near enough to touch.
+"""Steps without collision detection and constraints, while nothing is near enough to touch.
 
-Both are a third of what a step of a point mass costs, four times a step, and in most of a flight they find nothing to
-do. A survey detects collisions once, with a margin M around every geom: where it finds none, nothing touches anything
-before it has moved by M, and until then steps without constraints are the same, bit for bit. Nor are passive forces
-computed in a model that has none.
+Both are a third of the cost of a step of a point mass, four times a step, and in most of a flight they find nothing to
+do. A survey detects collisions once, with a margin M around every geom: if it finds none, nothing touches anything
+before it has moved by M, and until then steps without constraints are the same, bit for bit. Passive forces are not
+computed either in a model that has none.
 """
 
 from __future__ import annotations
@@ -18,21 +18,20 @@ _NO_PASSIVE_FORCES = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDis
 _ONE_MARGIN = int(mujoco.mjtEnableBit.mjENBL_OVERRIDE)
 _JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 _FARTHEST, _NEAREST = 256.0, 1.0  # [m] margins
-_PAUSE = 8  # calls without a survey after one that found something however small its margin
+_PAUSE = 8  # calls without a survey after one that found something even with a small margin
 
 
 class ContactFree:
-    """The surveys of one simulation in which nothing moves but a vehicle on slides, its forces held over a step.
+    """Surveys of one simulation in which nothing moves but a vehicle on slide joints, with forces held over a step.
 
-    ``model`` is a copy without constraints, and without passive forces where none act, to step ``data`` with. The copy
-    is its own, for other simulations may step the original at the same time; a later change of the original does not
-    reach it.
+    ``model`` is a copy without constraints, and without passive forces if none act, to step ``data`` with. It is a copy
+    because other simulations may step the original at the same time; a later change of the original does not affect it.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self.model = copy.copy(model)
         self.model.opt.disableflags |= _NO_CONSTRAINTS
-        if not _resisted(model):  # what is zero is not computed
+        if not _resisted(model):  # terms that are zero are not computed
             self.model.opt.disableflags |= _NO_PASSIVE_FORCES
         self._surveyed = mujoco.MjData(self.model)
         self._q, self._v = data.qpos, data.qvel
@@ -44,10 +43,10 @@ class ContactFree:
 
     @staticmethod
     def applies(model: mujoco.MjModel, slides: int) -> bool:
-        """True if so many slides of a vehicle are all that moves, contacts are all that constrains it, motors are all
-        that pulls it, and no mocap body collides.
+        """Return True if only this number of slide joints of a vehicle move, only contacts constrain it, only motors
+        act on it, and no mocap body collides.
 
-        A spring, a servo or a callback of MuJoCo's may pull with a force that changes within a step.
+        A spring, a servo or a callback of MuJoCo may exert a force that changes within a step.
         """
         colliding = (model.geom_contype | model.geom_conaffinity) != 0
         moved_from_outside = model.body_mocapid[model.body_rootid[model.geom_bodyid]] >= 0
@@ -59,7 +58,9 @@ class ContactFree:
         return bool(alone and not constrained and not pulled)
 
     def ahead(self, duration: float) -> bool:
-        """True if nothing can touch anything in the coming ``duration`` [s], unless the vehicle becomes much faster."""
+        """Return True if nothing can touch anything in the next ``duration`` [s], unless the vehicle becomes much
+        faster.
+        """
         if self.within(duration):
             return True
         if self._pause:
@@ -77,7 +78,7 @@ class ContactFree:
         return False
 
     def within(self, duration: float) -> bool:
-        """True if what the vehicle reaches in ``duration`` [s] at twice its speed is free.
+        """Return True if all that the vehicle can reach in ``duration`` [s] at twice its speed is free.
 
         If that holds before and after a step of that duration, it was within at all stages of the step: under a force
         that is held, the speed along an axis is never greater than at both ends.
@@ -104,21 +105,21 @@ class ContactFree:
 
 
 def _actuated_unevenly(model: mujoco.MjModel) -> bool:
-    """True if the force of an actuator may change while its control is held."""
+    """Return True if the force of an actuator may change while its control is held."""
     of_the_state = model.actuator_gaintype.any() or model.actuator_biastype.any() or model.na
     late = model.actuator_delay.any()
     return bool(of_the_state or late or (model.actuator_trntype != _JOINT).any())
 
 
 def _called_back() -> bool:
-    """True if code of a user's acts within the steps."""
+    """Return True if user code acts within the steps."""
     callbacks = (mujoco.get_mjcb_passive(), mujoco.get_mjcb_control(), mujoco.get_mjcb_contactfilter())
     gains = (mujoco.get_mjcb_act_gain(), mujoco.get_mjcb_act_bias())
     return any(each is not None for each in (*callbacks, *gains))
 
 
 def _resisted(model: mujoco.MjModel) -> bool:
-    """True if passive forces act beside those of springs: of dampers, a fluid, a plug-in, or against gravity."""
+    """Return True if passive forces act besides those of springs: of dampers, a fluid, a plug-in, or against gravity."""
     dampers = (model.dof_damping, model.dof_dampingpoly, model.actuator_damping, model.actuator_dampingpoly)
     fluid = model.opt.density or model.opt.viscosity
     return bool(any(each.any() for each in dampers) or fluid or model.body_gravcomp.any() or model.nplugin)

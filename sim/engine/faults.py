@@ -1,6 +1,6 @@
 """Faults as wrappers: around a planner (no answer, a wrong answer, a late answer) and around a plant (gusts, jumps).
 
-Every fault draws from a generator that is passed in, so a run with faults is as reproducible as one without.
+Every fault draws from a generator that is passed to it, so a run with faults is as reproducible as one without.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ def _rate(rate: float, what: str) -> float:
 
 
 class FailingSolver:
-    """A planner whose solver gives up on a fraction ``rate`` of the requests.
+    """Planner whose solver fails on a fraction ``rate`` of the requests.
 
     A request without a plan to fall back on is always answered: at the start, and after a breach of the tracking bound.
-    The faults below keep to that too.
+    This holds for the faults below too.
     """
 
     def __init__(self, planner: Planner, rate: float, rng: np.random.Generator) -> None:
@@ -36,14 +36,14 @@ class FailingSolver:
         self._planner, self._rate, self._rng = planner, _rate(rate, "solver failure rate"), rng
 
     def plan(self, request: PlanRequest) -> Plan:
-        plan = self._planner.plan(request)  # asked all the same, so that messages reach it
+        plan = self._planner.plan(request)  # called all the same, so that messages reach it
         if request.current is not None and self._rng.random() < self._rate:
             return Plan.failure(Status.SOLVER_FAILED, "injected solver failure", solve_ms=plan.solve_ms)
         return plan
 
 
 class CorruptedPlan:
-    """A planner that answers a fraction ``rate`` of the requests with a plan that contains NaN."""
+    """Planner that answers a fraction ``rate`` of the requests with a plan that contains NaN."""
 
     def __init__(self, planner: Planner, rate: float, rng: np.random.Generator) -> None:
         self.period = planner.period
@@ -59,7 +59,7 @@ class CorruptedPlan:
 
 
 class Delayed:
-    """A planner that needs ``latency`` [s] of simulated time for a fraction ``rate`` of the requests."""
+    """Planner that needs ``latency`` [s] of simulated time for a fraction ``rate`` of the requests."""
 
     def __init__(self, planner: Planner, latency: float, rate: float, rng: np.random.Generator) -> None:
         if not (math.isfinite(latency) and latency >= 0.0):
@@ -75,17 +75,18 @@ class Delayed:
 
 
 class Disturbance(Protocol):
-    """Something that acts on a plant at every step."""
+    """Disturbance that acts on a plant at every step."""
 
     def act(self, plant: Plant, ticks: int) -> Sequence[Event]:
-        """Apply to the coming step of so many ticks."""
+        """Apply the disturbance to the next step of a number of ticks."""
         ...
 
 
 class _GaussMarkov:
-    """First-order Gauss-Markov vectors (3,), one for each vehicle: g' = -g / tau + white noise, clipped to a length.
+    """First-order Gauss-Markov process of vectors (3,), one for each vehicle: g' = -g / tau + white noise, clipped to a
+    length.
 
-    Held over a step, and exact from step to step.
+    It is held over a step, and exact from step to step.
     """
 
     def __init__(self, what: str, unit: str, rms: float, time_constant: float, limit: float) -> None:
@@ -100,7 +101,7 @@ class _GaussMarkov:
         self._over: dict[float, tuple[float, float]] = {}  # by the length of a step: what is kept, what is stirred in
 
     def next(self, name: str, dt: float, rng: np.random.Generator) -> Array:
-        """The vector of one vehicle over the coming step of dt [s]."""
+        """Return the vector of one vehicle over the next step of dt [s]."""
         if dt not in self._over:
             keep = math.exp(-dt / self._time_constant)
             self._over[dt] = keep, self._rms * math.sqrt(1.0 - keep * keep)
@@ -113,7 +114,7 @@ class _GaussMarkov:
 
 
 class Gusts:
-    """First-order Gauss-Markov forces on every vehicle, and moments where they have a strength.
+    """Gusts: first-order Gauss-Markov forces on every vehicle, and moments if their strength is not zero.
 
     On a vehicle of unit mass a force [N] is a force per mass [m/s^2].
     """
@@ -128,7 +129,7 @@ class Gusts:
         moment_rms: float = 0.0,
         moment_limit: float = math.inf,
     ) -> None:
-        """Strengths are rms values on each axis and limits of the vectors' lengths, [N] and [N m], world frame."""
+        """Set the strengths: rms values on each axis and limits of the vectors' lengths, [N] and [N m], world frame."""
         self._force = _GaussMarkov("gust", "N", rms, time_constant, limit)
         self._moment = _GaussMarkov("gust moment", "N m", moment_rms, time_constant, moment_limit)
         self._turns = moment_rms > 0.0
@@ -143,7 +144,7 @@ class Gusts:
 
 
 class ConstantWrench:
-    """A force [N] and a torque [N m], both (3,) in the world frame, that never change."""
+    """Constant force [N] and torque [N m], both (3,) in the world frame."""
 
     def __init__(self, force: Sequence[float], torque: Sequence[float]) -> None:
         self._force, self._torque = np.array(force, dtype=np.float64), np.array(torque, dtype=np.float64)
@@ -158,7 +159,7 @@ class ConstantWrench:
 
 
 class PositionJumps:
-    """p := p + w once a period, w uniform in a cube of half-width w_bar [m] (thesis A.7, Table A.3)."""
+    """Position jumps p := p + w once every period, w uniform in a cube of half-width w_bar [m] (thesis A.7, Table A.3)."""
 
     def __init__(self, half_width: float, period: float, rng: np.random.Generator) -> None:
         if not (math.isfinite(half_width) and half_width >= 0.0):
@@ -181,7 +182,7 @@ class PositionJumps:
 
 @dataclass
 class Disturbed:
-    """A plant with disturbances; everything else is the plant's own."""
+    """Plant with disturbances; everything else is that of the wrapped plant."""
 
     plant: Plant
     disturbances: Sequence[Disturbance]

@@ -1,4 +1,4 @@
-"""Saturation: the input of a vehicle within its bounds."""
+"""Saturation of the input of a vehicle to its bounds."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROUND_OFF = 1e-9  # relative excess of an input that is not worth an event
 
 
 def input_bound(name: str, input_max: float | Array, size: int) -> Callable[[Array], tuple[Array, str]]:
-    """A function of an input (nu,): the saturated input (nu,), and a message; "" where nothing was saturated."""
+    """Return a function of an input (nu,) to the saturated input (nu,) and a message; "" if nothing was saturated."""
     limits = np.asarray(input_max, dtype=np.float64)
     if limits.shape not in ((), (size,)) or not (limits > 0.0).all():
         raise ArgumentError(f"vehicle {name!r}: input_max = {input_max!r}; allowed: one number > 0, or {size} of them")

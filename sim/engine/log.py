@@ -1,10 +1,10 @@
-"""Recording of a run while it flies: arrays over time, events, and the times its solvers took.
+"""Recording of a run while it flies: arrays over time, events, and the solve times.
 
 Arrays have dotted names: ``t``, ``truth.x`` (n, nx), ``measurement.NAME`` (n, m; the newest, NaN where none),
 ``estimate.t``, ``estimate.x``, ``command.u`` (n, nu; held over [t_i, t_i+1]), ``plan.*`` flat with ``plan.offsets``,
-and ``cramer_rao.deviation`` (n, m), bounds on the standard deviations of errors, where the metrics find any. A single
-vehicle is logged without a prefix, a fleet's arrays as ``VEHICLE.truth.x``. Wall-clock figures are kept apart from the
-arrays, so that the same seed gives the same log bit for bit.
+and ``cramer_rao.deviation`` (n, m), bounds on the standard deviations of errors, if the metrics define any. A single
+vehicle is logged without a prefix, a fleet's arrays as ``VEHICLE.truth.x``. Wall-clock figures are not in the arrays,
+so that the same seed gives the same log bit for bit.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Event, Measurement,
 
 @dataclass
 class AgentRecorder:
-    """The log of one agent while it runs."""
+    """Log of one agent while it runs."""
 
     name: str
     events: list[Event]
@@ -30,7 +30,7 @@ class AgentRecorder:
     estimates: list[Estimate] = field(default_factory=list)
     plans: list[tuple[float, Plan]] = field(default_factory=list)  # (adopted at, plan)
     requests: int = 0
-    answers: int = 0  # to them that are the planner's own plans
+    answers: int = 0  # those that are answered by the planner's own plans
     solve_ms: list[float] = field(default_factory=list)
 
     def event(self, t: float, kind: str, message: str = "") -> None:
@@ -42,7 +42,7 @@ class AgentRecorder:
             self.readings[reading.name][k] = reading.value
 
     def estimate(self, estimate: Estimate) -> None:
-        """Record an estimate, and an event where its status changes."""
+        """Record an estimate, and an event if its status changes."""
         before = self.estimates[-1].status if self.estimates else Status.OK
         if before is not estimate.status:
             self.event(estimate.t, "estimator-status", f"{estimate.status.name.lower()}: {estimate.status.value}")
@@ -64,7 +64,7 @@ class AgentRecorder:
         self.commands[k] = command
 
     def arrays(self, length: int) -> dict[str, Array]:
-        """The agent's arrays, truncated to ``length`` ticks."""
+        """Return the agent's arrays, truncated to ``length`` ticks."""
         out = {"command.u": self.commands[:length]}
         out |= {f"measurement.{name}": values[:length] for name, values in self.readings.items()}
         if self.estimates:
@@ -93,7 +93,7 @@ class AgentRecorder:
 
 @dataclass
 class Recording:
-    """The log of a run, in memory; ``mathnavi.sim.records.run_folder`` writes it."""
+    """Log of a run, in memory; ``mathnavi.sim.records.run_folder`` writes it."""
 
     t: Array  # (n,) [s]
     truths: dict[str, Array]  # (n, nx) by vehicle
@@ -101,11 +101,11 @@ class Recording:
     events: list[Event]
     state_names: dict[str, tuple[str, ...]]
     length: int = 0
-    cramer_rao: dict[str, Array] = field(default_factory=dict)  # (n, m) deviations by vehicle, where there is a bound
+    cramer_rao: dict[str, Array] = field(default_factory=dict)  # (n, m) deviations by vehicle, if there is a bound
 
     @staticmethod
     def begin(plant: Plant, input_sizes: Mapping[str, int], length: int) -> Recording:
-        """An empty log with room for ``length`` ticks."""
+        """Begin an empty log with room for ``length`` ticks."""
         events: list[Event] = []
         agents = {
             name: AgentRecorder(
@@ -128,13 +128,13 @@ class Recording:
         self.length = k + 1
 
     def end(self) -> Recording:
-        """Truncate to the samples that were flown, and return itself."""
+        """Truncate the log to the samples that were flown, and return it."""
         self.t = self.t[: self.length]
         self.truths = {name: x[: self.length] for name, x in self.truths.items()}
         return self
 
     def arrays(self) -> dict[str, Array]:
-        """All arrays by name, as log.npz holds them."""
+        """Return all arrays by their names in log.npz."""
         out = {"t": self.t}
         for name, truth in self.truths.items():
             prefix = "" if len(self.truths) == 1 else f"{name}."

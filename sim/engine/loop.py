@@ -1,15 +1,15 @@
-"""The closed loop, for one vehicle or many.
+"""Closed loop, for one vehicle or many.
 
     sensors -> estimator -> planner (slow) -> tracker (fast) -> actuators
 
-Each part runs at its own rate, a whole number of physics ticks. The control step, and the sample in the log,
-is the greatest common divisor of these; in between, the plant advances with the inputs held. A plan asked for at t
-takes over at its own start time, one planning period later, if it is at hand by then; until then, and whenever there is
-none, the vehicle flies the last plan that was adopted, which leads to rest. The loop knows protocols only: it never
-asks what a plan is for.
+Each component runs at its own rate, with a period of a whole number of physics ticks. The control step, and the sample
+in the log, is the greatest common divisor of these; in between, the plant advances with the inputs held. A plan that is
+requested at t takes over at its start time, one planning period later, if it is available by then; until then, and
+whenever there is none, the vehicle flies the last adopted plan, which leads to rest. The loop uses only protocols: it
+does not depend on the purpose of a plan.
 
-``simulate`` runs it from beginning to end. A ``Loop`` is stepped from outside, by whoever commands the actuators in the
-place of planner and tracker: sensors, estimators, disturbances and samples are those of a flight.
+``simulate`` runs it from beginning to end. A ``Loop`` is stepped from outside, by a caller that commands the actuators
+instead of planner and tracker: sensors, estimators, disturbances and samples are those of a flight.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 def whole_ticks(period: float, dt: float, what: str) -> int:
-    """``period`` [s] as a number of ticks of ``dt`` [s]; ArgumentError if it is not a whole positive number of them."""
+    """Return ``period`` [s] as a number of ticks of ``dt`` [s]; ArgumentError if that is not a positive whole number."""
     ticks = round(period / dt) if math.isfinite(period) else 0
     if ticks < 1 or abs(ticks * dt - period) > TIME_TOLERANCE * max(1.0, ticks):
         raise ArgumentError(f"{what} = {period!r} s is not a whole number of physics ticks of {dt!r} s")
@@ -37,9 +37,10 @@ def whole_ticks(period: float, dt: float, what: str) -> int:
 
 
 def _rates(name: str, agent: Agent, dt: float) -> tuple[int, int, int, int]:
-    """Ticks between calls of the estimator, the planner, the tracker and the coordinator; 0 for one that is not there.
+    """Return the ticks between calls of the estimator, the planner, the tracker and the coordinator; 0 for a missing
+    one.
 
-    ArgumentError if the planner or the tracker would be given an estimate of an earlier tick.
+    Raises ArgumentError if the planner or the tracker would use an estimate of an earlier tick.
     """
     estimator = whole_ticks(agent.estimator.period, dt, f"{name}: the estimator's period")
     planner = whole_ticks(agent.planner.period, dt, f"{name}: the planner's period")
@@ -59,7 +60,7 @@ def _rates(name: str, agent: Agent, dt: float) -> tuple[int, int, int, int]:
 
 
 class Loop:
-    """The loop, step by step: ``control_step`` or ``observe``, then ``advance``, until ``over``.
+    """Closed loop, step by step: ``control_step`` or ``observe``, then ``advance``, until ``over``.
 
     ``t`` [s] and ``truths``, (nx,) by vehicle, are those of the last sample; ``recording`` holds all samples so far.
     """
@@ -67,10 +68,10 @@ class Loop:
     def __init__(
         self, plant: Plant, agents: Mapping[str, Agent], duration: float, network: Network | None = None
     ) -> None:
-        """From the plant's present time for ``duration`` [s]. ``network`` carries the coordinators' messages.
+        """Begin at the plant's present time, for ``duration`` [s]. ``network`` carries the coordinators' messages.
 
-        Raises ValueError if an agent has no vehicle, a rate is not a whole number of ticks, or an estimator is slower
-        than the parts that use it.
+        Raises ValueError if an agent has no vehicle, a period is not a whole number of ticks, or an estimator is slower
+        than the components that use it.
         """
         if unknown := sorted(set(agents) - set(plant.names)):
             raise ArgumentError(f"agents {unknown} have no vehicle; the plant has {list(plant.names)}")
@@ -79,7 +80,7 @@ class Loop:
         self._plant, self._names = plant, plant.names
         rates = {name: _rates(name, agent, dt) for name, agent in agents.items()}
         self.stride = math.gcd(*(ticks for of_agent in rates.values() for ticks in of_agent)) or 1
-        """ticks between two samples; gcd() is 0: no agents"""
+        """number of ticks between two samples; gcd() is 0: no agents"""
         rows = -(-self._steps // self.stride) + 1
         self.recording = Recording.begin(plant, {name: agent.input_size for name, agent in agents.items()}, rows)
         carrier = IdealNetwork(list(agents)) if network is None else network
@@ -102,11 +103,11 @@ class Loop:
 
     @property
     def over(self) -> bool:
-        """True once the duration has passed."""
+        """Whether the duration has passed."""
         return self._tick == self._steps
 
     def control_step(self) -> None:
-        """Sample the sensors, estimate, plan and track, whatever falls due now."""
+        """Sample the sensors, estimate, plan and track, each if it is due now."""
         row, k, t = self._begin()
         for runner in self._each:
             runner.control_step(row, k, t, self._plant.sense(runner.name))
@@ -118,7 +119,7 @@ class Loop:
             runner.observe(row, k, t, self._plant.sense(runner.name))
 
     def command(self, name: str, u: Array) -> None:
-        """Set the input (nu,) of a vehicle from this sample on, in place of its tracker's, until the next command."""
+        """Set the input (nu,) of a vehicle from this sample on, instead of its tracker, until the next command."""
         self.runners[name].hold(self._row, u)
 
     def advance(self) -> None:
@@ -130,7 +131,7 @@ class Loop:
         self._row += 1
 
     def _begin(self) -> tuple[int, int, float]:
-        """Log the truth; the row of the log, the tick, and the time [s]."""
+        """Log the truth; return the row of the log, the tick, and the time [s]."""
         plant = self._plant
         t = self.t = plant.t
         self.truths = {name: plant.state(name) for name in self._names}
@@ -150,11 +151,11 @@ def simulate(
     """Run the loop from the plant's present time for at most ``duration`` [s], or until ``finished(t, truths)``.
 
     ``finished`` is the referee: it sees the truth and belongs to the scenario, not to a controller. ``progress`` is
-    called with the simulated time once a simulated second, ``watch`` with the loop after every control step.
+    called with the simulated time once every simulated second, ``watch`` with the loop after every control step.
     ``network`` carries the coordinators' messages, at once if none is given.
 
-    Raises ValueError if an agent has no vehicle, a rate is not a whole number of ticks, or an estimator is slower
-    than the parts that use it.
+    Raises ValueError if an agent has no vehicle, a period is not a whole number of ticks, or an estimator is slower
+    than the components that use it.
     """
     loop = Loop(plant, agents, duration, network)
     reported = -math.inf  # [s]

@@ -1,8 +1,8 @@
-"""MuJoCo's own sensors of a model, read at the present instant.
+"""Reader of MuJoCo's own sensors of a model at the present instant.
 
-A step of MuJoCo leaves in ``sensordata`` what the sensors read at its beginning, or nothing where the model switches
-them off to save what nobody asked for, rays for one. So what follows from the positions is computed when it is asked
-for, once a tick. The next step computes it anew, so nothing that happens differs for it.
+A step of MuJoCo leaves in ``sensordata`` the readings at its beginning, or nothing if the model switches sensors off to
+save unused computations, for example of rays. So readings that follow from the positions are computed when they are
+requested, once a tick. The next step computes them again, so the simulation does not depend on it.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ _NO_SENSORS = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 
 
 class OwnSensors:
-    """The sensors of a simulation."""
+    """MuJoCo's sensors of a simulation."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self._model, self._data = model, data
-        self._places: dict[str, slice] = {}  # in sensordata, by the whole name
+        self._places: dict[str, slice] = {}  # places in sensordata, by the whole name
         self._present = False
 
     def passed(self) -> None:
-        """Something has moved since the sensors were read."""
+        """Invalidate the readings: something has moved since the sensors were read."""
         self._present = False
 
     def read(self, vehicle: str, name: str) -> Array:
-        """The present reading of the sensor ``VEHICLE/NAME``, a copy.
+        """Return the present reading of the sensor ``VEHICLE/NAME``, a copy.
 
-        ValueError if there is none, or none that follows from the positions alone.
+        Raises ValueError if there is none, or none that follows from the positions alone.
         """
         full = f"{vehicle}/{name}"
         if full not in self._places:

@@ -1,8 +1,8 @@
 """Message passing between vehicles that know of each other only what is communicated.
 
-``Network`` delivers at once; around it stand wrappers for what a radio does: who hears whom, delay, loss, duplication
-and partition. Every wrapper draws from a generator that is passed in, so a run with them is as reproducible as one
-without. A message says when it was sent; when it arrives is the network's to know.
+``IdealNetwork`` delivers at once; wrappers around it model the effects of radio: range, delay, loss, duplication
+and partition. Every wrapper draws from a generator that is passed to it, so a run with them is as reproducible as one
+without. A message carries its time of sending; only the network knows its time of arrival.
 """
 
 from __future__ import annotations
@@ -21,41 +21,42 @@ from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Message
 
 Addressed = tuple[str | tuple[str, ...], Message]
-"""receiver, or several receivers, and message"""
+"""pair of a receiver, or several receivers, and a message"""
 
 _ARRIVAL = itemgetter(0)
 
 
 class Network(Protocol):
-    """A carrier of messages."""
+    """Network that carries messages."""
 
     def send(self, messages: Sequence[Addressed], t: float) -> None:
-        """Take messages that set out at t [s], in this order."""
+        """Accept messages that are sent at t [s], in this order."""
         ...
 
     def receive(self, receiver: str, t: float) -> list[Message]:
-        """Messages that arrived by t [s] and were not received before, in the order of arrival."""
+        """Return the messages that arrived by t [s] and were not received before, in the order of arrival."""
         ...
 
 
 def single_messages(messages: Sequence[Addressed]) -> list[tuple[str, Message]]:
-    """Messages with one receiver each, in their order."""
+    """Return messages with one receiver each, in their order."""
     return [(receiver, message) for to, message in messages for receiver in (to if isinstance(to, tuple) else (to,))]
 
 
 class IdealNetwork:
-    """Delivers to everyone at once."""
+    """Network that delivers to every receiver at once."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        """``names`` of all vehicles; ValueError if one is there twice."""
+        """Begin with the ``names`` of all vehicles; ValueError if one is there twice."""
         self._underway: dict[str, list[tuple[float, Message]]] = {name: [] for name in check_names(names)}
-        """by receiver: when each arrives [s], and the message"""
+        """messages under way by receiver: the time of arrival [s] of each, and the message"""
         self._broadcast: dict[str, Addressed] = {}  # by sender: the last message to several
 
     def send(self, messages: Sequence[Addressed], t: float) -> None:
-        """Take messages; one to several that its sender repeats as it is, is delivered once, for here none is lost.
+        """Accept messages; one to several receivers that its sender repeats unchanged is delivered once, as none is
+        lost.
 
-        ArgumentError for a receiver that is none.
+        Raises ArgumentError for an unknown receiver.
         """
         underway = self._underway
         arrival: tuple[float, Message] | None = None
@@ -66,7 +67,7 @@ class IdealNetwork:
                     continue
                 self._broadcast[message.sender] = to, message
             if arrival is None or arrival[1] is not message:
-                arrival = t, message  # one for all who receive it
+                arrival = t, message  # one for all receivers
             for receiver in to if isinstance(to, tuple) else (to,):
                 if receiver not in underway:
                     raise ArgumentError(f"receiver = {receiver!r}; allowed: {', '.join(underway)}")
@@ -74,14 +75,14 @@ class IdealNetwork:
 
     def receive(self, receiver: str, t: float) -> list[Message]:
         held = self._underway[receiver]
-        held.sort(key=_ARRIVAL)  # stable: what arrives at once arrives in the order in which it was sent
+        held.sort(key=_ARRIVAL)  # stable: messages that arrive at the same time keep the order in which they were sent
         arrived = bisect_right(held, t + TIME_TOLERANCE, key=_ARRIVAL)
         self._underway[receiver] = held[arrived:]
         return [message for _, message in held[:arrived]]
 
 
 class Linked:
-    """Only what has a link comes through: ``linked(sender, receiver, t)``, which may change with time."""
+    """Network in which only linked vehicles communicate: ``linked(sender, receiver, t)`` may change with time."""
 
     def __init__(self, network: Network, linked: Callable[[str, str, float], bool]) -> None:
         self._network, self._linked = network, linked
@@ -95,13 +96,15 @@ class Linked:
 
 
 def within_range(network: Network, distance: Callable[[str, str], float], reach: float) -> Linked:
-    """The network of radios that are heard up to ``reach`` [m]; ``distance(sender, receiver)`` [m] is that of now."""
+    """Return the network of radios with the range ``reach`` [m]; ``distance(sender, receiver)`` [m] is the present one."""
     check(reach, "reach", 0.0, open_low=True)
     return Linked(network, lambda sender, receiver, t: distance(sender, receiver) <= reach)
 
 
 class DelayedLinks:
-    """Every message takes between ``least`` and ``most`` [s], uniformly drawn: one may overtake another."""
+    """Network in which every message takes between ``least`` and ``most`` [s], uniformly drawn: one may overtake
+    another.
+    """
 
     def __init__(self, network: Network, least: float, most: float, rng: np.random.Generator) -> None:
         check(least, "least delay", 0.0)
@@ -119,7 +122,8 @@ class DelayedLinks:
 
 
 class LossyLinks:
-    """A fraction ``loss`` of the messages is lost, and a fraction ``duplication`` of the rest arrives twice."""
+    """Network in which a fraction ``loss`` of the messages is lost, and a fraction ``duplication`` of the rest arrives
+    twice."""
 
     def __init__(self, network: Network, loss: float, duplication: float, rng: np.random.Generator) -> None:
         check(loss, "loss", 0.0, 1.0)
@@ -138,7 +142,7 @@ class LossyLinks:
 
 @configuration
 class Partition:
-    """From ``begin`` to ``end`` [s] nothing passes between those named and all others."""
+    """Partition: from ``begin`` to ``end`` [s] no message passes between the named vehicles and all others."""
 
     begin: NonNegative
     end: float
@@ -148,11 +152,11 @@ class Partition:
         check(self.end, "end", self.begin)
 
     def passes(self, sender: str, receiver: str, t: float) -> bool:
-        """True if a message sent at t [s] gets through."""
+        """Return True if a message sent at t [s] passes."""
         between = (sender in self.apart) != (receiver in self.apart)
         return not (between and self.begin <= t < self.end)
 
 
 def partitioned(network: Network, partitions: Sequence[Partition]) -> Linked:
-    """The network with these partitions."""
+    """Return the network with these partitions."""
     return Linked(network, lambda sender, receiver, t: all(p.passes(sender, receiver, t) for p in partitions))

@@ -1,9 +1,9 @@
-"""A plant whose physics is an ordinary differential equation x' = f(x, u): what has no body.
+"""Plant whose physics is an ordinary differential equation x' = f(x, u), for systems without a body.
 
-Between two readings the state follows the solution to a stated error (``mathnavi.models.runge_kutta``); ticks only say
-when sensors may be read. A solution that leaves every bound in finite time ends its vehicle: that is an event,
-"escaped", stamped with its time. The state of the last tick before is kept; from then on nothing moves and no sensor is
-read.
+Between two readings the state follows the solution to a stated error (``mathnavi.models.runge_kutta``); ticks only
+determine when sensors may be read. A solution that leaves every bound in finite time ends its vehicle: that is an
+event, "escaped", stamped with its time. The state of the last tick before it is kept; from then on nothing moves and no
+sensor is read.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ _ROUND_OFF = 1e-9  # [ticks]
 
 
 class Law(Protocol):
-    """The law of motion of a vehicle of nx states, nu inputs and ny outputs."""
+    """Law of motion of a vehicle with nx states, nu inputs and ny outputs."""
 
     @property
     def states(self) -> tuple[str, ...]:
-        """(nx,) name and unit of each component of the state, "x_1 [m]" for one."""
+        """Name and unit (nx,) of each component of the state, for example "x_1 [m]"."""
         ...
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """(nu,) name and unit of each component of the input."""
+        """Name and unit (nu,) of each component of the input."""
         ...
 
     def reach(self, x: Array, u: Array, dt: float) -> tuple[Array, float]:
-        """The state (nx,) after dt [s] with u (nu,) held, and dt; a shorter time if the solution escapes before."""
+        """Return the state (nx,) after dt [s] with u (nu,) held, and dt; a shorter time if the solution escapes before."""
         ...
 
     def rate(self, x: Array, u: Array) -> Array:
-        """x' (nx,)."""
+        """Return x' (nx,)."""
         ...
 
     def output(self, x: Array, u: Array) -> Array:
-        """y = h(x, u) (ny,)."""
+        """Return y = h(x, u) (ny,)."""
         ...
 
 
@@ -58,7 +58,7 @@ class OdeVehicle:
 
 
 class OdeMotion:
-    """A ``mathnavi.sim.interfaces.protocols.StateView``."""
+    """State view of an ODE (``mathnavi.sim.interfaces.protocols.StateView``)."""
 
     def __init__(self, law: Law) -> None:
         self._law = law
@@ -67,23 +67,23 @@ class OdeMotion:
 
     @property
     def x(self) -> Array:
-        """(nx,) the state, a copy."""
+        """State (nx,), a copy."""
         return self.state.copy()
 
     @property
     def acceleration(self) -> Array:
-        """The second half of x', which are the accelerations where x = (positions, velocities)."""
+        """Second half of x': the accelerations if x = (positions, velocities)."""
         return self._law.rate(self.state, self.u)[len(self.state) // 2 :]
 
     def sensed(self, name: str) -> Array:
-        """ "output" is h(x, u) (ny,); ArgumentError for another name."""
+        """Return h(x, u) (ny,) for the name "output"; ArgumentError for another name."""
         if name != "output":
             raise ArgumentError(f"an ODE has no sensor {name!r}; allowed: 'output'")
         return self._law.output(self.state, self.u)
 
 
 class _Vehicle:
-    """One vehicle while it moves."""
+    """State of one vehicle while it moves."""
 
     def __init__(self, name: str, given: OdeVehicle, dt: float, rng: np.random.Generator) -> None:
         self.name, self.law = name, given.law
@@ -107,7 +107,7 @@ class _Vehicle:
         self.motion.u = u
 
     def advance(self, tick: int, ticks: int, dt: float) -> Event | None:
-        """Move on from a tick by so many; the event, if the solution escapes on the way."""
+        """Advance from a tick by a number of ticks; return the event if the solution escapes on the way."""
         if self.escaped is not None:
             return None
         x, u = self.motion.state, self.motion.u
@@ -122,7 +122,7 @@ class _Vehicle:
         return None
 
     def read(self, tick: int, dt: float, *, at_control_step: bool) -> None:
-        """Read the sensors that fall due at a tick."""
+        """Read the sensors that are due at a tick."""
         for each in self.sensors if self.escaped is None else ():
             if each.due(tick, at_control_step):
                 value = each.sensor.read(self.motion, each.rng)
@@ -131,13 +131,13 @@ class _Vehicle:
 
 
 class OdePlant:
-    """Vehicles that each obey an ODE, behind ``mathnavi.sim.interfaces.protocols.Plant``."""
+    """Plant of vehicles that each obey an ODE (``mathnavi.sim.interfaces.protocols.Plant``)."""
 
     def __init__(self, vehicles: Mapping[str, OdeVehicle], dt: float, rng: np.random.Generator) -> None:
-        """The plant at t = 0 with ticks of dt [s]; each sensor draws from a stream of its own, spawned from ``rng``.
+        """Build the plant at t = 0 with ticks of dt [s]; each sensor draws from its own stream, spawned from ``rng``.
 
-        ValueError if there is no vehicle, a start does not fit its law, or the rate of a sensor is not a whole number
-        of ticks.
+        Raises ValueError if there is no vehicle, a start does not fit its law, or the rate of a sensor is not a whole
+        number of ticks.
         """
         if not vehicles:
             raise ArgumentError("a plant needs at least one vehicle")
@@ -169,7 +169,7 @@ class OdePlant:
         return tuple(each.sensor for each in self._vehicle(name).sensors)
 
     def escaped(self, name: str) -> float | None:
-        """[s] when the vehicle left every bound; None if it has not."""
+        """Return the time [s] when the vehicle left every bound; None if it has not."""
         return self._vehicle(name).escaped
 
     def sense(self, name: str) -> Sequence[Measurement]:
@@ -179,20 +179,20 @@ class OdePlant:
         return readings
 
     def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
-        """Refuse a force (3,) [N] and torque (3,) [N m] by ArgumentError: what has no body cannot be pushed."""
+        """Refuse a force (3,) [N] and torque (3,) [N m] by ArgumentError: there is no body to push."""
         raise ArgumentError(f"vehicle {name!r} is an ODE without a body; allowed: no forces on it")
 
     def displace(self, name: str, offset: Array) -> None:
-        """Refuse an offset (3,) [m] by ArgumentError: what has no body has no place; ``place`` sets its state."""
+        """Refuse an offset (3,) [m] by ArgumentError: there is no body to move; ``place`` sets the state."""
         raise ArgumentError(f"vehicle {name!r} is an ODE without a body; allowed: no displacement of it")
 
     def place(self, name: str, state: Array) -> None:
         self._vehicle(name).place(state, "state")
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
-        """Advance by so many ticks with inputs (nu,) by name held, nought without one. The event is "escaped".
+        """Advance by a number of ticks with inputs (nu,) by name held, zero without one. The only event is "escaped".
 
-        ValueError for a command that does not fit or is not finite.
+        Raises ValueError for a command that does not fit or is not finite.
         """
         events: list[Event] = []
         for vehicle in self._vehicles.values():
@@ -209,7 +209,7 @@ class OdePlant:
         return events
 
     def _due(self, vehicle: _Vehicle, begin: int, end: int) -> list[int]:
-        """The ticks in between at which a sensor of the vehicle is read."""
+        """Return the ticks in between at which a sensor of the vehicle is read."""
         return [k for k in range(begin + 1, end) if any(each.due(k, at_control_step=False) for each in vehicle.sensors)]
 
     def _vehicle(self, name: str) -> _Vehicle:

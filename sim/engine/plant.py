@@ -1,9 +1,9 @@
-"""A plant whose physics is MuJoCo: named vehicles in one compiled model, with their sensors.
+"""Plant whose physics is MuJoCo: named vehicles in one compiled model, with their sensors.
 
 A vehicle NAME is everything in the model whose name starts with ``NAME/``: its joints are its state, (qpos, qvel), as
-``mathnavi.sim.interfaces.joint_states`` has it, and its actuators, in the order of the model, its input, unless a
-drive stands in between. The plant steps the ``mujoco.MjModel`` itself and counts ticks in whole numbers, so that time
-does not drift.
+in ``mathnavi.sim.interfaces.joint_states``, and its actuators, in the order of the model, its input, unless there is
+an actuator model in between. The plant steps the ``mujoco.MjModel`` itself and counts ticks in whole numbers, so that
+time does not drift.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from mathnavi.sim.interfaces.protocols import ActuatorModel, Sensor
 from mathnavi.sim.interfaces.signals import Array, Event, Measurement
 
 _GROUND = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_PLANE))
-_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)  # all that the next steps depend on
+_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)  # the whole state on which the next steps depend
 
 
 @dataclass(frozen=True)
@@ -39,27 +39,27 @@ class VehicleSetup:
     start: Array  # (nx,) the state at t = 0
     sensors: tuple[Sensor, ...] = ()
     input_max: float | Array = math.inf  # on the Euclidean norm of the input, or (nu,) on the magnitude of each one
-    delay: float = 0.0  # [s] from a command to what the actuators do
+    delay: float = 0.0  # [s] from a command to its effect on the actuators
     drive: ActuatorModel | None = None  # None: the input is that of the actuators
-    ignored_contacts: tuple[str, ...] = ()  # geoms that it touches as a matter of course, which is no event
+    ignored_contacts: tuple[str, ...] = ()  # geoms that it touches in normal operation, which is not an event
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Places of a vehicle in MuJoCo's arrays, and the way of its input there: for whoever steps the model otherwise."""
+    """Places of a vehicle in MuJoCo's arrays, and the way of its input there, for other code that steps the model."""
 
     q: slice  # of qpos
     v: slice  # of qvel
     actuators: slice  # of ctrl
     input_size: int  # nu
-    bounded: Callable[[Array], tuple[Array, str]]  # what an input (nu,) is brought back to
+    bounded: Callable[[Array], tuple[Array, str]]  # bounds to which an input (nu,) is clipped
     drive: ActuatorModel | None  # None: the input is that of the actuators
     delay: int  # [ticks]
 
 
 @dataclass(frozen=True)
 class JointMotion:
-    """A ``mathnavi.sim.interfaces.protocols.StateView``: views that follow the simulation."""
+    """State view (``mathnavi.sim.interfaces.protocols.StateView``): views that follow the simulation."""
 
     q: Array  # (nq,) joint positions
     v: Array  # (nv,) joint velocities
@@ -68,12 +68,12 @@ class JointMotion:
 
     @property
     def x(self) -> Array:
-        """(nq + nv,) the state, a copy."""
+        """State (nq + nv,), a copy."""
         return np.concatenate((self.q, self.v))
 
 
 class _Vehicle:
-    """One vehicle's views into the simulation."""
+    """Views of one vehicle into the simulation."""
 
     def __init__(
         self,
@@ -100,7 +100,7 @@ class _Vehicle:
         self.drive = setup.drive
         self.control = np.zeros(self.drive.input_size) if self.drive else self.actuators  # the input that acts
         self.wrench = data.xfrc_applied[int(model.jnt_bodyid[joints[0]])]  # force and torque, world frame
-        self.slides: list[tuple[int, Array]] = []  # where in q, and along which axis: a free joint begins with three
+        self.slides: list[tuple[int, Array]] = []  # indices in q, and axes: a free joint begins with three
         self.slide_rates: list[int] = []
         for j, kind in zip(joints, kinds, strict=True):
             axes = {SLIDE: model.jnt_axis[j : j + 1].copy(), FREE: np.eye(3)}.get(kind, np.empty((0, 3)))
@@ -117,16 +117,16 @@ class _Vehicle:
         self.bounded = input_bound(name, setup.input_max, len(self.control))
         self.delay = whole_ticks(setup.delay, float(model.opt.timestep), "delay") if setup.delay != 0.0 else 0
         self.layout = Layout(q, v, control, len(self.control), self.bounded, self.drive, self.delay)
-        self.underway: deque[tuple[int, Array]] = deque()  # (tick from which it acts, input), where there is a delay
+        self.underway: deque[tuple[int, Array]] = deque()  # (tick from which it acts, input), if there is a delay
         self.sensors = mounted(name, setup.sensors, float(model.opt.timestep), rng)
         self.readings: list[Measurement] = []  # since the last sample
-        self.touched: frozenset[str] = frozenset()  # what it touches now
+        self.touched: frozenset[str] = frozenset()  # geoms that it touches now
         self.contacts = 0
         self.clipped = False
         self.disturbed = False
 
     def place(self, state: Array, what: str) -> None:
-        """Set the joints; ArgumentError for a state that does not fit them, a quaternion not of length 1 for one."""
+        """Set the joints; ArgumentError for a state that does not fit them, for example a quaternion not of length 1."""
         x, nq, size = np.asarray(state, dtype=np.float64), len(self.motion.q), len(self.state_names)
         if x.shape != (size,) or not np.isfinite(x).all():
             raise ArgumentError(f"vehicle {self.name!r}: {what} = {x.tolist()}; allowed: {size} finite numbers")
@@ -135,20 +135,20 @@ class _Vehicle:
 
 
 class _Vehicles(dict[str, _Vehicle]):
-    """The vehicles of a plant by name; ArgumentError for another name."""
+    """Vehicles of a plant by name; ArgumentError for another name."""
 
     def __missing__(self, name: str) -> _Vehicle:
         raise ArgumentError(f"the plant has no vehicle {name!r}; it has {list(self)}")
 
 
 class MujocoPlant:
-    """Vehicles of a compiled MuJoCo model behind ``mathnavi.sim.interfaces.protocols.Plant``.
+    """Plant of vehicles in a compiled MuJoCo model (``mathnavi.sim.interfaces.protocols.Plant``).
 
-    The model is to stay as it is from the first step on: steps far from any contact are made with a copy of it.
+    The model must not change from the first step on: steps far from any contact are made with a copy of it.
     """
 
     def __init__(self, model: mujoco.MjModel, vehicles: Mapping[str, VehicleSetup], rng: np.random.Generator) -> None:
-        """The plant at t = 0; each sensor draws from a stream of its own, spawned from ``rng``.
+        """Build the plant at t = 0; each sensor draws from its own stream, spawned from ``rng``.
 
         Raises ValueError if a vehicle is not in the model, its start does not fit its joints, or the rate of a sensor
         is not a whole number of ticks.
@@ -173,7 +173,7 @@ class MujocoPlant:
         self._owner = {geom: vehicle for vehicle in self._vehicles.values() for geom in vehicle.geoms}
         self._driven = [(vehicle, vehicle.drive) for vehicle in self._vehicles.values() if vehicle.drive is not None]
         self._expected = _expected_contacts(model, self._each)
-        self._held = not (self._late or self._driven or self._expected is not None)  # nothing acts but held inputs
+        self._held = not (self._late or self._driven or self._expected is not None)  # nothing acts except held inputs
         mujoco.mj_forward(model, self.data)
 
     @property
@@ -197,11 +197,11 @@ class MujocoPlant:
         return tuple(each.sensor for each in self._vehicles[name].sensors)
 
     def layout(self, name: str) -> Layout:
-        """Places of a vehicle in the arrays of ``model`` and ``data``."""
+        """Return the places of a vehicle in the arrays of ``model`` and ``data``."""
         return self._vehicles[name].layout
 
     def contacts(self, name: str) -> int:
-        """Number of times that the vehicle has begun to touch something."""
+        """Return the number of times that the vehicle has begun to touch something."""
         return self._vehicles[name].contacts
 
     def sense(self, name: str) -> Sequence[Measurement]:
@@ -211,7 +211,7 @@ class MujocoPlant:
         return readings
 
     def _read(self, vehicle: _Vehicle, *, at_control_step: bool) -> None:
-        """Read the sensors that fall due at this tick."""
+        """Read the sensors that are due at this tick."""
         ticks = self._ticks
         for each in vehicle.sensors:
             if each.due(ticks, at_control_step):
@@ -236,15 +236,16 @@ class MujocoPlant:
     def place(self, name: str, state: Array) -> None:
         self._vehicles[name].place(state, "state")
         self._sensors.passed()
-        mujoco.mj_forward(self.model, self.data)  # what sensors read is that of the new place
+        mujoco.mj_forward(self.model, self.data)  # sensors then read at the new place
         self._sensors.passed()
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
-        """Advance by so many ticks with inputs (nu,) by name and forces held; a vehicle without a command gets none.
+        """Advance by a number of ticks with inputs (nu,) by name and forces held; a vehicle without a command has no
+        input.
 
-        An input beyond its bound is brought back to it. That, and every contact, is an event when it begins:
-        "input-clipped", "ground-contact", "vehicle-contact", "contact". Where actuators are late, an input acts from so
-        many ticks later on; until the first one arrives there is none.
+        An input beyond its bound is clipped to it. That, and every contact, is an event when it begins:
+        "input-clipped", "ground-contact", "vehicle-contact", "contact". With delayed actuators, an input acts that
+        number of ticks later; until the first one arrives there is none.
         """
         events: list[Event] = []
         for vehicle in self._each:
@@ -254,7 +255,7 @@ class MujocoPlant:
                 vehicle.underway.append((self._ticks + vehicle.delay, control.copy()))
             else:
                 vehicle.control[:] = control
-        # Samples of one rate fall on multiples of its period, where there is little to read in between.
+        # Samples of one rate are at multiples of its period, so there is little to read in between.
         between = self._between(ticks) if self._ticks % ticks == 0 else self._each
         for vehicle in between:
             vehicle.readings.clear()
@@ -269,7 +270,8 @@ class MujocoPlant:
         return events
 
     def _pass_free(self, ticks: int) -> bool:
-        """Advance by so many ticks with all held, in one call; False, and nothing has happened, if anything touches."""
+        """Advance by a number of ticks with all inputs held, in one call; return False, with nothing changed, if
+        anything touches."""
         model, data, free = self.model, self.data, self._contact_free
         mujoco.mj_getState(model, data, self._before, _STATE)
         if free is not None and free.ahead(ticks * self.dt):
@@ -288,12 +290,12 @@ class MujocoPlant:
 
     @cached_property
     def _contact_free(self) -> ContactFree | None:
-        """Steps without collision detection, where all that moves is one vehicle on slides."""
+        """Return steps without collision detection if nothing moves but one vehicle on slide joints."""
         slides = len(self._each[0].slide_rates) if len(self._each) == 1 else 0
         return ContactFree(self.model, self.data) if ContactFree.applies(self.model, slides) else None
 
     def _pass(self, ticks: int, between: Sequence[_Vehicle], events: list[Event]) -> None:
-        """Advance tick by tick: read the sensors of the vehicles ``between``, note contacts, let late inputs act."""
+        """Advance tick by tick: read the sensors of the vehicles ``between``, note contacts, apply delayed inputs."""
         model, data, sensors = self.model, self.data, self._sensors
         for left in range(ticks - 1, -1, -1):
             for vehicle in self._late:
@@ -312,13 +314,13 @@ class MujocoPlant:
                     self._read(vehicle, at_control_step=False)
 
     def _between(self, ticks: int) -> tuple[_Vehicle, ...]:
-        """The vehicles with sensors to be read within steps of so many ticks; the rest is left to sense()."""
+        """Return the vehicles with sensors to be read within steps of a number of ticks; sense() reads the others."""
         if ticks not in self._read_between:
             self._read_between[ticks] = tuple(v for v in self._each if any(m.every % ticks for m in v.sensors))
         return self._read_between[ticks]
 
     def _bounded(self, vehicle: _Vehicle, command: Array, events: list[Event]) -> Array:
-        """The command within its bound."""
+        """Return the command clipped to its bound."""
         if command.shape != vehicle.control.shape:
             raise ArgumentError(
                 f"vehicle {vehicle.name!r}: the command has shape {command.shape}; allowed: {vehicle.control.shape}"
@@ -334,14 +336,14 @@ class MujocoPlant:
         return control
 
     def _as_expected(self) -> bool:
-        """True if the only contacts are those of vehicles with the geoms whose contacts are ignored."""
+        """Return True if the only contacts are those of vehicles with the geoms whose contacts are ignored."""
         if self._expected is None:
             return False
         pairs = self.data.contact.geom
         return bool(self._expected[pairs[:, 0], pairs[:, 1]].all())
 
     def _touch(self, events: list[Event]) -> None:
-        """Contacts that began with this tick."""
+        """Return the contacts that began with this tick."""
         touching: dict[str, dict[str, str]] = {name: {} for name in self._names}  # vehicle -> what it touches -> kind
         for contact in self.data.contact:
             pair = int(contact.geom1), int(contact.geom2)
@@ -368,7 +370,7 @@ class MujocoPlant:
 
 
 def _expected_contacts(model: mujoco.MjModel, vehicles: Iterable[_Vehicle]) -> NDArray[np.bool_] | None:
-    """(ngeom, ngeom) which pairs of geoms touch as a matter of course; None where nothing does."""
+    """Return (ngeom, ngeom) True for pairs of geoms whose contacts are ignored; None if there are none."""
     expected = np.zeros((model.ngeom, model.ngeom), dtype=bool)
     for vehicle in vehicles:
         own = sorted(vehicle.geoms)
@@ -386,7 +388,7 @@ def _geom(model: mujoco.MjModel, vehicle: str, name: str) -> int:
 
 
 def _slice(indices: Sequence[int], first: int, end: int) -> slice:
-    """From ``first`` to ``end``: a view into MuJoCo's arrays; ArgumentError if the indices do not lie together."""
+    """Return a slice for a view into MuJoCo's arrays; ArgumentError if the indices are not adjacent."""
     if list(indices) != list(range(indices[0], indices[-1] + 1)):
-        raise ArgumentError(f"the joints or actuators of a vehicle do not lie together in the model: {list(indices)}")
+        raise ArgumentError(f"the joints or actuators of a vehicle are not adjacent in the model: {list(indices)}")
     return slice(first, end)

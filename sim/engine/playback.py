@@ -1,6 +1,6 @@
-"""A finished run as a plant, so that the loop can run another estimator over what was measured and commanded.
+"""Playback of a finished run as a plant, so that the loop can run another estimator over its measurements and inputs.
 
-Truth, readings and inputs are the recorded ones at every sample, whatever is commanded now.
+Truth, readings and inputs are the recorded ones at every sample, independent of the present commands.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Event, M
 
 @dataclass(frozen=True, eq=False)
 class RecordedRun:
-    """The log of the run of one vehicle, at n samples."""
+    """Log of the run of one vehicle, at n samples."""
 
     t: Array  # (n,) [s]
     x: Array  # (n, nx) the truth
     u: Array  # (n, nu) held from each sample to the next
-    readings: Mapping[str, Array]  # (n, m) by sensor, NaN where none fell due since the last sample
+    readings: Mapping[str, Array]  # (n, m) by sensor, NaN where none was due since the last sample
     state_names: tuple[str, ...]  # (nx,)
 
 
 class RecordedPlant:
-    """One vehicle's finished run, behind ``mathnavi.sim.interfaces.protocols.Plant``."""
+    """Plant of one vehicle's finished run (``mathnavi.sim.interfaces.protocols.Plant``)."""
 
     def __init__(self, name: str, run: RecordedRun, dt: float, sensors: Sequence[Sensor]) -> None:
-        """The plant at the first sample of ``run``, with ticks of dt [s] and the readings of ``sensors``.
+        """Build the plant at the first sample of ``run``, with ticks of dt [s] and the readings of ``sensors``.
 
-        ValueError if the samples are not at whole ticks, a sensor's readings are not in the run or of another length,
-        or some of them may not be because it is read more often than at control steps.
+        Raises ValueError if the samples are not at whole ticks, a sensor's readings are not in the run or of another
+        length, or some of them may not be because it is read more often than at control steps.
         """
         self.dt = dt
         self._name, self._run, self._sensors = name, run, tuple(sensors)
@@ -78,7 +78,7 @@ class RecordedPlant:
         return self._sensors
 
     def sense(self, name: str) -> Sequence[Measurement]:
-        """The readings of this sample in order of time, those of one time in the order of the sensors."""
+        """Return the readings of this sample in order of time, those of one time in the order of the sensors."""
         now = int(self._ticks[self._row])
         before = int(self._ticks[self._row - 1]) if self._row else -1
         read: list[tuple[int, Measurement]] = []
@@ -99,7 +99,7 @@ class RecordedPlant:
         raise ArgumentError("what is over cannot be moved; allowed: no other state")
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
-        """Advance to the next sample, which has to be so many ticks ahead; ``commands`` (nu,) by name are not used."""
+        """Advance to the next sample, which must be ``ticks`` ticks ahead; ``commands`` (nu,) by name are not used."""
         ahead = int(self._ticks[self._row + 1] - self._ticks[self._row])
         if ticks != ahead:
             raise ArgumentError(f"the next sample is {ahead} ticks ahead; allowed: a step of so many, not of {ticks}")
@@ -108,15 +108,15 @@ class RecordedPlant:
 
 
 class RecordedInputs:
-    """A planner and a tracker that give the inputs of a finished run again."""
+    """Planner and tracker that return the inputs of a finished run."""
 
     def __init__(self, run: RecordedRun, period: float) -> None:
-        """``period`` [s] from one sample to the next."""
+        """Set the ``period`` [s] from one sample to the next."""
         self.period = period
         self._run = run
 
     def plan(self, request: PlanRequest) -> Plan:
-        """The tracker needs one; what it says does not matter."""
+        """Return a plan, which the tracker needs but does not use."""
         ends, nothing = np.array([request.t_start, request.t_start + self.period]), np.empty((2, 0))
         return Plan(ends, nothing, nothing[:1], np.array([OPTIMISED], dtype=np.int64))
 

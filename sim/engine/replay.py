@@ -1,7 +1,7 @@
-"""A finished run put back into the MuJoCo model that it was run in: the bodies where they were, sample by sample.
+"""Replay of a finished run in its MuJoCo model, with the poses of the bodies sample by sample.
 
-A vehicle that is a point has a body ``NAME/airframe`` in the model, which physics does not move; it is put where the
-point is, and tilted as the input asks for.
+A vehicle that is a point has a body ``NAME/airframe`` in the model, which physics does not move; it is placed at the
+point, and tilted as the input requires.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 class RecordedMotion:
-    """The plant of a run, and what was logged of its vehicles."""
+    """Plant of a run, with the logged motion of its vehicles."""
 
     def __init__(self, plant: Plant, t: Array, states: Mapping[str, Array], inputs: Mapping[str, Array]) -> None:
-        """``t`` (n,) [s], and for each vehicle of the plant its true states (n, nx) and its inputs (n, nu).
+        """Set ``t`` (n,) [s], and for each vehicle of the plant its true states (n, nx) and its inputs (n, nu).
 
-        ArgumentError for a plant without bodies in MuJoCo, and for states that are not those of its vehicles.
+        Raises ArgumentError for a plant without bodies in MuJoCo, and for states that are not those of its vehicles.
         """
         body = plant.plant if isinstance(plant, Disturbed) else plant
         if not isinstance(body, MujocoPlant):
@@ -42,20 +42,20 @@ class RecordedMotion:
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Duration [s] of the run."""
         return float(self.t[-1])
 
     def show(self, t: float) -> None:
-        """Put every vehicle where it was at the last sample at or before ``t`` [s]."""
+        """Set the pose of every vehicle at the last sample at or before ``t`` [s]."""
         self.show_sample(max(int(np.searchsorted(self.t, t + TIME_TOLERANCE, side="right")) - 1, 0))
 
     def show_sample(self, row: int) -> None:
-        """Put every vehicle where it was at a sample."""
+        """Set the pose of every vehicle at a sample."""
         for name in self.states:
             self._place(name, row)
 
     def body(self, name: str) -> int:
-        """The body of a vehicle that shows where it is: its airframe, or what its first joint moves."""
+        """Return the body that shows the position of a vehicle: its airframe, or the body that its first joint moves."""
         if name in self._airframes:
             return self._airframes[name]
         model = self.plant.model
@@ -63,7 +63,7 @@ class RecordedMotion:
         return int(model.jnt_bodyid[first])
 
     def path(self, name: str, count: int) -> Array:
-        """(k, 3) [m] where that body was, at ``count`` samples at most, evenly spread."""
+        """Return the path (k, 3) [m] of that body, at most ``count`` samples, evenly spread."""
         rows = np.unique(np.linspace(0, len(self.t) - 1, min(count, len(self.t))).astype(np.int64))
         at, points = self.body(name), []
         for row in rows:
@@ -72,7 +72,7 @@ class RecordedMotion:
         return np.array(points)
 
     def place(self, name: str, x: Array) -> Array:
-        """(3,) [m] where the body of a vehicle is in a state (nx,), its input aside."""
+        """Return the position (3,) [m] of the body of a vehicle in a state (nx,), without the effect of its input."""
         self._put(name, x, np.zeros(self.inputs[name].shape[1]))
         found: Array = self.plant.data.xpos[self.body(name)].copy()
         return found

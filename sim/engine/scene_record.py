@@ -1,15 +1,15 @@
 """Visible part of a run in MuJoCo: the shapes of its model, and where each body was, sample by sample.
 
-It stands for itself: whoever draws the run needs neither its scenario nor the files of its model, and nothing in it is
+It is self-contained: drawing the run needs neither its scenario nor the files of its model, and nothing in it is
 executed. ``scene.npz`` in the run's folder holds it, array by array:
 
-| array | what it holds |
+| array | content |
 |---|---|
 | ``t`` | (n,) [s] |
 | ``bodies`` | (nb,) names; 0 is the world |
 | ``pos``, ``quat`` | (n, nb, 3) [m], (n, nb, 4) poses of the bodies |
-| ``estimate.pos``, ``estimate.quat`` | likewise by the estimate, NaN before the first; absent if it cannot |
-| ``vehicles``, ``vehicle_bodies`` | (nv,) names, and the body that shows where each is |
+| ``estimate.pos``, ``estimate.quat`` | the same from the estimate, NaN before the first; absent if not defined |
+| ``vehicles``, ``vehicle_bodies`` | (nv,) names, and the body that shows the position of each |
 | ``geom.*`` | of shapes: ``body``, ``type``, ``size``, ``pos``, ``quat``, ``rgba``, ``data`` (which mesh or field) |
 | ``mesh.K.vertices``, ``mesh.K.faces`` | (m, 3) [m], (f, 3) |
 | ``field.K.heights``, ``field.K.size`` | (rows, columns) in [0, 1]; (4,) [m] |
@@ -40,7 +40,7 @@ _SHOWN_GROUPS = (0, 1, 2)  # of geoms, as MuJoCo's viewer shows them
 
 
 def scene_arrays(plant: Plant, recording: Recording) -> dict[str, Array] | None:
-    """The arrays of a run's scene; None where the plant has no bodies in MuJoCo, or the run no samples."""
+    """Return the arrays of a run's scene; None if the plant has no bodies in MuJoCo, or the run no samples."""
     arrays = recording.arrays()
     inputs = {name: _of_vehicle(arrays, name, "command.u") for name in recording.truths}
     if not recording.length or any(u is None for u in inputs.values()):
@@ -66,7 +66,7 @@ def scene_arrays(plant: Plant, recording: Recording) -> dict[str, Array] | None:
 
 
 def _finite(states: list[Array]) -> NDArray[np.bool_]:
-    """(n,) whether all states of a sample are finite."""
+    """Return (n,) whether all states of a sample are finite."""
     return np.asarray(np.isfinite(np.hstack(states)).all(axis=1))
 
 
@@ -75,14 +75,14 @@ def _of_vehicle(arrays: dict[str, Array], vehicle: str, name: str) -> Array | No
 
 
 def _rows(t: Array) -> Integers:
-    """Samples that are kept."""
+    """Return the indices of the samples that are kept."""
     count = min(len(t), MOST_SAMPLES, int(RATE * float(t[-1] - t[0])) + 2)
     rows: Integers = np.unique(np.linspace(0, len(t) - 1, count).round().astype(np.int64))
     return rows
 
 
 def shapes(model: mujoco.MjModel, groups: Sequence[int] = _SHOWN_GROUPS) -> dict[str, Array]:
-    """Geoms of some groups, with their meshes and fields, and the cameras."""
+    """Return the geoms of some groups, with their meshes and fields, and the cameras."""
     shown = np.flatnonzero(np.isin(model.geom_group, groups) & (model.geom_type <= MESH))
     material, rgba = model.geom_matid[shown], model.geom_rgba[shown].copy()
     rgba[material >= 0] = model.mat_rgba[material[material >= 0]]
@@ -118,7 +118,7 @@ def _surfaces(model: mujoco.MjModel, shown: Integers) -> Iterator[tuple[str, Arr
 
 
 def _poses(motion: RecordedMotion, rows: Integers, prefix: str) -> dict[str, Array]:
-    """Poses of all bodies at the samples."""
+    """Return the poses of all bodies at the samples."""
     data, count = motion.plant.data, motion.plant.model.nbody
     pos: Any = np.empty((len(rows), count, 3), np.float32)
     quat: Any = np.empty((len(rows), count, 4), np.float32)
@@ -129,7 +129,7 @@ def _poses(motion: RecordedMotion, rows: Integers, prefix: str) -> dict[str, Arr
 
 
 def _estimates(motion: RecordedMotion, rows: Integers, arrays: dict[str, Array]) -> dict[str, Array]:
-    """Poses where the newest estimate has the vehicles; nothing where its states are others than theirs."""
+    """Return the poses of the vehicles in the newest estimate; nothing if its states are not those of the vehicles."""
     believed = {}
     for name, x in motion.states.items():
         times, values = (_of_vehicle(arrays, name, f"estimate.{part}") for part in ("t", "x"))
@@ -142,7 +142,7 @@ def _estimates(motion: RecordedMotion, rows: Integers, arrays: dict[str, Array])
     safe = {name: np.where(np.isfinite(values), values, motion.states[name]) for name, values in believed.items()}
     try:
         found = _poses(RecordedMotion(motion.plant, motion.t, safe, motion.inputs), rows, "estimate.")
-    except ValueError:  # no state of the vehicle: a quaternion that is not of length 1, for one
+    except ValueError:  # not a state of the vehicle: for example a quaternion that is not of length 1
         return {}
     for values in found.values():
         values[~known] = np.nan
@@ -150,7 +150,7 @@ def _estimates(motion: RecordedMotion, rows: Integers, arrays: dict[str, Array])
 
 
 def _plans(motion: RecordedMotion, name: str, arrays: dict[str, Array]) -> dict[str, Array]:
-    """Places of a vehicle's body along its plans; nothing where a plan's states are others than the vehicle's."""
+    """Return the positions of a vehicle's body along its plans; nothing if a plan's states are not the vehicle's."""
     t, x, offsets, adopted = (_of_vehicle(arrays, name, f"plan.{part}") for part in ("t", "x", "offsets", "adopted"))
     if t is None or x is None or offsets is None or adopted is None or x.shape[1:] != motion.states[name].shape[1:]:
         return {}

@@ -1,4 +1,4 @@
-"""The sensors that a vehicle carries, with what a plant needs to read each when it falls due."""
+"""Sensors that a vehicle carries, with the data that a plant needs to read each when it is due."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from mathnavi.sim.interfaces.protocols import Sensor
 
 @dataclass(frozen=True)
 class Mounted:
-    """A sensor on a vehicle."""
+    """Sensor mounted on a vehicle."""
 
     sensor: Sensor
     every: int  # ticks from one reading to the next; 0: at every control step
     rng: np.random.Generator  # of its own
 
     def due(self, tick: int, at_control_step: bool) -> bool:
-        """True if it is read at a tick, which may be that of a control step."""
+        """Return True if it is read at a tick, which may be that of a control step."""
         return tick % self.every == 0 if self.every else at_control_step
 
 
 def mounted(vehicle: str, sensors: Sequence[Sensor], dt: float, rng: np.random.Generator) -> list[Mounted]:
-    """The sensors of a vehicle in a plant with ticks of dt [s], each with a stream of its own, spawned from ``rng``.
+    """Mount the sensors of a vehicle in a plant with ticks of dt [s], each with its own stream, spawned from ``rng``.
 
-    ArgumentError if two have one name, or the period of one is not a whole number of ticks.
+    Raises ArgumentError if two have one name, or the period of one is not a whole number of ticks.
     """
     if len({sensor.name for sensor in sensors}) != len(sensors):
         raise ArgumentError(f"vehicle {vehicle!r} carries two sensors of one name: {[s.name for s in sensors]}")
@@ -40,7 +40,9 @@ def mounted(vehicle: str, sensors: Sequence[Sensor], dt: float, rng: np.random.G
 
 
 def every(sensor: Sensor, dt: float) -> int:
-    """Ticks of dt [s] from one reading to the next, 0 for a sensor without a rate; ValueError for a broken number."""
+    """Return the ticks of dt [s] from one reading to the next, 0 for a sensor without a rate; ValueError for a
+    fraction.
+    """
     if sensor.rate is None:
         return 0
     if not (math.isfinite(sensor.rate) and sensor.rate > 0.0):

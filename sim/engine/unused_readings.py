@@ -1,4 +1,4 @@
-"""Notices a sensor that an estimator asked for and whose readings it never uses, a misspelt name for instance."""
+"""Detection of a sensor that an estimator requires and whose readings it never uses, by a misspelt name for example."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from typing import Any
 
 from mathnavi.sim.interfaces.signals import Measurement
 
-_ENOUGH = 20  # readings that an estimator has been given, for one at least to be used
+_ENOUGH = 20  # readings that an estimator has received, of which it must have used at least one
 
 
 @dataclass
 class UnusedReadings:
-    """The sensors that an estimator asked for, until it uses a reading of theirs.
+    """Sensors that an estimator requires, until it uses a reading of theirs.
 
-    An estimator picks readings by their sensor's name and reads the value of those it knows. So the value that it was
-    given and never read is of a sensor that it does not know.
+    An estimator selects readings by their sensor's name and reads the value of those it knows. So a value that it
+    received and never read belongs to a sensor that it does not know.
     """
 
     sensors: Sequence[str]
@@ -28,7 +28,7 @@ class UnusedReadings:
     settled: bool = False  # each sensor is used or reported
 
     def watched(self, readings: Sequence[Measurement]) -> Sequence[Measurement]:
-        """The readings, those of sensors of which none was used yet in a form that notes their use."""
+        """Return the readings; those of sensors of which none was used yet note their use."""
         if self.settled:
             return readings
         open_ = set(self.sensors) - self.used - self.reported
@@ -42,7 +42,7 @@ class UnusedReadings:
         ]
 
     def found(self) -> list[str]:
-        """Sensors, each once, of which no reading was used though there have been enough of them."""
+        """Return the sensors, each once, of which no reading was used though there have been enough of them."""
         if self.settled:
             return []
         unused = [
@@ -56,7 +56,7 @@ class UnusedReadings:
 
 @dataclass(frozen=True)
 class _Watched(Measurement):
-    """A reading that notes when its value is used."""
+    """Reading that notes when its value is used."""
 
     used: set[str] = field(compare=False, repr=False)
 

@@ -34,7 +34,7 @@ class Degrees(GroupedMetadata):
 
     @property
     def condition(self) -> Condition:
-        """The condition on one value."""
+        """Return the condition on one value."""
         return Condition(self._holds, _range(self.low, self.high, self.open_low, "deg"), self._hint)
 
     def _holds(self, value: float) -> bool:
@@ -61,7 +61,7 @@ class Radians(GroupedMetadata):
 
     @property
     def condition(self) -> Condition:
-        """The condition on one value."""
+        """Return the condition on one value."""
         allowed = _range(self.low, self.high, self.open_low, self.unit)
         return Condition(lambda value: _within(value, self.low, self.high, self.open_low), allowed, self._hint)
 

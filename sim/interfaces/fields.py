@@ -104,8 +104,7 @@ def _native(value: Any) -> Any:
 
 
 def _refusing(config: type, where: str) -> AbstractContextManager[None]:
-    """Let a ValueError, by which a configuration refuses values, pass; raise any other exception of it as a FieldError.
-    """
+    """Let a ValueError, by which a configuration refuses values, pass; raise any other exception as a FieldError."""
     return failures_named(
         f"{where or 'fields'}: {config.__module__}.{config.__qualname__} failed:", FieldError, (ValueError,)
     )

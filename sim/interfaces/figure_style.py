@@ -10,7 +10,7 @@ from typing import Any
 
 INK, GRID = "#1b2733", "#b9c2cc"
 BOUND = "#c2183b"
-SERIES = ("#0d6bf2", "#e07b00", "#12a06b", "#c2185b", "#8a4fd0", "#7a8896")  # readable on a light and on a dark background
+SERIES = ("#0d6bf2", "#e07b00", "#12a06b", "#c2185b", "#8a4fd0", "#7a8896")  # readable on light and dark background
 STYLE: Any = {
     "font.size": 9.0,
     "font.family": "DejaVu Sans",

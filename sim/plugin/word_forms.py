@@ -1,5 +1,4 @@
-"""Forms of the types of fields on a command line: the number of words of a value, the allowed ones, their conversion.
-"""
+"""Forms of the types of fields on a command line: the number of words of a value, the allowed ones, their conversion."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def ledger(over_terrain: Mapping[str, Sequence[Claim]], without: Sequence[Claim]
         tallies.append(f"- without terrain: {tally(without)}.\n")
     return (
         "# Claims\n\n"
-        "What the thesis prints (kind `printed`; it may honestly not hold) and what is required of this software (kind\n"
+        "What the thesis prints (kind `printed`; it may honestly not hold) and what this software must reach (kind\n"
         "`target`), each with the measured value. Written by `mathnavi study all`.\n\n"
         f"Samples: {samples}.\n\n" + "".join(tallies) + "\n" + "\n".join(tables)
     )

@@ -42,8 +42,7 @@ _PLAIN = (bool, int, str)
 
 
 class MeasuredTime(float):
-    """Duration measured on this machine, in any unit; it is kept, but another run does not repeat it.
-    """
+    """Duration measured on this machine, in any unit; it is kept, but another run does not repeat it."""
 
 
 @dataclasses.dataclass(frozen=True)

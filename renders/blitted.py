@@ -1,4 +1,4 @@
-"""A matplotlib figure as pictures: what stands still is drawn once, over it comes what moves."""
+"""Pictures of a matplotlib figure by blitting: static artists are drawn once, moving ones over them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mathnavi.renders.palette import Picture
 
 
 class Blitted:
-    """Draws a figure of which some artists change from picture to picture."""
+    """Figure of which some artists change from picture to picture."""
 
     def __init__(self, figure: Figure, moving: Sequence[Artist], dpi: float) -> None:
         figure.set_dpi(dpi)
@@ -26,7 +26,7 @@ class Blitted:
         self._still: Any = self._canvas.copy_from_bbox(figure.bbox)  # type: ignore[no-untyped-call]
 
     def picture(self) -> Picture:
-        """(height, width, 3) with the artists as they are now."""
+        """Draw the picture (height, width, 3) with the present artists."""
         self._canvas.restore_region(self._still)  # type: ignore[no-untyped-call]
         for artist in self._moving:
             self._figure.draw_artist(artist)

@@ -1,4 +1,4 @@
-"""Child processes that draw: how one is started, and what it said last."""
+"""Child processes that draw: the command that starts one, and its last error."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ _START = "import sys; sys.path[:] = sys.argv[1:]; from {} import main; main()"
 
 
 class DrawingFailedError(RuntimeError):
-    """The process that draws has ended before its pictures were whole; the message has its reason."""
+    """End of a drawing process before its pictures were complete; the message has its reason."""
 
 
 def child_command(module: str) -> list[str]:
-    """The command that runs ``main()`` of a module with this process' path.
+    """Return the command that runs ``main()`` of a module with this process' path.
 
     -P and a path that the process sets itself: no numpy.py of the current folder is taken for the library.
     """
@@ -21,7 +21,7 @@ def child_command(module: str) -> list[str]:
 
 
 def last_line(errors: IO[bytes]) -> str:
-    """The last line that a process wrote to its file of errors."""
+    """Return the last line that a process wrote to its file of errors."""
     errors.seek(0)
     lines = errors.read().decode(errors="replace").strip().splitlines() or ["it gave no reason"]
     return lines[-1]

@@ -1,7 +1,7 @@
-"""A few seconds of a run as an animated WebP, which a README or a page shows by itself: in small, and over and over.
+"""Clip of a few seconds of a run as a small animated WebP, which a README or a page plays by itself, repeatedly.
 
-One camera, one stretch of the run, no cuts; what is written on it is brief (``film.Frame.brief``). The last picture
-stays a little before it begins again.
+It has one camera, one stretch of the run, no cuts; its overlay is brief (``film.Frame.brief``). The last picture
+stays for a moment before it begins again.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ def write_clip(
     length: float = LENGTH,
     progress: bool = False,
 ) -> Path:
-    """Write a clip of a run, ``CAMERA.webp`` in its folder unless ``path`` says else, whole or not at all.
+    """Write a clip of a run, ``CAMERA.webp`` in its folder if ``path`` is not given, whole or not at all.
 
-    It shows the run from ``begin`` to ``end`` [s], by default those of its highlight, or of the run where that is one
-    moment, within ``length`` [s]. Raises what ``video.write_video`` does, ValueError for moments outside of the run or
+    It shows the run from ``begin`` to ``end`` [s], by default those of its highlight, or of the run if that is one
+    moment, within ``length`` [s]. Raises as ``video.write_video`` does, ValueError for moments outside of the run or
     out of order, and RuntimeError if even the lowest quality takes more than ``MOST_BYTES``.
     """
     check_size(width, height)
@@ -70,9 +70,9 @@ def write_clip(
 def _stretch(
     highlight: tuple[float, float], duration: float, begin: float | None, end: float | None
 ) -> tuple[float, float]:
-    """Beginning and end of a clip [s]: those that are given, else of the highlight.
+    """Return beginning and end of a clip [s]: those that are given, else those of the highlight.
 
-    Those of the run where that leaves nothing: a highlight may be one moment, the last one for example.
+    They are those of the run if that leaves nothing: a highlight may be one moment, the last one for example.
     """
     first, last = highlight
     first = begin if begin is not None else first if first < (last if end is None else end) else 0.0
@@ -80,7 +80,7 @@ def _stretch(
 
 
 def _encoded(pictures: list[Image.Image], fps: int) -> bytes:
-    """An animated WebP that is shown over and over, of the best quality that is small enough."""
+    """Return an animated WebP that repeats, with the best quality that is small enough."""
     lengths = [round(1000.0 / fps)] * (len(pictures) - 1) + [round(1000.0 * LAST_MOMENT)]  # [ms]
     for quality in QUALITIES:
         file = io.BytesIO()

@@ -1,4 +1,4 @@
-"""Radars drawn as domes over the two worlds of ``mathnavi.renders.landscape``, where they are and while they are on.
+"""Domes of radars over the two worlds of ``mathnavi.renders.landscape``, at their places and while they are on.
 
 Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
@@ -18,7 +18,7 @@ from mathnavi.renders.palette import COLOURS, SceneElement
 
 
 def add_domes(spec: Any, terrain: HeightField, radars: Sequence[RadarTrack]) -> None:
-    """A dome for each radar in each world of an ``mjSpec``, not to be seen yet."""
+    """Add a dome for each radar in each world of an ``mjSpec``, still invisible."""
     if radars:
         spec.add_material(name="radar", emission=0.8, specular=0.0)
     land = Landscape(terrain)
@@ -37,7 +37,7 @@ def add_domes(spec: Any, terrain: HeightField, radars: Sequence[RadarTrack]) -> 
 
 
 def place_domes(model: Any, terrain: HeightField, radars: Sequence[RadarTrack], t: float, opacity: float) -> None:
-    """Put the domes of a model where the radars are at ``t`` [s]; those that are off are not seen."""
+    """Place the domes of a model at the radars at ``t`` [s]; those of radars that are off are invisible."""
     land = Landscape(terrain)
     for k, track in enumerate(radars):
         radar = track.at(t, terrain)

@@ -2,8 +2,8 @@
 
 A run that names none is a flight if it has a terrain; any other is drawn by its scene and its log alone
 (``mathnavi.renders.generic``). A scenario names an entry point of the group ``mathnavi.drawings``, by its name or
-its module, "drawing": "my_package.pictures". A module that is not installed so is imported from a folder only where the
-folder is trusted (``mathnavi.sim.plugin.trust``), or where the run was flown by this process.
+its module, "drawing": "my_package.pictures". A module that is not installed in this way is imported for a folder only
+if the folder is trusted (``mathnavi.sim.plugin.trust``), or if the run was flown by this process.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from mathnavi.sim.plugin.groups import installed
 from mathnavi.sim.plugin.trust import check_place
 from mathnavi.sim.records.run_folder import CONFIG, existing_folder, read_run_document
 
-if TYPE_CHECKING:  # what makes pages takes a while to import, and the processes that draw make none
+if TYPE_CHECKING:  # the modules of pages take a while to import, and drawing processes do not need them
     from mathnavi.renders.page import Markup
 
 FLIGHT = "mathnavi.renders.flight.drawing"
@@ -38,18 +38,18 @@ R = TypeVar("R")
 
 
 class Painter(Protocol):
-    """Draws frames of one run in one size."""
+    """Painter of frames of one run in one size."""
 
     def paint(self, frame: Frame) -> Picture:
-        """The picture of a frame."""
+        """Draw the picture of a frame."""
         ...
 
 
 @dataclass(frozen=True)
 class Drawing(Generic[R]):
-    """Everything that videos, stills, clips and reports need to know of the runs of a scenario.
+    """Drawing of the runs of a scenario: all that videos, stills, clips and reports need.
 
-    ``R`` is the type of a run as it is drawn; it has a ``duration`` [s].
+    ``R`` is the type of a run for drawing; it has a ``duration`` [s].
     """
 
     cameras: Sequence[str]
@@ -62,25 +62,25 @@ class Drawing(Generic[R]):
     report: str | Callable[[R], Markup]  # makes a page; "package.module:function" where its libraries import slowly
     turn: float = 0.0  # [degrees/s of video] at which the cameras that turn do
     figure: str | None = None  # "package.module:function" that makes one Figure of a run; its signals without
-    web: str | None = None  # likewise the scene of a run in the browser; its recorded scene and its log without
+    web: str | None = None  # the same for the scene of a run in the browser; its recorded scene and its log without
 
     def __post_init__(self) -> None:
         for camera in (*self.cameras, self.still_camera):  # each is the name of a file
             plain_name(camera, "camera")
 
     def frames(self, run: R, direction: str = TOUR, fps: int = 24) -> list[Frame]:
-        """The frames of a video by one of the cameras or of the tour; ValueError for another direction."""
+        """Return the frames of a video by one of the cameras or of the tour; ValueError for another direction."""
         if direction != TOUR:
             checked_camera(direction, self.cameras)
         return frames_of(self.shot_list(run, direction), self.annotations(run), fps, self.turn)
 
     def page(self, run: R) -> Markup:
-        """The run on one page."""
+        """Return the page of the run."""
         return _report_at(self.report)(run)
 
 
 def drawing_of(directory: str | Path) -> Drawing[Any]:
-    """The drawing of the run in a folder; errors as of ``Drawing.load_run``, UntrustedError for code of a stranger."""
+    """Return drawing of the run in a folder; errors as of ``Drawing.load_run``, UntrustedError for untrusted code."""
     folder = existing_folder(directory)
     document, _ = read_run_document(folder)
     if document.drawing is None and document.terrain is None and "terrain" not in document.fields:
@@ -90,7 +90,7 @@ def drawing_of(directory: str | Path) -> Drawing[Any]:
 
 
 def _drawing_at(name: str, where: str) -> Drawing[Any]:
-    """The drawing with a name, or in a module; RunFolderError where there is none."""
+    """Return the drawing with a name, or in a module; RunFolderError if there is none."""
     subject = f"{where!r}: drawing = {name!r}"
     point = named_point(installed("drawings"), "drawings", name)
     place = name if point is None else point.value
@@ -105,7 +105,7 @@ def _drawing_at(name: str, where: str) -> Drawing[Any]:
 
 
 def _naming_failures(drawing: Drawing[Any], subject: str) -> Drawing[Any]:
-    """A stranger's drawing; what it raises, but for ValueError and OSError, is a RunFolderError that names it."""
+    """Wrap a third-party drawing: exceptions other than ValueError and OSError become a RunFolderError that names it."""
 
     def named(name: str, call: Callable[..., Any]) -> Callable[..., Any]:
         @wraps(call)

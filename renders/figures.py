@@ -1,7 +1,7 @@
-"""The style of all figures, and what many of them draw: maps, costs, times and events.
+"""Style of all figures, and common figures: maps, costs, times and events.
 
-Every function returns a matplotlib figure with a transparent ground, text in the one colour ``INK`` and lines of
-reference in ``GRID``: a report puts the reader's light or dark theme in their place.
+Every function returns a matplotlib figure with a transparent background, text in the one colour ``INK`` and reference
+lines in ``GRID``: a report replaces these by the colours of the reader's light or dark theme.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ MOST_POINTS = 1500  # of a curve
 
 
 def canvas(width: float, height: float) -> Figure:
-    """An empty figure [inches]."""
+    """Return an empty figure; sizes in inches."""
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def lay_out(figure: Figure) -> None:
-    """Give everything in a figure its place, once: whatever draws it afterwards does not lay it out again."""
+    """Lay out a figure once: later drawing does not lay it out again."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)

@@ -1,4 +1,4 @@
-"""From shots to frames: what every video is made of, whatever flew.
+"""Shots and frames, of which every video is made.
 
 A shot list is a sequence of shots without gaps over the time of a run; a frame is one picture of one of them.
 """
@@ -19,7 +19,7 @@ Annotation = tuple[float, str]  # time [s] of the run, and what a viewer should 
 
 @dataclass(frozen=True)
 class Shot:
-    """A stretch of the flight filmed by one camera."""
+    """Stretch of the flight filmed by one camera."""
 
     camera: str
     begin: float  # [s] of flight
@@ -34,7 +34,7 @@ class Shot:
 
 @dataclass(frozen=True)
 class Frame:
-    """One picture of the video."""
+    """Picture of the video."""
 
     t: float  # [s] of flight
     camera: str

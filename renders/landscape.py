@@ -1,4 +1,4 @@
-"""The ground as pictures show it, in two worlds of one model, and airframes over it that can be seen from afar.
+"""Ground for pictures, in two worlds of one model, and airframes over it that are visible from afar.
 
 One world is the true one, for cameras beside a vehicle; in the other, for the overview and the top view, the heights
 above the lowest ground are multiplied by ``relief.EXAGGERATION``. On a map of 82 km nothing could be seen at its

@@ -1,4 +1,4 @@
-"""The run of a single vehicle as its drawing has it: the log, and the state at any time between its samples."""
+"""Run of a single vehicle for its drawing: the log, and the state at any time between its samples."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mathnavi.sim.records.run_folder import RunLog, last_at
 
 @dataclass(frozen=True, eq=False)
 class LoggedRun:
-    """A log, to which each drawing adds what it needs beside it."""
+    """Log, to which each drawing adds the other data that it needs."""
 
     log: RunLog
 

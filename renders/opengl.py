@@ -1,9 +1,9 @@
-"""The OpenGL that draws without a screen: that of MUJOCO_GL, else OSMesa, else EGL.
+"""OpenGL that draws without a screen: that of MUJOCO_GL, else OSMesa, else EGL.
 
-OpenGL is loaded where something is drawn, and not before: Mesa brings an LLVM with it, and whoever loads another one
+OpenGL is loaded only when something is drawn: Mesa brings an LLVM with it, and a process that loads another one
 later, as PyTorch's optimisers do with Triton's, ends in a segmentation fault. MuJoCo and PyOpenGL read the choice once,
-when they are first imported, and MuJoCo loads the library then; so ``import_mujoco`` imports it without, and pictures
-are drawn by child processes started in ``environment()``.
+when they are first imported, and MuJoCo loads the library then; so ``import_mujoco`` imports it without OpenGL, and
+pictures are drawn by child processes started in ``environment()``.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ sys.exit(1)
 
 
 class NoOpenGLError(RuntimeError):
-    """There is nothing to draw with; the message says how to install it."""
+    """Error for missing OpenGL; the message says how to install it."""
 
 
 def available() -> str | None:
-    """The backend that will draw, "osmesa", "egl" or MUJOCO_GL's; None where there is none (``HOW_TO_INSTALL``)."""
+    """Return the backend that will draw, "osmesa", "egl" or MUJOCO_GL's; None if there is none (``HOW_TO_INSTALL``)."""
     chosen = os.environ.get("MUJOCO_GL", "").strip().lower()
     if chosen:
         return None if chosen in SWITCHED_OFF else chosen
@@ -60,7 +60,9 @@ def available() -> str | None:
 
 
 def environment() -> dict[str, str]:
-    """This process' environment with the backend chosen in it, for a child process that has imported nothing yet."""
+    """Return this process' environment with the backend chosen in it, for a child process that has imported nothing
+    yet.
+    """
     backend = available()
     if backend is None:
         raise NoOpenGLError(HOW_TO_INSTALL)
@@ -71,7 +73,7 @@ def environment() -> dict[str, str]:
 def import_mujoco() -> None:
     """Import MuJoCo without OpenGL, unless it is imported already.
 
-    A ``mujoco.Renderer`` of the user's own still draws in this process: its context loads the library when it is made.
+    A ``mujoco.Renderer`` of the user still draws in this process: its context loads the library when it is made.
     """
     if "mujoco" in sys.modules:
         return
@@ -82,7 +84,7 @@ def import_mujoco() -> None:
 
 
 def opengl_context(max_width: int, max_height: int) -> Any:
-    """MuJoCo's OpenGL context of the backend that is available; NoOpenGLError where there is none."""
+    """Return MuJoCo's OpenGL context of the available backend; NoOpenGLError if there is none."""
     backend = available()
     if backend is None:
         raise NoOpenGLError(HOW_TO_INSTALL)

@@ -1,4 +1,4 @@
-"""The picture of a problem whose optimum is known: its solution by hp refinement, as ``Solution.plot`` draws it.
+"""Picture of a problem whose optimum is known: its solution by hp refinement, drawn by ``Solution.plot``.
 
     python -m mathnavi.renders.optimum NAME FILE
 
@@ -18,7 +18,7 @@ from mathnavi.sim.interfaces.checks import allowed_for
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Draw one problem; the result is the exit code."""
+    """Draw one problem and return the exit code."""
     if len(arguments) != 2 or arguments[0] not in PROBLEMS:
         name = arguments[0] if arguments else ""
         print(f"optimum: NAME = {name!r}, then FILE; {allowed_for(name, list(PROBLEMS))}", file=sys.stderr)

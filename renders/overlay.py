@@ -1,4 +1,4 @@
-"""The overlay of a picture: where and how fast the vehicle is, what just happened, what the colours mean."""
+"""Overlay of a picture: position and speed of the vehicle, the latest event, the meaning of the colours."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ RING_COLOURS = ((242, 242, 237), (212, 33, 26), (242, 242, 237))  # of a target,
 
 @dataclass(frozen=True)
 class Label:
-    """A name beside a place of the picture."""
+    """Name next to a place of the picture."""
 
     text: str
     column: float  # [pixels]
@@ -38,7 +38,7 @@ class Label:
 
 @dataclass(frozen=True)
 class Key:
-    """A line of a colour of its own in a legend."""
+    """Line of a legend with its colour."""
 
     text: str
     colour: Colour
@@ -64,7 +64,7 @@ def pace(frame: Frame, duration: float) -> str:
 
 
 class OverlayWriter:
-    """Writes on pictures of one size; sizes are given for pictures 720 pixels high.
+    """Writer on pictures of one size; sizes are given for pictures 720 pixels high.
 
     A ``brief`` one has two numbers and a strip of a legend in letters that can still be read in a thumbnail.
     """
@@ -95,10 +95,10 @@ class OverlayWriter:
         Args:
             picture: (height, width, 3).
             overlay: title, numbers and legend.
-            annotation: what just happened.
+            annotation: latest event.
             progress: share of the run that is over, in [0, 1].
             marks: shares of the run at which something happened.
-            labels: names beside places of the picture.
+            labels: names next to places of the picture.
 
         Returns:
             (height, width, 3) another picture.
@@ -128,7 +128,7 @@ class OverlayWriter:
         draw.rounded_rectangle(box, radius=self._px(9), fill=PANEL)
 
     def _label(self, draw: ImageDraw.ImageDraw, label: Label) -> None:
-        """A name above its place or beside it, inside the picture and clear of the title.
+        """Write a name above its place or next to it, inside the picture and clear of the title.
 
         In a brief overlay, the letters of which are large, it is left out where it would cover another one.
         """

@@ -1,8 +1,8 @@
-"""The common style of all reports: a page that needs nothing beside itself and no network.
+"""Common style of all reports: a self-contained page, which needs no network.
 
-Blocks are pieces of HTML (``Markup``); everything else that is put on a page is text and is escaped. Figures are SVG
+Blocks are pieces of HTML (``Markup``); everything else on a page is text and is escaped. Figures are SVG
 inside the page, so that they follow the reader's light or dark theme and print sharply. The page forbids the browser
-every request, so a report that opens here opens anywhere.
+all requests, so a report that opens here opens anywhere.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def document(title: str, *blocks: Markup, script: str = "") -> Markup:
 
 
 def text(value: object) -> Markup:
-    """A value as text of the page: a number with the digits that a reader can use, markup as it is."""
+    """Return a value as text of the page: a number with the digits that a reader can use, markup unchanged."""
     if isinstance(value, Markup):
         return value
     return Markup(html.escape(value if isinstance(value, str) else number(value), quote=True))
@@ -159,7 +159,7 @@ def details(title: str, *blocks: Markup, is_open: bool = False) -> Markup:
 
 
 def preformatted(content: str) -> Markup:
-    """A command or a file, as it is."""
+    """Return a block with a command or a file, unchanged."""
     return Markup(f"<pre>{text(content)}</pre>")
 
 

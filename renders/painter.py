@@ -1,4 +1,4 @@
-"""Draws the frames of a run: its scene, and the overlay on it."""
+"""Painter of the frames of a run: its scene, and the overlay on it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mathnavi.renders.palette import Picture
 
 @dataclass(frozen=True)
 class ScenePainter:
-    """Draws any frame of one run."""
+    """Painter of any frame of one run."""
 
     run: Any
     scene: Any  # its draw() makes the picture of a frame, its labels() name what is in sight
@@ -51,5 +51,5 @@ class SceneDrawing:
             )
 
     def __call__(self, run: Any, width: int, height: int, samples: int) -> AbstractContextManager[ScenePainter]:
-        """A painter of pictures of a size in pixels, for as long as its scene is open."""
+        """Return a painter of pictures of a size in pixels, for as long as its scene is open."""
         return self._opened(run, width, height, samples)

@@ -1,4 +1,4 @@
-"""One colour for each thing, the same in videos, figures and reports, and what a picture is."""
+"""Colours of the elements, the same in videos, figures and reports, and the type of a picture."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Colour = tuple[float, float, float]  # red, green, blue in [0, 1]
 
 
 class SceneElement(Enum):
-    """Meaning of a line or a mark; the value is its name in a legend."""
+    """Element of a scene, a line or a mark; the value is its name in a legend."""
 
     FLOWN = "flown"
     OPTIMISED = "optimised plan"

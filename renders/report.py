@@ -1,8 +1,8 @@
-"""A run on one page: ``report.html``, which needs nothing beside itself and no network; the skeleton of such a page.
+"""Report of a run on one page: ``report.html``, which is self-contained and needs no network; the skeleton of such a
+page.
 
 Every report has a headline, figures of merit, summary, figures, events and configuration; a drawing fills them
-(``run_page``). Pictures of the scene are in it where OpenGL is at hand, and one line that says how to install it where
-not.
+(``run_page``). It contains pictures of the scene if OpenGL is available, else one line that says how to install it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ MOST_EVENTS = 200  # rows of the table; the rest is counted
 
 
 class ReportedRun(Protocol):
-    """The records of a run, of one vehicle or of a fleet, that every report shows."""
+    """Records of a run, of one vehicle or of a fleet, that every report shows."""
 
     @property
     def directory(self) -> Path: ...
@@ -44,7 +44,7 @@ class ReportedRun(Protocol):
 
 @dataclass(frozen=True)
 class Headline:
-    """The head of a report: title, verdict and the figures that matter most."""
+    """Head of a report: title, verdict and the most important figures."""
 
     title: str
     verdict: str  # what came out, in a sentence
@@ -55,7 +55,7 @@ class Headline:
 def write_report(run_dir: str | Path) -> Path:
     """Write ``report.html`` into the run's folder, whole or not at all, and return its path.
 
-    Raises FileNotFoundError or ValueError for a run that is not there or broken.
+    Raises FileNotFoundError or ValueError for a run that is missing or broken.
     """
     directory, drawing = Path(run_dir), drawing_of(run_dir)
     path = directory / "report.html"

@@ -1,4 +1,4 @@
-"""One figure that shows a run at a glance: the picture of a run in a notebook.
+"""Figure that shows a run at a glance: the picture of a run in a notebook.
 
 A drawing names the function that makes it of a run (``Drawing.figure``). A run whose drawing names none is shown by its
 signals over time.
@@ -26,7 +26,7 @@ MOST_PANELS = 6
 def run_figure(directory: str | Path) -> Figure:
     """The figure of the run in a folder, on white.
 
-    Raises FileNotFoundError where something is missing, ValueError where something is broken.
+    Raises FileNotFoundError if a file is missing, ValueError if one is broken.
     """
     folder, drawing = Path(directory), drawing_of(directory)
     if drawing.figure is None:

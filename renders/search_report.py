@@ -1,4 +1,4 @@
-"""A search on one page and in one picture: how the best value came down, where it lies, and the worst missions."""
+"""Report of a search on one page and in one picture: history and place of the best value, the worst missions."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class SearchPage:
 
 
 def write_search_report(store: Path, search: SearchPage) -> list[Path]:
-    """Write the page and the picture beside a store, as .html and .png, both or none; return their paths."""
+    """Write the page and the picture next to a store, as .html and .png, both or none; return their paths."""
     figure = search_figure(search)
     picture = io.BytesIO()
     lay_out(figure)
@@ -72,7 +72,7 @@ def write_search_report(store: Path, search: SearchPage) -> list[Path]:
 
 
 def report(search: SearchPage, figure: Figure) -> Markup:
-    """The page's HTML."""
+    """Return the page's HTML."""
     violated = sum(point.violated for point in search.points)
     counts = {
         "missions": len(search.points),
@@ -191,7 +191,7 @@ def _draw_landscape(figure: Figure, axes: Axes, search: SearchPage, values: Arra
 
 
 def _finite(values: Array) -> Array:
-    """Figures with what is infinite at the edge of what is finite."""
+    """Return the figures with infinite ones at the edge of the finite ones."""
     finite = values[np.isfinite(values)]
     if not len(finite):
         return np.where(np.isinf(values), np.sign(values), values)

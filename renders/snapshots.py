@@ -1,4 +1,5 @@
-"""Pictures of a MuJoCo model in any of its states, drawn by a child process (``mathnavi.renders.opengl`` says why).
+"""Pictures of a MuJoCo model in any of its states, drawn by a child process (for the reason, see
+``mathnavi.renders.opengl``).
 
 parent -> child     the pickled pair ("model", MjModel) or ("state", (state, readings, camera))
 child -> parent     for each state a picture, height x width x 3 bytes
@@ -27,7 +28,7 @@ SHOWN_GROUPS = 3  # of geoms: those of higher groups only touch
 
 
 class Snapshots:
-    """Draws a model's states; close it when nothing more is drawn."""
+    """Renderer of a model's states; close it when nothing more is drawn."""
 
     def __init__(self, width: int, height: int) -> None:
         """``width`` and ``height`` in pixels. NoOpenGLError where there is nothing to draw with."""
@@ -49,7 +50,7 @@ class Snapshots:
         with suppress(BrokenPipeError):  # it has ended, and reading says why
             if model is not self._model:
                 self._model, content = model, pickle.dumps(("model", model))
-                if content != self._sent:  # every episode has a model of its own, most often the same
+                if content != self._sent:  # every episode has its own model, most often the same
                     self._sent = content
                     self._process.stdin.write(content)
             readings = np.array(
@@ -73,7 +74,7 @@ class Snapshots:
 
 
 def main() -> None:
-    """Draw what is asked for on standard input, until it is closed."""
+    """Draw the requests on standard input, until it is closed."""
     width, height = map(int, sys.argv[-2:])
     pictures = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # libraries print what they like

@@ -157,7 +157,7 @@ class Stage:
         return picture
 
     def _clear_sky(self, picture: Picture) -> None:
-        """Blue above the horizon, below it the colour of the fog.
+        """Paint the sky: blue above the horizon, below it the colour of the fog.
 
         The sky is what nothing was drawn on, and what the fog covers wholly. So MuJoCo's own sky, which would be drawn
         behind all of the picture, is not needed, unless edges are blended with what is behind them.
@@ -223,7 +223,7 @@ class Stage:
     # ---- what is added to a picture
 
     def line(self, points: Array, colour: Colour, width: float, *, dashed: bool = False) -> None:
-        """A line through points (n, 3), ``width`` pixels wide wherever it runs, in a picture 720 pixels high."""
+        """Add a line through points (n, 3), ``width`` pixels wide everywhere, in a picture 720 pixels high."""
         if dashed:
             points = _resample(points, self.metres_per_pixel(points), DASH * self.unit)
         radii = 0.5 * width * self.metres_per_pixel(0.5 * (points[:-1] + points[1:])) * self.unit
@@ -277,7 +277,7 @@ class Stage:
     ) -> None:
         """Geoms of the model once more: what is at p at ``rotation`` p + ``shift``, in one colour, red to opacity.
 
-        They are drawn ``size`` times as large as they are.
+        They are drawn ``size`` times their true size.
         """
         scene = self._renderer.scene
         for original in scene.geoms[: scene.ngeom]:

@@ -1,7 +1,7 @@
-"""Samples as figures: rates with their exact limits, medians with their bootstrap bands, distributions.
+"""Figures of samples: rates with their exact limits, medians with their bootstrap bands, distributions.
 
-In the style of ``mathnavi.renders.figures``, so a report puts the reader's theme in place of its ink and grid. What is
-infinite stands at the edge, just beyond all that is finite.
+They have the style of ``mathnavi.renders.figures``, so a report replaces ink and grid by the reader's theme. Infinite
+values are at the edge, just beyond all finite ones.
 """
 
 from __future__ import annotations

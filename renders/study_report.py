@@ -1,4 +1,4 @@
-"""A study on one page: what was done, what it says of the claims, the thesis' numbers beside ours."""
+"""Report of a study on one page: its configuration, its claims, the thesis' numbers next to ours."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class StudyPage:
 
 
 def report(study: StudyPage) -> Markup:
-    """The page's HTML."""
+    """Return the page's HTML."""
     view = () if study.terrain is None else (_over(study.terrain, study),)
     return page.document(
         study.title,

@@ -1,4 +1,4 @@
-"""A sweep on one page: rates with exact limits, medians with bootstrap bands, every failure."""
+"""Report of a sweep on one page: rates with exact limits, medians with bootstrap bands, every failure."""
 
 from __future__ import annotations
 
@@ -60,15 +60,15 @@ def write_sweep_report(
 ) -> Path:
     """Write the page, whole or not at all, and return its path.
 
-    ``varied`` are the names of fields as ``Record.fields`` has them. Raises ValueError where there are no records, and
-    for a field that no record has.
+    ``varied`` are the names of fields as in ``Record.fields``. Raises ValueError if there are no records, and for a
+    field that no record has.
     """
     write_text(path, report(Sweep(records, varied), terrain, tracks, command))
     return path
 
 
 def report(sweep: Sweep, terrain: HeightField | None, tracks: Sequence[Track], command: str) -> Markup:
-    """The page's HTML."""
+    """Return the page's HTML."""
     scenarios = ", ".join(dict.fromkeys(record.scenario for record in sweep.records))
     title = f"{scenarios}: {len(sweep.records)} trials"
     return page.document(

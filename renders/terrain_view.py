@@ -1,4 +1,5 @@
-"""A terrain that a reader can turn, with the paths flown over it: a block of a report (``mathnavi.renders.page``).
+"""View of a terrain that a reader can turn, with the paths flown over it: a block of a report
+(``mathnavi.renders.page``).
 
 The ground is drawn on its own triangles, in the colours of ``mathnavi.renders.relief``, heights exaggerated as in
 every picture. The nodes travel packed (16 bits a height, 24 a colour) and are unfolded by ``terrain_view.js``; plotly

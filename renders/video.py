@@ -1,6 +1,6 @@
-"""A run as a video or a still: drawn by child processes (``mathnavi.renders.worker``), encoded here.
+"""Video or still of a run: drawn by child processes (``mathnavi.renders.worker``), encoded here.
 
-The frames are dealt to the processes in turn and collected in turn, so the result does not depend on how many draw.
+The frames are dealt to the processes in turn and collected in turn, so the result does not depend on their number.
 """
 
 from __future__ import annotations
@@ -58,12 +58,12 @@ def write_video(
     progress: bool = True,
     codec: Codec = "h264",
 ) -> Path:
-    """Write the video of a run, ``video.mp4`` in its folder unless ``path`` says else, whole or not at all.
+    """Write the video of a run, ``video.mp4`` in its folder if ``path`` is not given, whole or not at all.
 
     MP4, 12 to 25 s for a whole run; "tour" cuts between the cameras, the others stay. ``codec``: H.264 plays
     everywhere, AV1 and VP9 are encoded without a library under the GPL. Raises FileNotFoundError or ArgumentError for a
-    run that is not there or broken, for a camera that it is not drawn by and for a codec that FFmpeg here does not
-    encode, ``opengl.NoOpenGLError`` where there is nothing to draw with.
+    run that is missing or broken, for an unknown camera and for a codec that FFmpeg here does not
+    encode, ``opengl.NoOpenGLError`` if OpenGL is not available.
     """
     _check_codec(codec)
     check_size(width, height)
@@ -117,7 +117,7 @@ def write_still(
     width: int = WIDTH,
     height: int = HEIGHT,
 ) -> Path:
-    """Write a PNG of a run, ``CAMERA.png`` in its folder unless ``path`` says else.
+    """Write a PNG of a run, ``CAMERA.png`` in its folder if ``path`` is not given.
 
     It shows the moment ``t`` [s], by default the middle of the run's highlight; errors as of ``write_video``.
     """
@@ -197,7 +197,7 @@ class _Artists:
             errors.close()
 
     def read(self, artist: int, size: int) -> bytes:
-        """So many bytes of an artist's pictures; DrawingFailedError with its last line of error where it has ended."""
+        """Read a number of bytes of an artist's pictures; DrawingFailedError with its last error if it has ended."""
         data = self._pictures[artist].read(size)
         if len(data) == size:
             return data
@@ -205,7 +205,7 @@ class _Artists:
 
 
 def _check_codec(codec: str) -> None:
-    """ArgumentError for a codec that is not known, or whose encoder this FFmpeg is built without."""
+    """Raise ArgumentError for an unknown codec, or one whose encoder this FFmpeg lacks."""
     known = [name for name, (encoder, _) in ENCODERS.items() if _encodes(encoder)]
     if codec not in known:
         raise ArgumentError(

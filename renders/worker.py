@@ -1,6 +1,6 @@
-"""The child process that draws: a job as JSON on standard input, raw pictures to the files that the job names.
+"""Child process that draws: a job as JSON on standard input, raw pictures to the files that the job names.
 
-Drawing has a process of its own for two reasons: OpenGL's backend must be chosen before mujoco is imported, and
+Drawing has a separate process for two reasons: OpenGL's backend must be chosen before mujoco is imported, and
 two processes draw a video on two cores. ``mathnavi.renders.video`` starts it. With several files it makes the scene,
 the ground's texture above all, and then forks: one process a file, each with its share of the frames.
 """
@@ -52,7 +52,7 @@ def main() -> None:
         for k, output in enumerate(outputs):
             if k != own:
                 os.close(output)
-        # Not closed before the process ends: whoever reads sees the end only when all errors have been written.
+        # Not closed before the process ends: the reader sees the end only when all errors have been written.
         _paint(painter, job["frames"][own :: len(outputs)], open(outputs[own], "wb", closefd=False))  # noqa: SIM115
     for _ in range(1, len(outputs) if own == 0 else 1):
         os.wait()

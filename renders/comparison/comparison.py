@@ -1,4 +1,4 @@
-"""Two results side by side: what a comparison is, whatever is compared, and how its cells are written."""
+"""Comparison of two results side by side, of any kind, and the format of its cells."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Comparison:
 
 
 def differing_fields(left: Mapping[str, Any], right: Mapping[str, Any]) -> Table:
-    """The fields that are not the same on both sides, in the order of the left one's."""
+    """Return the fields that are not the same on both sides, in the order of the left one's."""
     rows = [
         (name, _value(left, name), _value(right, name))
         for name in dict.fromkeys([*left, *right])
@@ -48,11 +48,11 @@ def _value(fields: Mapping[str, Any], name: str) -> str:
 
 
 def differences(left: object, right: object) -> tuple[str, str]:
-    """right - left and right / left, where they are finite numbers; a dash where not."""
+    """Return right - left and right / left if they are finite numbers, else a dash."""
     if not (is_number(left) and is_number(right) and math.isfinite(left) and math.isfinite(right)):
         return UNKNOWN, UNKNOWN
     difference = right - left
     size = abs(difference)
     shown = f"{size:.2g}" if 0.0 < size < LEAST else f"{size:,}" if isinstance(size, int) else number(size)
-    comparable = abs(left) * MOST > abs(right)  # or the left one is round-off, if not nought
+    comparable = abs(left) * MOST > abs(right)  # or the left one is round-off, if not zero
     return f"{'+' if difference > 0 else '−' * bool(size)}{shown}", f"{right / left:.3g}" if comparable else UNKNOWN

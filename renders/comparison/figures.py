@@ -1,4 +1,4 @@
-"""Two runs drawn over each other: their paths on the map they share, their states and errors over time."""
+"""Figures of two runs drawn over each other: their paths on a common map, their states and errors over time."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def run_figures(left: ComparedRun, right: ComparedRun) -> list[Drawn]:
 
 
 def _ground(left: ComparedRun, right: ComparedRun) -> HeightField | None:
-    """The terrain that both runs are over, if they are over one and the same that is still there."""
+    """Return the terrain of both runs, if it is the same and still exists."""
     one, other = (run.config.get("terrain", {}) for run in (left, right))
     if not {"path", "digest"} <= one.keys() or one["digest"] != other.get("digest"):
         return None
@@ -76,7 +76,7 @@ def _map(ground: HeightField, left: ComparedRun, right: ComparedRun) -> Figure:
 
 
 def _panels(left: ComparedRun, right: ComparedRun, names: Sequence[str], curve: Curve) -> Figure:
-    """A panel for each component of the state, in each of them the curves of both runs, of every vehicle."""
+    """Draw a panel for each component of the state, with the curves of both runs and of every vehicle."""
     rows = math.ceil(len(names) / ACROSS)
     with matplotlib.rc_context(STYLE):
         figure = canvas(WIDTH, 0.4 + HEIGHT * rows)

@@ -1,4 +1,4 @@
-"""A comparison on one page: ``FILE.html``, which needs nothing beside itself and no network."""
+"""Page of a comparison: ``FILE.html``, which is self-contained and needs no network."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mathnavi.sim.interfaces.reading.files import read_text
 from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.records.table import Table
 
-MARK = "Written by mathnavi compare."  # by which such a page is known again
+MARK = "Written by mathnavi compare."  # by which such a page is recognised
 COMPARED = {"run": compare_runs, "sweep": compare_sweeps, "study": compare_studies}
 KINDS = {"run": "the run of a scenario", "sweep": "the store of a sweep", "study": "a study"}
 
@@ -38,9 +38,9 @@ def kind_of(path: Path) -> str:
 
 
 def compare(left: Path, right: Path) -> Comparison:
-    """Two results of one kind beside each other.
+    """Compare two results of one kind.
 
-    ArgumentError or FileNotFoundError where there is none or a broken one, and for two that cannot be compared.
+    Raises ArgumentError or FileNotFoundError if one is missing or broken, and for two that cannot be compared.
     """
     kinds = [kind_of(path) for path in (left, right)]
     if kinds[0] != kinds[1]:
@@ -62,7 +62,7 @@ def is_comparison(path: Path) -> bool:
 
 
 def report(comparison: Comparison) -> Markup:
-    """The page's HTML."""
+    """Return the page's HTML."""
     places = page.table((), [(LEFT, comparison.left), (RIGHT, comparison.right)])
     figures = page.figure_blocks(comparison.draw())
     first, *others = comparison.tables

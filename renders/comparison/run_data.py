@@ -1,4 +1,4 @@
-"""A finished run as far as it is compared: what was asked for, what came out, states and estimates over time."""
+"""Data of a finished run for a comparison: its request, its results, states and estimates over time."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class StateHistory:
 
 @dataclass(frozen=True, eq=False)
 class ComparedRun:
-    """A finished run as far as it is compared."""
+    """Data of a finished run for a comparison."""
 
     folder: Path
     config: Mapping[str, Any]
@@ -43,7 +43,7 @@ class ComparedRun:
 
     @property
     def fields(self) -> dict[str, Any]:
-        """All that was asked for by the names of the command line, and over what and with which versions it was."""
+        """Return all requested fields by their names on the command line, with the terrain and the versions."""
         named: dict[str, Any] = {"seed": self.config["seed"], **flattened(self.config.get("fields", {}))}
         for part, prefix in (("controller", "planner."), ("estimator", "estimator.")):
             entry = self.config.get(part, {})
@@ -58,7 +58,7 @@ class ComparedRun:
 
 
 def read_run(folder: Path) -> ComparedRun:
-    """The run in a folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
+    """The run in a folder; FileNotFoundError if a file is missing, RunFolderError if one is broken."""
     states = read_state_names(folder)
     logs = read_fleet(folder).vehicles if len(states) > 1 else {"": read_log(folder, may_diverge=True)}
     histories = {name: _history(log) for name, log in logs.items()}

@@ -1,4 +1,4 @@
-"""Two runs of one scenario beside each other: fields, figures of the summary, and their states over time."""
+"""Comparison of two runs of one scenario: fields, figures of the summary, and their states over time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LEFT_OUT = ("seed", "version", SHORTFALL)  # among the fields, or in the sentenc
 
 
 def compare_runs(left: Path, right: Path) -> Comparison:
-    """Two runs; errors as of ``read_run``, and ArgumentError for runs of different scenarios."""
+    """Compare two runs; errors as of ``read_run``, and ArgumentError for runs of different scenarios."""
     one, other = read_run(left), read_run(right)
     scenarios = one.config["scenario"], other.config["scenario"]
     if scenarios[0] != scenarios[1]:
@@ -47,7 +47,7 @@ def _verdict(one: ComparedRun, other: ComparedRun) -> str:
 
 
 def _summaries(left: Mapping[str, Any], right: Mapping[str, Any]) -> Table:
-    """The figures of the summaries in their groups; what a clock measured is apart, as the machine's doing."""
+    """Return figures of the summaries in their groups; wall-clock times, which depend on the machine, are separate."""
     grouped = {key for keys in SUMMARY_GROUPS.values() for key in keys}
     left_out = {*LEFT_OUT, "efficiency_basis"}
     if left.get("efficiency") is right.get("efficiency") is None:

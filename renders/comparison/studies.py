@@ -1,4 +1,4 @@
-"""Two sets of studies beside each other: which claims have another verdict, and which another figure."""
+"""Comparison of two sets of studies: claims with another verdict, and claims with another figure."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Name = tuple[str, str]  # of a study and of its terrain, "" for none
 
 @dataclass(frozen=True)
 class StudyDocument:
-    """The document that a study writes: what was done, and its claims."""
+    """Document that a study writes: its configuration, and its claims."""
 
     fields: Mapping[str, Any]  # what it was done on and with
     claims: Mapping[str, Claim]  # by id
@@ -86,7 +86,7 @@ def compare_studies(left: Path, right: Path) -> Comparison:
 
 @dataclass(frozen=True)
 class ClaimPair:
-    """One claim on both sides; None where it is not."""
+    """Claim on both sides; None where it is missing."""
 
     study: str
     id: str

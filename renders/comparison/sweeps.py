@@ -1,10 +1,10 @@
-"""Two sweeps of one scenario beside each other: rates with their limits, medians with their bands.
+"""Comparison of two sweeps of one scenario: rates with their limits, medians with their bands.
 
-Trials of both sweeps with the same seed are the same mission, or nearly so, and no independent samples; where every
+Trials of both sweeps with the same seed are the same mission, or nearly so, and not independent samples; if every
 seed is in either sweep once at most, the trials are paired. Of b pairs in which an event happened on the left only and
 c in which it did on the right only, b is binomial with probability 1/2 if neither is more likely: the sides differ if
-the Clopper-Pearson limits of b / (b + c) leave out 1/2. Without pairs they differ if their own limits do not overlap,
-which is more than is needed.
+the Clopper-Pearson limits of b / (b + c) exclude 1/2. Without pairs they differ if their own limits do not overlap,
+which is sufficient but not necessary.
 """
 
 from __future__ import annotations
@@ -30,7 +30,9 @@ Pairs = Sequence[tuple[Record, Record]]
 
 
 def read_sweep(path: Path) -> list[Record]:
-    """The records of a store; ValueError for a file that is none, for an empty one and for one of several scenarios."""
+    """Return the records of a store; ValueError for a file that is not a store, an empty one, or one of several
+    scenarios.
+    """
     with Store.existing(path) as store:
         records = store.records()
     scenarios = sorted({record.scenario for record in records})

@@ -21,7 +21,7 @@ def metres(length: float) -> str:
 
 
 def _agreement(run: FleetRun, t: float) -> tuple[str, str]:
-    """The time of arrival that the vehicles fly by, and how long it is till then."""
+    """Return the agreed time of arrival of the vehicles, and the time left until then."""
     agreed = run.agreed(t)
     known = agreed[np.isfinite(agreed)]
     if len(known) < len(agreed):
@@ -39,7 +39,7 @@ def _legend(run: FleetRun) -> list[Key]:
 
 
 def overlay(run: FleetRun, frame: Frame) -> Overlay:
-    """The overlay of a frame."""
+    """Return the overlay of a frame."""
     count = len(run.flights)
     over = frame.t >= run.duration
     title = [f"mathnavi · {run.config['scenario']} · {run.terrain.name} · seed {run.config['seed']}"]

@@ -21,7 +21,7 @@ MOST_NAMED = 8  # starts that have a name in the view of the terrain: of more th
 
 
 def report(run: FleetRun) -> Markup:
-    """The report's HTML."""
+    """Return the report's HTML."""
     opening = (
         _terrain(run),
         *_pictures(run),

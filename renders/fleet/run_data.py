@@ -1,4 +1,4 @@
-"""A finished run of a fleet as pictures need it: a flight for each vehicle, and what there is only between them."""
+"""Data of a finished run of a fleet for pictures: a flight for each vehicle, and quantities between them."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def _mission_of(name: str) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
 
 
 def load_run(directory: str | Path) -> FleetRun:
-    """Read a fleet's run; FileNotFoundError where something is missing, RunFolderError where it is broken."""
+    """Read a fleet's run; FileNotFoundError if a file is missing, RunFolderError if one is broken."""
     log = read_fleet(directory)
     path = log.directory / CONFIG
     try:

@@ -58,7 +58,7 @@ APART = 17.0  # [pixels] at a picture 720 pixels high, between two labels
 
 
 class FleetScene(Staged):
-    """A context manager, see ``Staged``."""
+    """Scene as a context manager, see ``Staged``."""
 
     def __init__(self, run: FleetRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
         self.run = run
@@ -75,7 +75,7 @@ class FleetScene(Staged):
         self.stage = Stage(self.model, width, height, glow=0.75)
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
-        """The picture at time ``t`` [s]; ``turn`` [degrees] turns the overview and the arrival."""
+        """Draw the picture at time ``t`` [s]; ``turn`` [degrees] turns the overview and the arrival."""
         near = camera == "arrival"
         view = self._arrival(t, turn) if near else self._land.view(camera, self.run.course, turn, self._aspect)
         self.stage.look(view, ARRIVAL if near else OPTICS[camera], (TRUE_WORLD if near else TALL_WORLD, AIRFRAME))

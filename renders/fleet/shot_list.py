@@ -1,7 +1,7 @@
 """Shot list of the video of a fleet's run, and the annotations over it.
 
 The long way is shown by the overview and the top view; the last half minute, in which all arrive, has a third of the
-tour and a camera of its own.
+tour and its own camera.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ ANNOTATED = {  # kinds of events that a video shows; the rest is for the report
 
 
 def highlight(run: FleetRun) -> tuple[float, float]:
-    """Times [s] between which there is most to see: while all arrive."""
+    """Return the times [s] between which there is most to see: while all arrive."""
     return run.duration - min(CLOSING, MOST_CLOSING * run.duration), run.duration
 
 
 def verdict(run: FleetRun) -> str:
-    """Outcome of the run in a few words."""
+    """Return the outcome of the run in a few words."""
     count = len(run.flights)
     if run.everybody_arrived:
         return f"all {count} arrived within {run.spread:.2f} s"
@@ -39,7 +39,7 @@ def verdict(run: FleetRun) -> str:
 
 
 def annotations_of(run: FleetRun) -> list[Annotation]:
-    """Annotations of a video, in order of time; of each kind of event only the first."""
+    """Return the annotations of a video, in order of time; of each kind of event only the first."""
     found = {verdict(run): run.duration}
     for event in run.events:
         if event.kind in ANNOTATED:
@@ -52,7 +52,7 @@ def annotations_of(run: FleetRun) -> list[Annotation]:
 
 
 def shot_list(run: FleetRun, direction: str = TOUR) -> list[Shot]:
-    """Shots of a video by one of the cameras or of the tour, in order; they cover the whole run."""
+    """Return the shots of a video by one of the cameras or of the tour, in order; they cover the whole run."""
     end = run.duration
     if direction != TOUR:
         return consecutive((0.0, end, end), ((direction, FORCED_LENGTH), (direction, LAST_MOMENT)))

@@ -27,7 +27,7 @@ SLOT_DISTANCE = 6.0  # of the camera before the slots, in their greatest distanc
 
 
 def web_scene(run: FleetRun) -> WebScene:
-    """The scene of a fleet's flight."""
+    """Return the scene of a fleet's flight."""
     motions, domes = radar_domes(run.flights[0].mission.radars, run.terrain, run.duration)
     surfaces, lines, marks, cameras = [*ground(run.terrain), *domes], [], [], []
     for (name, flight), colour in zip(run.vehicles.items(), run.colours, strict=True):

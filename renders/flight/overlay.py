@@ -43,7 +43,7 @@ def phase_name(run: FlightRun, t: float) -> str:
 
 
 def overlay(run: FlightRun, frame: Frame) -> Overlay:
-    """The overlay of a frame."""
+    """Return the overlay of a frame."""
     i = run.index(frame.t)
     ground, speed = run.above_ground[i], float(np.linalg.norm(run.x[i, 3:]))
     title = [f"mathnavi · {run.config['scenario']} · {run.terrain.name} · seed {run.config['seed']}"]

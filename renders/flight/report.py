@@ -1,4 +1,4 @@
-"""A flight on one page: the overview as a picture where OpenGL is at hand, and the terrain that can be turned."""
+"""Report of a flight on one page: the overview if OpenGL is available, and a terrain that can be turned."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PLAN_STEP = 0.5  # [s] between the points of a plan that is drawn
 
 
 def report(run: FlightRun) -> Markup:
-    """The report's HTML."""
+    """Return the report's HTML."""
     flight = page.section("The flight", *page.figure_blocks(_figures(run)))
     return run_page(run, _headline(run), (_terrain(run), _overview(run)), (flight,), script=script())
 

@@ -1,4 +1,4 @@
-"""A finished flight as pictures need it: what was flown, over which ground, behind which plans.
+"""Data of a finished flight for pictures: the path, the ground, the plans.
 
 Everything comes from the run's folder (``mathnavi.sim.records.run_folder``) and from the terrain that config.json
 names; its digest shows whether that is still the terrain that was flown over.
@@ -114,7 +114,7 @@ def antennas(run: FlightRun) -> list[tuple[float, float, float, float]]:
 
 
 def load_run(directory: str | Path) -> FlightRun:
-    """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
+    """Read a run's folder; FileNotFoundError if a file is missing, RunFolderError if one is broken."""
     log = read_log(directory)
     return flight_of(log, lambda mission: mission)
 
@@ -153,7 +153,7 @@ def flight_of(log: RunLog, mission_of: Callable[[Mapping[str, Any]], Mapping[str
 
 
 def terrain_of(place: Mapping[str, Any]) -> HeightField:
-    """The ground as it was, from what config.json says of the terrain."""
+    """Return the ground at the time of the run, from the terrain in config.json."""
     return with_hills(load_terrain(place.get("path") or place["name"]), hills_of(place.get("hills", ())))
 
 

@@ -42,7 +42,7 @@ DOME = np.stack([np.cos(_ANGLE) * np.cos(_RISE), np.sin(_ANGLE) * np.cos(_RISE),
 
 
 class FlightScene(Staged):
-    """A context manager, see ``Staged``."""
+    """Scene as a context manager, see ``Staged``."""
 
     def __init__(self, run: FlightRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
         self.run = run
@@ -53,7 +53,7 @@ class FlightScene(Staged):
         self.stage = Stage(self.model, width, height, glow=0.75)
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
-        """The picture at time ``t`` [s]; ``turn`` [degrees] turns the overview around the map."""
+        """Draw the picture at time ``t`` [s]; ``turn`` [degrees] turns the overview around the map."""
         view = self._chase.view(t) if camera == "chase" else self._map_view(camera, turn)
         optics = CHASE if camera == "chase" else OPTICS[camera]
         self.stage.look(view, optics, (TRUE_WORLD if camera == "chase" else TALL_WORLD, AIRFRAME))

@@ -39,7 +39,7 @@ ANNOTATED = {  # kinds of events that a video shows; the rest is for the report
 
 
 def highlight(run: FlightRun) -> tuple[float, float]:
-    """Times [s] between which there is most to see: from where a radar pops up until it is passed.
+    """Return the times [s] between which there is most to see: from where a radar pops up until it is passed.
 
     Without such a radar it is a stretch about the moment at which the ground is closest in mid-flight.
     """
@@ -63,7 +63,7 @@ def highlight(run: FlightRun) -> tuple[float, float]:
 
 
 def annotations_of(run: FlightRun) -> list[Annotation]:
-    """Annotations of a video, in order of time; of each kind of event only the first."""
+    """Return the annotations of a video, in order of time; of each kind of event only the first."""
     found = {"arrived" if run.summary.get("arrived") else "did not arrive": run.duration}
     for event in run.events:
         if event.kind in ANNOTATED:
@@ -87,7 +87,7 @@ def _changes(run: FlightRun) -> list[tuple[float, str]]:
 
 
 def shot_list(run: FlightRun, direction: str = TOUR) -> list[Shot]:
-    """Shots of a video by one of the cameras or of the tour, in order; they cover the whole flight."""
+    """Return the shots of a video by one of the cameras or of the tour, in order; they cover the whole flight."""
     end = run.duration
     if direction != TOUR:
         return consecutive((0.0, end, end), ((direction, FORCED_LENGTH), (direction, LAST_MOMENT)))

@@ -30,7 +30,7 @@ CHASE_DISTANCE, CHASE_BEHIND, CHASE_SPAN = 1300.0, 4.0, 0.15  # [m], [s], of the
 
 
 def web_scene(run: FlightRun) -> WebScene:
-    """The scene of a flight."""
+    """Return the scene of a flight."""
     mission, terrain = run.mission, run.terrain
     layer = Layer.for_element(SceneElement.FLOWN)
     radar_motions, domes = radar_domes(mission.radars, terrain, run.duration)

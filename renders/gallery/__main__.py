@@ -1,8 +1,8 @@
-"""``make gallery``: the committed pictures once more, by the very commands that README.md names beside each.
+"""``make gallery``: the committed pictures made again, by the commands that README.md names for each.
 
     python -m mathnavi.renders.gallery [NAME ...]
 
-Without a name all of them, which takes hours: pictures of studies are those of whole studies. A name stands with or
+Without a name all of them, which takes hours: pictures of studies are those of whole studies. A name is given with or
 without its ending, or is a pattern: ``safe_flight``, ``safe_flight.png``, ``"*.webp"``. Exit code 0: all were made;
 1: some were not, each reported in one line; 2: there is no such picture.
 """
@@ -20,7 +20,7 @@ from mathnavi.renders.gallery.table import HERE, README, Command, GalleryPicture
 from mathnavi.sim.interfaces.reading.files import read_text
 
 ROOT = HERE.parent.parent
-MISSIONS = 0, 1  # exit codes of a command that ran, whatever came of the mission or the claims
+MISSIONS = 0, 1  # exit codes of a command that ran, for any result of the mission or the claims
 
 
 def main(wanted: Sequence[str]) -> int:
@@ -43,7 +43,7 @@ def main(wanted: Sequence[str]) -> int:
 
 
 def _make(entry: GalleryPicture, done: dict[Command, str]) -> Path:
-    """Run what makes a picture, as far as that has not been run, and put it here."""
+    """Run the commands of a picture that have not been run, and put it here."""
     for command in entry.commands:
         _check(command)
         if command not in done:
@@ -63,7 +63,7 @@ def _make(entry: GalleryPicture, done: dict[Command, str]) -> Path:
 
 
 def _check(command: Command) -> None:
-    """A command that needs what is not here is not begun."""
+    """Raise an error for a command whose requirements are missing, before it begins."""
     if shutil.which(command[0]) is None and not (ROOT / command[0]).is_file():
         raise FileNotFoundError(f"{command[0]} is not installed")
     for word in command:

@@ -1,4 +1,4 @@
-"""The table of README.md beside this file: which committed picture is made by which commands.
+"""Table of README.md next to this file: the commands that make each committed picture.
 
 A row is ``| [NAME](NAME) | what it shows | `command`, then `command` |``. The commands are run from the repository's
 root, and the last one makes the picture:
@@ -32,7 +32,7 @@ Command = tuple[str, ...]
 
 @dataclass(frozen=True)
 class GalleryPicture:
-    """A picture, and how it is made."""
+    """Picture, with the commands that make it."""
 
     name: str
     commands: tuple[Command, ...]

@@ -1,4 +1,4 @@
-"""The board: all charts of the states at once, with the time so far; the one camera of a run without bodies."""
+"""Board with all charts of the states up to the present time; the only camera of a run without bodies."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Board:
         self._blitted = Blitted(figure, (*self._cursors, self._heading, self._annotation), dpi)
 
     def picture(self, t: float, heading: str, annotation: str) -> Picture:
-        """(height, width, 3)."""
+        """Draw the picture (height, width, 3)."""
         for cursor in self._cursors:
             cursor.set_xdata([t, t])
         self._heading.set_text(heading)
@@ -55,7 +55,7 @@ class GenericPainter:
         self._run, self._scene, self._size = run, scene, (width, height)
 
     def paint(self, frame: Frame) -> Picture:
-        """(height, width, 3)."""
+        """Draw the picture (height, width, 3)."""
         if frame.camera != BOARD and self._scene is not None:
             return self._scene.paint(frame)
         if frame.brief:
@@ -74,7 +74,7 @@ class GenericPainter:
 
 @contextmanager
 def painting(run: GenericRun, width: int, height: int, samples: int) -> Iterator[GenericPainter]:
-    """A painter of pictures of a size in pixels."""
+    """Return a painter of pictures of a size in pixels."""
     with matplotlib.rc_context(STYLE):
         if run.scene is None:
             yield GenericPainter(run, None, width, height)

@@ -8,11 +8,11 @@ from mathnavi.renders.generic.shot_list import short_verdict
 from mathnavi.renders.overlay import Key, Overlay, pace
 from mathnavi.renders.palette import SceneElement, vehicle_colour
 
-MOST_VALUES = 2  # of the state, beside the time
+MOST_VALUES = 2  # of the state, next to the time
 
 
 def overlay(run: GenericRun, frame: Frame) -> Overlay:
-    """The overlay of a frame."""
+    """Return the overlay of a frame."""
     assert run.scene is not None
     parts = f"{_plain(run.config, 'controller')}, {_plain(run.config, 'estimator')}"
     name, log = next(iter(run.vehicles.items()))
@@ -35,7 +35,7 @@ def overlay(run: GenericRun, frame: Frame) -> Overlay:
 
 
 def _plain(config: object, part: str) -> str:
-    """Name of a plug-in, of a stranger's the class alone."""
+    """Return the name of a plug-in, only the class for a third-party one."""
     record = config.get(part) if isinstance(config, dict) else None
     name = str(record.get("name", "")) if isinstance(record, dict) else ""
     return name.rpartition(":")[2].rpartition(".")[2]

@@ -18,7 +18,7 @@ MOST_TILES = 5
 
 
 def report(run: GenericRun) -> Markup:
-    """The report's HTML."""
+    """Return the report's HTML."""
     charts = page.section("States, inputs and errors", *page.figure_blocks(_figures(run)))
     return run_page(run, _headline(run), (*_pictures(run), charts), by_vehicle=len(run.vehicles) > 1)
 

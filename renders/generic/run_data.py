@@ -1,4 +1,4 @@
-"""A run as it is drawn where its scenario has no drawing: its log by vehicle, and its scene if it has one."""
+"""Data of a run whose scenario has no drawing: its log by vehicle, and its scene if it has one."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class GenericRun:
 
 @dataclass(frozen=True, eq=False)
 class RecordedEstimates:
-    """Estimates beside the truth, of a vehicle whose estimator estimates its state."""
+    """Estimates with the truth, of a vehicle whose estimator estimates its state."""
 
     t: Array  # (k,) [s]
     x: Array  # (k, nx)
@@ -76,7 +76,7 @@ def estimates(log: RunLog) -> RecordedEstimates | None:
 
 
 def load_run(directory: str | Path) -> GenericRun:
-    """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
+    """Read a run's folder; FileNotFoundError if a file is missing, RunFolderError if one is broken."""
     folder, states = Path(directory), read_state_names(directory)
     if len(states) > 1:
         fleet = read_fleet(folder)

@@ -40,7 +40,7 @@ _GROUP = 1
 
 
 class GenericScene(Staged):
-    """A context manager, see ``Staged``."""
+    """Scene as a context manager, see ``Staged``."""
 
     def __init__(self, run: GenericRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
         assert run.scene is not None
@@ -66,7 +66,7 @@ class GenericScene(Staged):
             self._own.setdefault(camera_name(name), k)
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
-        """The picture at time ``t`` [s]; ``turn`` [degrees] turns the tracking camera."""
+        """Draw the picture at time ``t`` [s]; ``turn`` [degrees] turns the tracking camera."""
         stage, k = self.stage, index(self._scene.t, t)
         pos, quat = self._pose("", k)
         stage.data.mocap_pos[:], stage.data.mocap_quat[:] = pos[1:], quat[1:]

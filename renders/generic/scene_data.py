@@ -1,4 +1,4 @@
-"""The arrays of a scene (``mathnavi.sim.engine.scene_record``), checked: what a forged file says reaches no library."""
+"""Validated arrays of a scene (``mathnavi.sim.engine.scene_record``): forged data in a file reach no library."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _INDICES = ("geom.body", "geom.type", "geom.data", "camera.body", "vehicle_bodie
 
 @dataclass(frozen=True)
 class PlanPaths:
-    """Paths along which a vehicle's plans lead."""
+    """Paths of a vehicle's plans."""
 
     t: Array  # (k,) [s] of breakpoints of all plans, one plan after the other
     pos: Array  # (k, 3) [m]
@@ -68,7 +68,7 @@ class PlanPaths:
 
 @dataclass(frozen=True, eq=False)
 class SceneData:
-    """A scene whose arrays fit together."""
+    """Scene whose arrays are consistent."""
 
     arrays: Mapping[str, Array]
     plans: Mapping[str, PlanPaths]  # by vehicle
@@ -106,7 +106,7 @@ class SceneData:
 
 
 def scene_data(arrays: Mapping[str, Array], where: str) -> SceneData:
-    """The scene in a file's arrays; RunFolderError, with the place ``where`` it was read, for arrays that are none."""
+    """Return the scene in a file's arrays; RunFolderError, with the place ``where`` it was read, for wrong arrays."""
 
     def refused(why: str) -> RunFolderError:
         return RunFolderError(f"{where}/{SCENE}: {why}")

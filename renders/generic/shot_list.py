@@ -19,17 +19,17 @@ _CUTS = ((0.0, "fixed"), (0.35, "track"), (0.75, "fixed"))  # shares of the run 
 
 
 def camera_name(name: str) -> str:
-    """Name under which a camera of the model is asked for, and which its files have: "skiff/bow" is "skiff-bow"."""
+    """Return the name of a camera of the model on the command line and in files: "skiff/bow" is "skiff-bow"."""
     return name.replace("/", "-")
 
 
 def highlight(run: GenericRun) -> tuple[float, float]:
-    """Times [s] between which there is most to see."""
+    """Return the times [s] between which there is most to see."""
     return 0.4 * run.duration, 0.7 * run.duration
 
 
 def annotations_of(run: GenericRun) -> list[Annotation]:
-    """Annotations of a video, in order of time: the first event of each kind, and how the run ended."""
+    """Return the annotations of a video, in order of time: the first event of each kind, and how the run ended."""
     first: dict[str, float] = {}
     for event in run.events:
         first.setdefault(described(event)[0], event.t)
@@ -38,7 +38,7 @@ def annotations_of(run: GenericRun) -> list[Annotation]:
 
 
 def verdict(run: GenericRun) -> str:
-    """Outcome of the run in a few words."""
+    """Return the outcome of the run in a few words."""
     return "the mission did what it should" if SHORTFALL not in run.summary else "the mission did not do what it should"
 
 
@@ -48,7 +48,7 @@ def short_verdict(run: GenericRun) -> str:
 
 
 def shot_list(run: GenericRun, direction: str = TOUR) -> list[Shot]:
-    """Shots of a video by one of the cameras or of the tour, in order; they cover the whole run."""
+    """Return the shots of a video by one of the cameras or of the tour, in order; they cover the whole run."""
     end, length = run.duration, float(np.clip(run.duration, *LENGTHS))
     if direction != TOUR or run.scene is None:
         camera = BOARD if direction == TOUR else direction

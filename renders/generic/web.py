@@ -21,7 +21,7 @@ SMALLEST = 0.05  # of the extent: a vehicle that is smaller is seen from as far 
 
 
 def web_scene(run: GenericRun) -> WebScene:
-    """The scene of a run; without a recorded scene charts alone."""
+    """Return the scene of a run; without a recorded scene charts alone."""
     if run.scene is None:
         return WebScene(run.title, run.duration, ())
     scene = run.scene

@@ -41,10 +41,10 @@ class ChartScene:
         return None
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
-        """The picture at time ``t`` [s]."""
+        """Draw the picture at time ``t`` [s]."""
         self._drawing.show(t)
         return self._blitted.picture()
 
     def labels(self, t: float, camera: str) -> list[Label]:
-        """Nothing is named: the legend says what there is."""
+        """Return no labels: the legend names all elements."""
         return []

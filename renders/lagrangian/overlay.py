@@ -30,7 +30,7 @@ def subject(run: LagrangianRun) -> str:
 
 
 def overlay(run: LagrangianRun, frame: Frame) -> Overlay:
-    """The overlay of a frame."""
+    """Return the overlay of a frame."""
     config, k = run.log.config, run.belief(frame.t)
     estimator = called("estimators", str(config["estimator"]["name"])).rpartition(":")[2].replace("_", " ")
     speed = float(np.linalg.norm(run.log.x[run.index(frame.t), run.manifold.size :]))

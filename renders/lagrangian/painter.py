@@ -35,7 +35,7 @@ class LagrangianPainter:
     stack: ExitStack
 
     def paint(self, frame: Frame) -> Picture:
-        """(height, width, 3)."""
+        """Draw the picture (height, width, 3)."""
         if frame.camera == "scene":
             return self._whole.paint(frame)
         return np.hstack([self._beside.paint(frame), self._panel.picture(frame.t)])
@@ -63,6 +63,6 @@ class LagrangianPainter:
 
 @contextmanager
 def painting(run: LagrangianRun, width: int, height: int, samples: int) -> Iterator[LagrangianPainter]:
-    """A painter of pictures of a size in pixels; OpenGL's backend must have been chosen."""
+    """Return a painter of pictures of a size in pixels; OpenGL's backend must have been chosen."""
     with ExitStack() as stack:
         yield LagrangianPainter(run, width, height, samples, stack)

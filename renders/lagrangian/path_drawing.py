@@ -56,7 +56,7 @@ class PathDrawing:
         return [*self._lines.values(), *self._dots.values()]
 
     def show(self, t: float) -> None:
-        """Everything up to ``t`` [s]."""
+        """Show everything up to ``t`` [s]."""
         run, n, now = self._run, self._run.manifold.size, self._run.index(t)
         recent = run.index(t - RECENT)
         self._draw("past", run.log.x[_thinned(0, recent), :n])

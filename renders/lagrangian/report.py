@@ -12,7 +12,7 @@ from mathnavi.renders.report import Headline, event_figures, run_page, still_blo
 
 
 def report(run: LagrangianRun) -> Markup:
-    """The report's HTML."""
+    """Return the report's HTML."""
     config = run.log.config
     title = f"{config['scenario']}, {run.space or run.mechanism}, seed {config['seed']}"
     errors = page.section("Errors", *page.figure_blocks(_errors(run)))

@@ -1,4 +1,4 @@
-"""A run of a Lagrangian system as pictures need it: true and estimated positions and velocities."""
+"""Data of a run of a Lagrangian system for pictures: true and estimated positions and velocities."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ class LagrangianRun(LoggedRun):
 
 
 def load_run(directory: str | Path) -> LagrangianRun:
-    """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
+    """Read a run's folder; FileNotFoundError if a file is missing, RunFolderError if one is broken."""
     log = read_log(directory, may_diverge=True)
     try:
         return _described(log, log.config["mission"], log.arrays)

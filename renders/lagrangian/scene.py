@@ -41,7 +41,7 @@ BULK = 0.6  # of the sphere around a geom that it fills, more or less
 
 
 class MechanismScene(Staged):
-    """A context manager, see ``Staged``."""
+    """Scene as a context manager, see ``Staged``."""
 
     def __init__(self, run: LagrangianRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
         self.run = run
@@ -70,7 +70,7 @@ class MechanismScene(Staged):
         self._scale = (TURNING if run.is_ball else ARROW) * self._size / max(float(np.max(speeds)), 1e-9)
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
-        """The picture at time ``t`` [s]."""
+        """Draw the picture at time ``t`` [s]."""
         stage = self.stage
         stage.look(self._view, OPTICS, GROUPS)
         stage.data.qpos[:] = self.run.position(t)
@@ -81,7 +81,7 @@ class MechanismScene(Staged):
         return stage.end(sky=False)
 
     def labels(self, t: float, camera: str) -> list[Label]:
-        """Nothing is named: the legend says what there is."""
+        """Return no labels: the legend names all elements."""
         return []
 
     def _add_ghosts(self, t: float) -> None:

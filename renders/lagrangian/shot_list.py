@@ -35,7 +35,7 @@ def slow_until(run: LagrangianRun) -> float:
 
 
 def highlight(run: LagrangianRun) -> tuple[float, float]:
-    """Times [s] between which there is most to see: while the velocity is found; else the middle of the run."""
+    """Return times [s] between which there is most to see: while the velocity is found; else the middle of the run."""
     if not run.has_begun_wrong:
         return 0.4 * run.duration, 0.6 * run.duration
     return 0.0, 0.6 * slow_until(run)
@@ -54,7 +54,7 @@ def amount(value: float) -> str:
 
 
 def verdict(run: LagrangianRun) -> str:
-    """Outcome of the run in a few words."""
+    """Return the outcome of the run in a few words."""
     if run.diverged:
         return f"the motion diverged after {run.duration:.3g} s"
     rms = run.log.summary.get("velocity_rms")
@@ -64,7 +64,7 @@ def verdict(run: LagrangianRun) -> str:
 
 
 def annotations_of(run: LagrangianRun) -> list[Annotation]:
-    """Annotations of a video, in order of time; of each change of status only the first."""
+    """Return the annotations of a video, in order of time; of each change of status only the first."""
     shown = [(run.duration, verdict(run))]
     known = run.t_estimate[run.errors.found > 0.0]
     if not len(known):
@@ -86,7 +86,7 @@ def annotations_of(run: LagrangianRun) -> list[Annotation]:
 
 
 def shot_list(run: LagrangianRun, direction: str = TOUR) -> list[Shot]:
-    """Shots of a video by one of the cameras or of the tour, in order; they cover the whole run."""
+    """Return the shots of a video by one of the cameras or of the tour, in order; they cover the whole run."""
     camera = CAMERAS[0] if direction == TOUR else direction
     slow, end = slow_until(run), run.duration
     length = float(np.clip(end - slow, *LENGTHS))

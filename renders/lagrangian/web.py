@@ -30,7 +30,7 @@ OVER = 1.004  # of a globe: where lines on it are drawn
 
 
 def web_scene(run: LagrangianRun) -> WebScene:
-    """The scene of a run."""
+    """Return the scene of a run."""
     return _mechanism(run) if run.mechanism is not None else _surface(run)
 
 

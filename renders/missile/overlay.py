@@ -14,7 +14,7 @@ LEGEND = (SceneElement.FLOWN, SceneElement.PLAN, SceneElement.TARGET, SceneEleme
 
 
 def overlay(run: MissileRun, frame: Frame) -> Overlay:
-    """The overlay of a frame."""
+    """Return the overlay of a frame."""
     i = run.index(frame.t)
     x = run.coordinates.in_space(run.x[i])
     case, config = run.log.config["mission"]["case"]["name"], run.log.config

@@ -14,7 +14,7 @@ from mathnavi.renders.report import Headline, event_figures, run_page, solve_fig
 
 
 def report(run: MissileRun) -> Markup:
-    """The report's HTML."""
+    """Return the report's HTML."""
     case = run.log.config["mission"]["case"]["name"]
     title = f"{run.log.config['scenario']}, case {case}, seed {run.log.config['seed']}"
     path = page.section("The path", page.figure_block(figures.path_figure(run), "path", _path_caption(run)))

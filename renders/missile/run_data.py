@@ -1,4 +1,4 @@
-"""A finished missile run as pictures need it: path, plans and target in the world's frame (x ahead, y left, z up).
+"""Data of a finished missile run for pictures: path, plans and target in the world's frame (x ahead, y left, z up).
 
 The world is turned by the azimuth of the run (``mathnavi.models.missile.mission_frame``).
 """
@@ -122,7 +122,7 @@ class MissileRun(LoggedRun):
 
 
 def load_run(directory: str | Path) -> MissileRun:
-    """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
+    """Read a run's folder; FileNotFoundError if a file is missing, RunFolderError if one is broken."""
     log = read_log(directory)
     try:
         run = _described(log, read_mission(MissileRecord, log.config["mission"]))

@@ -43,7 +43,7 @@ FLAME, CORE = (1.0, 0.42, 0.05), (1.0, 0.88, 0.55)
 
 
 class MissileScene(Staged):
-    """A context manager, see ``Staged``."""
+    """Scene as a context manager, see ``Staged``."""
 
     def __init__(self, run: MissileRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
         self.run = run
@@ -57,7 +57,7 @@ class MissileScene(Staged):
         self._largest_force = max(float(force.max()), run.weight)
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
-        """The picture at time ``t`` [s]; ``turn`` [degrees] turns the chase camera."""
+        """Draw the picture at time ``t`` [s]; ``turn`` [degrees] turns the chase camera."""
         run, stage = self.run, self.stage
         view = self._side
         if camera != "side":

@@ -25,7 +25,7 @@ FORCED_LENGTH = 11.0  # [s of video] before the last shot, where one camera film
 
 
 def highlight(run: MissileRun) -> tuple[float, float]:
-    """Times [s] between which there is most to see: the dive, the last third of the flight."""
+    """Return the times [s] between which there is most to see: the dive, the last third of the flight."""
     return 0.7 * run.duration, 0.94 * run.duration
 
 
@@ -37,14 +37,14 @@ def closing(run: MissileRun) -> float:
 
 
 def verdict(run: MissileRun) -> str:
-    """Outcome of the run in a few words."""
+    """Return the outcome of the run in a few words."""
     miss = run.approach.miss
     distance = "under 1 mm" if miss < 1e-3 else f"{100.0 * miss:.1f} cm" if miss < 1.0 else f"{miss:.1f} m"
     return f"hit, {distance} off" if miss <= run.miss_allowed else f"missed by {distance}"
 
 
 def annotations_of(run: MissileRun) -> list[Annotation]:
-    """Annotations of a video, in order of time."""
+    """Return the annotations of a video, in order of time."""
     found = {verdict(run): run.approach.t}
     for event in run.log.events:
         if event.kind == "input-clipped":
@@ -56,7 +56,7 @@ def annotations_of(run: MissileRun) -> list[Annotation]:
 
 
 def shot_list(run: MissileRun, direction: str = TOUR) -> list[Shot]:
-    """Shots of a video by one of the cameras or of the tour, in order; they cover the whole flight."""
+    """Return the shots of a video by one of the cameras or of the tour, in order; they cover the whole flight."""
     end, close = run.duration, closing(run)
     if direction != TOUR:
         lengths = (FORCED_LENGTH, CLOSING_LENGTH, LAST_MOMENT)

@@ -30,7 +30,7 @@ FIELD_OF_VIEW, FREE = 30.0, Box(0.06, 0.94, 0.12, 0.85)
 
 
 def web_scene(run: MissileRun) -> WebScene:
-    """The scene of a missile's flight."""
+    """Return the scene of a missile's flight."""
     model = build_spec(run.coordinates, run.input_max.tolist()).compile()
     half = len(run.coordinates.joints)
     rows = thinned_rows(len(run.t), 1500)

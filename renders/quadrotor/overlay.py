@@ -14,7 +14,7 @@ LEGEND = (SceneElement.FLOWN, SceneElement.OPTIMISED, SceneElement.MANOEUVRE, Sc
 
 
 def overlay(run: QuadrotorRun, frame: Frame) -> Overlay:
-    """The overlay of a frame."""
+    """Return the overlay of a frame."""
     flight = run.flight
     i, mission = flight.index(frame.t), flight.mission
     speed, clearance, tilt = float(np.linalg.norm(flight.x[i, 3:])), float(run.clearance[i]), float(run.tilt[i])

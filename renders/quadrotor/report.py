@@ -20,7 +20,7 @@ PLAN_STEP = 0.2  # [s] between the points of a plan that is drawn
 
 
 def report(run: QuadrotorRun) -> Markup:
-    """The report's HTML."""
+    """Return the report's HTML."""
     flight = page.section("The flight", *page.figure_blocks(_figures(run)))
     return run_page(run.flight, _headline(run), (_terrain(run), *_pictures(run)), (flight,), script=script())
 

@@ -1,4 +1,4 @@
-"""A finished flight of a quadrotor as pictures need it: the flight of its centre, and the body that tilts."""
+"""Data of a finished flight of a quadrotor for pictures: the flight of its centre, and the attitude of its body."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class QuadrotorRun:
 
 
 def load_run(directory: str | Path) -> QuadrotorRun:
-    """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
+    """Read a run's folder; FileNotFoundError if a file is missing, RunFolderError if one is broken."""
     log = read_log(directory)
     if log.x.shape[1] != STATE_SIZE or log.u.shape[1] != ROTOR_COUNT:
         raise RunFolderError(

@@ -45,7 +45,7 @@ LOW = 0.16  # [m] under the vehicle's centre the trail is drawn beside it, not t
 
 
 class QuadrotorScene(Staged):
-    """A context manager, see ``Staged``."""
+    """Scene as a context manager, see ``Staged``."""
 
     def __init__(self, run: QuadrotorRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
         self.run = run
@@ -58,7 +58,7 @@ class QuadrotorScene(Staged):
         self.stage = Stage(self.model, width, height, glow=0.75)
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
-        """The picture at time ``t`` [s]; ``turn`` [degrees] turns the overview around the map."""
+        """Draw the picture at time ``t`` [s]; ``turn`` [degrees] turns the overview around the map."""
         near = camera == "chase"
         view = self._chase.view(t) if near else self._map_view(camera, turn)
         self.stage.look(view, CHASE if near else OPTICS[camera], (TRUE_WORLD, NEAR_GROUP if near else AIRFRAME))

@@ -25,17 +25,19 @@ FORCED_LENGTH = 20.0  # [s of video] before the last moment, where one camera fi
 
 
 def highlight(run: QuadrotorRun) -> tuple[float, float]:
-    """Times [s] between which there is most to see: about the moment at which the ground is closest in mid-flight."""
+    """Return the times [s] between which there is most to see: about the moment at which the ground is closest in
+    mid-flight.
+    """
     return flights.highlight(run.flight)
 
 
 def annotations_of(run: QuadrotorRun) -> list[Annotation]:
-    """Annotations of a video, in order of time."""
+    """Return the annotations of a video, in order of time."""
     return flights.annotations_of(run.flight)
 
 
 def shot_list(run: QuadrotorRun, direction: str = TOUR) -> list[Shot]:
-    """Shots of a video by one of the cameras or of the tour, in order; they cover the whole flight."""
+    """Return the shots of a video by one of the cameras or of the tour, in order; they cover the whole flight."""
     end = run.duration
     if direction != TOUR:
         return consecutive((0.0, end, end), ((direction, FORCED_LENGTH), (direction, LAST_MOMENT)))

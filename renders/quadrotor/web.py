@@ -25,7 +25,7 @@ CHASE_DISTANCE, CHASE_BEHIND = 10.0, 0.6  # in reaches of the vehicle, [s]
 
 
 def web_scene(run: QuadrotorRun) -> WebScene:
-    """The scene of a flight of a quadrotor."""
+    """Return the scene of a flight of a quadrotor."""
     flight = flight_scene(run.flight)
     layer = Layer.for_element(SceneElement.FLOWN)
     spec = mujoco.MjSpec()

@@ -16,7 +16,7 @@ from mathnavi.sim.plugin.registry import called
 
 
 def overlay(run: RangingRun, frame: Frame) -> Overlay:
-    """The overlay of a frame."""
+    """Return the overlay of a frame."""
     config, k = run.log.config, run.belief(frame.t)
     named = config.get("estimator", {}).get("name", "no estimator named")
     estimator = called("estimators", named).rpartition(":")[2].replace("_", " ")

@@ -15,7 +15,7 @@ from mathnavi.sim.metrics.ranging import HEADING, POSITION
 
 
 def report(run: RangingRun) -> Markup:
-    """The report's HTML."""
+    """Return the report's HTML."""
     config = run.log.config
     title = f"{config['scenario']}, {run.curve.name}, seed {config['seed']}"
     path = page.section("The path", page.figure_block(field_figure(run), "path", _path_caption(run)))

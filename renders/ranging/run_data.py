@@ -1,4 +1,4 @@
-"""A finished run of a robot that localises itself, as pictures need it: truth, measurements and estimates."""
+"""Data of a finished run of a robot that localises itself, for pictures: truth, measurements and estimates."""
 
 from __future__ import annotations
 
@@ -176,7 +176,7 @@ class RangingRun(LoggedRun):
 
 
 def load_run(directory: str | Path) -> RangingRun:
-    """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
+    """Read a run's folder; FileNotFoundError if a file is missing, RunFolderError if one is broken."""
     log = read_log(directory)
     try:
         record = read_mission(RangingRecord, log.config["mission"])

@@ -45,7 +45,7 @@ APART = 0.3  # [m] between robot and estimate from which on both are named
 
 
 class RangingScene(Staged):
-    """A context manager, see ``Staged``."""
+    """Scene as a context manager, see ``Staged``."""
 
     def __init__(self, run: RangingRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
         self.run = run
@@ -58,7 +58,7 @@ class RangingScene(Staged):
         self._height = 0.0  # [m] of marks around poses, in the picture being drawn
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
-        """The picture at time ``t`` [s]; ``turn`` [degrees] turns the camera behind the robot."""
+        """Draw the picture at time ``t`` [s]; ``turn`` [degrees] turns the camera behind the robot."""
         run, stage = self.run, self.stage
         view = self._top if camera == "top" else chase_view(run, t, turn)
         stage.look(view, OPTICS[camera], (FLOOR_GROUP, DRAWN_GROUP, ROBOT_GROUP))

@@ -49,7 +49,7 @@ def _agreed(run: RangingRun) -> float | None:
 
 
 def highlight(run: RangingRun) -> tuple[float, float]:
-    """Times [s] between which there is most to see: while more than half of the hypotheses are left."""
+    """Return the times [s] between which there is most to see: while more than half of the hypotheses are left."""
     first, left = begun(run), run.beliefs.left
     if left is None or not left.any():
         return first, decided(run)
@@ -58,7 +58,7 @@ def highlight(run: RangingRun) -> tuple[float, float]:
 
 
 def verdict(run: RangingRun) -> str:
-    """Outcome of the run in a few words."""
+    """Return the outcome of the run in a few words."""
     if run.log.summary.get("touched_wall"):
         return "touched the wall"
     rms = run.log.summary.get("position_rms_m")
@@ -74,7 +74,7 @@ def length(metres: float) -> str:
 
 
 def annotations_of(run: RangingRun) -> list[Annotation]:
-    """Annotations of a video, in order of time."""
+    """Return the annotations of a video, in order of time."""
     shown = [(run.duration, verdict(run))]
     left = run.beliefs.left
     if left is not None and left.any():
@@ -93,7 +93,7 @@ def annotations_of(run: RangingRun) -> list[Annotation]:
 
 
 def shot_list(run: RangingRun, direction: str = TOUR) -> list[Shot]:
-    """Shots of a video by one of the cameras or of the tour, in order; they cover the whole run."""
+    """Return the shots of a video by one of the cameras or of the tour, in order; they cover the whole run."""
     end = run.duration
     slow = min(AFTERWARDS * decided(run), end)
     if direction != TOUR:

@@ -29,7 +29,7 @@ QUALITY = 88
 
 
 def web_scene(run: RangingRun) -> WebScene:
-    """The scene of a robot in its field."""
+    """Return the scene of a robot in its field."""
     model = build_spec(run.curve, run.mission.angles, run.drive, run.friction).compile()
     rows = thinned_rows(len(run.t), 1500)
     positions = run.log.x[rows, : model.nq]

@@ -32,7 +32,7 @@ class Sheet:
     annotation: Text
 
     def picture(self, t: float, heading: str, annotation: str) -> Picture:
-        """(height, width, 3)."""
+        """Draw the picture (height, width, 3)."""
         self.panel.show(t)
         self.heading.set_text(heading)
         self.annotation.set_text(annotation)
@@ -48,7 +48,7 @@ class TextbookPainter:
     height: int
 
     def paint(self, frame: Frame) -> Picture:
-        """(height, width, 3)."""
+        """Draw the picture (height, width, 3)."""
         config = self.run.log.config
         if frame.brief:
             return self._brief.picture(frame.t, f"{frame.t:.1f} s", frame.annotation)
@@ -77,6 +77,6 @@ class TextbookPainter:
 
 @contextmanager
 def painting(run: TextbookRun, width: int, height: int, samples: int) -> Iterator[TextbookPainter]:
-    """A painter of pictures of a size in pixels; curves are drawn smoothly whatever ``samples`` says."""
+    """Return a painter of pictures of a size in pixels; curves are drawn smoothly whatever ``samples`` says."""
     with matplotlib.rc_context({**STYLE, "figure.facecolor": "white"}):
         yield TextbookPainter(run, width, height)

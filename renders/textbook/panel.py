@@ -62,7 +62,7 @@ class TextbookPanel:
         return [artist for lines in self._lines.values() for artist in lines.values()]
 
     def show(self, t: float) -> None:
-        """Everything up to ``t`` [s]."""
+        """Show everything up to ``t`` [s]."""
         run = self.run
         i, k = max(run.sample_count(t), 1), max(run.estimate_count(t), 1)
         x, estimate = run.log.x[:i], run.estimate[:k]
@@ -140,7 +140,7 @@ class TextbookPanel:
 
 
 def shown(name: str) -> str:
-    """A state, an input or an output as it is written in the thesis: "$x_1$", "$u_2$ [rad/s]"."""
+    """Return a state, an input or an output in the notation of the thesis: "$x_1$", "$u_2$ [rad/s]"."""
     symbol, _, unit = name.partition(" ")
     return f"${GREEK.get(symbol, symbol)}$" + (f" {unit}" if unit not in ("", "[-]") else "")
 

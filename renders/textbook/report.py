@@ -15,7 +15,7 @@ from mathnavi.renders.textbook.run_data import TextbookRun
 
 
 def report(run: TextbookRun) -> Markup:
-    """The report's HTML."""
+    """Return the report's HTML."""
     title = f"{run.title}, seed {run.log.config['seed']}"
     signals = page.figure_block(signals_figure(run), "signals", "The readings of the outputs, and the inputs.")
     opening = (

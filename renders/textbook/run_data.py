@@ -1,4 +1,4 @@
-"""The run of a textbook system, as it is drawn."""
+"""Data of the run of a textbook system, for drawing."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class TextbookRun(LoggedRun):
 
 
 def load_run(directory: str | Path) -> TextbookRun:
-    """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
+    """Read a run's folder; FileNotFoundError if a file is missing, RunFolderError if one is broken."""
     log = read_log(directory)
     try:
         return _described(log, read_mission(TextbookRecord, log.config["mission"]), log.arrays)

@@ -10,12 +10,12 @@ LENGTH, LAST_MOMENT = 11.0, 2.0  # [s] of video: the run, and for how long its e
 
 
 def highlight(run: TextbookRun) -> tuple[float, float]:
-    """Times [s] between which there is most to see: the whole is seen at the end."""
+    """Return the times [s] between which there is most to see: the whole is seen at the end."""
     return run.duration, run.duration
 
 
 def annotations_of(run: TextbookRun) -> list[Annotation]:
-    """Annotations of a video, in order of time."""
+    """Return the annotations of a video, in order of time."""
     named = {"escaped": "the solution escapes", "estimate-unusable": "no usable estimate"}
     shown = [(event.t, named[event.kind]) for event in run.log.events if event.kind in named]
     lost = [e.t for e in run.log.events if e.kind == "estimator-status" and e.message.startswith("lost")]
@@ -23,6 +23,6 @@ def annotations_of(run: TextbookRun) -> list[Annotation]:
 
 
 def shot_list(run: TextbookRun, direction: str = TOUR) -> list[Shot]:
-    """Shots of a video, in order: the whole run by the one camera there is."""
+    """Return the shots of a video, in order: the whole run by the one camera there is."""
     end = run.duration
     return consecutive((0.0, end, end), ((CAMERAS[0], LENGTH), (CAMERAS[0], LAST_MOMENT)))

@@ -1,4 +1,4 @@
-"""The page of a scene: one HTML document that needs nothing beside itself and no network.
+"""Page of a scene: one self-contained HTML document, which needs no network.
 
 The scene travels as JSON, its arrays as one compressed block of bytes to which the JSON refers by offset, length and
 type. The page forbids the browser every request; served with controls it may ask its own server (``live``).

@@ -1,4 +1,4 @@
-"""Elements of a scene in the browser: what moves, surfaces, lines, marks, cameras and charts.
+"""Elements of a scene in the browser: motions, surfaces, lines, marks, cameras and charts.
 
 Lengths are metres, times seconds, the frame is the world's with z up. ``mathnavi.renders.web.document`` packs them.
 """
@@ -151,7 +151,7 @@ class Chart:
 
 @dataclass(frozen=True, eq=False)
 class WebScene:
-    """All that the page of a run shows."""
+    """Scene with all that the page of a run shows."""
 
     title: str
     duration: float  # [s]

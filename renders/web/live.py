@@ -1,4 +1,4 @@
-"""A run that is being simulated, as a page follows it: the scene at first, and what is new since.
+"""Live page of a run that is being simulated: the scene at first, then the news.
 
 The loop's thread calls ``observe``; the server's threads call ``news``.
 """
@@ -44,7 +44,7 @@ class LiveScene:
     """Scene of one loop on a page."""
 
     def __init__(self, title: str, plant: Plant, config: Mapping[str, Any], duration: float) -> None:
-        """``config`` as config.json will hold it; ``duration`` [s] of the run, at most."""
+        """Build the scene from ``config``, that of config.json, and the largest ``duration`` [s] of the run."""
         body = plant.plant if isinstance(plant, Disturbed) else plant
         self._title, self._config, self._duration, self._plant = title, config, duration, plant
         self._body = body if isinstance(body, MujocoPlant) else None
@@ -103,7 +103,7 @@ class LiveScene:
         }  # fmt: skip
 
     def _mechanism(self) -> dict[str, Any]:
-        """The bodies of the model as they are."""
+        """Add the bodies of the model at their true size."""
         assert self._body is not None
         model, data = self._body.model, self._body.data
         mujoco.mj_kinematics(model, data)
@@ -258,7 +258,7 @@ def _velocity(x: Array) -> Array:
 
 
 def _state(loop: Loop, k: int) -> list[float | None]:
-    """A state of every vehicle; of a single one, and its estimate."""
+    """Return a state of every vehicle; of a single one also its estimate."""
     values = [_number(x[k]) for x in loop.truths.values()]
     if len(values) > 1:
         return values

@@ -14,7 +14,7 @@ from mathnavi.renders.web.elements import WebScene
 
 
 def read_scene(folder: Path) -> WebScene:
-    """The scene of a run.
+    """Return the scene of a run.
 
     Raises:
         FileNotFoundError: something is missing.

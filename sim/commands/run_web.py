@@ -144,7 +144,7 @@ class FollowedRun:
             self._live, self._page = live, page
 
     def _watching(self, shown_from: float) -> Callable[[Loop], None]:
-        """Return the observer of every step of the loop, which takes samples, keeps the pace, and stops after a change."""
+        """Return observer of every step of the loop, which takes samples, keeps the pace, and stops after a change."""
         behind, before = time.perf_counter(), shown_from  # when the present of the simulation should be reached
 
         def watch(loop: Loop) -> None:

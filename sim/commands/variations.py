@@ -138,7 +138,7 @@ def read_requests(argv: Sequence[str], options: type, variations: Sequence[Varia
 
 
 def trials(request: RunRequest, variations: Sequence[Variation], count: int) -> tuple[list[list[Trial]], list[str]]:
-    """Return the trials of all combinations of listed values with ``count`` seeds, and the names of the drawn fields."""
+    """Return trials of all combinations of listed values with ``count`` seeds, and the names of the drawn fields."""
     places = FieldPlaces(request)
     variations = [variation for variation in variations if variation.flag not in PLUGINS]
     listed: dict[str, list[Any]] = {}

@@ -119,7 +119,7 @@ def _called_back() -> bool:
 
 
 def _resisted(model: mujoco.MjModel) -> bool:
-    """Return True if passive forces act besides those of springs: of dampers, a fluid, a plug-in, or against gravity."""
+    """Return True if passive forces other than springs act: dampers, a fluid, a plug-in, or forces against gravity."""
     dampers = (model.dof_damping, model.dof_dampingpoly, model.actuator_damping, model.actuator_dampingpoly)
     fluid = model.opt.density or model.opt.viscosity
     return bool(any(each.any() for each in dampers) or fluid or model.body_gravcomp.any() or model.nplugin)

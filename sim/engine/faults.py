@@ -159,7 +159,7 @@ class ConstantWrench:
 
 
 class PositionJumps:
-    """Position jumps p := p + w once every period, w uniform in a cube of half-width w_bar [m] (thesis A.7, Table A.3)."""
+    """Jumps p := p + w once every period, w uniform in a cube of half-width w_bar [m] (thesis A.7, Table A.3)."""
 
     def __init__(self, half_width: float, period: float, rng: np.random.Generator) -> None:
         if not (math.isfinite(half_width) and half_width >= 0.0):

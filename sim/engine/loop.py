@@ -29,7 +29,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 def whole_ticks(period: float, dt: float, what: str) -> int:
-    """Return ``period`` [s] as a number of ticks of ``dt`` [s]; ArgumentError if that is not a positive whole number."""
+    """Return ``period`` [s] in ticks of ``dt`` [s]; ArgumentError unless that is a positive whole number."""
     ticks = round(period / dt) if math.isfinite(period) else 0
     if ticks < 1 or abs(ticks * dt - period) > TIME_TOLERANCE * max(1.0, ticks):
         raise ArgumentError(f"{what} = {period!r} s is not a whole number of physics ticks of {dt!r} s")

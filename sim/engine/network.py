@@ -96,7 +96,7 @@ class Linked:
 
 
 def within_range(network: Network, distance: Callable[[str, str], float], reach: float) -> Linked:
-    """Return the network of radios with the range ``reach`` [m]; ``distance(sender, receiver)`` [m] is the present one."""
+    """Return network of radios with the range ``reach`` [m]; ``distance(sender, receiver)`` [m] is the present one."""
     check(reach, "reach", 0.0, open_low=True)
     return Linked(network, lambda sender, receiver, t: distance(sender, receiver) <= reach)
 

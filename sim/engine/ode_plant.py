@@ -36,7 +36,7 @@ class Law(Protocol):
         ...
 
     def reach(self, x: Array, u: Array, dt: float) -> tuple[Array, float]:
-        """Return the state (nx,) after dt [s] with u (nu,) held, and dt; a shorter time if the solution escapes before."""
+        """Return state (nx,) after dt [s] with u (nu,) held, and dt; a shorter time if the solution escapes before."""
         ...
 
     def rate(self, x: Array, u: Array) -> Array:

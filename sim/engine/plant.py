@@ -126,7 +126,7 @@ class _Vehicle:
         self.disturbed = False
 
     def place(self, state: Array, what: str) -> None:
-        """Set the joints; ArgumentError for a state that does not fit them, for example a quaternion not of length 1."""
+        """Set the joints; ArgumentError for a state that does not fit them, e.g. a quaternion not of length 1."""
         x, nq, size = np.asarray(state, dtype=np.float64), len(self.motion.q), len(self.state_names)
         if x.shape != (size,) or not np.isfinite(x).all():
             raise ArgumentError(f"vehicle {self.name!r}: {what} = {x.tolist()}; allowed: {size} finite numbers")

@@ -55,7 +55,7 @@ class RecordedMotion:
             self._place(name, row)
 
     def body(self, name: str) -> int:
-        """Return the body that shows the position of a vehicle: its airframe, or the body that its first joint moves."""
+        """Return body that shows the position of a vehicle: its airframe, or the body that its first joint moves."""
         if name in self._airframes:
             return self._airframes[name]
         model = self.plant.model

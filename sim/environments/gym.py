@@ -89,7 +89,7 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
         return made.observation, made.reward, made.terminated, made.truncated, made.info
 
     def render(self) -> Any:
-        """Return the picture (height, width, 3) of the present state, uint8, for "rgb_array"; None for the other modes."""
+        """Return picture (height, width, 3) of the present state, uint8, for "rgb_array"; None for the other modes."""
         return self._pictures.drawn(self.episode) if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:

@@ -315,7 +315,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
     # ---- observations
 
     def _observe(self) -> None:
-        """Read the full states with their noise: one reading for each control step, the last of which is the estimate."""
+        """Read the full states with their noise: one reading for each control step; the last is the estimate."""
         noise = self._runner.config.noise.position
         self._read = self._x.copy()
         if noise > 0.0:

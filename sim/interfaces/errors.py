@@ -11,7 +11,7 @@ class FieldError(ValueError):
 
 
 class ArgumentError(ValueError):
-    """Argument of a function that is wrong: an array of another shape, a value that is not finite or out of its range."""
+    """Wrong argument of a function: an array of another shape, a value that is not finite or out of its range."""
 
 
 class MissionError(ValueError):

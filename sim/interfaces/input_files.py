@@ -142,7 +142,7 @@ def named_plugins(config: Any) -> list[Any]:
 
 
 def declared_inputs(config: Any, prefix: str = "") -> set[str]:
-    """Return the names of the fields of a configuration that declare files, and name some, with ``prefix`` before them."""
+    """Return names of the fields of a configuration that declare files, and name some, with ``prefix`` before them."""
     return {name for name, mark, _ in _named(config, InputFile, prefix) if mark is not _UNDECLARED}
 
 

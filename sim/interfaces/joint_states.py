@@ -24,7 +24,7 @@ _UNIT = {SLIDE: "m", HINGE: "rad"}
 
 
 def state_names(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[str, ...]:
-    """Return name and unit of each component of (q, v) of these joints, without the name of the vehicle before a "/"."""
+    """Return name and unit of each component of (q, v) of these joints, without the vehicle's name before a "/"."""
     positions, velocities = [], []
     for j in joints:
         full, kind = model.joint(j).name, int(model.jnt_type[j])

@@ -220,7 +220,7 @@ class Consensus(Protocol):
 
     @property
     def refused(self) -> Mapping[str, int]:
-        """Number of messages that were not used, by reason: "garbage", "stranger", "repeated", "from the future", ..."""
+        """Number of unused messages, by reason: "garbage", "stranger", "repeated", "from the future", ..."""
         ...
 
     def start(self, value: float, now: float = 0.0) -> None:
@@ -291,5 +291,5 @@ class ConsensusPlugin(Protocol):
 
     @staticmethod
     def build(config: Any, mission: Any) -> Consensus:
-        """Build the protocol of one vehicle for one run; ``mission``, a ``Node``, holds what it may know of its fleet."""
+        """Build the protocol of one vehicle for one run; ``mission``, a ``Node``, is what it may know of its fleet."""
         ...

@@ -47,7 +47,7 @@ def _own() -> str:
 
 @cache
 def _stranger(name: str) -> str:
-    """Return the digest of the sources of a third-party plug-in's top-level module, and of everything that it imports."""
+    """Return digest of the sources of a third-party plug-in's top-level module, and of everything that it imports."""
     counted: list[tuple[str, Path, Path]] = []
     versions: set[str] = set()
     waiting, seen = [name], {name}

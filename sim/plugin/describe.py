@@ -52,7 +52,7 @@ def _field(leaf: Leaf) -> Plain:
 
 
 def _files(plugin: Any, schema: type | None, leaves: list[Leaf]) -> Iterator[str]:
-    """Return the sources that the description depends on: of the plug-in, its configuration, and the types named in it."""
+    """Return sources that the description depends on: of the plug-in, its configuration, and the types named in it."""
     bases = getattr(plugin, "__mro__", (plugin,))
     owners = [*bases, *(schema.__mro__ if schema else ()), *(base for leaf in leaves for base in leaf.owner.__mro__)]
     named = (owner.__name__ if isinstance(owner, ModuleType) else getattr(owner, "__module__", "") for owner in owners)

@@ -126,7 +126,7 @@ def _rules() -> dict[str, list[int]]:
 
 
 def _read(path: Path) -> dict[str, Plain]:
-    """Return the entries of the index by their keys; none from a file that is missing, damaged or made by other rules."""
+    """Return entries of the index by their keys; none from a file that is missing, damaged or made by other rules."""
     try:
         content = parsed(read_text(path, ValueError), str(path), ValueError)
         if content["rules"] != _rules():

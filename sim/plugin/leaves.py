@@ -59,7 +59,7 @@ class Leaf:
 
     @property
     def explained(self) -> str:
-        """Allowed values, for the message if one is wrong: the type, or the number of values and the meaning of each."""
+        """Allowed values, for the message if one is wrong: the type, or the number and the meanings of the values."""
         name = self.value_name.strip("{}")
         count = len(name.split())
         if count == 1:

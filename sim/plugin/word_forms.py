@@ -1,4 +1,4 @@
-"""Forms of the types of fields on a command line: the number of words of a value, the allowed ones, their conversion."""
+"""Forms of the types of fields on a command line: number of words of a value, allowed words, conversion."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from mathnavi.sim.interfaces.writing import write_text
 
 
 def inside(folder: Path, path: Path) -> Path:
-    """Return ``path``, which is in ``folder``; PermissionError if a link leads out of it, OSError for circular links."""
+    """Return ``path``, which is in ``folder``; PermissionError if a link leads out, OSError for circular links."""
     try:
         there, within = path.resolve(), folder.resolve()
     except RuntimeError:  # links that lead to each other

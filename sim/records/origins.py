@@ -66,7 +66,7 @@ def environments(connection: sqlite3.Connection) -> dict[str, dict[str, str]]:
 
 
 def keys_by_content(connection: sqlite3.Connection, keys: Container[str]) -> dict[str, dict[str, str]]:
-    """Return, for each content, those of ``keys`` (of existing records) that have it, by the digest of the environment."""
+    """Return, for each content, those of ``keys`` (existing records) that have it, by the environment's digest."""
     found: dict[str, dict[str, str]] = {}
     if _are_there(connection):
         for key, content, digest in connection.execute("SELECT key, content, environment FROM origins ORDER BY key"):

@@ -280,7 +280,7 @@ def _read_arrays(path: Path) -> dict[str, Array]:
 
 
 def _of_vehicle(arrays: Mapping[str, Array], path: Path, may_diverge: bool, prefix: str = "") -> dict[str, Any]:
-    """Return the fields of a ``RunLog`` from the arrays of one vehicle; ``prefix`` is that of their names in the file."""
+    """Return fields of a ``RunLog`` from the arrays of one vehicle; ``prefix`` is that of their names in the file."""
     check_arrays(arrays, path, prefix)
     t, x, u = (arrays[name] for name in (TIME, TRUTH, COMMAND))
     finite = int(np.logical_and.accumulate(np.isfinite(x).all(axis=1)).sum())

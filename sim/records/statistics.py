@@ -116,7 +116,7 @@ def supported_band(values: Sequence[float] | Array, rng: np.random.Generator, co
 
 
 def checked_sample(values: Sequence[float] | Array, name: str, confidence: float) -> Array:
-    """Return the sample as an array (n,); ValueError, with its name, for none and NaN, and a confidence not in (0, 1)."""
+    """Return sample as an array (n,); ValueError, with its name, for none and NaN, and a confidence not in (0, 1)."""
     _check_confidence(confidence)
     x = np.asarray(values, dtype=np.float64)
     if x.ndim != 1 or x.size == 0:

@@ -80,7 +80,7 @@ class Sweep:
 
     @cached_property
     def continuous(self) -> list[str]:
-        """Return the varied fields that make no groups: numbers with many values, or with another value for every seed."""
+        """Return varied fields that make no groups: numbers with many values, or with another value for every seed."""
         return [name for name in self.varied if _all(values := self.values(name)) and self._is_spread(values)]
 
     @cached_property

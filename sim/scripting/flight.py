@@ -96,7 +96,7 @@ class FlightPlan:
         return input_at(self.plan, t)
 
     def clearance(self, terrain: Terrain) -> float:
-        """Return the least height above the ground [m] over the whole plan, exact for every instant; -inf off the map."""
+        """Return least height above the ground [m] over the whole plan, exact for every instant; -inf off the map."""
         return float(self.clearances(terrain).min())
 
     def clearances(self, terrain: Terrain) -> Array:

@@ -211,7 +211,7 @@ def _seed(seed: int) -> int:
 
 
 def _place(base: ScriptRequest, name: str) -> tuple[str, Any, str]:
-    """Return the place of a field: the attribute of the request, the configuration there, and the field's name in it."""
+    """Return place of a field: the attribute of the request, the configuration there, and the field's name in it."""
     prefix, _, rest = name.partition(".")
     if rest and prefix == "planner":
         return "controller", base.controller.config, rest

@@ -14,7 +14,7 @@ Values = Mapping[str, Any]  # of the fields of a search, by name
 
 @dataclass(frozen=True)
 class Range:
-    """Field with a value from ``low`` to ``high``, whole numbers if both are, uniform in their logarithms if ``log``."""
+    """Field with a value from ``low`` to ``high``, whole numbers if both are, uniform in the logarithm if ``log``."""
 
     name: str
     low: float
@@ -33,7 +33,7 @@ class Range:
         return isinstance(self.low, int) and isinstance(self.high, int)
 
     def at(self, share: float) -> float:
-        """Return the value at a share, from 0 to less than 1, of the range: the inverse of its distribution function."""
+        """Return value at a share, from 0 to less than 1, of the range: the inverse of its distribution function."""
         low, high = (self.low, self.high + 1) if self.whole else (self.low, self.high)
         value = low * (high / low) ** share if self.log else low + share * (high - low)
         return min(math.floor(value), self.high) if self.whole else min(value, self.high)

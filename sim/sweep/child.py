@@ -46,7 +46,7 @@ class RefusedError(RuntimeError):
 
 
 class OtherEnvironmentError(RefusedError):
-    """Difference in the environment of a worker, so that its results agree with those of this one only up to rounding."""
+    """Difference in the environment of a worker: its results agree with those of this one only up to rounding."""
 
     @staticmethod
     def from_difference(words: str) -> OtherEnvironmentError:

@@ -36,7 +36,7 @@ class SweepTask(Protocol):
 
     @property
     def record(self) -> Callable[..., Any]:
-        """Return the record of how it ended, from a content hash, a status, and the fields of ``perform`` or ``error``."""
+        """Return record of how it ended, from a content hash, a status, and the fields of ``perform`` or ``error``."""
         ...
 
 

@@ -100,7 +100,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "time stands": ({"t": with_value(T, 1, 0.0)}, r"t\[1\] = 0 s comes after t\[0\] = 0 s"),
     "no times": ({"t": [], "readings": {}}, r"t is empty"),
-    "no number": ({"t": ["a"]}, r"t holds what is no number"),
+    "no number": ({"t": ["a"]}, r"t holds values that are not numbers"),
     "rows": ({"readings": {"ranges": RANGES[:9]}}, r"ranges has 9 rows; allowed: 60"),
     "shape": ({"readings": {"ranges": RANGES[None]}}, r"ranges has the shape \(1, 60, 2\)"),
     "input": ({"inputs": with_value(U, (4, 1), np.inf)}, r"inputs\[4, 1\] = inf at 0\.2 s; allowed: finite"),

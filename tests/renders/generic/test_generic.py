@@ -211,5 +211,5 @@ def test_the_log_of_another_run_is_refused(folder: Path, tmp_path: Path) -> None
         arrays = dict(log)
     arrays["truth.x"] = arrays["truth.x"][:, :2]
     np.savez(tmp_path / "log.npz", **arrays)
-    with pytest.raises(RunFolderError, match=r"truth\.x has 2 states; allowed: 4, as log\.json beside it names"):
+    with pytest.raises(RunFolderError, match=r"truth\.x has 2 states; allowed: 4, as log\.json next to it names"):
         load_run(tmp_path)

@@ -115,9 +115,9 @@ def test_words_become_fields(argv: str, name: str, value: Any) -> None:
         ("--inner.rate -1", "--inner.rate = -1.0; allowed: >= 0"),
         ("--limit nan", "--limit = nan; allowed: finite numbers"),
         ("--inner.rate inf", "--inner.rate = inf; allowed: finite numbers"),
-        ("--count 1 2 x", "2, x: nothing is known to do with this; allowed: flags, each followed by its values"),
+        ("--count 1 2 x", "2, x: this argument is not expected here; allowed: flags, each followed by its values"),
         ("--count 1 --count 2", "--count is given 2 times; allowed: once"),
-        ("--inner.warm --inner.no-warm", "--inner.warm is given beside --inner.no-warm; allowed: one of both"),
+        ("--inner.warm --inner.no-warm", "--inner.warm is given together with --inner.no-warm; allowed: one of both"),
     ],
 )  # fmt: skip
 def test_a_wrong_word_is_refused_in_one_line(argv: str, line: str) -> None:

@@ -278,7 +278,7 @@ def test_help_of_run_has_the_fields_of_the_plugins_that_are_chosen(capsys: pytes
     assert "--estimator.noise-floor" in shown
     assert "--planner.nodes" in shown
     assert "N, nodes of the horizon" in shown
-    assert "Of the estimator kalman." in shown
+    assert "Fields of estimator kalman." in shown
     assert "None}" not in shown
 
 

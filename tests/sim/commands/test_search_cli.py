@@ -166,9 +166,9 @@ def test_a_rare_event_has_a_probability_with_its_interval(path: Path, capsys: py
     ("words", "message"),
     [
         (("--over", "x=0..1"), "--minimise = not given; allowed: one of --minimise and --maximise"),
-        (("--minimise", "a", "--maximise", "b"), "--minimise = 'a' beside --maximise b"),
+        (("--minimise", "a", "--maximise", "b"), "--minimise = 'a' together with --maximise b"),
         (("--minimise", "height_m"), "--over = nothing; allowed: at least one field"),
-        (("--minimise", "depth_m", "--over", "x=0..1"), "--minimise = depth_m is no figure of"),
+        (("--minimise", "depth_m", "--over", "x=0..1"), "--minimise = depth_m is not a figure of"),
         (("--maximise", "solve_ms_mean", "--over", "x=0..1"), "--maximise = solve_ms_mean is a wall-clock time"),
         (("--minimise", "height_m", "--over", "z=0..1"), "--over z=0..1: this is not one of the fields"),
         (("--minimise", "height_m", "--over", "x"), "--over = 'x'; allowed: FIELD=LOW..HIGH"),

@@ -87,7 +87,7 @@ def test_a_quadrotor_is_proposed_accelerations_and_stays_near_the_plan_behind_th
 
 
 def test_a_scenario_without_a_filter_and_a_strange_environment_are_refused(built_once: None) -> None:
-    with pytest.raises(ValueError, match="'sphere-observer' states no safety filter; allowed: safe-flight"):
+    with pytest.raises(ValueError, match="'sphere-observer' defines no safety filter; allowed: safe-flight"):
         SafetyFilterWrapper(ScenarioEnv("sphere-observer"))
-    with pytest.raises(ValueError, match="'sphere-observer' states no safety filter"):
+    with pytest.raises(ValueError, match="'sphere-observer' defines no safety filter"):
         FilteredEnvironment(missions.environment("sphere-observer"))

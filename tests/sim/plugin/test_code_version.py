@@ -60,5 +60,5 @@ def test_the_version_of_an_installed_package_counts(plugin: Any, monkeypatch: py
 def test_a_module_without_sources_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "made_in_memory", ModuleType("made_in_memory"))
     made = type("Mine", (), {"__module__": "made_in_memory"})
-    with pytest.raises(ValueError, match="'made_in_memory' come from no file"):
+    with pytest.raises(ValueError, match="'made_in_memory' have no file"):
         fresh(made)

@@ -187,7 +187,7 @@ def test_a_place_without_a_plugin_says_what_is_there(
         "stairs:Mien": f"{tmp_path / 'stairs.py'} has no Mien; did you mean Mine? allowed: Mine",
         "stairs.py:Mine": "no module 'stairs.py' in the present folder, and none is installed; allowed: "
         "package.module:Class (the module of stairs.py is stairs)",
-        "../stairs:Mine": "'../stairs' is no name of a module; allowed: package.module:Class, from the folder",
+        "../stairs:Mine": "'../stairs' is not the name of a module; allowed: package.module:Class, from the folder",
         "stars:Mine": "there is no module 'stars' in the present folder",
         "halves:Mine": "SyntaxError: '(' was never closed (halves.py, line 1)\n",
         "needing:Mine": f"No module named 'nothing_of_that_name' ({tmp_path / 'needing.py'}:1)",

@@ -135,5 +135,5 @@ def test_a_result_whose_arrays_were_stored_one_by_one_is_read() -> None:
 
 @pytest.mark.parametrize("array", [["<f8", [3], [1, 2]], ["<f8", [1], ["x"]], ["nonsense", [1], [1]]])
 def test_a_forged_array_is_a_store_error(array: list[Any]) -> None:
-    with pytest.raises(StoreError, match="no result that was stored"):
+    with pytest.raises(StoreError, match="not a stored result"):
         decoded(Encoded({"$array": array}))

@@ -172,7 +172,7 @@ def test_a_figure_that_is_no_number_is_a_failed_evaluation(store: Store, pool: P
 @pytest.mark.parametrize(
     ("key", "message"),
     [
-        ("depth_m", "depth_m is no figure of .*Bowl; allowed: height_m, lost, noise"),
+        ("depth_m", "depth_m is not a figure of .*Bowl; allowed: height_m, lost, noise"),
         ("solve_ms_mean", "solve_ms_mean is a wall-clock time"),
     ],
 )

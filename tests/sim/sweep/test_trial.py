@@ -148,7 +148,7 @@ def test_a_plugin_of_the_script_that_runs_cannot_be_had_elsewhere(monkeypatch: p
 
     Scenario.__module__ = "__main__"
     monkeypatch.setattr(sys.modules["__main__"], "Mine", Scenario, raising=False)
-    with pytest.raises(ValueError, match="lies in the script that runs"):
+    with pytest.raises(ValueError, match="is defined in the script that runs"):
         trial("__main__:Mine")
 
 

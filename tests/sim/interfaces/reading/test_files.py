@@ -46,10 +46,10 @@ def test_a_file_that_is_too_large_is_not_read(tmp_path: Path) -> None:
 
 def test_what_is_no_regular_file_is_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")  # nobody writes into it: to wait for that would be without end
-    for path, message in (("pipe", "no regular file"), (".", "is a folder"), ("a\0b", "no name of a file")):
+    for path, message in (("pipe", "not a regular file"), (".", "is a folder"), ("a\0b", "not the name of a file")):
         with pytest.raises(RunFolderError, match=message):
             read_bytes(tmp_path / path, RunFolderError, 100)
-    with pytest.raises(RunFolderError, match="no regular file"):
+    with pytest.raises(RunFolderError, match="not a regular file"):
         read_bytes(Path("/dev/zero"), RunFolderError, 100)
     with pytest.raises(FileNotFoundError):
         read_bytes(tmp_path / "nowhere", RunFolderError, 100)

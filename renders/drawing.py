@@ -105,7 +105,7 @@ def _drawing_at(name: str, where: str) -> Drawing[Any]:
 
 
 def _naming_failures(drawing: Drawing[Any], subject: str) -> Drawing[Any]:
-    """Wrap a third-party drawing: exceptions other than ValueError and OSError become a RunFolderError that names it."""
+    """Wrap a third-party drawing: exceptions except ValueError and OSError become a RunFolderError that names it."""
 
     def named(name: str, call: Callable[..., Any]) -> Callable[..., Any]:
         @wraps(call)

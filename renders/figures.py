@@ -52,13 +52,13 @@ def colour_of(part: SceneElement) -> str:
 
 
 def thinned(n: int, keep: int) -> Integers:
-    """At most about ``MOST_POINTS`` of n indices, evenly spread, the last one and ``keep`` among them."""
+    """Return at most about ``MOST_POINTS`` of n indices, evenly spread, including the last one and ``keep``."""
     chosen: Integers = np.unique(np.append(np.linspace(0, n - 1, min(n, MOST_POINTS)).astype(np.int64), keep))
     return chosen
 
 
 def name_place(axes: Axes, text: str, place: tuple[float, float], offset: tuple[float, float], side: str) -> None:
-    """A name ``offset`` [points] beside a place of a map [km], aligned to a ``side``."""
+    """Write a name ``offset`` [points] from a place of a map [km], aligned to a ``side``."""
     axes.annotate(
         text, place, offset, textcoords="offset points", ha=side, va="center", color="white", weight="bold",
         path_effects=[patheffects.withStroke(linewidth=2.4, foreground="#101824")],

@@ -1,6 +1,6 @@
 """Ground for pictures, in two worlds of one model, and airframes over it that are visible from afar.
 
-One world is the true one, for cameras beside a vehicle; in the other, for the overview and the top view, the heights
+One world is the true one, for cameras near a vehicle; in the other, for the overview and the top view, the heights
 above the lowest ground are multiplied by ``relief.EXAGGERATION``. On a map of 82 km nothing could be seen at its
 true size, so airframes are drawn at a size in shares of the picture.
 

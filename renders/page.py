@@ -66,7 +66,7 @@ def joined(blocks: Sequence[Markup]) -> Markup:
 
 
 def number(value: object) -> str:
-    """A figure of a summary with the digits that a reader can use; a dash where there is none."""
+    """Return a figure of a summary with the digits that a reader can use; a dash if it is missing."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return UNKNOWN
     if isinstance(value, bool):
@@ -142,7 +142,7 @@ def _cell(tag: str, content: object, right: bool) -> str:
 
 
 def card(*blocks: Markup) -> Markup:
-    """Blocks on a ground of their own."""
+    """Return a card: blocks on a separate background."""
     return Markup(f'<div class="card">{joined(blocks)}</div>\n')
 
 

@@ -178,7 +178,7 @@ def _plugins(config: Mapping[str, Any]) -> Iterator[str]:
 
 
 def why(summary: Mapping[str, Any]) -> str:
-    """The shortfall of a run, in brackets after the sentence that names it; "" if there is none."""
+    """Return the shortfall of a run in brackets, to follow the verdict; "" without one."""
     return f" ({summary[SHORTFALL]})" if SHORTFALL in summary else ""
 
 

@@ -141,8 +141,8 @@ def scatter_figure(
 ) -> Figure:
     """Every trial's value over x, and medians of bins with their bands.
 
-    A panel has its values (n,), NaN where there is none, and the band of each bin, None where there is none; ``edges``
-    are the ends of the bins on x, one more than bins.
+    A panel has its values (n,), NaN where missing, and the band of each bin, None where missing; ``edges`` are the ends
+    of the bins on x, one more than bins.
     """
     with matplotlib.rc_context(STYLE):
         rows = math.ceil(len(panels) / CURVES)
@@ -187,7 +187,7 @@ def _within_reach(values: Array, everything: Array | None = None) -> Array:
 
 
 def _grid(figure: Figure, count: int, across: int, sharey: bool = False) -> list[Axes]:
-    """``count`` panels, ``across`` of them a row as far as there are so many."""
+    """Make ``count`` panels, at most ``across`` of them in a row."""
     cells = list(figure.subplots(math.ceil(count / across), min(count, across), sharey=sharey, squeeze=False).ravel())
     for unused in cells[count:]:
         unused.remove()

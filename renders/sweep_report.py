@@ -168,7 +168,7 @@ def _at_the_edge(sweep: Sweep) -> str:
 
 
 def _medians_drawn(sweep: Sweep) -> Figure:
-    """Over a numeric field where the other fields leave few enough curves, else as a forest plot."""
+    """Draw medians over a numeric field if the other fields leave few enough curves, else as a forest plot."""
     keys = sweep.figures[:MOST_PANELS]
     numeric = [name for name in sweep.listed if all(map(is_number, sweep.values(name)))]
     if numeric:

@@ -21,7 +21,7 @@ KINDS = {"run": "the run of a scenario", "sweep": "the store of a sweep", "study
 
 
 def kind_of(path: Path) -> str:
-    """Kind of result at a place: "run", "sweep" or "study"; ArgumentError if it is none of these."""
+    """Return the kind of result at a place: "run", "sweep" or "study"; ArgumentError for any other."""
     if not path.exists():
         raise ArgumentError(
             f"{path} does not exist; allowed: the folder of a run or of studies, or the store of a sweep"

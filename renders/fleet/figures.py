@@ -33,7 +33,7 @@ _FEWEST_COLUMNS, _MOST_ROWS = 4, 4  # of a legend
 
 
 def map_figure(run: FleetRun) -> Figure:
-    """The hill-shaded map with all paths, and beside it the slots and how they are reached."""
+    """Draw the hill-shaded map with all paths, and next to it the slots with the paths that reach them."""
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 6.9)
         whole, close = figure.subplots(1, 2, width_ratios=(1.6, 1.0))

@@ -115,7 +115,7 @@ class FleetRun:
 
     @cached_property
     def _agreements(self) -> tuple[tuple[Array, Array], ...]:
-        """For each vehicle, times [s] at which it received a time of arrival, and those arrivals [s]."""
+        """Return for each vehicle the times [s] at which it received a time of arrival, and those arrivals [s]."""
         found = []
         for flight in self.flights:
             messages = [

@@ -1,7 +1,7 @@
 """Shot list of the video of a flight, and the annotations over it.
 
 A whole flight lasts four minutes or more, its video twenty seconds. The tour gives half of them to the flight's
-highlight, such as the way around a radar that pops up, and goes beside the vehicle: at
+highlight, such as the way around a radar that pops up, and follows the vehicle: at
 the start, in the middle of its highlight and at the arrival; the overview and the top view cover the long ways between.
 """
 

@@ -67,7 +67,7 @@ def entries(text: str) -> Mapping[str, GalleryPicture]:
 
 
 def chosen(wanted: Sequence[str], known: Mapping[str, GalleryPicture]) -> list[GalleryPicture]:
-    """The entries asked for by name, with or without its ending, or by pattern; ValueError for what is none of them."""
+    """Return the entries chosen by name, with or without its ending, or by pattern; ValueError for an unknown one."""
     found: dict[str, GalleryPicture] = {}
     for pattern in wanted or ["*"]:
         matching = [entry for name, entry in known.items() if pattern == Path(name).stem or fnmatch(name, pattern)]

@@ -1,4 +1,4 @@
-"""Drawing of runs whose scenario has none of its own (``mathnavi.renders.drawing``).
+"""Drawing of runs whose scenario defines none (``mathnavi.renders.drawing``).
 
 A run with a scene is seen by three cameras, by those of its model, and on the board of its charts; one without has the
 board alone.

@@ -44,7 +44,7 @@ def states_figure(run: GenericRun, most: int = MOST_ROWS) -> Figure:
 
 
 def inputs_figure(run: GenericRun) -> Figure | None:
-    """Every input over time; None where there is none."""
+    """Draw every input over time; None without inputs."""
     count = min(max(log.u.shape[1] for log in run.vehicles.values()), MOST_ROWS)
     if count == 0:
         return None

@@ -67,7 +67,7 @@ class RecordedEstimates:
 
 
 def estimates(log: RunLog) -> RecordedEstimates | None:
-    """The estimates of a vehicle; None where there are none, or of other quantities than its states."""
+    """Return the estimates of a vehicle; None without estimates, or if they are not of its states."""
     t, x = log.arrays.get("estimate.t"), log.arrays.get("estimate.x")
     if t is None or x is None or x.shape[1:] != log.x.shape[1:] or not len(t):
         return None

@@ -175,7 +175,7 @@ def _is_field(heights: Array, size: Array) -> bool:
 
 
 def _plan(arrays: Mapping[str, Array], name: str, refused: Refused) -> PlanPaths | None:
-    """Paths of a vehicle's plans; None where there are none."""
+    """Return the paths of a vehicle's plans; None without plans."""
     parts = [arrays.get(f"plan.{name}.{part}") for part in ("t", "pos", "offsets", "adopted")]
     if any(part is None for part in parts):
         return None

@@ -65,7 +65,7 @@ def web_scene(run: GenericRun) -> WebScene:
 
 
 def _cameras(scene: SceneData) -> list[Camera]:
-    """From the side and from above, all that moves in sight."""
+    """Return cameras from the side and from above, with all that moves in view."""
     points, found = swept(scene), []
     for name, sight in {"fixed": (50.0, -24.0), "top": (90.0, -89.0)}.items():
         view = framing(points, FREE, Optics(FIELD_OF_VIEW, 0.002, 60.0), ASPECT, sight)

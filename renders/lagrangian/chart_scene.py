@@ -20,7 +20,7 @@ MARGIN = 0.06  # of the height, above and below the drawing
 
 
 class ChartScene:
-    """A context manager as a scene is; curves are drawn smoothly whatever ``samples`` says."""
+    """Scene as a context manager; curves are drawn smoothly for any ``samples``."""
 
     def __init__(self, run: LagrangianRun, width: int, height: int, samples: int) -> None:
         dpi = height / INCHES_HIGH

@@ -1,4 +1,4 @@
-"""States and inputs as they are written in figures."""
+"""Names of states and inputs in figures."""
 
 from __future__ import annotations
 
@@ -19,6 +19,6 @@ def symbol(name: str) -> tuple[str, str]:
 
 
 def with_unit(name: str) -> str:
-    """With its unit in brackets, if it has one."""
+    """Return the symbol with its unit in brackets, if it has one."""
     letters, unit = symbol(name)
     return letters if unit in ("", "-") else f"{letters} [{unit}]"

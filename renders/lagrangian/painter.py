@@ -1,4 +1,4 @@
-"""Draws the frames of a run of a Lagrangian system: its scene, and beside that the panel of its velocity."""
+"""Painter of the frames of a run of a Lagrangian system: its scene, and next to it the panel of its velocity."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""True and estimated velocity of the last seconds and the error so far, to stand beside the scene."""
+"""Panel next to the scene with true and estimated velocity of the last seconds, and the error so far."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class VelocityPanel:
         return [*path, *(line for pair in self._rows for line in pair), self._error]
 
     def picture(self, t: float) -> Picture:
-        """At ``t`` [s]."""
+        """Draw the panel at ``t`` [s]."""
         run = self._run
         if self._path is not None:
             self._path.show(t)

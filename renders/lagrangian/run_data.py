@@ -91,7 +91,7 @@ class LagrangianRun(LoggedRun):
 
     @cached_property
     def least_deviation(self) -> Array | None:
-        """(m,) Cramér-Rao bound of the length of the velocity error at the estimates; None where there is none."""
+        """Cramér-Rao bound (m,) of the length of the velocity error at the estimates; None if not known."""
         bound = self.log.arrays.get(CRAMER_RAO)
         n = self.manifold.dimension
         if bound is None or bound.shape[1] != 2 * n:
@@ -143,7 +143,7 @@ class LagrangianRun(LoggedRun):
         return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= REACH / largest)
 
     def belief(self, t: float) -> int:
-        """Index of the newest estimate at ``t`` [s]; -1 where there is none, or none that knows anything."""
+        """Return the index of the newest estimate at ``t`` [s]; -1 if there is none, or it is still initialising."""
         k = last_at(self.t_estimate, t)
         return k if k >= 0 and self.errors.found[k] > 0.0 else -1
 
@@ -153,7 +153,7 @@ class LagrangianRun(LoggedRun):
         return x
 
     def apart(self, k: int) -> Array | None:
-        """(n,) coordinates of estimate k about the truth; None where there are none."""
+        """Return the coordinates (n,) of estimate k about the truth; None if they are not defined."""
         n = self.manifold.size
         try:
             return self.manifold.coordinates(self.truth[k, :n], self.estimate[k, :n])

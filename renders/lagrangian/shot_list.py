@@ -27,7 +27,7 @@ ANNOTATED = {  # changes of the estimator's status
 
 
 def slow_until(run: LagrangianRun) -> float:
-    """Time [s] at which the slow motion ends; 0 where there is none."""
+    """Return the time [s] at which the slow motion ends; 0 without slow motion."""
     if not run.has_begun_wrong:
         return 0.0
     longest = MOST_SLOW * run.duration

@@ -16,7 +16,7 @@ BESIDE = 118.0  # [degrees] from the axis about which a body turns to that line:
 
 
 def azimuth(run: LagrangianRun) -> float:
-    """[degrees] A body is seen from beside the axis about which it turns when it is fastest."""
+    """Return the azimuth [degrees] of the line of sight, next to the axis about which a body turns when fastest."""
     if run.space != "body":
         return AZIMUTH
     fastest = run.log.x[int(np.argmax(np.linalg.norm(run.log.x[:, 4:], axis=1)))]

@@ -81,7 +81,7 @@ def _mechanism(run: LagrangianRun) -> WebScene:
 
 
 def _estimates(run: LagrangianRun, t: Array) -> Array:
-    """(n, nq) where the newest estimate is drawn; NaN where there is none."""
+    """Return positions (n, nq) at which the newest estimate is drawn; NaN before the first."""
     found = np.full((len(t), run.manifold.size), np.nan)
     for i, s in enumerate(t.tolist()):
         k = run.belief(s)

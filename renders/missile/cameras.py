@@ -1,4 +1,4 @@
-"""Views of a missile: from beside it, from the side of its whole path, from beside its target.
+"""Views of a missile: next to it, from the side of its whole path, next to its target.
 
 Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
@@ -23,7 +23,9 @@ TARGET_SHARE = 0.62  # of the picture's height: what lies between the target and
 
 
 def chase_view(run: MissileRun, t: float, turn: float) -> View:
-    """Behind and beside the missile; the steeper it flies, the more from above. ``turn`` is in degrees."""
+    """Return the view behind and next to the missile; the steeper it flies, the more from above. ``turn`` is in
+    degrees.
+    """
     window = np.linspace(max(0.0, t - 0.5), min(run.duration, t + 0.5), 11)
     pitch = float(np.mean([run.joints(s)[run.coordinates.joints.index("theta")] for s in window]))
     down = max(0.0, -pitch) / (0.5 * math.pi)
@@ -32,7 +34,9 @@ def chase_view(run: MissileRun, t: float, turn: float) -> View:
 
 
 def target_view(run: MissileRun, t: float) -> View:
-    """Beside the target, with it and the missile in the picture: the camera comes nearer as the missile does."""
+    """Return the view next to the target, with it and the missile in the picture: the camera comes nearer as the
+    missile does.
+    """
     tall = 2.0 * math.tan(math.radians(OPTICS["target"].field_of_view) / 2.0) * TARGET_SHARE
     distance = max(run.distance(t) / tall, TARGET_DISTANCE)
     lookat = 0.5 * (run.target_at(t) + run.place(t)) + np.array([0.0, 0.0, 2.0])

@@ -38,7 +38,7 @@ def ground_picture() -> Picture:
 
 
 def _blended(picture: Array, colour: Array, share: Array) -> Array:
-    """So much of a colour in each pixel."""
+    """Blend a colour into each pixel by its share."""
     blended: Array = picture + share[..., None] * (colour - picture)
     return blended
 

@@ -81,7 +81,7 @@ class MissileScene(Staged):
         return stage.end(sky=True)
 
     def labels(self, t: float, camera: str) -> list[Label]:
-        """Names beside what is in sight of the picture drawn last."""
+        """Return the names of the elements in view of the picture drawn last."""
         run, unit = self.run, self.stage.unit
         target, here = run.target_at(t), run.place(t)
         named: list[tuple[str, Array, bool]] = []  # text, place, whether it is small

@@ -1,6 +1,6 @@
 """Shot list of the video of a missile's flight, and the annotations over it.
 
-A flight lasts a few seconds, its video fifteen: it slows down towards the end, and the last metres are seen from beside
+A flight lasts a few seconds, its video fifteen: it slows down towards the end, and the last metres are seen next to
 the target.
 """
 

@@ -78,7 +78,7 @@ def missile_charts(run: MissileRun) -> list[Chart]:
 
 
 def _cameras(run: MissileRun) -> list[Camera]:
-    """From the side, the whole way in sight, and from above."""
+    """Return cameras from the side, with the whole path in view, and from above."""
     ends = np.array([run.target_at(0.0), run.target_at(run.duration)])
     points = np.vstack([run.path, ends + TARGET_RADIUS, ends - TARGET_RADIUS])
     found = []

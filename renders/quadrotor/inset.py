@@ -71,7 +71,7 @@ class Inset:
         return shown
 
     def _add_scale(self, wide: float) -> None:
-        """On the ground of a map so ``wide`` [m]: a bar with its length, and north."""
+        """Draw a scale bar with its length, and north, on a map ``wide`` [m] across."""
         draw, pixel = ImageDraw.Draw(self._ground), SHARPER * self._unit
         length = max((metres for metres in BAR if metres <= BAR_SHARE * wide), default=BAR[0])
         left, row = 12.0 * pixel, self._ground.height - 14.0 * pixel
@@ -81,7 +81,7 @@ class Inset:
         self._write(draw, "N ↑", (self._ground.width - 22.0 * pixel, self._ground.height - 16.0 * pixel))
 
     def _write(self, draw: ImageDraw.ImageDraw, text: str, place: tuple[float, float]) -> None:
-        """About a place, but within the map."""
+        """Write a text about a place, but within the map."""
         if self._font is not None:
             half = 0.5 * self._font.getlength(text) + 5.0 * SHARPER * self._unit
             column = min(max(place[0], half), self._ground.width - half)

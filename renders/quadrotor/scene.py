@@ -1,4 +1,5 @@
-"""A quadrotor's flight drawn by MuJoCo: beside the vehicle at its true size, and the whole canyon from above.
+"""Scene of a quadrotor's flight, drawn by MuJoCo: next to the vehicle at its true size, and the whole canyon from
+above.
 
 The world is the true one, heights and all. In the chase view the vehicle is the model that flew, in its attitude, its
 rotors turning far more slowly than they do; from afar an airframe stands for it that can be seen.
@@ -118,7 +119,7 @@ class QuadrotorScene(Staged):
             self._afar.place_afar(self.stage, position, level, span, view.eye)
 
     def _lines(self, t: float, near: bool) -> Iterator[tuple[SceneElement, Array]]:
-        """The path flown and the plan ahead; beside the vehicle they run under its hull."""
+        """Add the path flown and the plan ahead; next to the vehicle they run under its hull."""
         flight = self.run.flight
         low = np.array([0.0, 0.0, LOW if near else 0.0])
         if flight.index(t) > 0:
@@ -136,7 +137,7 @@ class QuadrotorScene(Staged):
 
 
 def _model(run: QuadrotorRun, width: int, height: int, samples: int) -> Any:
-    """The ground, the vehicle in a group of its own, and the airframe that stands for it from afar."""
+    """Build the ground, the vehicle in its own group, and the airframe that represents it from afar."""
     spec = landscape(run.flight.terrain, width, height, samples)
     add_airframe(spec, "afar")
     add_vehicle(spec, VEHICLE)

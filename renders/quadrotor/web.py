@@ -49,7 +49,7 @@ def web_scene(run: QuadrotorRun) -> WebScene:
 
 
 def _map_views(run: QuadrotorRun) -> list[Camera]:
-    """The map as its pictures show it, heights as they are."""
+    """Return the views of the map as in its pictures, with true heights."""
     terrain, found = run.flight.terrain, []
     heights = (float(terrain.z.min()), float(terrain.z.max()))
     corners = np.array([[x, y, z] for x in (0.0, terrain.width) for y in (0.0, terrain.depth) for z in heights])

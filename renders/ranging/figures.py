@@ -223,7 +223,7 @@ def inputs_figure(run: RangingRun) -> Figure:
 
 
 def ranges_figure(run: RangingRun) -> Figure:
-    """Ranges as they were and as they were read."""
+    """Draw the true ranges and the readings."""
     with matplotlib.rc_context(STYLE):
         shown = min(run.mission.sensors, MOST_SENSORS)
         figure = canvas(9.4, 0.6 + 1.15 * shown)

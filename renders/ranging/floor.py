@@ -45,7 +45,7 @@ def floor_picture(curve: Curve) -> Picture:
 
 
 def pale(colour: Colour, strength: float) -> Colour:
-    """A colour of so much strength on the floor, 0 to 1: opaque, so that lines do not darken where they meet."""
+    """Return a colour of a strength from 0 to 1 on the floor: opaque, so that lines do not darken where they meet."""
     r, g, b = (ground / 255.0 + strength * (own - ground / 255.0) for own, ground in zip(colour, INSIDE, strict=True))
     return r, g, b
 

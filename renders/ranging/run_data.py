@@ -94,7 +94,7 @@ class RangingRun(LoggedRun):
 
     @cached_property
     def least_deviation(self) -> tuple[Array, Array] | None:
-        """Cramér-Rao bounds at the estimates: (k,) [m] of the position, (k,) [rad]; None where there are none."""
+        """Cramér-Rao bounds at the estimates: (k,) [m] of the position, (k,) [rad]; None if not known."""
         bound = self.log.arrays.get(CRAMER_RAO)
         if bound is None or bound.shape[1] != 3:
             return None
@@ -170,7 +170,7 @@ class RangingRun(LoggedRun):
         return self.interpolated(self.log.x, t)
 
     def belief(self, t: float) -> int:
-        """Index of the newest estimate at ``t`` [s]; -1 where there is none, or none of the pose."""
+        """Return the index of the newest estimate at ``t`` [s]; -1 if there is none, or none of the pose."""
         k = last_at(self.beliefs.t, t)
         return k if k >= 0 and self.initialised[k] else -1
 

@@ -74,7 +74,7 @@ class RangingScene(Staged):
         return stage.end(sky=False)
 
     def labels(self, t: float, camera: str) -> list[Label]:
-        """Names beside what is in sight of the picture drawn last."""
+        """Return the names of the elements in view of the picture drawn last."""
         run = self.run
         here, k = run.joints(t)[:3], run.belief(t)
         named = [("robot", here[:2])]
@@ -184,7 +184,7 @@ class RangingScene(Staged):
         self.stage.line(outline, pale(COLOURS[part], 0.25 + 0.75 * strength), 0.9 * width)
 
     def _add_dot(self, place: Array, part: SceneElement, pixels: float) -> None:
-        """A ball at a place (2,) in the plane of the sensors, so many pixels wide in a picture 720 pixels high."""
+        """Add a ball at a place (2,) in the plane of the sensors, its width in pixels of a picture 720 pixels high."""
         centre = np.array([*place, SENSOR_HEIGHT])
         radius = 0.5 * pixels * float(self.stage.metres_per_pixel(centre[None])[0]) * self.stage.unit
         self.stage.capsule(centre, centre + np.array([0.0, 0.0, 0.002]), radius, COLOURS[part])

@@ -24,7 +24,9 @@ def outline(pose: Array) -> Array:
 
 
 def half_axes(covariance: Array, deviations: float) -> tuple[Array, float]:
-    """(2,) [m] half-axes and the direction [rad] of the first one, of the ellipse of so many standard deviations."""
+    """Return the half-axes (2,) [m] and the direction [rad] of the first one, of an ellipse of some standard
+    deviations.
+    """
     values, vectors = np.linalg.eigh(0.5 * (covariance[:2, :2] + covariance[:2, :2].T))
     return deviations * np.sqrt(np.maximum(values, 0.0)), math.atan2(vectors[1, 0], vectors[0, 0])
 

@@ -29,7 +29,7 @@ FORCED_LENGTH = 11.0  # [s of video] after it was decided, where one camera film
 
 
 def begun(run: RangingRun) -> float:
-    """Time [s] of the first estimate that says where the robot is; the end of the run if there is none."""
+    """Return the time [s] of the first estimate of the robot's pose; the end of the run without one."""
     known = run.beliefs.t[run.initialised]
     return float(known[0]) if len(known) else run.duration
 

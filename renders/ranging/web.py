@@ -91,7 +91,7 @@ def ranging_charts(run: RangingRun) -> list[Chart]:
 
 
 def _floor(run: RangingRun) -> Surface:
-    """The floor of the field as it is painted."""
+    """Return the painted floor of the field."""
     centre, half = extent(run.curve)
     west, south, east, north = *(centre - half), *(centre + half)
     picture = io.BytesIO()
@@ -104,7 +104,7 @@ def _floor(run: RangingRun) -> Surface:
 
 
 def _estimate_positions(run: RangingRun, rows: Array, positions: Array) -> Array:
-    """(n, nq) where the estimate has the robot at samples; NaN where there is none."""
+    """Return estimated positions (n, nq) of the robot at samples; NaN where there is no estimate."""
     found = np.full_like(positions, np.nan)
     for i, row in enumerate(rows):
         k = run.belief(float(run.t[row]))

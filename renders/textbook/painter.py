@@ -77,6 +77,6 @@ class TextbookPainter:
 
 @contextmanager
 def painting(run: TextbookRun, width: int, height: int, samples: int) -> Iterator[TextbookPainter]:
-    """Return a painter of pictures of a size in pixels; curves are drawn smoothly whatever ``samples`` says."""
+    """Return a painter of pictures of a size in pixels; curves are drawn smoothly for any ``samples``."""
     with matplotlib.rc_context({**STYLE, "figure.facecolor": "white"}):
         yield TextbookPainter(run, width, height)

@@ -19,7 +19,7 @@ Triangles = tuple[Array, NDArray[np.int64], bool]  # (m, 3) vertices [m], (f, 3)
 def triangles(kind: int, size: Array, endless: float) -> Triangles | None:
     """Triangles of a primitive of a MuJoCo type and size (3,); None for a mesh or a field.
 
-    ``endless`` [m] is half the side of a plane that has no size of its own.
+    ``endless`` [m] is half the side of a plane without a size.
     """
     if kind in (MESH, FIELD):
         return None
@@ -79,7 +79,7 @@ _MADE: Mapping[int, Callable[[Array], Triangles]] = {
 
 
 def revolved(radius: Array, height: Array, around: int = AROUND) -> tuple[Array, NDArray[np.int64]]:
-    """Vertices and faces, outwards, of a profile (k,) from below, turned about z in so many steps."""
+    """Return vertices and faces, outwards, of a profile (k,) from below, turned about z in a number of steps."""
     angle = np.linspace(0.0, 2.0 * math.pi, around, endpoint=False)
     vertices = np.column_stack(
         [np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel(), np.repeat(height, around)]

@@ -370,7 +370,7 @@ class MujocoPlant:
 
 
 def _expected_contacts(model: mujoco.MjModel, vehicles: Iterable[_Vehicle]) -> NDArray[np.bool_] | None:
-    """Return (ngeom, ngeom) True for pairs of geoms whose contacts are ignored; None if there are none."""
+    """Return an array (ngeom, ngeom), True for pairs of geoms whose contacts are ignored; None without such pairs."""
     expected = np.zeros((model.ngeom, model.ngeom), dtype=bool)
     for vehicle in vehicles:
         own = sorted(vehicle.geoms)

@@ -102,7 +102,9 @@ class RecordedPlant:
         """Advance to the next sample, which must be ``ticks`` ticks ahead; ``commands`` (nu,) by name are not used."""
         ahead = int(self._ticks[self._row + 1] - self._ticks[self._row])
         if ticks != ahead:
-            raise ArgumentError(f"the next sample is {ahead} ticks ahead; allowed: a step of so many, not of {ticks}")
+            raise ArgumentError(
+                f"the next sample is {ahead} ticks ahead; allowed: a step of that number, not of {ticks}"
+            )
         self._row += 1
         return ()
 

@@ -7,8 +7,7 @@ from gymnasium.envs.registration import register as registered
 from mathnavi.sim.plugin.registry import names
 
 ENTRY_POINTS = ("mathnavi.sim.environments.gym:ScenarioEnv", "mathnavi.sim.environments.gym:LearningEnv")
-"""entry point of every scenario, by version: a new one whenever the same actions lead to other observations or
-rewards"""
+"""entry point of every scenario, by version: a new one if the same actions lead to other observations or rewards"""
 VECTORS = {"safe-flight": "mathnavi.sim.environments.vector:SafeFlightVectorEnv"}
 """entry points of the scenarios whose last version steps many missions at once"""
 

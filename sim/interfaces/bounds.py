@@ -130,7 +130,7 @@ def configuration(made: type[Made], /) -> type[Made]: ...
 def configuration(*, prefix: str = "", eq: bool = True) -> Callable[[type[Made]], type[Made]]: ...
 @typing.dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
 def configuration(made: type[Any] | None = None, /, *, prefix: str = "", eq: bool = True) -> Any:
-    """Make a frozen dataclass whose fields are checked against their declared bounds whenever an instance is made.
+    """Make a frozen dataclass whose fields are checked against their declared bounds when an instance is made.
 
     A ``__post_init__`` of the class is called after that, and checks conditions on several fields together.
     Messages name a field with ``prefix`` before it; "{name}" in the prefix stands for the value of the field ``name``.

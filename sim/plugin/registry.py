@@ -203,7 +203,9 @@ def _check_class(kind: str, plugin: Any, name: str) -> None:
 
 
 def _check_name(kind: str, point: EntryPoint) -> None:
-    """Raise PluginError for the name of an entry point that cannot be part of a path, as it is for results."""
+    """Raise PluginError for the name of an entry point that cannot be part of a path, since paths of results contain
+    it.
+    """
     try:
         plain_name(point.name, f"{kind}: the name of {point.value}")
     except ValueError as error:

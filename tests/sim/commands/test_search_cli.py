@@ -189,7 +189,7 @@ def test_a_rare_event_has_a_probability_with_its_interval(path: Path, capsys: py
         (("--minimise", "noise", "--rare"), "--until = not given; allowed with --rare"),
         (("--minimise", "noise", "--rare", "--until", "0", "--missions", "10"), "--missions = 10; allowed with --rare"),
         (("--minimise", "noise", "--rare", "--until", "0", "--rim", "-1"), "beyond the rim"),
-        (("--minimise", "height_m", *OVER, "--cluster", "tcp://nowhere"), "--cluster = 'tcp://nowhere' beside"),
+        (("--minimise", "height_m", *OVER, "--cluster", "tcp://nowhere"), "--cluster = 'tcp://nowhere' together with"),
     ],
 )
 def test_bad_input_is_one_line(

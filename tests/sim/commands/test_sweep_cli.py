@@ -435,7 +435,7 @@ def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pyt
             ["--controller", "tests.nowhere:A", "cannot be imported"],
         ),
         ("--vary controller=flight,flight", ["controller=flight,flight", "twice"]),
-        ("--vary bias=--trials", ["bias=--trials", "no value"]),
+        ("--vary bias=--trials", ["bias=--trials", "not a value"]),
         ("--vary", ["--vary: its value is missing"]),
         ("--trials 0", ["--trials = 0", "from 1 to 100000"]),
         ("--trials many", ["--trials = many", "INT"]),

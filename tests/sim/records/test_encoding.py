@@ -95,7 +95,7 @@ def test_what_cannot_be_had_back_is_refused(value: Any) -> None:
 
 
 def test_a_file_cannot_have_anything_else_built() -> None:
-    with pytest.raises(StoreError, match="no class of data"):
+    with pytest.raises(StoreError, match="not a class of data"):
         decoded(Encoded({"$class": "subprocess:Popen", "$fields": {"args": ["true"]}}))
 
 

@@ -54,6 +54,6 @@ def lifted(places: Array, height: float) -> Array:
 
 
 def thinned_rows(count: int, most: int) -> Array:
-    """Return a limited number of ``count`` indices, evenly spread, including the first and the last."""
+    """Return at most ``most`` of ``count`` indices, evenly spread, including the first and the last."""
     rows: Array = np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
     return rows

@@ -136,8 +136,8 @@ class OdePlant:
     def __init__(self, vehicles: Mapping[str, OdeVehicle], dt: float, rng: np.random.Generator) -> None:
         """Build the plant at t = 0 with ticks of dt [s]; each sensor draws from its own stream, spawned from ``rng``.
 
-        Raises ValueError if there is no vehicle, a start does not fit its law, or the rate of a sensor is not a whole
-        number of ticks.
+        Raises ValueError if there is no vehicle, a start does not fit its law, or the period of a sensor is not a
+        whole number of ticks.
         """
         if not vehicles:
             raise ArgumentError("a plant needs at least one vehicle")

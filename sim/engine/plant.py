@@ -150,8 +150,8 @@ class MujocoPlant:
     def __init__(self, model: mujoco.MjModel, vehicles: Mapping[str, VehicleSetup], rng: np.random.Generator) -> None:
         """Build the plant at t = 0; each sensor draws from its own stream, spawned from ``rng``.
 
-        Raises ValueError if a vehicle is not in the model, its start does not fit its joints, or the period of a sensor is
-        not a whole number of ticks.
+        Raises ValueError if a vehicle is not in the model, its start does not fit its joints, or the period of a sensor
+        is not a whole number of ticks.
         """
         if not vehicles:
             raise ArgumentError("a plant needs at least one vehicle")

@@ -19,7 +19,7 @@ from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 
 _DEVIATIONS = 3.0  # standard deviations by which an estimate may err
-_LEAST, _MOST = 1e-12, 1e6  # variances [m^2, rad^2]: nothing is known exactly, nor not at all
+_LEAST, _MOST = 1e-12, 1e6  # variances [m^2, rad^2]: no error is known exactly, and none is unbounded
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class BeliefFromEstimates:
         self._deviation, self._disagreement = deviation, Disagreement(span)
 
     def update(self, request: PlanRequest) -> Belief:
-        """The belief at the time of a request; ValueError for an estimate that is no pose."""
+        """Return the belief at the time of a request; ValueError for an estimate that is not a pose."""
         estimate = request.estimate
         pose, P = checked_pose(estimate), estimate.covariance
         is_usable = P is not None and P.shape == (3, 3) and bool(np.isfinite(P).all())
@@ -128,7 +128,7 @@ def checked_pose(estimate: Estimate) -> Array:
 
 
 def _alternatives(estimate: Estimate) -> Array:
-    """Poses (m, 3) of the hypotheses that an estimator has beside its estimate; none once it is lost."""
+    """Poses (m, 3) of an estimator's hypotheses other than its estimate; empty once it is lost."""
     hypotheses = estimate.extra.get("hypotheses")
     if estimate.covariance is None or estimate.status is Status.LOST:
         return np.empty((0, 3))

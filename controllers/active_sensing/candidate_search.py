@@ -1,4 +1,4 @@
-"""The exploration policy that chooses: of the inputs that keep within the wall, the one that a criterion prefers.
+"""Exploration policy that chooses, among the inputs that keep within the wall, the one that a criterion prefers.
 
 The candidates are a grid of speeds times a grid of turn rates, both symmetric about zero and up to the robot's limits;
 standing still and turning on the spot are among them. Each is held for as long as it keeps within the wall, and then
@@ -6,7 +6,7 @@ the robot rests; one that does so for less than a node is left out.
 
 **Containment.** Seven poses stand for the belief: the estimate, and k standard deviations from it either way along the
 axes of its covariance, drawn back where they are nearer to the wall than the margin, as the robot is not there; and
-beside them the other poses that the estimator cannot rule out. An input is admissible for as long as none of them comes
+with them the other poses that the estimator cannot rule out. An input is admissible for as long as none of them comes
 nearer to the wall than the margin, or than it is where it is nearer already; then the robot rests, which it can at
 once. So turning on the spot is always admissible, and the less certain the estimate, the less else is.
 
@@ -61,7 +61,7 @@ class CandidateSearch:
 
 
 class Containment:
-    """Time that inputs keep inside the wall, in ``nodes`` of a horizon [s], k being ``deviations``; the way back."""
+    """Time that inputs keep inside the wall, in ``nodes`` of a horizon [s], and the way back; k is ``deviations``."""
 
     def __init__(self, mission: RangingMission, horizon: float, nodes: int, deviations: float) -> None:
         self._wall = WallTable(mission.curve.table, mission.curve.polyline)
@@ -78,14 +78,14 @@ class Containment:
         return belief.position_deviation < self._margin
 
     def admissible_nodes(self, belief: Belief, inputs: Array) -> Integers:
-        """For how many nodes (m,) each of ``inputs`` (m, 2) may be held."""
+        """Number (m,) of nodes for which each of ``inputs`` (m, 2) may be held."""
         likely = sigma_poses(self._wall, belief.pose, belief.covariance, self._deviations, self._margin)
         poses = np.concatenate((likely, belief.alternatives))
         held: Integers = nodes_within(self._wall, poses, self._margin, inputs, self._horizon / self._nodes, self._nodes)
         return held
 
     def way_back(self, belief: Belief) -> InputSequence:
-        """A turn towards the inside or away from it, whichever is nearer, and slowly there."""
+        """Inputs that turn the robot to face the inside or away from it, the nearer, and drive it there slowly."""
         x, y, phi = belief.pose
         slope = [
             clearance(self._wall, x + _STEP * c, y + _STEP * s) - clearance(self._wall, x - _STEP * c, y - _STEP * s)
@@ -99,7 +99,7 @@ class Containment:
         return self._held(speed if forwards else -speed, turn_rate, "way-back", "the estimate is too near to the wall")
 
     def turn_on_the_spot(self) -> InputSequence:
-        """For when there is no estimate to plan with: the turn shows the sensors more of the wall."""
+        """Turn on the spot, without an estimate to plan with: it shows the sensors more of the wall."""
         return self._held(0.0, self._turn_rate, "blind", "there is no estimate to plan with")
 
     def _held(self, u_1: float, u_2: float, note: str, message: str) -> InputSequence:

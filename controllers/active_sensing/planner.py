@@ -18,7 +18,7 @@ from mathnavi.sim.interfaces.signals import Plan, PlanRequest, Status
 
 
 class ExplorationPlanner:
-    """Has a policy choose inputs every ``period`` [s]."""
+    """Planner whose policy chooses inputs every ``period`` [s]."""
 
     def __init__(self, policy: ExplorationPolicy, period: float, beliefs: BeliefFromEstimates) -> None:
         self.period = period
@@ -30,7 +30,7 @@ class ExplorationPlanner:
         return self.explore(request, self.beliefs.update(request))
 
     def explore(self, request: PlanRequest, belief: Belief) -> Plan:
-        """The plan, given the belief at the time of the request."""
+        """Return the plan, given the belief at the time of the request."""
         began = time.thread_time()
         if not np.isfinite(belief.pose).all():
             return Plan.failure(Status.NOT_FINITE, f"the estimate is {belief.pose.tolist()}")

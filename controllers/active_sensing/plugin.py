@@ -53,31 +53,31 @@ class ActiveSensingConfig:
     kernels: ClassVar[str] = "mathnavi.controllers.active_sensing.ahead"  # compiled before the first run
 
     mode: ModeName = "active"
-    """how the estimator is excited: by the input that teaches it most, or by a pattern"""
+    """exploration policy: inputs chosen by a criterion, or a pattern"""
     then: ReferenceName = "none"
-    """the path about the field's centre that is kept as soon as the estimate is sure"""
+    """path about the field's centre that is followed once the estimate is certain"""
     speed: Positive = 0.5
-    """of a pattern or path [m/s]"""
+    """speed along a pattern or path [m/s]"""
     cycle: Duration = 8.0
-    """once through a pattern or path [s]"""
+    """duration of one cycle of a pattern or path [s]"""
     period: Positive = 0.2
-    """from one decision to the next [s]"""
+    """time between two decisions [s]"""
     horizon: Duration = 1.0
-    """how far ahead a decision predicts [s]"""
+    """prediction horizon of a decision [s]"""
     nodes: Annotated[int, Within(Interval(ge=1, le=_MOST_NODES), allowed=f"1 to {_MOST_NODES}")] = 10
-    """of the horizon, at which ranges are expected and the wall is kept away from"""
+    """number of nodes of the horizon, at which ranges are predicted and the distance to the wall is checked"""
     deviations: NonNegative = 3.0
-    """standard deviations of the estimate that are kept from the wall beside the margin"""
+    """number of standard deviations of the estimate that are kept from the wall in addition to the margin"""
     deviation: Positive = 0.1
-    """least standard deviation in every direction of an estimate that does not say its own [m, rad]"""
+    """standard deviation in every direction of an estimate without a covariance [m, rad]"""
     sure_position: Positive = 0.05
-    """largest standard deviation of the position of a sure estimate [m]"""
+    """largest standard deviation of the position at which an estimate is certain [m]"""
     sure_heading: Annotated[float, Radians(0.0, math.pi, open_low=True)] = 0.05
-    """standard deviation of the heading of a sure estimate [rad]"""
+    """largest standard deviation of the heading at which an estimate is certain [rad]"""
     bandwidth: Positive = 2.0
-    """of the tracker on a path [rad/s]"""
+    """bandwidth of the tracker on a path [rad/s]"""
     seed: Seed = 1
-    """of random inputs"""
+    """seed of the random inputs"""
 
     def __post_init__(self) -> None:
         if self.period > self.horizon:
@@ -95,7 +95,7 @@ PATTERNS: Mapping[str, Callable[[ActiveSensingConfig], Pattern]] = {
     "straight": lambda config: Straight(config.speed, config.cycle),
     "still": lambda config: Still(),
 }
-"""Modes that fly a pattern, whatever is observed."""
+"""Modes that drive a pattern, independent of the observations."""
 
 CRITERIA: Mapping[str, Callable[[ActiveSensingConfig, RangingMission], InputCriterion]] = {
     "active": lambda config, mission: ExpectedCovariance(mission, config.horizon, config.nodes),
@@ -125,7 +125,7 @@ class ActiveSensing:
 
     @staticmethod
     def nominal_path(config: ActiveSensingConfig, mission: RangingMission, start: Array) -> Array:
-        """Poses (n, 3) [m, m, rad] from a start (3,) whatever is observed: a cycle of a pattern, or the start alone."""
+        """Poses (n, 3) [m, m, rad] from a start (3,) without observations: a cycle of a pattern, or the start alone."""
         if config.mode in CRITERIA:
             return start[None, :]
         return path(PATTERNS[config.mode](config), start, mission.period)
@@ -142,7 +142,7 @@ def _period(config: ActiveSensingConfig, mission: RangingMission) -> float:
 
 
 def exploration_policy(config: ActiveSensingConfig, mission: RangingMission) -> ExplorationPolicy:
-    """The policy of a mode."""
+    """Build the policy of a mode."""
     if config.mode in PATTERNS:
         return PatternPolicy(PATTERNS[config.mode](config), mission, config.horizon)
     containment = Containment(mission, config.horizon, config.nodes, config.deviations)

@@ -1,7 +1,7 @@
 """Exploration policies: inputs under which the estimator learns, by pattern or by choice (``--planner.mode``).
 
-A pattern is an input u(t) that depends on time alone and repeats after a cycle; ``PatternPolicy`` flies it whatever is
-observed. ``candidate_search`` holds the policy that chooses.
+A pattern is an input u(t) that depends on time alone and repeats after a cycle; ``PatternPolicy`` drives it without
+regard to observations. ``candidate_search`` holds the policy that chooses.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class InputSequence:
     message: str = ""  # of that event
 
     def plan(self, t: float, pose: Array, solve_ms: float) -> Plan:
-        """The plan from a pose (3,) at t [s] on, to rest."""
+        """Return the plan from a pose (3,) at t [s] on, to rest."""
         times = t + np.concatenate([[0.0], np.cumsum(self.duration)])
         x = np.empty((len(self.u) + 1, 3))
         x[0] = pose
@@ -49,7 +49,7 @@ class ExplorationPolicy(Protocol):
     """Chooses inputs under which the estimator learns."""
 
     def choose(self, t: float, belief: Belief) -> InputSequence:
-        """The inputs from t [s] on, given the belief of the pose then."""
+        """Return the inputs from t [s] on, given the belief of the pose then."""
         ...
 
 
@@ -62,7 +62,7 @@ class Pattern(Protocol):
         ...
 
     def input_at(self, t: float) -> tuple[float, float]:
-        """u [m/s, rad/s] at t [s]."""
+        """Input u [m/s, rad/s] at t [s]."""
         ...
 
 
@@ -126,14 +126,14 @@ class PatternPolicy:
 
 
 def check_drivable(pattern: Pattern, mission: RangingMission) -> None:
-    """FieldError where a pattern needs more speed or turn rate than the robot has."""
+    """Raise FieldError where a pattern needs more speed or turn rate than the robot has."""
     speed, turn_rate = (abs(value) for value in pattern.input_at(0.0))
     if speed > mission.speed_max * (1.0 + _ROUNDING):
         raise FieldError(f"speed = {speed!r}; allowed: at most the robot's {mission.speed_max:g} m/s")
     if turn_rate > mission.turn_rate_max * (1.0 + _ROUNDING):
         least = pattern.cycle * turn_rate / mission.turn_rate_max
         raise FieldError(
-            f"cycle = {pattern.cycle!r} asks for {turn_rate:.4g} rad/s; allowed: at least {least:.4g} s, in which the "
+            f"cycle = {pattern.cycle!r} needs {turn_rate:.4g} rad/s; allowed: at least {least:.4g} s, in which the "
             f"robot's {mission.turn_rate_max:g} rad/s are enough"
         )
 

@@ -3,7 +3,7 @@
 The estimate is certain when the largest standard deviation of its position and that of its heading are below their
 limits; when either exceeds twice its limit, or the estimate is lost, the robot explores again. Plans of the path follow
 one another without a break, and the tracker holds the robot to them; only when the estimate is far from the plan does
-the robot join the path anew.
+the robot join the path again.
 
 The path is a pattern about the centre of the field, along the field's longer axis. The robot joins it at the pose that
 is reached the soonest by a turn on the spot, a straight line that keeps the margin, and another turn on the spot.
@@ -27,7 +27,7 @@ from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest
 
 _AGAIN = 2.0  # times a limit, above which the robot explores again
-_FAR = 0.3  # [m] from the plan, beyond which the path is joined anew
+_FAR = 0.3  # [m] from the plan, beyond which the path is joined again
 _SHARE = 0.7  # of the robot's speed and turn rate that the way to the path takes; the rest is the tracker's
 _ENTRIES = 40  # poses of the path at which it may be joined
 _STEP = 0.05  # [m] between the points of a line whose clearance is checked
@@ -35,7 +35,7 @@ _SAME_TIME = 1e-9  # [s]
 
 
 class ThenTrack:
-    """An exploration planner, and a path for ``horizon`` [s] at a time while the estimate is certain.
+    """Planner that explores and, while the estimate is certain, follows a path for ``horizon`` [s] at a time.
 
     ``position`` [m] and ``heading`` [rad] are the limits of the standard deviations. Events: "tracking" when the path
     is joined, "exploring" when the estimate is no longer certain, "no-way" when no straight way leads onto the path.
@@ -54,7 +54,7 @@ class ThenTrack:
         belief = self._planner.beliefs.update(request)
         if not self._is_certain(belief):
             degraded = self._joined is not None
-            return self._explore(request, belief, "exploring" if degraded else "", "the estimate is not sure any more")
+            return self._explore(request, belief, "exploring" if degraded else "", "the estimate is no longer certain")
         if request.current is None:
             return self._explore(request, belief)
         if self._joined is None or _is_far(belief, request.current, request.t):

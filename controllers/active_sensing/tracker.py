@@ -1,8 +1,8 @@
 """The tracker: the plan's inputs and, on a path to follow, the correction of the error from it.
 
-Arcs that explore are driven as they are: the next plan starts from the estimate anyway, a fifth of a second later. Arcs
-of the phase ``CRUISE`` follow a path of their own, a unicycle (p_r, phi_r) with the inputs (u_1r, u_2r). With the error
-in the robot's frame, e = R_{-phi}(p_r - p), and d = phi_r - phi,
+Arcs that explore are driven without feedback: the next plan starts from the estimate anyway, a fifth of a second later.
+Arcs of the phase ``CRUISE`` follow a reference, a unicycle (p_r, phi_r) with the inputs (u_1r, u_2r). With the error in
+the robot's frame, e = R_{-phi}(p_r - p), and d = phi_r - phi,
 
     u_1 = u_1r cos d + k_1 e_1,      u_2 = u_2r + k_2 u_1r (sin d / d) e_2 + k_3 d,
 
@@ -24,7 +24,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 
 class PathTracker:
-    """Drives a plan; with the ``bandwidth`` omega [rad/s], k_1 = k_3 = 2 omega and k_2 = (omega / speed)^2.
+    """Tracker of a plan; with the ``bandwidth`` omega [rad/s], k_1 = k_3 = 2 omega and k_2 = (omega / speed)^2.
 
     Near a path that is driven at that speed [m/s] the deviation across it is critically damped.
     """
@@ -44,7 +44,7 @@ class PathTracker:
         return np.clip(u, -self._limit, self._limit)
 
     def _corrected(self, x: Array, reference: Array, u: Array) -> Array:
-        """Input (2,) at a pose x (3,) beside the path's pose ``reference`` (3,) and input u (2,)."""
+        """Input (2,) at a pose x (3,), corrected towards the path's pose ``reference`` (3,) with its input u (2,)."""
         c, s = math.cos(x[2]), math.sin(x[2])
         dx, dy = reference[0] - x[0], reference[1] - x[1]
         e_1, e_2, d = c * dx + s * dy, c * dy - s * dx, wrapped(reference[2] - x[2])

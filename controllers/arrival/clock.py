@@ -1,8 +1,8 @@
 """The plug-in ``clock``: the vehicles agree on one time without a clock that they share (Remark A.6).
 
-A vehicle reads only its own clock c_m; its corrected time is c_m + x_m, and x_m is a consensus state beside the arrival
-time. From two messages, mine to l and l's to me, each with the local times at which it was sent and taken, the
-difference of the two clocks follows as in the network time protocol (Mills, RFC 5905, section 8)
+A vehicle reads only its own clock c_m; its corrected time is c_m + x_m, and x_m is a consensus state in addition to the
+arrival time. From two messages, one from m to l and one from l to m, each with the local times at which it was sent and
+received, the difference of the two clocks follows as in the network time protocol (Mills, RFC 5905, section 8)
 
     theta_lm = ((taken_l - sent_m) + (sent_l - taken_m)) / 2 = c_l - c_m + (delay there - delay back) / 2,
 
@@ -42,17 +42,17 @@ class ClockConfig:
     """Fields of the plug-in."""
 
     scaling: Positive = 20.0
-    """s, of the corrections' protocol [1/s]"""
+    """gain s of the protocol of the corrections [1/s]"""
     rate_scaling: NonNegative = 0.0
-    """s_y, of the rates' protocol [1/s]; 0: rates are not agreed upon"""
+    """gain s_y of the protocol of the rates [1/s]; 0: no agreement on rates"""
     period: Positive = 1.0 / 60.0
-    """between two rounds [s]"""
+    """time between two rounds [s]"""
     memory: float = 0.25
-    """longest round trip that is used, and after which what a neighbour sent counts no longer [s]"""
+    """longest round trip that is used, and age beyond which a neighbour's message no longer counts [s]"""
     baseline: Positive = 2.0
-    """over which a rate is measured [s]"""
+    """time over which a rate is measured [s]"""
     apart: Positive = 60.0
-    """by which two clocks may differ [s]; a message that is further ahead is from the future"""
+    """largest difference between two clocks [s]; a message that is further ahead is refused as from the future"""
 
     def __post_init__(self) -> None:
         check(self.memory, "memory", 2.0 * self.period)
@@ -66,7 +66,7 @@ class Clock:
 
     @staticmethod
     def build(config: ClockConfig, mission: Node) -> Consensus:
-        """For one vehicle; the times that it is given are those of its own clock."""
+        """Return the consensus of one vehicle, to be called with the times of that vehicle's clock."""
         return ClockConsensus(config, mission)
 
 
@@ -81,7 +81,7 @@ class ClockPayload:
 
     @staticmethod
     def sound(payload: Any) -> bool:
-        """True if a payload is one of these, with finite numbers."""
+        """True if a payload is a ``ClockPayload`` with finite numbers."""
         if not (isinstance(payload, ClockPayload) and isinstance(payload.taken, Mapping)):
             return False
         numbers = [payload.correction, payload.rate, payload.valency]
@@ -135,7 +135,7 @@ class ClockConsensus:
 
     @property
     def outlier(self) -> bool:
-        """Every clock takes part."""
+        """False: every clock takes part."""
         return False
 
     @property
@@ -144,7 +144,7 @@ class ClockConsensus:
         return self._inbox.refused + self._unusable
 
     def start(self, value: float, now: float = 0.0) -> None:
-        """A first guess of the correction [s]; one that is not finite changes nothing."""
+        """Set the first guess of the correction [s]; a value that is not finite changes nothing."""
         if math.isfinite(value):
             self._correction = float(value)
 
@@ -159,7 +159,7 @@ class ClockConsensus:
         return ClockPayload(self._correction, self._rate, self._node.valency, dict(self._stamps))
 
     def _compare(self, t: float, message: Message) -> None:
-        """Lead of a neighbour's clock [s], if it has answered a message of ours."""
+        """Update the lead [s] of a neighbour's clock, if the neighbour has answered a message of this vehicle."""
         payload: ClockPayload = message.payload
         name = message.sender
         if message.t < t - self._config.apart - self._config.memory:

@@ -1,4 +1,4 @@
-"""Messages of a vehicle of a fleet: its plans, for their room, and when it can arrive, for a common time.
+"""Coordinator of a vehicle of a fleet: it communicates plans, to keep them apart, and arrivals, to agree on a time.
 
     plan proposed -> SeparationRule, over the network, with every other vehicle -> admitted, or the stored plan stays
     ``ArrivalEstimate`` of the plan being flown -> Consensus, with the neighbours in the graph -> t_a for the planner
@@ -7,14 +7,14 @@ Once a planning period the vehicle gives its consensus its own time of arrival. 
 fleet's time grid, so that a vehicle which knows it to a rounding error asks its planner for the same instant as all
 others, and is communicated to the planner when it changes.
 
-**Vehicles that queue.** The time of arrival by (A.12) is the least possible; who is not given room for its plans cannot
-keep it. All stored plans arrive at T_A, the assured time, whatever becomes of messages and proposals. So a vehicle
+**Vehicles that queue.** The time of arrival by (A.12) is the least possible; a vehicle whose plans are refused cannot
+keep it. All stored plans arrive at T_A, the assured time, independent of messages and proposals. So a vehicle
 defers its arrival to T_A ("arrival-deferred") and communicates this to all others, if it has queued for ``PATIENCE``
 planning instants running, if the plan by which it commits to the agreed time is refused, or if it has none some periods
-after the horizon has reached that. The agreed time then moves to T_A, once: all have known it from the start, and who
-has not committed to an earlier arrival need not do anything to keep it. A plan that commits to a time before the agreed
-one is not adopted any more, even if it was admitted, unless the rule binds the vehicle to it. What is agreed and the
-plan being flown does not keep is announced when it is known ("arrival-unkept").
+after the horizon has reached that. The agreed time then moves to T_A, once: all have known it from the start, and one
+that has not committed to an earlier arrival need not do anything to keep it. A plan that commits to a time before the
+agreed one is not adopted any more, even if it was admitted, unless the rule binds the vehicle to it. What is agreed and
+the plan being flown does not keep is announced when it is known ("arrival-unkept").
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from mathnavi.sim.interfaces.signals import OPTIMISED, Message, Outbox, Plan
 
 AGREEMENT = "arrival consensus"  # the topic of the consensus's messages
 DEFERRAL = "arrival deferral"  # the topic of messages, to all, that the assured time is the fleet's
-PATIENCE = 3  # planning instants running at which a vehicle is not given room
+PATIENCE = 3  # planning instants running at which a vehicle's plan is refused
 SETTLING = 3  # planning instants from the first on, after which the vehicles have agreed
 DECISION = 2  # planning instants within the horizon by which a plan that arrives at the agreed time is there
 
-_ROUNDING = 1e-3  # of the time grid: what is that little above a grid point is on it
+_ROUNDING = 1e-3  # of the time grid: a time so little above a grid point is on it
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,8 @@ class FleetCoordinator:
     def admits(self, t: float, plan: Plan) -> bool:
         """True if a plan may be flown: the rule of separation has admitted it.
 
-        True too, unasked and with the guarantee lost, for a plan made anew because the one before was worth nothing.
+        Also True for a rebased plan, made from the estimate because the one before was void: the others are not asked
+        for it, and the guarantee is lost.
         """
         if "rebased" in plan.notes:
             self._separation.rebase(plan)
@@ -137,10 +138,10 @@ class FleetCoordinator:
         self._reach = max(self._reach, float(optimised[-1]) - plan.t_start if len(optimised) else 0.0)
 
     def _own_time(self, t: float, flown: Plan) -> float:
-        """[s] of arrival that the vehicle communicates: the least possible, or the assured one once it defers."""
+        """Time of arrival [s] that the vehicle communicates: the least possible, or the assured one once it defers."""
         least, assured = self._estimate(flown, t), self._assured
         if assured is None or assured.arrives(flown, t) - assured.braking > assured.time + self._planning_period:
-            return least  # nothing is assured, or not any more: the vehicle had to leave its plan
+            return least  # no time is assured, or no longer: the vehicle had to leave its plan
         if not self._deferred and (why := self._cannot_keep(t, flown, assured)):
             self._defer(why, assured)
         return assured.time if self._deferred else min(least, assured.time)
@@ -180,7 +181,7 @@ class FleetCoordinator:
         return self._commits(t, plan) and not self._commits(t, self._flown)
 
     def _cannot_keep(self, t: float, flown: Plan, assured: AssuredArrival) -> str:
-        """Why the vehicle may not be able to keep a time before the assured one; "" while it may."""
+        """Reason why the vehicle may not be able to keep a time before the assured one; "" while it may."""
         agreed = self._consensus.value
         if not agreed < assured.time - self._planning_period:
             return ""
@@ -230,7 +231,7 @@ class FleetCoordinator:
         self._begun = min(self._begun, t)
         settling = t < self._begun + SETTLING * self._planning_period
         if not math.isfinite(agreed) or (settling and self._assured is not None and agreed - t < 2.0 * self._reach):
-            return ()  # who is so near waits for what the others say
+            return ()  # a vehicle this near waits for the answers of the others
         arrival = self._grid * math.ceil(agreed / self._grid - _ROUNDING)
         if arrival == self._announced:
             return ()

@@ -7,18 +7,18 @@ communication delay in dynamic environments" (arXiv 2303.06222). A vehicle that 
   2. publishes it, flies on by the one *committed* before, and for delta_DC checks it against all that arrives;
   3. commits to it, and publishes it as committed, if there was no conflict; otherwise it stays with the one before.
 
-A committed trajectory takes the place of all that its receiver has stored of that sender. Nobody answers.
+A committed trajectory takes the place of all that its receiver has stored of that sender. There are no answers.
 
 **Guarantee.** Let every message arrive within delta_DC > 0. Of two vehicles whose optimised trajectories are in
 conflict let i be the first to publish. By the time at which j could commit it has received i's trajectory, and drops
 its own. So committed trajectories are D (``Zone``) apart. **A message that takes longer, or is lost, voids the
 guarantee**, and neither vehicle notices: ``mathnavi.controllers.arrival.separation`` is a rule that needs no bound.
 
-Where the paper says nothing, its rule is given the benefit:
+Where the paper leaves a choice, the one that favours its rule is made:
   - vehicles plan at the same instants here, and asynchronously there: each publishes after a random wait;
   - the links there repeat what is lost: each message is sent again in every exchange;
   - messages may overtake each other: trajectories are numbered, and an old one replaces no new one;
-  - a published trajectory that was dropped is in nobody's way: the committed one is published again in its place.
+  - a published trajectory that was dropped blocks no vehicle: the committed one is published again in its place.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from mathnavi.sim.interfaces.signals import Event, Message, Plan
 
 @dataclass(frozen=True)
 class Published:
-    """Trajectory that a vehicle flies from now on, up to its plan's start by the plan before."""
+    """Trajectory that a vehicle flies from now on: the plan before, up to the start of the new one, then that."""
 
     id: int  # of this vehicle, increasing
     trajectory: PlannedTrajectory
@@ -65,8 +65,8 @@ class _Candidate:
 class DelayCheck:
     """The ``SeparationRule`` of one vehicle, by the delay check.
 
-    ``events``: ``separation-refused``, ``separation-late`` (not committed by its start), ``separation-ignored`` (a
-    message that cannot be) and ``separation-unguaranteed`` (it flies another plan than it has committed to).
+    ``events``: ``separation-refused``, ``separation-late`` (not committed by its start), ``separation-ignored`` (an
+    impossible message) and ``separation-unguaranteed`` (it flies another plan than it has committed to).
     """
 
     binding = True
@@ -82,7 +82,7 @@ class DelayCheck:
         wait: float = 0.0,
         step: float = 0.0,
     ) -> None:
-        """``peers`` are all other vehicles, ``current`` what ``checked_start`` passed.
+        """``peers`` are all other vehicles, ``current`` is the plan that ``checked_start`` passed.
 
         ``delay`` [s] is delta_DC; ``wait`` [s] the longest random wait before a plan is published, which it is at the
         latest ``delay`` and two periods ``step`` [s] of the exchange before its start. ValueError for a name twice and
@@ -109,7 +109,7 @@ class DelayCheck:
 
     @property
     def unheard(self) -> tuple[str, ...]:
-        """No vehicles: nobody is asked for an answer."""
+        """Empty: this rule asks for no answers."""
         return ()
 
     def propose(self, plan: Plan | PlannedTrajectory) -> int:
@@ -137,9 +137,9 @@ class DelayCheck:
         return self._candidate is not None and self._candidate.id == id and self._candidate.committed
 
     def adopt(self, t: float) -> None:
-        """At the hand-over: the plan committed to is the one being flown from t [s] on.
+        """Make the plan committed to the one being flown from t [s] on, at the hand-over.
 
-        ArgumentError if there is none, or before its start.
+        ArgumentError if no plan is committed to, or before its start.
         """
         candidate = self._candidate
         if candidate is None or not candidate.committed:
@@ -149,13 +149,13 @@ class DelayCheck:
         self._current, self._candidate, self.guaranteed = candidate.plan, None, True
 
     def rebase(self, plan: Plan | PlannedTrajectory) -> None:
-        """The vehicle has left its plan and flies this one unasked: the guarantee is lost until it next adopts one."""
+        """Note that the vehicle left its plan and flies this one unchecked: no guarantee until it next adopts one."""
         self._candidate = None
         self._current = PlannedTrajectory.from_plan(plan)
         self._stay(float(self._current.t[0]))
 
     def exchange(self, t: float, received: Sequence[Message]) -> list[tuple[str, Message]]:
-        """Take what has arrived by t [s] of this vehicle's clock; return what to send, and to whom."""
+        """Process the messages received by t [s] of this vehicle's clock; return those to send, with the receivers."""
         arrived = [each for message in received if message.topic == TOPIC for each in self._taken(message, t)]
         self._proceed(t, arrived)
         candidate, messages = self._candidate, [self._committed]
@@ -219,7 +219,7 @@ class DelayCheck:
 
 
 def joined(before: PlannedTrajectory, after: PlannedTrajectory) -> PlannedTrajectory:
-    """The trajectory that follows one up to the start of another, and then that one."""
+    """Join two trajectories: the first up to the start of the second, then the second."""
     start = float(after.t[0])
     kept = int(np.searchsorted(before.t, start - TIME_TOLERANCE))
     t, x, u = before.t[:kept], before.x[:kept].copy(), before.u[:kept]

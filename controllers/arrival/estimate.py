@@ -11,8 +11,8 @@ L being the remaining length by the terminal cost (the thesis prints "Psi") and 
 The nodes are those at which an optimised arc begins, p_1 ... p_(N-1); as printed p_N counts, too.
 
 Communicated as a time of arrival, t + eta, it does not fall by h from one planning instant to the next, and vehicles
-that plan at different instants can compare theirs. A plan that meets its target is as good as it says; one whose
-optimised part is over is taken from where the vehicle is.
+that plan at different instants can compare theirs. A plan that meets its target within its optimised part arrives when
+it says; of a plan whose optimised part is over, the length is measured from where the vehicle is.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _SLOWEST = 1e-3  # [m/s] below which a plan gives no time
 
 @configuration
 class ArrivalEstimate:
-    """The time of arrival of plans to one target."""
+    """Estimate of the time at which plans arrive at one target."""
 
     length_to_go: Callable[[Array], Array]  # (n, 3) [m] -> (n,) [m]
     target: Array  # (3,) [m]
@@ -42,7 +42,7 @@ class ArrivalEstimate:
     speed: SpeedName = "max"
 
     def __call__(self, plan: Plan, t: float) -> float:
-        """[s] when a vehicle on ``plan`` arrives, as it knows at t [s]; infinite for a plan that does not move on."""
+        """Time [s] at which a vehicle on ``plan`` arrives, as known at t [s]; infinite for a plan that stands still."""
         met = self.arrives(plan, t)
         optimised = plan.phase == OPTIMISED
         end = float(plan.t[1:][optimised][-1]) if optimised.any() else plan.t_start
@@ -57,5 +57,5 @@ class ArrivalEstimate:
         return last + left / v if v > _SLOWEST else np.inf
 
     def arrives(self, plan: Plan, t: float) -> float:
-        """[s] when a plan, flown to its end, is at the target after t [s]; infinite for one that never is."""
+        """Time [s] after t [s] at which a plan, flown to its end, is at the target; infinite if it never is."""
         return pass_time(plan, self.target, t)

@@ -1,4 +1,4 @@
-"""The inbox of a vehicle: which messages count, and the last of each neighbour."""
+"""Inbox of a vehicle: it selects the messages that count, and keeps the last of each neighbour."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class ConsensusPayload:
 
     @staticmethod
     def sound(payload: Any) -> bool:
-        """True if a payload is one of these, with finite numbers."""
+        """True if a payload is a ``ConsensusPayload`` with finite numbers."""
         return (
             isinstance(payload, ConsensusPayload)
             and (payload.value is None or finite(payload.value))
@@ -46,7 +46,7 @@ class Inbox:
     """Inbox of one vehicle."""
 
     def __init__(self, node: Node, sound: Callable[[Any], bool], ahead: float = 0.0) -> None:
-        """``sound`` says whether a payload can be used; a sender's clock may be ``ahead`` [s] of one's own at most."""
+        """``sound`` returns True for a usable payload; a sender's clock may lead this vehicle's by ``ahead`` [s]."""
         self.refused: Counter[str] = Counter()
         self._node, self._sound, self._ahead = node, sound, ahead
         self._since = -math.inf
@@ -65,7 +65,7 @@ class Inbox:
         self._heard = {}
 
     def take(self, t: float, received: Sequence[Any]) -> list[Message]:
-        """Take what has arrived by t [s] and return the messages that count, in the order of their sending."""
+        """Store the messages received by t [s] and return those that count, in the order of their sending."""
         sound = [message for message in received if self._is_sound(message)]
         self.refused["garbage"] += len(received) - len(sound)
         taken = []

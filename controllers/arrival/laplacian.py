@@ -48,15 +48,15 @@ class LaplacianConfig:
     """Fields of the plug-in."""
 
     scaling: Positive = 20.0
-    """s, of the protocol [1/s]"""
+    """gain s of the protocol [1/s]"""
     period: Positive = 1.0 / 60.0
-    """h, between two rounds [s]"""
+    """time h between two rounds [s]"""
     memory: float = 0.25
-    """after which what a neighbour sent counts no longer [s]"""
+    """age beyond which a neighbour's message no longer counts [s]"""
     own: Literal["now", "then"] = "now"
-    """what of itself a vehicle compares with what it hears: its value now, or when that was sent"""
+    """own value that a vehicle compares with a received one: the present one, or that when the message was sent"""
     delta: PositiveFraction = DELTA
-    """of the outlier detection rule (A.14)"""
+    """tolerance delta of the outlier detection rule (A.14)"""
 
     def __post_init__(self) -> None:
         check(self.memory, "memory", self.period)
@@ -70,7 +70,7 @@ class Laplacian:
 
     @staticmethod
     def build(config: LaplacianConfig, mission: Node) -> Consensus:
-        """For one vehicle."""
+        """Return the consensus of one vehicle."""
         return LaplacianConsensus(config, mission)
 
 
@@ -83,7 +83,7 @@ class LaplacianConsensus:
         self._inbox = Inbox(node, ConsensusPayload.sound, 2.0 * node.clock_error)
         self._value = self._own = math.nan
         self._begun = 0.0  # [s] the planning period
-        self._outlier = True  # until it has a number of its own
+        self._outlier = True  # until it has a value to contribute
         self._started = False  # and has not yet sent it
         self._times: list[float] = []  # [s] of its rounds within memory
         self._values: list[float] = []  # eta_m after each
@@ -104,7 +104,7 @@ class LaplacianConsensus:
         return self._inbox.refused
 
     def start(self, value: float, now: float = 0.0) -> None:
-        """The vehicle's own eta_m at the beginning of a planning period, a time of arrival on the clock of ``now``.
+        """Start a planning period with the vehicle's own eta_m, a time of arrival on the clock of ``now``.
 
         It decides by (A.14), from the estimate and the agreement of the period that ends, whether it takes part: both
         as times to go from that period's beginning. A vehicle without a finite estimate follows, and one that had none
@@ -171,5 +171,5 @@ class LaplacianConsensus:
 
 
 def _within(value: float, values: Sequence[float]) -> float:
-    """Rounding does not carry a convex combination beyond what it combines."""
+    """Clip a convex combination to the range of what it combines, which rounding may exceed."""
     return min(max(value, min(values)), max(values))

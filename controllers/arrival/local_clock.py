@@ -1,4 +1,4 @@
-"""Vehicles that have no clock in common: each reads its own, and they agree on a time beside what they agree on else.
+"""Vehicles without a common clock: each reads its own, and they agree on the time as well as on their arrival.
 
 A vehicle's clock shows c_m(t) = (1 + rho_m) t + o_m; what it sends to the others, and receives from them, is in
 corrected time
@@ -9,7 +9,7 @@ x_m being the state of the clock consensus (Remark A.6). For ``settling`` it doe
 and asks for no room. From then on the trajectories it announces, and the time of arrival it agrees on, are in T_m, and
 the zone that vehicles keep is larger by what two corrected clocks may differ in (``Zone.clock_error``). Where a
 neighbour's corrected clock is seen to differ by more than twice that error, "clock-apart" is recorded: the separation
-rests on clocks that are not what they were taken for.
+rests on clocks that are less accurate than was assumed.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ CLOCK = "clock consensus"  # the topic of the consensus's messages
 
 @dataclass(frozen=True)
 class LocalClock:
-    """A clock that is off, and goes wrong."""
+    """A clock with an offset and a drift."""
 
     offset: float = 0.0  # [s] o
     drift: float = 0.0  # rho
 
     def __call__(self, t: float) -> float:
-        """Time [s] that it shows at t [s]."""
+        """Time [s] that the clock shows at t [s]."""
         return (1.0 + self.drift) * t + self.offset
 
 
 class ClockedCoordinator:
-    """The ``Coordinator`` of a vehicle that has a clock of its own.
+    """The ``Coordinator`` of a vehicle that reads its own clock.
 
-    ``coordinator(stored, ahead)`` makes what communicates plans and arrivals once the clocks agree: from the plan that
-    is flown then, in corrected time, and from how far [s] that is ahead of the time in which the vehicle plans.
+    ``coordinator(stored, ahead)`` makes the one that communicates plans and arrivals once the clocks agree: from the
+    plan that is flown then, in corrected time, and from the lead [s] of this over the time in which the vehicle plans.
     """
 
     def __init__(
@@ -55,14 +55,14 @@ class ClockedCoordinator:
         error: float,
         coordinator: Callable[[Plan, float], FleetCoordinator],
     ) -> None:
-        """``settling`` [s] of its own clock, ``error`` [s] what a corrected clock may be off."""
+        """``settling`` [s] is time of the vehicle's clock, ``error`` [s] the largest error of a corrected clock."""
         self.period = consensus.period
         self._name, self._clock, self._consensus = name, clock, consensus
         self._neighbours, self._settling, self._error = tuple(neighbours), settling, error
         self._make = coordinator
         self._inner: FleetCoordinator | None = None
         self._flown: Plan | None = None
-        self._proposed: tuple[Plan, Plan] | None = None  # as it is flown, and as the others know it
+        self._proposed: tuple[Plan, Plan] | None = None  # as flown, and as the others know it
         self._began: float | None = None  # [s] own clock
         self._apart = False
 
@@ -95,7 +95,7 @@ class ClockedCoordinator:
             self._inner.propose(self.corrected(t), self._proposed[1])
 
     def admits(self, t: float, plan: Plan) -> bool:
-        """True if a plan may be flown; before the clocks agree only one that was made anew."""
+        """True if a plan may be flown; before the clocks agree, only a rebased one."""
         if self._inner is None:
             return "rebased" in plan.notes
         return self._inner.admits(self.corrected(t), self._known(t, plan))
@@ -109,17 +109,17 @@ class ClockedCoordinator:
         self._flown = plan
 
     def _known(self, t: float, plan: Plan) -> Plan:
-        """A plan as the others know it."""
+        """Return a plan as the others know it."""
         if self._proposed is not None and self._proposed[0] is plan:
             return self._proposed[1]
         return self._shifted(t, plan)
 
     def _shifted(self, t: float, plan: Plan) -> Plan:
-        """A plan in corrected time, as that is known at t [s]."""
+        """Return a plan in corrected time, as known at t [s]."""
         return dataclasses.replace(plan, t=plan.t + (self.corrected(t) - t))
 
     def _back(self, t: float, message: Message) -> Message:
-        """For the vehicle's own planner."""
+        """Return a message in the time of the vehicle's own planner."""
         ahead = self.corrected(t) - t
         payload = message.payload - ahead if message.topic == ARRIVAL else message.payload
         return Message(message.t - ahead, message.sender, message.topic, payload)

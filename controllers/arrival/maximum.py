@@ -2,7 +2,7 @@
 
 The least times in which the vehicles can arrive have one common value that all can keep: their maximum, up to the
 deadline D of the fleet. Each vehicle sends the largest that it knows, so all know it after as many rounds as the
-graph's diameter, whatever the order of messages, and no message that is late, lost or doubled makes it fall. A vehicle
+graph's diameter, in any order of messages, and no message that is late, lost or doubled makes it fall. A vehicle
 whose own number is above D announces itself an outlier: it follows what the others agree on, and comes back when its
 own number is at most D again.
 """
@@ -26,7 +26,7 @@ class MaximumConfig:
     """Fields of the plug-in."""
 
     period: Positive = 1.0 / 60.0
-    """between two rounds [s]"""
+    """time between two rounds [s]"""
 
 
 class Maximum:
@@ -38,7 +38,7 @@ class Maximum:
 
     @staticmethod
     def build(config: MaximumConfig, mission: Node) -> Consensus:
-        """For one vehicle; MissionError for a deadline that is NaN."""
+        """Return the consensus of one vehicle; MissionError for a deadline that is NaN."""
         if math.isnan(mission.deadline):
             raise MissionError(f"deadline = {mission.deadline!r}; allowed: a number")
         return MaximumConsensus(config, mission)
@@ -73,7 +73,7 @@ class MaximumConsensus:
         return self._inbox.refused + Counter({"beyond the deadline": self._beyond})
 
     def start(self, value: float, now: float = 0.0) -> None:
-        """The vehicle's own number; the agreed one rises to it if it is at most D."""
+        """Set the vehicle's own number; the agreed one rises to it if it is at most D."""
         self._own = float(value)
         if not self.outlier:
             self._rise(self._own)

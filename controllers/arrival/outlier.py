@@ -1,11 +1,11 @@
-"""The outlier detection rule (A.14): who cannot adjust its arrival so far follows passively, and may come back.
+"""Outlier detection rule (A.14): a vehicle that cannot adjust its arrival so far follows passively, and may come back.
 
 A vehicle is no outlier while (eta_d - h) / eta_m lies in [1 - delta, 1 + delta], with its own estimate eta_m, the
-agreed eta_d and the planning period h. As printed, a vehicle that agrees with all others is one all the same once
+agreed eta_d and the planning period h. As printed, a vehicle that agrees with all others is nevertheless one once
 eta_m < h / delta, for its own estimate has not yet been reduced by the h that eta_d is; in the last 5.6 s of a mission
-everybody is. So is a vehicle that has arrived (eta_m <= 0). And one vehicle whose estimate is so far off that it moves
-the average of n beyond the others' bands, by more than about n delta of theirs, makes outliers of all at once; nobody
-takes part any more then, and they keep what they hold.
+every vehicle is. So is a vehicle that has arrived (eta_m <= 0). And one vehicle whose estimate is so far off that it
+moves the average of n beyond the others' bands, by more than about n delta of theirs, makes outliers of all at once; no
+vehicle takes part any more then, and all keep their values.
 """
 
 from __future__ import annotations

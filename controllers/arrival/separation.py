@@ -14,30 +14,32 @@ flies pi_i, and let T_a be when i checked pi_j, T_a < T*, for j counts only ackn
   2. Otherwise i proposed pi_i after T_a, as a plan enters Own_i only so, and adopted it by T*. So j checked it at some
      T_b, T_a < T_b <= T*. pi_j had been proposed before T_a and was adopted at T* and not withdrawn, for then its id
      were void: so it was in Own_j at T_b, and pi_i was checked against it.
-Nothing is said of when messages arrive, or whether. Two adoptions at one instant are the case of either order.
+The proof assumes nothing on when messages arrive, or whether they do. Two adoptions at one instant are the case of
+either order.
 
 What follows from this for the corners:
   - *j need not remember what it acknowledged*: what it later proposes itself i will check, against Own_i, which has
     held pi_i since before j received it. It does remember its latest answer to each, so that a copy of a proposal gets
     the same answer again, as if the first had been late or doubled, and costs no second check.
   - *i withdraws after some acknowledgements*: they are for an id that is void, and are ignored whenever they arrive.
-    Nobody has to be informed.
+    No vehicle has to be informed.
   - *j adopts its pending plan between the check and the adoption of i*: pi_i was checked against it while pending.
   - *j proposes after it acknowledged pi_i*: case 2 with the roles changed; i refuses, or one of both gives way.
   - *A check covers only when both plans may be flown*: a current plan from now on, a pending one from its start. Until
-    then its vehicle flies what is current, which is checked beside it.
+    then its vehicle flies what is current, which is checked as well.
   - *Memory lost, or ids used again after a restart*, are outside of this; so are clocks that run backwards.
 
 **Conflicts.** Each proposal carries a rank, drawn from the generator at hand. j gives way, it withdraws its own pending
 plan and acknowledges, if that plan is all that is in the way, is not yet admitted, and has the lower (rank, name). Any
 other conflict is refused, and a refused proposal is withdrawn. There is no livelock: among proposals in conflict the
-highest gives way to none and is refused only for plans that are flown or admitted. Ranks are drawn anew each time, so
-where n vehicles propose once a period a proposal that clears those is the highest with probability 1/n at least: nobody
-starves, and no fixed order lets one whose plan is hopeless block the others for ever. Who waits flies its stored plan.
+highest gives way to none and is refused only for plans that are flown or admitted. Ranks are drawn again each time, so
+where n vehicles propose once a period a proposal that clears those is the highest with probability 1/n at least: no
+vehicle starves, and no fixed order lets one whose plan is hopeless block the others for ever. A vehicle that waits
+flies its stored plan.
 
 **Out of reach.** A plan is the whole way to the target, and is compared with others for all future time. So distance
-alone makes nobody irrelevant: a vehicle out of the radio's range, or silent, may not be left out, and nobody's plan is
-admitted until it has acknowledged. What is lost is the new plans, not the separation: everybody flies its stored plan.
+alone makes no vehicle irrelevant: one out of the radio's range, or silent, may not be left out, and no plan is admitted
+until it has acknowledged. What is lost is the new plans, not the separation: every vehicle flies its stored plan.
 """
 
 from __future__ import annotations
@@ -58,7 +60,7 @@ from mathnavi.sim.interfaces.signals import Event, Message, Plan
 
 @dataclass(frozen=True)
 class Proposal:
-    """Proposal of a vehicle i: may I fly this from its start on?"""
+    """Proposal of a vehicle i to fly a trajectory from its start on."""
 
     id: int  # of this vehicle, increasing
     rank: float
@@ -77,7 +79,7 @@ class Separation:
     """The ``SeparationRule`` of one vehicle, by acknowledged plans.
 
     ``events`` are those since they were last taken: ``separation-refused``, ``separation-yielded``,
-    ``separation-late`` (not admitted by its start), ``separation-ignored`` (a message that cannot be) and
+    ``separation-late`` (not admitted by its start), ``separation-ignored`` (an impossible message) and
     ``separation-unguaranteed`` (a rebase: the guarantee is lost until the next adoption).
     """
 
@@ -86,14 +88,14 @@ class Separation:
     def __init__(
         self, name: str, peers: Sequence[str], zone: Zone, current: Plan | PlannedTrajectory, rng: np.random.Generator
     ) -> None:
-        """``peers`` are all other vehicles, ``current`` what ``checked_start`` passed; ValueError for a name twice."""
+        """``peers`` are all other vehicles, ``current`` is from ``checked_start``; ValueError for a name twice."""
         check_names([name, *peers])
         self.name, self.peers, self.zone = name, tuple(peers), zone
         self.events: list[Event] = []
         self.guaranteed = True  # False from a ``rebase`` to the next adoption
         self._current = PlannedTrajectory.from_plan(current)
         self._pending: Proposal | None = None
-        self._acknowledged: set[str] = set()  # who has, the pending proposal
+        self._acknowledged: set[str] = set()  # vehicles that have acknowledged the pending proposal
         self._known = dict.fromkeys(peers)  # as ``peers``, to be found at once
         self._rng = rng
         self._last_id = 0
@@ -123,7 +125,7 @@ class Separation:
 
     @property
     def unheard(self) -> tuple[str, ...]:
-        """Vehicles that have not acknowledged the pending proposal; none without one."""
+        """Vehicles that have not acknowledged the pending proposal; empty without one."""
         if self._pending is None or len(self._acknowledged) == len(self.peers):
             return ()
         return tuple(peer for peer in self.peers if peer not in self._acknowledged)
@@ -138,9 +140,9 @@ class Separation:
         return self.pending == id and len(self._acknowledged) == len(self.peers)
 
     def adopt(self, t: float) -> None:
-        """At the hand-over: the admitted plan is the one being flown from t [s] on.
+        """Make the admitted plan the one being flown from t [s] on, at the hand-over.
 
-        ArgumentError if there is none, or before its start: until then the vehicle flies the plan that it would disown.
+        ArgumentError if no plan is admitted, or before its start: until then the vehicle flies the plan before.
         """
         if self._pending is None or not self.admitted(self._pending.id):
             raise ArgumentError(
@@ -154,22 +156,22 @@ class Separation:
         self.withdraw()
 
     def rebase(self, plan: Plan | PlannedTrajectory) -> None:
-        """The vehicle has left its plan and flies this one unasked: the guarantee is lost until it next adopts one.
+        """Note that the vehicle left its plan and flies this one unchecked: no guarantee until it next adopts one.
 
         The others receive it as their proposals are checked against it. The invariant holds again between any two
         that have adopted a plan since they were last rebased: the proof is about adopted plans only.
         """
         self._current = PlannedTrajectory.from_plan(plan)
         if self.guaranteed:
-            self._record(float(self._current.t[0]), "unguaranteed", "it flies a plan that nobody has acknowledged")
+            self._record(float(self._current.t[0]), "unguaranteed", "it flies a plan that no vehicle has acknowledged")
         self.guaranteed = False
         self.withdraw()
 
     def exchange(self, t: float, received: Sequence[Message]) -> list[tuple[str, Message]]:
-        """Take what has arrived by t [s] of this vehicle's clock; return what to send, and to whom.
+        """Process the messages received by t [s] of this vehicle's clock; return those to send, with the receivers.
 
-        Answers, and the pending proposal again to each that has not answered it. A proposal that is not admitted when
-        its start has passed is withdrawn: it came too late.
+        These are answers, and the pending proposal again to each that has not answered it. A proposal that is not
+        admitted when its start has passed is withdrawn: it came too late.
         """
         if (
             self._pending
@@ -201,7 +203,7 @@ class Separation:
         reply: Message | None = None
         for sender, answer in answers.items():
             if reply is None or reply.payload is not answer:
-                reply = Message(t, self.name, TOPIC, answer)  # one for all who are told the same
+                reply = Message(t, self.name, TOPIC, answer)  # one for all that get the same answer
             outgoing.append((sender, reply))
         if self._pending and len(self._acknowledged) < len(self.peers):
             again = Message(t, self.name, TOPIC, self._pending)
@@ -209,7 +211,7 @@ class Separation:
         return outgoing
 
     def _kept(self, t: float, asking: Sequence[Message]) -> dict[int, tuple[bool, bool]]:
-        """Whether each proposal keeps the zone from the current plan and from the pending one, by id() of its message.
+        """Check if each proposal keeps the zone from the current plan and from the pending one, by id() of its message.
 
         All are checked at once, and before any is answered: what Own holds only goes while they are answered.
         """
@@ -234,7 +236,7 @@ class Separation:
             self.withdraw()
 
     def _answer(self, message: Message, t: float, kept: Mapping[int, tuple[bool, bool]]) -> SeparationReply | None:
-        """Check and reply in one; the same again to a copy, nothing to one that is older than the latest."""
+        """Check a proposal and reply; a copy gets the same reply again, one older than the latest gets none."""
         sender, proposal = message.sender, message.payload
         before = self._answered.get(sender)
         if before is None or before.id < proposal.id:

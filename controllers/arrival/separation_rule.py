@@ -14,7 +14,7 @@ TOPIC = "separation"
 
 
 class SeparationRule(Protocol):
-    """The protocol of one vehicle. It keeps no time and sends nothing by itself: ``exchange`` is to be called often."""
+    """Protocol of one vehicle. It keeps no time and sends nothing by itself: ``exchange`` is to be called often."""
 
     name: str
     peers: tuple[str, ...]  # all other vehicles
@@ -44,20 +44,20 @@ class SeparationRule(Protocol):
         ...
 
     def adopt(self, t: float) -> None:
-        """At the hand-over: the admitted plan is the one being flown from t [s] on."""
+        """Make the admitted plan the one being flown from t [s] on, at the hand-over."""
         ...
 
     def rebase(self, plan: Plan | PlannedTrajectory) -> None:
-        """The vehicle has left its plan and flies this one unasked."""
+        """Note that the vehicle left its plan and flies this one, which the others have not checked."""
         ...
 
     def exchange(self, t: float, received: Sequence[Message]) -> list[tuple[str, Message]]:
-        """Take what has arrived by t [s] of this vehicle's clock; return what to send, and to whom."""
+        """Process the messages received by t [s] of this vehicle's clock; return those to send, with the receivers."""
         ...
 
 
 def objection(message: Message, t: float, peers: Mapping[str, Any], zone: Zone, *payloads: type) -> str:
-    """Why a message received at t [s] cannot be, or "": to ignore one is as safe as to lose it.
+    """Reason why a message received at t [s] is impossible, or "". Ignoring a message is as safe as losing it.
 
     ``peers`` has the names of all other vehicles, ``payloads`` are the types that a payload may have.
     """

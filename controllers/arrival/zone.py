@@ -1,4 +1,4 @@
-"""Distance of plans that keeps vehicles apart, and whether a fleet may start with the plans it has stored.
+"""Distance of plans that keeps vehicles apart, and the check that a fleet may start with its stored plans.
 
 A vehicle flies within r of its plan, by a clock that is off by at most epsilon. Where one clock shows s and the other
 s', |s - s'| <= 2 epsilon: the plans, compared at the later of both, are moved against each other by 2 epsilon v_max at
@@ -47,7 +47,7 @@ class Zone:
         return self.distance + 2.0 * self.bound + 2.0 * self.clock_error * np.maximum(self.speed_max, speed)
 
     def kept_from_each(self, plan: PlannedTrajectory, others: Sequence[PlannedTrajectory], times: Array) -> list[bool]:
-        """For each other plan: True if it and ``plan`` are D apart over [times[k], infinity), (n,) [s]."""
+        """True, for each other plan, if it and ``plan`` are D apart over [times[k], infinity), (n,) [s]."""
         speeds = np.maximum(plan.speed, [other.speed for other in others])
         return clear_of_each(plan, others, self._at(speeds), times)
 

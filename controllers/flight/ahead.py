@@ -1,6 +1,6 @@
 """The kernels of a flight, compiled before it by two processes that share the work (``sim.engine.compilation``).
 
-The types are those of the arguments that a flight calls a kernel with: for others it would be compiled in vain.
+The types are those of the arguments that a flight calls a kernel with: for others the compilation would be of no use.
 Kernels that share inner ones are neighbours.
 """
 

@@ -5,7 +5,7 @@ At each step the NLP (A.2), in its form (A.3), over the accelerations a_1 ... a_
     minimise  sum_{i=1}^{N-1} h (|a_i|^2 + beta) + Psi(p_N)
     subject to  p_{i+1} = p_i + h v_i,  v_{i+1} = v_i + h a_i          forward Euler, i = 1 ... N - 1
                 d(p_i) = H(x_i, y_i) + h_min - z_i <= 0                at the nodes only (Definition A.2), i = 1 ... N
-                |v_i|_inf <= v_max,  |a_i|_inf <= a_max                i = 1 ... N (v_1 is as it is)
+                |v_i|_inf <= v_max,  |a_i|_inf <= a_max                i = 1 ... N (v_1 is given)
                 p_1 = p_c,  v_1 = v_c                                  the measured state, at the time of the hand-over
                 h (|a_N|^2 + beta) + Psi(p_N + h v_N) - Psi(p_N) <= -epsilon,     a_N in S_epsilon (Definition A.1)
 
@@ -21,7 +21,7 @@ NLP fails or the manoeuvre is infeasible, the previous concatenated solution goe
 vehicle completes the task "continuing upward and upon a full turn above the target" (A.4).
 
 Where the thesis is silent: what is flown are the accelerations, each held for h, so the arcs of a plan are the exact
-motion; only the optimiser believes in Euler. The vehicle's force is bounded in the Euclidean norm, so the thesis's
+motion; only the optimiser uses Euler. The vehicle's force is bounded in the Euclidean norm, so the thesis's
 box for a_i is the largest one in that ball. S_f is p = p_f, and no node is made to lie there: the vehicle arrives
 if it happens to pass within the radius, else by completion.
 """
@@ -65,19 +65,19 @@ class AsPrintedConfig:
     """Fields of ``--planner``."""
 
     nodes: Annotated[int, Within(Interval(ge=3, le=121), allowed="3 to 121")] = 13
-    """N, nodes of the horizon"""  # by Euler, a_1 moves p_3 first
+    """number N of nodes of the horizon"""  # by Euler, a_1 moves p_3 first
     horizon: Positive | None = None
-    """T_p [s]; (nodes - 1) 5/3 if not given"""
+    """length T_p of the horizon [s]; (nodes - 1) 5/3 if not given"""
     beta: Positive = 100.0
     """cost of a second against a squared acceleration [m^2/s^4]"""
     epsilon: Positive = 0.01
-    """what a step must gain (Definition A.1), as a fraction of h beta"""
+    """least gain of a step (Definition A.1), as a fraction of h beta"""
     grid_nodes: GridNodes = 33
-    """nodes of the cost-to-go's grid along the longer side of the map"""
+    """number of nodes of the cost-to-go's grid along the longer side of the map"""
     grid_layers: GridLayers = 5
-    """its layers"""
+    """number of layers of the cost-to-go's grid"""
     bandwidth: Positive = 0.8
-    """of the tracker [rad/s]"""
+    """bandwidth of the tracker [rad/s]"""
 
     @property
     def h(self) -> float:
@@ -90,7 +90,7 @@ class AsPrintedFlight:
     """The planner of the thesis as printed, for comparison; it carries no certificate."""
 
     Config = AsPrintedConfig
-    certified = False  # its plans are flown as printed, whatever a certificate would say
+    certified = False  # its plans are flown as printed, without a certificate
 
     @staticmethod
     def build(config: AsPrintedConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
@@ -154,7 +154,7 @@ class EulerNlp:
         )
 
     def depth(self, p: Array) -> Array:
-        """d(p) (n,) [m] of points (n, 3); beyond the border the ground goes on as it is there."""
+        """d(p) (n,) [m] of points (n, 3); beyond the border the ground keeps its height there."""
         depth: Array = self.terrain.height(*self._held(p)) + self.clearance - p[:, 2]
         return depth
 
@@ -273,7 +273,7 @@ class AsPrinted:
         return replace(plan, solve_ms=solve_ms)
 
     def _concatenated(self, request: PlanRequest, nlp: EulerNlp, a: Array, status: Status) -> Plan:
-        """The NLP's solution, the manoeuvre if it is feasible, and the completion; or why there is none."""
+        """Plan of the NLP's solution, the manoeuvre and the completion; a failure with its reason if not feasible."""
         if status is not Status.OK:
             return Plan.failure(status, f"the NLP (A.2): {status.value}")
         p, v = nlp.states(a)
@@ -290,7 +290,7 @@ class AsPrinted:
         return self._completed(arcs, nlp.objective(a))
 
     def _from_rest(self, request: PlanRequest, start: Array, message: str) -> Plan:
-        """Rest above h_min is in S_s, so completion alone is the concatenated solution for k = 1 (Proposition A.2)."""
+        """Complete from rest: above h_min it is in S_s, so completion is the solution for k = 1 (Proposition A.2)."""
         plan = self._completed(ArcList.begin(request.t_start, start), math.nan)
         if plan.ok and not len(plan.u):
             return Plan.failure(Status.INFEASIBLE, f"the start is the target; {message}")
@@ -317,8 +317,8 @@ class AsPrinted:
     def _measured(self, request: PlanRequest) -> Array:
         """(p_c, v_c) (6,) at the hand-over.
 
-        Within its bound a deviation is the tracker's business and the plan says where the vehicle will be; beyond it,
-        after a jump of A.7 say, the measurement does.
+        A deviation within its bound is left to the tracker, and the state is read from the plan; beyond the bound,
+        after a jump of A.7 for instance, it is read from the measurement.
         """
         current = request.current
         if current is None:

@@ -6,8 +6,8 @@ plan, its arcs join, it rests within reach of the target, and it is trackable: t
 command (``held_input``) is no more than the tracking bound sets aside.
 
 A plan is the path of the vehicle's centre, and the vehicle is a ball of radius r about it. The centre keeps h_min above
-all ground within r across, and r from the edge of the map, beside the tracking bound; with h_min >= r the ball then
-touches nothing. A smaller h_min is refused.
+all ground within r across, and r from the edge of the map, in addition to the tracking bound; with h_min >= r the ball
+then touches nothing. A smaller h_min is refused.
 
 A start may be too fast already, after a gust for instance. Then the excess e over v_max is at most e (1 - t / T) from
 there on, with T = max(v_max / a_max, 4 e / a_max): it is gone when a stop from v_max would be over or, where it is
@@ -52,8 +52,8 @@ class TrackingBound:
     speed: float  # [m/s] r_v
     feedback: float  # [m/s^2] a_fb
     held: float | None = None
-    """[m] of both distances that is set aside for the lag of a held input; None for a tracker that keeps its bound over
-    every plan within v_max and a_max"""
+    """part of both distances [m] that is set aside for the lag of a held input; None for a tracker that keeps its bound
+    over every plan within v_max and a_max"""
 
     def broken_by(self, error: Array | tuple[float, float, float]) -> bool:
         """True if an error of the state lies outside, whose first three numbers are those of the position [m]."""
@@ -85,7 +85,7 @@ class Certificate:
     arrival_radius: float  # [m]
     border: float = 0.0  # [m] that is kept from the edge of the map
     across: float = 0.0  # [m] within which the terrain was raised to the highest ground: tracking bound and body
-    rise: float = 0.0  # [m] by which it was raised beside that
+    rise: float = 0.0  # [m] by which it was raised in addition
     cruise_level: float = -np.inf  # [m] below which no completion path flies level
     held: HeldInput | None = None  # of a tracker that does not follow every plan
 
@@ -252,7 +252,7 @@ def _extent(t: Array, x: Array, u: Array, axis: int) -> tuple[float, float]:
 
 @njit(cache=True, nogil=True)
 def _along_arcs(t: Array, x: Array, u: Array) -> tuple[bool, bool, float, Array, float]:
-    """If all is finite, if times increase, by how much arcs miss each other, speeds (K + 1,) [m/s], greatest |u|.
+    """Check of a plan's arcs: all finite, times increase, largest gap between arcs, speeds (K + 1,) [m/s], largest |u|.
 
     Arcs: t (K + 1,) [s], x (K + 1, 6) [m, m/s], u (K, 3) [m/s^2].
     """
@@ -282,7 +282,7 @@ def _writable(plan: Plan) -> tuple[Array, Array, Array]:
 
 
 def _misfit(plan: Plan) -> Refusal | None:
-    """Why the arrays of a plan do not fit together; None if they do."""
+    """Reason why the arrays of a plan do not fit together; None if they do."""
     arcs = len(plan.t) - 1
     if arcs < 1 or plan.x.shape != (arcs + 1, 6) or plan.u.shape != (arcs, 3) or plan.phase.shape != (arcs,):
         shapes = f"t {plan.t.shape}, x {plan.x.shape}, u {plan.u.shape}, phase {plan.phase.shape}"

@@ -46,7 +46,7 @@ _ROUNDING = 1e-3  # share of a declared deviation, and [m, m/s]
 
 
 def _owned(plan: Plan) -> Plan:
-    """The plan in arrays of its own, read-only, so that a planner which uses its arrays again cannot change it."""
+    """Copy a plan into read-only arrays, so that a planner which uses its arrays again cannot change it."""
     t, x, u = (np.array(values, dtype=np.float64) for values in (plan.t, plan.x, plan.u))
     phase = np.array(plan.phase, dtype=np.int64)
     for values in (t, x, u, phase):
@@ -55,7 +55,7 @@ def _owned(plan: Plan) -> Plan:
 
 
 def doubt(estimate: Estimate, worst: tuple[float, ...]) -> str:
-    """Why a tracking bound cannot be relied on with an estimate; "" if it can.
+    """Reason why a tracking bound cannot be relied on with an estimate; "" if it can.
 
     ``worst`` are the declared standard deviations of its position [m] and velocity [m/s], at their worst.
     """
@@ -78,21 +78,21 @@ def doubt(estimate: Estimate, worst: tuple[float, ...]) -> str:
 
 
 class Certified:
-    """A planner whose every answer is certified, and which answers something safe where that can be had.
+    """A planner all of whose plans are certified, and that returns a safe plan wherever one exists.
 
-    ``fallback(certificate)`` makes the planner that is asked where there is no plan to fall back on: at the start, when
+    ``fallback(certificate)`` makes the planner that is used where there is no plan to fall back on: at the start, when
     the vehicle has left its plan, and when its plan turns out to be unsafe.
 
     Between two planning instants ``monitor`` checks, at every control step, what cannot wait. *A vehicle outside its
     tracking bound* ("tracking-breach"): a plan from its estimate takes over at once, or the loss is announced
     ("guarantee-lost"). *An estimate that is lost, or worse than declared*: the loss is announced, and the plan being
-    flown stays, for nobody knows better where the vehicle is.
+    flown stays, for it is the best guess of where the vehicle is.
 
     New information (``mathnavi.models.aerial.knowledge``) is checked at the next planning instant, a map as soon as it
-    arrives. *A map that was wrong*: if what is left of the plan being flown is safe over the map as it is
-    now, the guarantee is kept. Otherwise a certified plan from where the plan is now takes over without delay; if none
-    can be had, the loss is announced ("guarantee-lost"), the present plan or that of the fallback planner is flown,
-    whichever has more clearance, and the search goes on at every period until there is one ("guarantee-regained"). *A
+    arrives. *A map that was wrong*: if what is left of the plan being flown is safe over the new map,
+    the guarantee is kept. Otherwise a certified plan from where the plan is now takes over without delay; if none
+    exists, the loss is announced ("guarantee-lost"), the present plan or that of the fallback planner is flown,
+    the one with more clearance, and the search goes on at every period until there is one ("guarantee-regained"). *A
     target elsewhere*: the vehicle is as safe as before, but its plan leads to where the target was. The first certified
     plan that leads to the new one takes over, and if it ends after the deadline, the deadline is D = t_s + gamma V from
     then on, t_s its start ("deadline-moved"). Where none has taken over by the next instant the loss is announced
@@ -117,7 +117,7 @@ class Certified:
             raise ArgumentError(f"deadline_factor = {deadline_factor!r}; allowed: >= 1")
         self.period = planner.period
         self.deadline = np.inf  # [s] in force now
-        self.promised = np.inf  # [s] likewise, but for what was lost: missed passes, and plans that had to be made anew
+        self.promised = np.inf  # [s] the deadline without what was lost: missed passes, and rebased plans
         self._planner, self._make_fallback = planner, fallback
         self._fallback = fallback(certificate)
         self._certificate, self._bound, self._factor = certificate, bound, deadline_factor
@@ -136,7 +136,7 @@ class Certified:
 
     @staticmethod
     def for_mission(planner: Planner, mission: FlightMission, tracker: Any) -> Certified:
-        """The planner behind the certificate of a mission; errors as of ``Certificate.for_mission``.
+        """Wrap a planner with the certificate of a mission; errors as of ``Certificate.for_mission``.
 
         ``tracker`` states its ``bound``, and ``held`` if that depends on how fast a plan changes. Where there is no
         plan to fall back on, one that stops and hovers flies in its place. Raises PluginError for a planner whose plans
@@ -158,7 +158,7 @@ class Certified:
         )
 
     def plan(self, request: PlanRequest) -> Plan:
-        """The planner's answer if it may be flown; a failure that says why not otherwise."""
+        """Return the planner's plan if it may be flown, otherwise a failure with the reason."""
         current, x = request.current, request.estimate.x
         if self._unheard:
             request = dataclasses.replace(request, messages=(*self._unheard, *request.messages))
@@ -173,7 +173,7 @@ class Certified:
                 self.deadline = self.promised = request.t + self._factor * (plan.t_end - request.t)
                 self._next_pass = pass_time(plan, self._certificate.target, request.t)
             else:
-                self._lost, notes = True, (*notes, "guarantee-lost")  # nothing is flown, wherever the vehicle goes
+                self._lost, notes = True, (*notes, "guarantee-lost")  # nothing is flown, the vehicle may go anywhere
             return dataclasses.replace(plan, notes=notes + plan.notes)
         notes += self._followed(current)
         # That the mission goes on says that the pass was missed. One at this very tick may still be judged.
@@ -187,7 +187,7 @@ class Certified:
         self._breached = False
         self._doubted = bool(doubt(request.estimate, self._worst))
         if self._doubted:
-            # Nobody knows where the vehicle is: its plan is the best guess, and no estimate to plan from anew.
+            # Where the vehicle is, is not known: its plan is the best guess, and no estimate to plan from again.
             self._lost = True
             notes = (*notes, "guarantee-lost")
         elif (far := self._breach(request)) is not None:
@@ -203,7 +203,7 @@ class Certified:
         return dataclasses.replace(plan, notes=notes + self._following(current, plan) + plan.notes)
 
     def _from_start(self, request: PlanRequest) -> PlanRequest:
-        """The first request, from the start that the mission states where the estimate says nothing else."""
+        """The first request, from the start that the mission states unless the estimate contradicts it."""
         if self._start is None:
             return request
         error = request.estimate.x - self._start
@@ -237,7 +237,7 @@ class Certified:
         return answer
 
     def _breach(self, request: PlanRequest) -> str | None:
-        """Distance in words of a vehicle outside its tracking bound from the plan; None for one within."""
+        """Message with the distance from the plan of a vehicle outside its tracking bound; None for one within."""
         assert request.current is not None
         plan = request.current
         error = offset_from(plan.t, plan.x, plan.u, request.t, request.estimate.x)
@@ -246,7 +246,7 @@ class Certified:
         return f"{np.hypot(error[0], error[1]):.1f} m across, {error[2]:.1f} m up from the plan"
 
     def _follow(self, current: Plan, t: float) -> None:
-        """Carry the lag of a held input on to t [s], along the plan being flown."""
+        """Propagate the lag of a held input to t [s], along the plan being flown."""
         held, flown = self._certificate.held, self._flown
         if held is None or (flown is current and t - self._lag_t < self.period - TIME_TOLERANCE):
             return
@@ -268,7 +268,7 @@ class Certified:
     def _endangered(self, request: PlanRequest, current: Plan, danger: Refusal, notes: tuple[str, ...]) -> Plan:
         """Leave the plan being flown from where it is now."""
         here = dataclasses.replace(request, estimate=Estimate(request.t, state_at(current, request.t)))
-        reason = f"over the map as it is now: {danger.message}"
+        reason = f"over the new map: {danger.message}"
         return self._evading(self._rebased(here, here.estimate, (*notes, "plan-endangered"), reason), here)
 
     def _listen(self, messages: Sequence[Message]) -> tuple[str, ...]:
@@ -280,12 +280,12 @@ class Certified:
             self._certificate, self._fallback = now, self._make_fallback(now)
             self._unsure = self._unsure or now.terrain is not before.terrain
             if now.target is not before.target:
-                self._next_pass = np.inf  # nobody will be there
+                self._next_pass = np.inf  # the vehicle will not be there
         known = Knowledge(now.terrain, tuple(now.target.tolist()))
         return ("message-ignored",) if any(known.complaint(message) for message in messages) else ()
 
     def _danger(self, current: Plan, t: float) -> Refusal | None:
-        """Why what is left of the plan being flown is not safe over a map that it was not certified over."""
+        """Reason why the rest of the plan being flown is not safe over a map that it was not certified over."""
         if not self._unsure:
             return None
         danger = self._certificate.check_clearance(remainder(current, t))
@@ -293,7 +293,7 @@ class Certified:
         return danger
 
     def _evading(self, plan: Plan, request: PlanRequest) -> Plan:
-        """A certified plan if there is one; else the fallback planner's, if it has more clearance than the present."""
+        """Return ``plan`` if it is certified; else that of the fallback planner, if it has more clearance than now."""
         assert request.current is not None
         if plan.ok:
             return plan
@@ -310,7 +310,7 @@ class Certified:
         return float(self._certificate.clearances(plan).min())
 
     def _followed(self, current: Plan) -> tuple[str, ...]:
-        """Notes on the plan being flown after the target has moved: it leads there, or still not."""
+        """Notes on the plan being flown after the target has moved: it leads there, or not yet."""
         if not self._certificate.reaches_target(current):
             self._astray += 1
             return self._announce() if self._astray > 1 else ()
@@ -323,7 +323,7 @@ class Certified:
         return notes
 
     def _following(self, current: Plan, plan: Plan) -> tuple[str, ...]:
-        """Likewise, where there is no plan that could take over."""
+        """Notes on the plan being flown where it does not lead to the target and ``plan`` cannot take over."""
         there = plan.ok and plan.ready <= plan.t_start + TIME_TOLERANCE
         return () if there or self._certificate.reaches_target(current) else self._announce()
 
@@ -333,7 +333,7 @@ class Certified:
         return () if before else ("arrival-lost",)
 
     def _deadline_of(self, plan: Plan) -> float:
-        """[s] by which a plan to a target that has moved has to end."""
+        """Deadline [s] of a plan to a target that has moved."""
         return max(self.deadline, plan.t_start + self._factor * (plan.t_end - plan.t_start))
 
     def _fresh(self, request: PlanRequest) -> Plan:
@@ -348,7 +348,7 @@ class Certified:
         return dataclasses.replace(fallback, notes=("fallback-plan",), message=reason)
 
     def _rebased(self, request: PlanRequest, origin: Estimate, notes: tuple[str, ...], why: str) -> Plan:
-        """The plan being flown is worth nothing: plan anew from ``origin``, at once, or announce the loss."""
+        """Plan again from ``origin``, at once, or announce the loss: the plan being flown is void."""
         plan = self._fresh(dataclasses.replace(request, t_start=request.t, current=None, estimate=origin))
         if not plan.ok:
             self._lost = True
@@ -356,7 +356,7 @@ class Certified:
         return dataclasses.replace(plan, notes=(*notes, *self._extended(plan, request.t), "rebased"), message=why)
 
     def _extended(self, plan: Plan, t: float) -> tuple[str, ...]:
-        """For a plan that takes over whenever it ends: "deadline-lost" if that is late, and its end is the deadline."""
+        """Notes on a plan that takes over even if late: "deadline-lost" if it is, and its end is the new deadline."""
         self._next_pass = pass_time(plan, self._certificate.target, t)
         if plan.t_end <= self.deadline:
             return ()
@@ -364,7 +364,7 @@ class Certified:
         return ("deadline-lost",)
 
     def _judged(self, planner: Planner, request: PlanRequest) -> Plan:
-        """The planner's answer if it may be flown, or the failure it is."""
+        """The planner's plan if it may be flown, otherwise a failure."""
         try:
             plan = planner.plan(request)
             if not isinstance(plan, Plan):
@@ -387,7 +387,7 @@ class Certified:
             origin = request.estimate.x if request.current is None else state_at(request.current, request.t_start)
             gap = float(np.abs(plan.x[0] - origin).max())
             if gap > STATE_TOLERANCE:
-                refusal = Refusal(FlightStatus.WRONG_START, f"starts {gap:.3g} beside the plan being flown")
+                refusal = Refusal(FlightStatus.WRONG_START, f"starts {gap:.3g} away from the plan being flown")
         if refusal is None and request.current is not None:
             leads = self._certificate.reaches_target(request.current)
             deadline = self.deadline if leads else self._deadline_of(plan)

@@ -1,4 +1,4 @@
-"""A safety filter for anybody's commands: of those that can be certified, the nearest to the proposed one.
+"""A safety filter for commands from any source: of those that can be certified, the nearest to the proposed one.
 
 A command u that is proposed at t for a period h is certified if C(pi) holds (``certificate``) for the plan pi that
 starts at the estimate x^, holds u for h, and comes to rest on the target by the completion path behind it
@@ -8,7 +8,7 @@ gatekeeper (D. Agrawal, R. Chen, D. Panagou, arXiv 2211.14361), of which model p
 every control step the vehicle is within the tracking bound of a plan that keeps h_min, the bounds and the map to rest.
 
 The guarantee is over what the mission declares, estimates and gusts. It is announced as lost while the estimate is lost
-or worse than declared, for nobody knows better than the stored plan where the vehicle is; when the vehicle has left the
+or worse than declared, for the stored plan is the best guess of where the vehicle is; when the vehicle has left the
 tracking bound and nothing can be certified from where it is; and before a first command is certified. From the next
 certified command on it is regained.
 """
@@ -41,12 +41,12 @@ _SLOW = 0.05  # bandwidth times period of a tracker on the plan itself, which ha
 Flown = Literal["proposed", "nearest", "stored plan"]
 
 CANDIDATES = 32
-"""commands that are tried near one that cannot be certified"""
+"""number of commands that are tried near one that cannot be certified"""
 
 
 @dataclass(frozen=True)
 class FilteredCommand:
-    """A command, and why it is that one."""
+    """A command, and the reason for it."""
 
     u: Array  # (nu,) of the actuators; of a point mass the acceleration (3,) [m/s^2]
     flown: Flown
@@ -76,7 +76,7 @@ class FilteredCommand:
 
 
 class CommandFilter:
-    """Filter of the commands of one point mass, one a control period."""
+    """Filter of the commands of one point mass, one command per control period."""
 
     def __init__(self, mission: FlightMission, tracker: CriticallyDamped, candidates: int = CANDIDATES) -> None:
         """``tracker`` follows the stored plan. With more ``candidates`` a command is changed less, or as much.
@@ -86,10 +86,10 @@ class CommandFilter:
         if candidates < 0:
             raise ArgumentError(f"candidates = {candidates!r}; allowed: a whole number >= 0")
         self.period = self.hold = tracker.period
-        """[s] between two steps, for which a command is held"""
+        """time between two steps [s], for which a command is held"""
         self.bound = tracker.bound
         self.stored: Plan | None = None
-        """the plan that is flown unless a command is certified; None before the first step"""
+        """plan that is flown unless a command is certified; None before the first step"""
         self._tracker, self._candidates = tracker, candidates
         self._certificate = Certificate.for_mission(mission, tracker.bound, tracker.held)
         self._limits = _limits(self._certificate, tracker.period)
@@ -101,19 +101,19 @@ class CommandFilter:
                 f"target = {mission.target!r}; allowed: a place on the map with z >= {lowest:.1f} m, what the least "
                 "clearance and the tracking bound leave"
             )
-        self._margins: Array | None = None  # (K,) [m] of the stored plan's arcs, once they are asked for
+        self._margins: Array | None = None  # (K,) [m] of the stored plan's arcs, once they are needed
         self._first = np.nan  # [m] margin of the stored plan at its start, where it is known
         self._certified = False  # True if the stored plan is
         self._t = -np.inf  # [s] of the last step
 
     @staticmethod
     def for_mission(mission: FlightMission, bandwidth: float = FlightConfig.bandwidth) -> CommandFilter:
-        """The filter of a mission with the tracker of the controller ``flight``; errors as of its making."""
+        """Build the filter of a mission with the tracker of the controller ``flight``; errors as of ``__init__``."""
         bound = tracking_bound(bandwidth, mission)
         return CommandFilter(mission, CriticallyDamped(mission.control_period, bandwidth, bound))
 
     def updated_with(self, messages: Sequence[Message]) -> None:
-        """Take in what is learnt of target and map (``models.aerial.knowledge``)."""
+        """Update target and map from ``messages`` (``models.aerial.knowledge``)."""
         certificate = self._certificate.updated_with(messages)
         if certificate is self._certificate:
             return
@@ -158,7 +158,7 @@ class CommandFilter:
         return self._tracked(t, estimate, u, reason, lost, breach)
 
     def _adopt(self, x: Array, u: Array) -> str:
-        """Store the plan behind a command (3,) if it is certified; else the reason why not."""
+        """Store the plan behind a command (3,) if it is certified, and return ""; else return the reason why not."""
         margin, climb = margin_of(self._limits, x, u)
         if margin < 0.0:
             allowed = f"{self._certificate.speed_max:.2f} m/s and {self._certificate.acceleration_max:.2f} m/s^2"
@@ -235,10 +235,10 @@ class CommandFilter:
 
 
 class TrackedCommandFilter:
-    """Filter of the accelerations that a tracker flies with other actuators, the rotors of a quadrotor for one.
+    """Filter of the accelerations that a tracker flies with other actuators, for instance the rotors of a quadrotor.
 
-    An acceleration is proposed for ``hold`` [s], so long as the tracker's bound takes a plan to be, and starts on the
-    plan being flown: the vehicle cannot jump onto its estimate. In between the tracker follows the plan.
+    An acceleration is proposed for ``hold`` [s], which the tracker's bound takes as the time between plans, and starts
+    on the plan being flown: the vehicle cannot jump onto its estimate. In between the tracker follows the plan.
     """
 
     def __init__(self, mission: FlightMission, tracker: Any, hold: float) -> None:

@@ -1,4 +1,4 @@
-"""From the end of a safety manoeuvre to the target, without an optimiser: hover, climb, level flight, descent.
+"""Completion path from the end of a safety manoeuvre to the target, without an optimiser: climb, level flight, descent.
 
 The manoeuvre ends in vertical flight, so the way on is a stack of straight lines: up to a level that clears
 everything between here and the target, across, and down onto p_f, each flown at the bounds with a rest at its end
@@ -17,7 +17,7 @@ from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.signals import Array, Plan
 
-_LEVEL_MARGIN = 1.0  # [m] above the clearance, so that rounding cannot spoil a level flight
+_LEVEL_MARGIN = 1.0  # [m] above the clearance, so that rounding cannot violate it in level flight
 _NEGLIGIBLE = 1e-9  # [s]
 
 
@@ -71,7 +71,7 @@ class ArcList:
 
 
 def _straight(arcs: ArcList, direction: Array, distance: float, speed: float, a: float, phase: FlightPhase) -> None:
-    """From rest to rest along ``direction`` in the least time under |v| <= speed and |u| <= a."""
+    """Append a line from rest to rest along ``direction``, flown in the least time under |v| <= speed and |u| <= a."""
     if distance <= 0.0:
         return
     peak = min(speed, math.sqrt(distance * a))

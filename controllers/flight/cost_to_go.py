@@ -54,8 +54,8 @@ class TerrainGrid:
 
     @staticmethod
     def around(terrain: HeightField, target: Array, nodes: int, layers: int, height: float = 2400.0) -> TerrainGrid:
-        """``nodes`` along the map's longer side, moved so that the target is a node, and as far apart along the
-        other.
+        """Grid with ``nodes`` along the map's longer side, moved so that the target is a node; the same spacing along
+        the other.
 
         No node lies off the map, where nothing is known of ground and radars, so moved there is one less. Across a map
         that is very narrow there are at least two, closer together both ways.
@@ -171,8 +171,8 @@ class TrilinearCost:
     """D interpolated linearly in each cell of the stretched grid, as printed: a length [m].
 
     The thesis gives no value outside the grid. Here coordinates are clipped to its edge, and the height above its top
-    layer is added, else a climb would cost nothing up there, and nothing would end it, and likewise the distance beside
-    it, which is less than a cell on the map.
+    layer is added, else a climb would cost nothing up there, and nothing would end it. The horizontal distance from
+    the grid, which is less than a cell on the map, is added too.
     """
 
     grid: TerrainGrid
@@ -242,7 +242,7 @@ def factored_cost(
     layers: int,
     ground: HeightField | None = None,
 ) -> FactoredCost:
-    """Grid, threats, Dijkstra and spline in one call, for a target (3,) [m].
+    """Compute grid, threats, shortest paths and spline in one call, for a target (3,) [m].
 
     The layers follow ``ground``, which is ``terrain`` raised for body and tracker where plans are; radars stand on the
     terrain itself, which is what hides from them.
@@ -254,6 +254,6 @@ def factored_cost(
 def trilinear_cost(
     terrain: HeightField, target: Array, radars: Sequence[Radar], nodes: int, layers: int
 ) -> TrilinearCost:
-    """The cost-to-go to a target (3,) [m] with the interpolation of the thesis as printed."""
+    """Compute the cost-to-go to a target (3,) [m] with the interpolation of the thesis as printed."""
     grid = _grid(terrain, tuple(target.tolist()), nodes, layers)
     return TrilinearCost(grid, grid.positions[grid.target], node_distance(grid, threat_density(grid, terrain, radars)))

@@ -3,8 +3,8 @@ certified.
 
     planner -> plan -> tracker -> proposed command -> filter -> command
 
-The filter may lead the vehicle off the plan. A planner that starts its plans on the plan being flown would never learn
-that, so it is asked for a plan from the estimate where the vehicle is beyond the tracking bound of that plan.
+The filter may lead the vehicle off the plan. A planner that starts its plans on the plan being flown would not notice,
+so a plan from the estimate is requested where the vehicle is beyond the tracking bound of that plan.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class FilteredTracker:
         return answer.u
 
     def events(self) -> Sequence[tuple[str, str]]:
-        """Kind and message of what is to be recorded since the last call."""
+        """Kind and message of the events since the last call."""
         events, self._events = self._events, []
         return events
 
@@ -75,7 +75,7 @@ class FilteredTracker:
 
 
 class FilteredPlanner:
-    """Planner that is asked for a plan from the estimate where the filter has led the vehicle off its plan."""
+    """Planner that plans from the estimate where the filter has led the vehicle off its plan."""
 
     def __init__(self, planner: Planner, bound: TrackingBound, command_filter: CommandFilter) -> None:
         """``bound`` is that of the planner's own tracker."""
@@ -83,7 +83,7 @@ class FilteredPlanner:
         self._planner, self._bound, self._filter = planner, bound, command_filter
 
     def plan(self, request: PlanRequest) -> Plan:
-        """The planner's answer."""
+        """Return the planner's plan."""
         self._filter.updated_with(request.messages)
         current = request.current
         if current is None or not self._bound.broken_by(request.estimate.x - state_at(current, request.t)):
@@ -91,7 +91,7 @@ class FilteredPlanner:
         return self._planner.plan(dataclasses.replace(request, t_start=request.t, current=None))
 
     def monitor(self, request: PlanRequest) -> Plan | None:
-        """Pass on what is learnt between two planning instants."""
+        """Pass messages that arrive between two planning instants on to the planner."""
         self._filter.updated_with(request.messages)
         monitor = getattr(self._planner, "monitor", None)
         answer: Plan | None = None if monitor is None else monitor(request)
@@ -99,5 +99,5 @@ class FilteredPlanner:
 
 
 def filtered(planner: Planner, tracker: Any, command_filter: CommandFilter) -> tuple[FilteredPlanner, FilteredTracker]:
-    """Planner and tracker of a controller behind the filter; ``tracker`` states its ``bound``."""
+    """Wrap planner and tracker of a controller with the filter; ``tracker`` states its ``bound``."""
     return FilteredPlanner(planner, tracker.bound, command_filter), FilteredTracker(tracker, command_filter)

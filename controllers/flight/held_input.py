@@ -55,8 +55,8 @@ class HeldInput:
     def greatest(self, plan: Plan, lag: Array = NO_LAG) -> float:
         """Greatest lag [m] over a plan's whole future, from the lag (6,) [m, m/s] at its start.
 
-        What the feedback asks for is bounded by it too: a lag of e asks for no more than omega^2 |e|, and more than
-        that counts as the lag that would ask for it. Infinite for a plan too long to count its periods.
+        It bounds the feedback too: a lag of e commands no more than omega^2 |e|, and more than that counts as the lag
+        that would command it. Infinite for a plan too long to count its periods.
         """
         if not plan.t_end - plan.t_start <= _LONGEST:
             return math.inf
@@ -64,7 +64,7 @@ class HeldInput:
         return max(position, feedback / self.bandwidth**2)
 
     def _along(self, plan: Plan, begin: float, end: float, lag: Array) -> tuple[Array, float, float]:
-        writable = lag.copy()  # as any other: for an array that is read-only the kernel would be compiled once more
+        writable = lag.copy()  # for a read-only array the kernel would be compiled once more
         return _lag_along(plan.t, plan.x, plan.u, begin, end, self.period, self.bandwidth, writable)
 
 
@@ -72,7 +72,7 @@ class HeldInput:
 def _lag_along(
     breaks: Array, x: Array, u: Array, begin: float, end: float, h: float, omega: float, lag: Array
 ) -> tuple[Array, float, float]:
-    """Lag (6,) at ``end`` [s], the greatest lag [m] on the way, and the greatest feedback [m/s^2] that it asks for.
+    """Lag (6,) at ``end`` [s], the greatest lag [m] on the way, and the greatest feedback [m/s^2] that it commands.
 
     With ``end`` infinite until the plan has ended and the lag is gone.
     """

@@ -2,7 +2,7 @@
 
 Each answer is a whole plan. Its start is read from the plan being flown, one period ahead, not from the estimate:
 between the two stands the tracker, which keeps the vehicle within a bound of the plan. Near the target the planner
-commits: it asks for an exact arrival at a node, and keeps that arrival time in the plans that follow.
+commits: it requires an exact arrival at a node, and keeps that arrival time in the plans that follow.
 """
 
 from __future__ import annotations
@@ -48,28 +48,28 @@ class Solver(Protocol):
     """Solver of a ``Problem``."""
 
     def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
-        """A solution from a guess (3n + 1,) of the unknowns [m/s^2, m/s], or the reason why there is none."""
+        """Solve from a guess (3n + 1,) of the unknowns [m/s^2, m/s]; returns the reason if it fails."""
         ...
 
 
 class RecedingHorizon:
-    """Plans by optimisation over the grid ``parameters.lengths``, every ``period`` [s].
+    """Planner by optimisation over the grid ``parameters.lengths``, every ``period`` [s].
 
-    ``cost_to_go(knowledge)`` builds the terminal cost; it is built anew when a message changes what is known
-    (``mathnavi.models.aerial.knowledge``). A message with the topic "arrival time" and a time t_a [s] as payload asks
-    for an arrival at t_a, by ``incorporation`` (A.8.3). With L = Psi / psi the length to go and tau = t_a - t_1 what is
-    left:
+    ``cost_to_go(knowledge)`` builds the terminal cost, and again when a message changes what is known
+    (``mathnavi.models.aerial.knowledge``). A message with the topic "arrival time" and a time t_a [s] as payload
+    requests an arrival at t_a, by ``incorporation`` (A.8.3). With L = Psi / psi the length to go and tau = t_a - t_1
+    what is left:
 
         schedule     L(p_N) = L(p_1) (1 - T_p / tau), in the place of Psi as a cost and of S_eps;
-        constraint   (A.13), T_p + L(p_N) / v_max = tau, likewise, and a plan that misses it is a failure;
-        penalty      ``arrival_weight`` (T_p + L(p_N) / v_max - tau)^2 beside Psi.
+        constraint   (A.13), T_p + L(p_N) / v_max = tau, also in their place, and a plan that misses it is a failure;
+        penalty      ``arrival_weight`` (T_p + L(p_N) / v_max - tau)^2 in addition to Psi.
 
     Within reach of the horizon each is an exact arrival at t_a.
 
-    A message with the topic "assured arrival time" and a time T_A as payload asks for more: every plan that does not
+    A message with the topic "assured arrival time" and a time T_A as payload requires more: every plan that does not
     arrive exactly within its horizon waits on its completion path so as to arrive at T_A, and a plan that cannot is a
-    failure. So whichever plan is the last to be adopted, it arrives at T_A, or before at the node that it committed to.
-    That ends where the target or the map turns out otherwise.
+    failure. So the last plan to be adopted arrives at T_A, or before at the node that it committed to. The requirement
+    ends when a message changes the target or the map.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class RecedingHorizon:
         self._parameters, self._certificate, self._solver = parameters, certificate, solver
         self._cost_to_go, self._knowledge = cost_to_go, knowledge
         self._environment = PlanningEnvironment.build(certificate.terrain, cost_to_go(knowledge))
-        self._arrival: float | None = None  # [s] that is asked for
+        self._arrival: float | None = None  # [s] requested
         self._assured: float | None = None  # [s] T_A, at which stored plans arrive
         shorter = [self._over(parameters.lengths[:k]) for k in range(1, parameters.arcs + 1)]
         self._ends = np.array([part.horizon for part in shorter])  # (n,) [s] of the arcs
@@ -97,7 +97,7 @@ class RecedingHorizon:
             _ = part.matrices  # computed now rather than in flight
 
     def plan(self, request: PlanRequest) -> Plan:
-        """Plan from the plan being flown, one period ahead; a failure with its reason where there is none."""
+        """Plan from the plan being flown, one period ahead; returns a failure with its reason if it finds no plan."""
         self._listen(request.messages)
         current = request.current
         start = request.estimate.x if current is None else state_at(current, request.t_start)
@@ -128,7 +128,7 @@ class RecedingHorizon:
         return Plan.failure(Status.INFEASIBLE, broken, solve_ms=solve_ms)
 
     def _breaks_assurance(self, plan: Plan, first: bool) -> str:
-        """Why a plan that is to store its way does not arrive at T_A: later (but for a ``first`` one), or before."""
+        """Reason why a plan that is stored whole does not arrive at T_A: later (but for a ``first`` one), or before."""
         if self._assured is None:
             return ""
         if not first and (late := plan.t_end - self._stored_end()) > 0.0:
@@ -180,17 +180,17 @@ class RecedingHorizon:
             self._assured = _assured_by(message, self._assured)
 
     def _stored_arrival(self) -> float | None:
-        """[s] at which a plan that stores its way to the target arrives; None where nothing is asked."""
+        """Time [s] at which a plan that stores its way to the target has to arrive; None if no time is requested."""
         asked = [t for t in (self._arrival, self._assured) if t is not None]
         return max(asked, default=None)
 
     def _stored_end(self) -> float:
-        """[s] by which such a plan has come to rest."""
+        """Time [s] by which a plan that stores its way to the target has come to rest."""
         arrival = self._stored_arrival()
         return math.inf if arrival is None else arrival + braking_time(self._certificate) + TIME_TOLERANCE
 
     def _length_to_go(self, start: Array, t_start: float) -> LengthToGo | None:
-        """Remaining length that the plan should have at p_N; None where no arrival time is asked for."""
+        """Length to go that the plan should have at p_N; None if no arrival time is requested."""
         if self._arrival is None and self._assured is None:
             return None
         horizon, v_max = self._parameters.horizon, self._certificate.speed_max
@@ -209,7 +209,7 @@ class RecedingHorizon:
         return LengthToGo(by_speed, 2.0 * self._arrival_weight / v_max**2, instead=False)
 
     def _arrival_error(self, problem: Problem, solution: PlanSolution) -> float:
-        """[s] by which a plan misses what (A.13) asks for; 0 where nothing is."""
+        """Time [s] by which a plan misses (A.13); 0 if no arrival time is requested."""
         if problem.length_to_go is None:
             return 0.0
         s = problem.matrices
@@ -225,14 +225,14 @@ class RecedingHorizon:
         return dataclasses.replace(self._parameters, lengths=lengths)
 
     def _grid(self, duration: float) -> tuple[float, ...]:
-        """As many of the first arcs as come nearest to ``duration`` [s], lengthened or shortened to last that long."""
+        """The first arcs, in the number nearest to ``duration`` [s], lengthened or shortened to last that long."""
         nearest = self._parameters.lengths[: int(np.abs(self._ends - duration).argmin()) + 1]
         fitting = proportional(nearest, duration)
         # Arcs that differ from the horizon's own by rounding only share their matrices.
         return nearest if np.allclose(fitting, nearest, rtol=0.0, atol=1e-6) else fitting
 
     def _committed(self, request: PlanRequest, start: Array, arrival: float) -> tuple[Plan | None, float, str]:
-        """A certified plan that arrives exactly at a node within the horizon; or none, the time spent [ms], and why."""
+        """A certified plan that arrives exactly at a node within the horizon, or None; time spent [ms]; reason."""
         target = self._certificate.target
         current, reason, spent = request.current, "", 0.0
         for duration in self._durations(start, request.t_start, arrival):
@@ -255,9 +255,10 @@ class RecedingHorizon:
         return None, spent, reason
 
     def _durations(self, start: Array, t_start: float, arrival: float) -> list[float]:
-        """Durations [s] to try to arrive in exactly: as asked, or at ``arrival``; unless chosen, also when possible.
+        """Durations [s] to try for an exact arrival: as requested, or at ``arrival``; unless chosen, also when
+        possible.
 
-        Not before the time that is asked for, and not after the assured one.
+        None is before the requested time, and none after the assured one.
         """
         asked = self._assured if self._arrival is None else self._arrival
         left = (arrival if asked is None else asked) - t_start
@@ -315,7 +316,7 @@ class RecedingHorizon:
 
 
 def _passes(plan: Plan, target: Array, distance: float, until: float) -> bool:
-    """True if a plan is nearer than ``distance`` [m] to a target (3,) [m] before ``until`` [s], in whatever phase."""
+    """True if a plan is nearer than ``distance`` [m] to a target (3,) [m] before ``until`` [s], in any phase."""
     k = int(np.searchsorted(plan.t, until))
     if k < len(plan.t):
         x = np.vstack([plan.x[:k], state_at(plan, until)])
@@ -337,7 +338,7 @@ def _exact(problem: Problem, solution: PlanSolution) -> Array:
 
 
 class StopAndHover:
-    """Stops at once by a manoeuvre into hover, and completes from there: the plan where there is no other."""
+    """Fallback planner: stops at once by a manoeuvre into hover, and completes from there."""
 
     def __init__(self, certificate: Certificate, period: float) -> None:
         self.period = period
@@ -370,7 +371,7 @@ def stopping(certificate: Certificate, t_start: float, start: Array, arrival: fl
 
 
 def _assured_by(message: Message, before: float | None) -> float | None:
-    """T_A [s] as a message says, or as it was ``before``."""
+    """Assured time T_A [s] after a message: the one it states, or the one ``before``."""
     sound = message.topic == ASSURED and isinstance(message.payload, float) and math.isfinite(message.payload)
     return message.payload if sound else before
 
@@ -384,7 +385,7 @@ def complete_by(arcs: ArcList, certificate: Certificate, arrival: float | None =
     """Complete within the bounds that the certificate allows, so as to arrive at ``arrival`` [s] but no sooner.
 
     To arrive is to come within the arrival radius, which a vehicle that brakes onto the target does before it rests. A
-    vehicle that has a level of its own waits on it, above the target; others where the manoeuvre has brought them.
+    vehicle with an assigned level waits on it, above the target; others wait where the manoeuvre has brought them.
     """
     levelled = math.isfinite(certificate.cruise_level)
     complete(

@@ -28,34 +28,34 @@ _ROUNDING = 0.01  # of a control period: a period may be written with five digit
 
 @configuration
 class RecedingHorizonConfig:
-    """Fields of the planner, over whatever tracker."""
+    """Fields of the planner, common to all trackers."""
 
     kernels: ClassVar[str] = "mathnavi.controllers.flight.ahead"  # compiled before the first flight
 
     nodes: Nodes = 13
-    """N, nodes of the horizon"""
+    """number N of nodes of the horizon"""
     horizon: Positive | None = None
-    """T_p [s]; (nodes - 1) 5/3 if not given"""
+    """length T_p of the horizon [s]; (nodes - 1) 5/3 if not given"""
     stretch: float = 1.0
     """ratio of each arc's length to the one before"""
     period: float | None = None
-    """between two replans [s]; the first arc's length, to whole control periods, if not given"""
+    """time between two plans [s]; the first arc's length, to whole control periods, if not given"""
     beta: Positive = 100.0
     """cost of a second against a squared acceleration [m^2/s^4]"""
     margin: NonNegative = 25.0
-    """what the optimiser keeps above h_min, softly [m]"""
+    """clearance that the optimiser keeps above h_min, softly [m]"""
     backend: Literal["condensed", "ipopt", "fatrop"] = "condensed"
     """solver of the optimisation problem"""
     tolerance: Positive = 1e-6
     """relative gain at which the solver stops"""
     grid_nodes: GridNodes = 65
-    """nodes of the cost-to-go's grid along the longer side of the map"""
+    """number of nodes of the cost-to-go's grid along the longer side of the map"""
     grid_layers: GridLayers = 9
-    """its layers"""
+    """number of layers of the cost-to-go's grid"""
     incorporation: Incorporation = "schedule"
-    """how a time of arrival that is asked for enters: as a schedule, as the constraint (A.13), or as its penalty"""
+    """form in which a requested time of arrival enters: a schedule, the constraint (A.13), or its penalty"""
     arrival_weight: Positive = 1000.0
-    """of that penalty, for a squared second [m^2/s^5]"""
+    """weight of the arrival penalty, per squared second [m^2/s^5]"""
 
     def __post_init__(self) -> None:
         widest = _UNEQUAL ** (1.0 / max(1, self.nodes - 2))
@@ -81,7 +81,7 @@ class RecedingHorizonConfig:
         return proportional([self.stretch**i for i in range(self.nodes - 1)], self.duration)
 
     def replan_period(self, control_period: float) -> float:
-        """The period [s] in use; FieldError if it is not a whole number of control periods [s]."""
+        """Replanning period [s] in use; FieldError if it is not a whole number of control periods [s]."""
         period = self.lengths[0] if self.period is None else self.period
         ticks = max(1, round(period / control_period))
         if self.period is not None and abs(period - ticks * control_period) > _ROUNDING * control_period:
@@ -97,7 +97,7 @@ class FlightConfig(RecedingHorizonConfig):
     """Fields of ``--planner``."""
 
     bandwidth: Positive = 0.8
-    """of the tracker [rad/s]"""
+    """bandwidth of the tracker [rad/s]"""
 
 
 class FlightController:
@@ -114,7 +114,7 @@ class FlightController:
 
 
 def planner(config: RecedingHorizonConfig, mission: FlightMission, bound: TrackingBound) -> RecedingHorizon:
-    """The planner over a tracker that keeps ``bound``, whichever that is."""
+    """Build the planner over any tracker that keeps ``bound``."""
     certificate = Certificate.for_mission(mission, bound)
     parameters = Parameters(
         lengths=config.lengths,
@@ -125,7 +125,7 @@ def planner(config: RecedingHorizonConfig, mission: FlightMission, bound: Tracki
     )
 
     def cost_to_go(knowledge: Knowledge) -> FactoredCost:
-        # What is learnt in flight is asked for once.
+        # A cost-to-go that is learnt in flight is needed once.
         build = _cost_to_go if knowledge == mission.knowledge else _built
         ground = raised_ground(knowledge.terrain, certificate.across, certificate.rise)
         return build(knowledge, ground, config.grid_nodes, config.grid_layers)
@@ -146,7 +146,7 @@ def solver(config: RecedingHorizonConfig) -> Solver:
     return InteriorPoint(config.backend, config.tolerance)
 
 
-@lru_cache(maxsize=64)  # each vehicle of a fleet has a target of its own
+@lru_cache(maxsize=64)  # each vehicle of a fleet has its own target
 def _cost_to_go(knowledge: Knowledge, ground: HeightField, nodes: int, layers: int) -> FactoredCost:
     return _built(knowledge, ground, nodes, layers)
 

@@ -17,8 +17,8 @@ and the manoeuvre, one arc of duration M = N_bar h_1, N_bar = ceil(v_max / (h_1 
 H is the cubic spline of the terrain. The bounds are Euclidean, unlike the L-infinity boxes of the thesis as printed,
 because Psi is: in a box the best speed is its corner's. Sum h_i beta is constant on a given grid and left out. Near the
 target the terminal cost gives way to the terminal constraint p_N = p_f, with fewer arcs, so that the vehicle arrives
-exactly. For an arrival at a given time the term kappa_L / 2 (Psi(p_N) / psi - L)^2 asks for the length to go L at p_N,
-psi being the cost of a metre: in place of Psi and the row of S_eps, or, as a mere penalty, beside them.
+exactly. For an arrival at a given time the term kappa_L / 2 (Psi(p_N) / psi - L)^2 drives the length to go at p_N to L,
+psi being the cost of a metre: in place of Psi and the row of S_eps, or, as a mere penalty, in addition to them.
 
 The grid of the thesis as printed is uniform; there, each arc is checked at 4 points. A stretched one, h_{i+1} = r h_i,
 reaches further ahead with as many unknowns: fine over what is flown before the next plan, coarse over what will be
@@ -167,7 +167,7 @@ class LengthToGo:
 
     length: float  # [m] L
     weight: float = _LENGTH_WEIGHT  # kappa_L [1/m^2 * cost]
-    instead: bool = True  # in place of Psi and the row of S_eps, not beside them
+    instead: bool = True  # in place of Psi and the row of S_eps, not in addition
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +192,7 @@ class Problem:
 
     @property
     def terrain_weight(self) -> float:
-        """kappa_H [1/m^2]: a violation must stay within a few metres, whatever a metre of progress is worth."""
+        """Weight kappa_H [1/m^2]: a violation must stay within a few metres at any cost of a metre of progress."""
         return 10.0 * (1.0 + self.parameters.psi_per_metre)
 
     @property

@@ -38,7 +38,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 _ITERATION_LIMIT = 200
 SECONDS = 60.0
-"""[s] of CPU time after which a solve is ended"""
+"""CPU time [s] after which a solve is ended"""
 _STATE, _INPUT = 6, 3  # of a stage: position and velocity; acceleration, before the slacks
 _MORE: dict[str, dict[str, object]] = {
     "ipopt": {**IPOPT_WARM_START, "mu_strategy": "adaptive"},
@@ -287,7 +287,7 @@ def _values(problem: Problem) -> tuple[_Shape, list[Array]]:
 
 
 class InteriorPoint:
-    """Solves ``Problem`` after ``Problem`` by an interior-point method on its CasADi formulation.
+    """Solver of one ``Problem`` after another by an interior-point method on its CasADi formulation.
 
     A solve starts from the guess and, if the last one of the same shape succeeded, from its multipliers. ``compiled``
     translates the statement's derivatives to C once per shape (tens of seconds, kept in the user's cache folder);
@@ -303,7 +303,7 @@ class InteriorPoint:
         self._solvers: dict[_Shape, _Solver] = {}
 
     def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
-        """A solution from ``guess`` (3n + 1,) [m/s^2, m/s], or the solver's reason why there is none."""
+        """Solve from ``guess`` (3n + 1,) [m/s^2, m/s]; returns the solver's reason if it fails."""
         shape, values = _values(problem)
         if shape not in self._solvers:
             self._solvers[shape] = _Solver(shape, self._backend, self._tolerance, self._compiled)

@@ -1,6 +1,6 @@
 """Dijkstra's algorithm on the 26-neighbour graph of a terrain-following grid (thesis A.5).
 
-The graph is never written down: the length of an edge follows from the spacing and the heights of its ends, so that a
+The graph is never stored: the length of an edge follows from the spacing and the heights of its ends, so that a
 grid of n nodes takes the memory of its distances and of a queue, 24 bytes a node, where a matrix of the edges takes
 312. Each node waits in the queue, a binary heap, at most once.
 """

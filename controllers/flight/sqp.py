@@ -36,7 +36,7 @@ _INFEASIBLE = "the quadratic programme has no feasible point"
 
 
 class CondensedSqp:
-    """Solves ``Problem`` after ``Problem``.
+    """Solver of one ``Problem`` after another.
 
     Between problems it keeps the solver's workspaces, one per size of the problem, with the balls' last multipliers:
     they shape the first step, not the solution.
@@ -51,7 +51,7 @@ class CondensedSqp:
         self._workspaces: dict[tuple[int, int, bool], _Workspace] = {}
 
     def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
-        """A solution from ``guess`` (3n + 1,) [m/s^2, m/s], or the reason why there is none."""
+        """Solve from ``guess`` (3n + 1,) [m/s^2, m/s]; returns the reason if it fails."""
         data, s = tuple(problem.data), problem.matrices
         key = (*s.weights.shape, problem.terminal_position is not None)
         if key not in self._workspaces:
@@ -150,7 +150,7 @@ class _Workspace:
 
 
 class _DenseProgramme:
-    """A dense quadratic programme of a fixed size, padded with rows that ask for nothing."""
+    """A dense quadratic programme of a fixed size, padded with rows that constrain nothing."""
 
     def __init__(self, size: int, capacity: int) -> None:
         self._rows = np.zeros((capacity, size))

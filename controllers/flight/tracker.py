@@ -111,10 +111,10 @@ def _periodic(A: Array, W: Array, period: float) -> Array:
 
 
 class CriticallyDamped:
-    """Flies the last accepted plan, to rest and beyond."""
+    """Tracker of the last accepted plan, to rest and beyond."""
 
     def __init__(self, period: float, bandwidth: float, bound: TrackingBound) -> None:
-        """FieldError for a bandwidth [rad/s] that is too fast for commands held over a period [s]."""
+        """Raise FieldError for a bandwidth [rad/s] that is too high for commands held over a period [s]."""
         if not 0.0 < bandwidth <= _FASTEST / period:
             raise FieldError(
                 f"bandwidth = {bandwidth!r}; allowed: > 0 and <= {_FASTEST / period:g} rad/s "

@@ -28,13 +28,13 @@ class AttitudeTrackingConfig:
     """Fields of ``--planner``."""
 
     k_p: Positive = 9.0
-    """of the attitude [1/s^2]"""
+    """gain of the attitude error [1/s^2]"""
     k_d: Positive = 6.0
-    """of the rate [1/s]"""
+    """gain of the rate error [1/s]"""
     rate: Annotated[float, Radians(0.0, _FASTEST, unit="rad/s")] = 1.0
-    """of the reference about every axis, at most; nought: it stays at the attitude (1, 0, 0, 0) [rad/s]"""
+    """largest rate of the reference about each axis [rad/s]; 0: it stays at the attitude (1, 0, 0, 0)"""
     frequency: Annotated[float, Radians(0.0, _FASTEST, open_low=True, unit="rad/s")] = 1.5
-    """with which the rate about the first axis goes to and fro [rad/s]"""
+    """frequency at which the rate about the first axis oscillates [rad/s]"""
 
 
 class AttitudeTracking:
@@ -44,7 +44,10 @@ class AttitudeTracking:
 
     @staticmethod
     def build(config: AttitudeTrackingConfig, mission: LagrangianMission) -> tuple[Planner, Tracker]:
-        """PluginError for a mission whose configurations are not attitudes, of any inertia."""
+        """Return planner and tracker; PluginError for a mission whose configurations are not attitudes.
+
+        The body may have any inertia.
+        """
         manifold = mission.system.manifold
         one_ball = isinstance(manifold, MechanismManifold) and (manifold.size, manifold.dimension) == (4, 3)
         if not (isinstance(manifold, Attitude) or one_ball):

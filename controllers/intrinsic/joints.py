@@ -1,4 +1,4 @@
-"""The plug-in ``joint_tracking``: a mechanism's joints go to and fro, every one at a frequency of its own."""
+"""The plug-in ``joint_tracking``: a mechanism's joints oscillate, each at a different frequency."""
 
 from __future__ import annotations
 
@@ -28,23 +28,26 @@ class JointTrackingConfig:
     """Fields of ``--planner``."""
 
     k_p: Positive = 100.0
-    """of the position [1/s^2]"""
+    """gain of the position error [1/s^2]"""
     k_d: Positive = 20.0
-    """of the velocity [1/s]"""
+    """gain of the velocity error [1/s]"""
     amplitude: Annotated[float, Radians(0.0, _LARGEST, unit="rad or m")] = 0.8
-    """of every joint [rad, m]"""
+    """amplitude of every joint [rad, m]"""
     frequency: Annotated[float, Radians(0.0, _FASTEST, open_low=True, unit="rad/s")] = 2.5
-    """of the first joint; those after it are faster [rad/s]"""
+    """frequency of the first joint [rad/s]; the next ones are faster"""
 
 
 class JointTracking:
-    """A mechanism's joints go to and fro, every one at a frequency of its own."""
+    """A mechanism's joints oscillate, each at a different frequency."""
 
     Config = JointTrackingConfig
 
     @staticmethod
     def build(config: JointTrackingConfig, mission: LagrangianMission) -> tuple[Planner, Tracker]:
-        """PluginError for a mission of another kind, with ball joints, or with fewer motors than joints."""
+        """Return planner and tracker.
+
+        PluginError for a mission of another kind, with ball joints, or with fewer motors than joints.
+        """
         manifold = mission.system.manifold
         if not isinstance(manifold, MechanismManifold) or manifold.size != manifold.dimension:
             raise PluginError(

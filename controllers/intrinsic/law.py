@@ -2,11 +2,11 @@
 
     D_t v = PT_{x_r -> x} D_t v_r + k_p e + k_d (PT_{x_r -> x} v_r - v) - R(e, v_r) v_r,    e = log_x x_r,
 
-under which e'' + k_d e' + k_p e = 0 to first order: without its last term, in which v_r is transported to x, geodesics
-beside each other would part by the Jacobi equation, e'' + R(e, v_r) v_r = 0, where the curvature is negative. The input
-u is that for which the system's force is this, as near to it as the inputs' ranges allow: force is affine in u, and of
-systems with an input for each dimension invertible. Servos are inverted by their own laws, ``ActuatedSystem``; one that
-has no effect is left at 0.
+under which e'' + k_d e' + k_p e = 0 to first order: without its last term, in which v_r is transported to x,
+neighbouring geodesics would part by the Jacobi equation, e'' + R(e, v_r) v_r = 0, where the curvature is negative. The
+input u is that for which the system's force is this, as near to it as the inputs' ranges allow: force is affine in u,
+and of systems with an input for each dimension invertible. The input of a servo is found from its control law,
+``ActuatedSystem``; one that has no effect is left at 0.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class TrackingGains:
 
 
 class InverseForce:
-    """The input of a system for a force that is wanted; ValueError where inputs do not move every direction."""
+    """Inverse of a system's force, by its inputs; ValueError where they do not move every direction."""
 
     def __init__(self, system: LagrangianSystem) -> None:
         manifold, inputs = system.manifold, system.inputs
@@ -92,9 +92,9 @@ def wanted_force(
 
 
 def _reachable(manifold: Manifold, x: Array, x_r: Array, v_r: Array) -> tuple[Array, Array]:
-    """Reference (x_r, v_r), or one beside it to which a shortest way leads from x (size,), where none leads to it.
+    """Reference (x_r, v_r), or one next to it if no unique shortest geodesic leads from x (size,) to it.
 
-    Raises CutLocusError if there is none beside it either.
+    Raises CutLocusError if none leads to the neighbour either.
     """
     try:
         manifold.log(x, x_r)

@@ -29,7 +29,7 @@ class ReferenceMotion(Protocol):
 
 
 class ReferencePlanner:
-    """The reference's next states, whatever the estimate says, with the inputs that would keep it on its way."""
+    """Planner of the reference's next states, independent of the estimate, with the inputs that keep it there."""
 
     def __init__(self, reference: ReferenceMotion, mission: LagrangianMission) -> None:
         self.period = _PERIODS * mission.period
@@ -54,7 +54,7 @@ class ReferencePlanner:
 
 
 class IntrinsicTracker:
-    """The law of ``law`` on a plan's states, one a period."""
+    """Tracker by the law of ``law`` on a plan's states, one per period."""
 
     def __init__(self, gains: TrackingGains, mission: LagrangianMission) -> None:
         self.period = mission.period

@@ -2,7 +2,7 @@
 
 A planner that plans from an estimate needs the state at which its plan will take over, one period later. That depends
 on how the autopilot acts on a deviation until then, so the autopilot predicts it: an autopilot is a tracker that
-predicts. ``OpenLoop`` is none: the plan's inputs, whatever the deviation.
+predicts. ``OpenLoop`` has no feedback: it flies the plan's inputs, regardless of the deviation.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class OpenLoop:
         return feed_forward(plan, t, self.period)
 
     def predict(self, estimate: Estimate, plan: Plan, t: float) -> Array:
-        """The declared body flies on from the estimate with the plan's inputs."""
+        """State (nx,) at t [s] of the declared body, flown from the estimate with the plan's inputs."""
         x, now = checked_state(estimate, self._mission), estimate.t
         inner = plan.t[(plan.t > now) & (plan.t < t)]
         breaks = np.concatenate([[now], inner, [t]])

@@ -1,12 +1,12 @@
-"""An autopilot over thrusters that are known to be late: it predicts the state at which its command will act.
+"""Autopilot for thrusters with a known delay: it predicts the state at which its command will act.
 
 With the declared delay delta and the inputs u that were commanded in the last delta,
 
     x^(t + delta) = x^(t) + ∫_t^(t + delta) f(x, u(s - delta) + d^) ds,
 
 f the declared body and d^ the disturbance of the input where the estimator observes it. The autopilot inside steers
-this state to the plan at t + delta (a Smith predictor with the nonlinear model). What the prediction lacks, for a body
-that is not as declared, is seen delta later; it is filtered and added to the next ones.
+this state to the plan at t + delta (a Smith predictor with the nonlinear model). The prediction's error, for a body
+that is not as declared, is seen delta later; it is filtered and added to the next predictions.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 SMOOTHING = 0.2
-"""[s] time constant of the filter of what the predictions lack"""
+"""time constant [s] of the filter of the prediction errors"""
 
 
 class DelayCompensation:
@@ -67,7 +67,7 @@ class DelayCompensation:
         return coordinates.flow_through(x, inputs, [duration for duration, _ in acting], body)
 
     def _learn(self, t: float, x: Array) -> None:
-        """Learn from the prediction for t [s] what predictions lack."""
+        """Update the filtered prediction error from the prediction for t [s]."""
         while self._predictions and self._predictions[0][0] <= t + TIME_TOLERANCE:
             at, predicted = self._predictions.popleft()
             if abs(at - t) <= TIME_TOLERANCE and np.isfinite(x).all():

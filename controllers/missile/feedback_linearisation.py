@@ -22,7 +22,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 
 class FeedbackLinearisation:
-    """Flies the plan with errors that decay at ``bandwidth`` omega [rad/s]."""
+    """Autopilot whose errors from the plan decay at ``bandwidth`` omega [rad/s]."""
 
     def __init__(self, mission: MissileMission, bandwidth: float) -> None:
         self.period = mission.control_period
@@ -50,7 +50,7 @@ class FeedbackLinearisation:
         return u
 
     def predict(self, estimate: Estimate, plan: Plan, t: float) -> Array:
-        """The error decays as its poles say; the integral already holds what lasts.
+        """State (nx,) at t [s]: the error decays with its poles; the integral already holds lasting disturbances.
 
         With e'' = -k_d e' - k_p e at first, e = (e + c_1 tau + c_2 tau^2) exp(-omega tau).
         """

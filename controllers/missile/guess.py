@@ -5,7 +5,7 @@
 Hermite's cubic from the start to the target, with tangents D along the velocity at the start and the aspect angle at
 the end. At speed U along it, theta is the angle of the tangent, w = 0, q = theta', and the inputs follow from the
 equations of motion: the missile is differentially flat in its place and attitude. The yaw plane's path is a cubic
-likewise, over time, and the nose follows it.
+too, over time, and the nose follows it.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from mathnavi.models.missile.dynamics import Body
 from mathnavi.sim.interfaces.signals import Array
 
 TANGENTS = (1.0, 0.5, 2.0)
-"""lengths of the tangents over the distance, in the order in which they are tried; in flight only the first is, as
-another plan follows soon"""
+"""lengths of the tangents over the distance, in the order in which they are tried; only the first in flight, as another
+plan follows soon"""
 
 _DENSE = 400  # points of the path whose length is measured
 

@@ -1,8 +1,8 @@
 """Optimisers of a flight: inputs held between breaks, flown through the declared body.
 
 ``JointOptimiser`` solves the flight as one problem, in the pitch plane or in space with all states at once;
-``pitch_and_yaw`` has the one that alternates between the planes. ``OptimiserWithFallback`` asks another where one
-fails.
+``pitch_and_yaw`` has the one that alternates between the planes. ``OptimiserWithFallback`` tries a second one where the
+first fails.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array
 
 SAMPLE = 0.02
-"""[s] in which a height is sampled"""
+"""interval [s] at which a height is sampled"""
 ROUNDS = 4
-"""most solves of one flight that misses its end or passes below the ground between its nodes"""
+"""largest number of solves of one flight that misses its end or passes below the ground between its nodes"""
 ACCEPTED = 0.1
-"""[m] terminal error that is worth flying: the next plan corrects it"""
+"""terminal error [m] that is acceptable to fly: the next plan corrects it"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class MissileTrajectory:
     x: Array
     u: Array
     cost: float  # J
-    remark: str = ""  # what is to be recorded of how it was found
+    remark: str = ""  # note to record on how it was found
 
     @property
     def duration(self) -> float:
@@ -65,7 +65,7 @@ class Optimiser(Protocol):
     """Optimises the flight from a state to a terminal condition, again and again."""
 
     def optimise(self, t: float, start: Array, terminal: TerminalCondition) -> MissileTrajectory | Failed:
-        """The flight from the state ``start`` (nx,) at t [s], or the reason why there is none."""
+        """Return the flight from the state ``start`` (nx,) at t [s], or ``Failed`` with the reason."""
         ...
 
 
@@ -109,7 +109,7 @@ def _flown(start: Array, durations: Array, u: Array, numbers: kernels.Numbers, s
 
 
 class JointOptimiser:
-    """An ``Optimiser``: starts from its last solution, and from first guesses where there is none or it fails."""
+    """An ``Optimiser`` that starts from its last solution, or from first guesses if it has no solution or fails."""
 
     def __init__(
         self,
@@ -122,7 +122,7 @@ class JointOptimiser:
         distribution: NodeDistribution,
         clearance: float,
     ) -> None:
-        """Plans keep ``clearance`` [m] over the ground."""
+        """``clearance`` [m] is what plans keep over the ground."""
         problem, self._weights = guidance_problem(body, coordinates, limits), weights(case)
         self._shooting = Shooting(problem, nodes, backend, distribution)
         self._coordinates, self._body, self._nodes = coordinates, body, np.linspace(0.0, 1.0, nodes)
@@ -145,7 +145,7 @@ class JointOptimiser:
     def _above_ground(
         self, start: Array, terminal: TerminalCondition, guess: Solved, *, first: bool
     ) -> tuple[Solved, MissileTrajectory] | Failed:
-        """A solution and its flight.
+        """Return a solution and its flight.
 
         Where the flight misses what the programme reaches, or passes below the ground between nodes, it is solved again
         for an end that is shifted against the error, or with more clearance.
@@ -190,7 +190,7 @@ class JointOptimiser:
 
 
 class OptimiserWithFallback:
-    """Optimiser ``first`` and, where it fails, the one that ``make_second`` builds when it is first needed.
+    """An ``Optimiser``: ``first`` and, where it fails, the one that ``make_second`` builds when it is first needed.
 
     A flight by the second one carries the reason as its remark.
     """

@@ -1,7 +1,7 @@
 """Flight in space by a pitch planner and a yaw planner in turn (block-coordinate descent), which the thesis names (B.4)
 and does not do.
 
-The motions of the two planes are independent (``planes``), the cost is not: a force along the missile is dear, one
+The motions of the two planes are independent (``planes``), the cost is not: a force along the missile is expensive, one
 across it cheap, and how F_1 and F_2 fall on the two depends on psi. So both planners minimise the same J, in turn, each
 with the other's last motion held:
 
@@ -13,10 +13,11 @@ When T changes, the yaw motion shall keep its start and its end. With V_0 at the
     V = A(τ) + B(τ) / T,    F_2 / m = A'(τ) / T + B'(τ) / T^2,    A = V_0 (1 - 4 τ + 3 τ^2) + v_y (6 τ - 6 τ^2),
 
 and the pitch planner holds B. The sweeps converge to near an optimum of the joint problem: but for the series' error,
-for what M and N have beside I_y a cos psi and I_y b, and for the sweeps omitted once they gain little. Where limits are
-active the method is neither optimal nor complete: a flight may exist that the sweeps do not find, and one that needs
-more than the thrusters have is refused. The inputs of both are flown through the dynamics in space after every sweep,
-and the terminal condition is shifted by the error for the next, so that the flight does not depend on the decoupling.
+for the terms of M and N other than I_y a cos psi and I_y b, and for the sweeps omitted once they gain little. Where
+limits are active the method is neither optimal nor complete: a flight may exist that the sweeps do not find, and one
+that needs more than the thrusters have is refused. The inputs of both are flown through the dynamics in space after
+every sweep, and the terminal condition is shifted by the error for the next, so that the flight does not depend on the
+decoupling.
 """
 
 from __future__ import annotations
@@ -54,11 +55,11 @@ from mathnavi.models.missile.mission import Case
 from mathnavi.sim.interfaces.signals import Array
 
 PART = 0.04
-"""[s] longest time that a spatial input is held"""
+"""longest time [s] that a spatial input is held"""
 FIRST_SWEEPS, SWEEPS = 10, 3
-"""most sweeps of a first flight, and of one that starts from the last"""
+"""largest number of sweeps of a first flight, and of one that starts from the last"""
 EXACT = 1e-3
-"""[m] terminal error that needs no further sweep"""
+"""terminal error [m] that needs no further sweep"""
 ROUND_OFF = 1e-6
 """relative excess over a limit that is rounding"""
 SETTLED = 1e-3
@@ -87,7 +88,7 @@ class PitchAndYaw:
         distribution: NodeDistribution,
         clearance: float,
     ) -> None:
-        """Plans within ``limits`` that keep ``clearance`` [m] over the ground.
+        """Plans are within ``limits`` and keep ``clearance`` [m] over the ground.
 
         The inputs flown may come up to ``most``, the limits of the thrusters.
         """
@@ -144,15 +145,13 @@ class PitchAndYaw:
         share = np.abs(found.u).max(axis=0) / self._most
         if share.max() > 1.0 + ROUND_OFF:
             name = SPATIAL.inputs[int(share.argmax())]
-            return Failed(
-                f"pitch and yaw together ask for {share.max():.3g} times the limit of {name}", infeasible=False
-            )
+            return Failed(f"pitch and yaw together need {share.max():.3g} times the limit of {name}", infeasible=False)
         return found
 
     def _sweep(
         self, start: Array, terminal: TerminalCondition, now: _Iterate, clearance: float, *, first: bool
     ) -> _Iterate | Failed:
-        """The next iterate: the pitch planner's solution beside a motion, and the yaw planner's beside that."""
+        """Next iterate: the pitch planner's solution with the yaw motion held, and the yaw planner's with that."""
         in_pitch, in_yaw = split(start)
         V_0, v_y = float(in_yaw[0]), float(terminal.velocity[1])
         place, velocity = terminal.place, terminal.velocity
@@ -162,7 +161,7 @@ class PitchAndYaw:
             now.pitch, np.concatenate([self._weights, held, [V_0, v_y], in_pitch, end, ground]), first=first
         )
         if isinstance(pitch, Failed):
-            return Failed(f"pitch: {pitch.message}", infeasible=False)  # with the other plane's motion as it is
+            return Failed(f"pitch: {pitch.message}", infeasible=False)  # with the other plane's motion unchanged
         T, U = pitch.duration, pitch.x[:, 0]
         middle = 0.5 * (pitch.nodes[:-1] + pitch.nodes[1:])
         lateral = terminal.v * math.cos(terminal.psi) + U[-1] * math.sin(terminal.psi)

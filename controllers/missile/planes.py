@@ -56,7 +56,7 @@ from mathnavi.models.missile.mission import running_cost
 from mathnavi.sim.interfaces.signals import Array
 
 DEGREE = 8
-"""of the Legendre series"""
+"""degree of the Legendre series"""
 
 PITCH = PLANAR.states
 YAW = ("V", "r", "psi", "y_e")
@@ -86,7 +86,7 @@ def inputs_between(pitch: Solved, yaw: Solved, parts: int, body: Body) -> tuple[
     between them.
 
     ``pitch`` holds (F_1, F_z, I_y a) over each interval and ``yaw`` holds (F_2, I_z b). Along the body's axes these
-    forces are not constant, for the body turns: each part holds what the inverse dynamics ask for in its middle.
+    forces are not constant, for the body turns: each part holds the result of the inverse dynamics in its middle.
     """
     m, inertia = body.mass, body.inertia
     width = np.repeat(np.diff(pitch.times), parts) / parts
@@ -98,7 +98,7 @@ def inputs_between(pitch: Solved, yaw: Solved, parts: int, body: Body) -> tuple[
     a, b = pitching / inertia, yawing / inertia
     q, theta = q_0 + a * since, theta_0 + (q_0 + 0.5 * a * since) * since
     r, psi = r_0 + b * since, psi_0 + (r_0 + 0.5 * b * since) * since
-    attitude = np.zeros((len(since), SPATIAL.state_size))  # the inverse dynamics ask for no more of a state
+    attitude = np.zeros((len(since), SPATIAL.state_size))  # the inverse dynamics need no more of a state
     attitude[:, 3:7] = np.column_stack([q * np.cos(psi), r, theta, psi])
     c, s = np.cos(theta), np.sin(theta)
     # Accelerations of MuJoCo's joints (x, y, z, theta, psi): x ahead, y to the left, z up.

@@ -1,12 +1,12 @@
-"""The planner: optimises the whole flight to the target again and again, and lets the last of it be flown out.
+"""Planner that optimises the whole flight to the target again and again, and lets the last plan be flown to its end.
 
 Each plan starts from where the missile will be one period ahead, as the autopilot predicts it from the *estimate*. The
-plan being flown is where it should be; a wrong mass, a gust or a thruster at its limit keeps it from there.
+plan being flown says where it should be; a wrong mass, a gust or a thruster at its limit keeps it from there.
 Planned from the estimate, the flight is optimal from where it really is, and even without an autopilot the planner
 closes a loop. The price is that noise of the estimate reaches the reference: filtering is the estimator's task.
 
-The horizon is the time that is left, on the same number of nodes. As it comes to nothing a deviation asks for inputs
-that grow as 1 / T^2, so below a given time to go the last plan is flown out. An optimisation that fails is a status,
+The horizon is the time to go, on the same number of nodes. As it vanishes a deviation needs inputs that grow as
+1 / T^2, so below a given time to go the last plan is flown to its end. An optimisation that fails is a status,
 and the plan being flown stays.
 """
 
@@ -28,7 +28,7 @@ from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Message, Plan, Pla
 
 
 class MissilePlanner:
-    """Plans every ``period`` [s] until ``commit`` [s] before the end.
+    """Planner that plans every ``period`` [s] until ``commit`` [s] before the end.
 
     A message with the topic "target" and a ``Target`` as payload says how the target moves from then on. ``remark`` is
     recorded with the first plan as an event of the kind "backend".

@@ -41,28 +41,28 @@ class MissileConfig:
     kernels: ClassVar[str] = "mathnavi.controllers.missile.ahead"  # compiled before the first run
 
     autopilot: AutopilotName = "feedback-linearisation"
-    """what flies the plan"""
+    """autopilot that flies the plan"""
     bandwidth: Positive = 8.0
-    """omega_n of the feedback linearisation [rad/s]; at most 0.5 over the declared delay of the thrusters"""
+    """bandwidth omega of the feedback linearisation [rad/s]; at most 0.5 over the declared delay of the thrusters"""
     replan_period: Positive = 0.1
-    """from one plan to the next [s], in whole control periods; if longer than the flight, only one is flown"""
+    """time between two plans [s], in whole control periods; if longer than the flight, only one plan is flown"""
     commit: Positive = 0.3
-    """time to go below which the last plan is flown out [s]; replan_period if that is longer"""
+    """time to go below which the last plan is flown to its end [s]; replan_period if that is longer"""
     lead: bool = True
     """whether to aim at where the target will be, and not at where it is"""
     nodes: Annotated[int, Within(Interval(ge=4, le=_MOST_NODES), allowed=f"4 to {_MOST_NODES}")] = 25
-    """N"""
+    """number N of nodes of a plan"""
     grid: GridName = "uniform"
-    """nodes at equal times, or equidistributed in scaled arclength as part of the optimisation"""
+    """distribution of the nodes: at equal times, or equidistributed in scaled arclength by the optimisation"""
     spatial: SpatialName = "pitch-and-yaw"
-    """flight in space by a pitch planner and a yaw planner together, and as one problem in all states where they find
-    none; or always as one problem"""
+    """method for a flight in space: a pitch planner and a yaw planner in turn, and one problem in all states where they
+    fail; or always one problem"""
     reserve: Annotated[float, Within(Interval(ge=0.0, lt=1.0), allowed="0 <= reserve < 1")] = 0.1
     """share of the thrusters' limits that is left to the autopilot"""
     clearance: Annotated[float, Within(Interval(ge=0.0, le=_HIGHEST), allowed=f"0 to {_HIGHEST:g} m")] = 5.0
-    """height that plans keep over the ground, but near the target [m]"""
+    """height that plans keep over the ground, except near the target [m]"""
     backend: BackendName = "auto"
-    """solver; auto is FATROP, compiled where there is a C compiler named cc"""
+    """solver of the optimisation problem; auto is FATROP, compiled where there is a C compiler named cc"""
 
 
 class MissileController:
@@ -137,6 +137,6 @@ def _optimiser(config: MissileConfig, mission: MissileMission, backend: Backend)
 
 
 def _in_space(limits: tuple[float, ...]) -> Limits:
-    """The limits of the five inputs that a missile has in space."""
+    """Limits of the five inputs that a missile has in space."""
     axial, lateral, normal, pitching, yawing = limits
     return axial, lateral, normal, pitching, yawing

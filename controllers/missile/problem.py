@@ -1,4 +1,4 @@
-"""The problem that a missile solves while it flies: the thesis' design study (B.4), from wherever it is to wherever the
+"""Problem that a missile solves while it flies: the thesis' design study (B.4), from its present state to where the
 target will be.
 
     minimise   J = ∫_0^T 1 + a_x (F_x / m g)^2 + a_z (F_z / m g)^2 + b (M / I_y)^2 + k (w / u)^2 dt,      T free,
@@ -38,22 +38,22 @@ from mathnavi.models.missile.mission import Case, Target, running_cost
 from mathnavi.sim.interfaces.signals import Array
 
 LEAST_SPEED = 1.0
-"""[m/s] of u: below it the angle of attack w / u means nothing"""
+"""least speed u [m/s]: below it the angle of attack w / u is meaningless"""
 MOST_YAW = math.radians(85.0)
-"""[rad] of psi, which must stay below 90 degrees"""
+"""greatest psi [rad], which must stay below 90 degrees"""
 DURATIONS = (0.02, 600.0)
-"""[s] limits of T"""
+"""limits of T [s]"""
 TYPICAL_DURATION = 5.0
-"""[s]"""
+"""typical T [s]"""
 
 STATE_SCALES = {"u": 100.0, "v": 100.0, "w": 100.0, "x_e": 100.0, "y_e": 100.0, "z_e": 100.0}
 STATE_LIMITS = {"u": (LEAST_SPEED, math.inf), "psi": (-MOST_YAW, MOST_YAW)}
 TAPER = 100.0
-"""[m] R: the distance ahead to the target at which half the clearance is kept"""
+"""distance R [m] ahead to the target at which half the clearance is kept"""
 RECOVERY = 1.0
-"""[s] t_r: in which a missile that is too low regains the clearance"""
+"""time constant t_r [s] at which a missile that is too low regains the clearance"""
 ALLOWANCE = 0.1
-"""[m] delta by which the middle of the missile may pass below the ground, at the target for instance"""
+"""depth delta [m] by which the middle of the missile may pass below the ground, at the target for instance"""
 
 END = ("x_e", "y_e", "z_e", "theta", "psi", "v", "w")
 """states that the terminal condition fixes"""

@@ -20,14 +20,14 @@ from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleSh
 from mathnavi.sim.interfaces.signals import Array
 
 TOLERANCE = 1e-6
-"""of the scaled optimality conditions: a tenth of a millimetre at the target"""
+"""tolerance of the scaled optimality conditions: a tenth of a millimetre at the target"""
 ITERATIONS, FIRST_ITERATIONS = 20, 100
-"""after which a solve stops: from the last solution it takes 3 to 10, from a first guess 10 to 50"""
+"""largest number of iterations of a solve: from the last solution it takes 3 to 10, from a first guess 10 to 50"""
 SECONDS, FIRST_SECONDS = 0.5, 10.0
-"""[s] of CPU time after which it is ended: from the last solution it takes some milliseconds"""
+"""CPU time [s] after which a solve is ended: from the last solution it takes some milliseconds"""
 
 CLOCK = "T"
-"""a last state by this name is the final time of a problem in τ = t / T"""
+"""name of a last state that is the final time of a problem in τ = t / T"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +47,11 @@ class Solved:
 
     @property
     def times(self) -> Array:
-        """(N,) [s] since the start."""
+        """Times (N,) [s] of the nodes since the start."""
         return self.nodes * self.duration
 
     def after(self, shift: float) -> Solved:
-        """The rest of the solution after ``shift`` [s], on as many nodes, distributed as they were."""
+        """Rest of the solution after ``shift`` [s], on the same number of nodes, with the same distribution."""
         index = np.arange(len(self.nodes), dtype=float)
         first = float(np.interp(shift, self.times, index))
         fractions = np.interp(np.linspace(first, index[-1], len(index)), index, self.nodes)
@@ -63,7 +63,7 @@ class Solved:
             u=mean_between(self.times, self.u, at),
             nodes=(at - shift) / left,
             duration=left,
-            constants=self.constants * (1.0 - first / index[-1]),  # shares of what is monitored
+            constants=self.constants * (1.0 - first / index[-1]),  # shares of the monitor function
             cost=self.cost,
             iterations=0,
         )
@@ -71,7 +71,7 @@ class Solved:
 
 @dataclass(frozen=True)
 class Failed:
-    """The reason why there is no solution."""
+    """A failed solve, with the reason."""
 
     message: str
     infeasible: bool
@@ -105,7 +105,7 @@ class Shooting:
         self._timed = problem.free_duration or CLOCK in problem.states
 
     def solve(self, guess: Solved, parameters: Array, *, first: bool = False) -> Solved | Failed:
-        """The solution for the parameters (np,) from the last one, or a ``first`` guess, which gives a fixed grid."""
+        """Solve for the parameters (np,) from the last solution or from a ``first`` guess, which gives a fixed grid."""
         transcribed = self._first if first else self._again
         layout, count, nx, nu = transcribed.layout, transcribed.nodes - 1, self._size, transcribed.problem.nu
         widths = np.diff(guess.nodes) * count
@@ -137,7 +137,7 @@ class Shooting:
         )
 
     def _constants(self, guess: Solved) -> Array:
-        """(c,) of the distribution of nodes; a first guess has none."""
+        """Constants (c,) of the distribution of nodes; computed for a first guess, which lacks them."""
         distribution, problem = self._again.distribution, self._again.problem
         if len(guess.constants) == distribution.constants:
             return guess.constants

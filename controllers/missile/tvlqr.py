@@ -5,8 +5,8 @@ With e = x^ - x_ref, A and B the Jacobians of the declared dynamics along the pl
     F = F_ref - K e - d^,     K = R^-1 B' P,     -P' = A' P + P A - P B R^-1 B' P + Q,     P(t_end) = Q_T,
 
 solved backwards in steps of at most ``STEP``, over each of which A and B are held (as the discrete-time equation of the
-held input). A new plan needs a new solution, within milliseconds. A deviation that lasts, from a gust or a wrong mass,
-is held down and not away: there is no integral.
+held input). A new plan needs a new solution, within milliseconds. A lasting deviation, from a gust or a wrong mass, is
+reduced but not removed: there is no integral.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from mathnavi.sim.interfaces.compiled import njit
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 STEP = 0.025
-"""[s] of the Riccati equation"""
+"""longest step [s] of the Riccati equation"""
 DEVIATIONS = {"m": 0.05, "m/s": 1.0, "rad": 0.01, "rad/s": 0.2}
-"""of the state that weigh 1"""
+"""deviations of the state that weigh 1"""
 EFFORT = {"N": 2000.0, "N m": 500.0}
-"""of the input that weighs 1"""
+"""deviations of the input that weigh 1"""
 AT_THE_END = {"m": 0.01, "m/s": 0.5, "rad": 0.002, "rad/s": 0.2}
-"""deviations that weigh 1 at the end"""
+"""deviations of the state that weigh 1 at the end"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class RegulatorGains:
 
 
 class TimeVaryingLQR:
-    """Autopilot: flies the plan with the regulator's gains."""
+    """Autopilot that flies the plan with the regulator's gains."""
 
     def __init__(self, mission: MissileMission) -> None:
         self.period = mission.control_period
@@ -70,7 +70,7 @@ class TimeVaryingLQR:
         return u
 
     def predict(self, estimate: Estimate, plan: Plan, t: float) -> Array:
-        """The error goes as the closed loop along the plan takes it, in whole steps."""
+        """State (nx,) at t [s]: the error follows the closed loop along the plan, in whole steps."""
         gains, e = self._along(plan), self._error(estimate, plan)
         for k in range(gains.at(estimate.t), gains.at(t)):
             e = gains.transition[k] @ e

@@ -5,8 +5,8 @@ into arcs a = 1 ... A of whole intervals; their lengths δ_a are unknowns, and a
 
     t_i = Σ_a E_ia δ_a,      d_i = Σ_a W_ia δ_a,      Σ_a δ_a = T,
 
-W_ia the interval's fixed share of its own arc, E_i the sum of the W before it. On an arc where a control is known to
-rest on a bound it is held there.
+W_ia the interval's fixed share of the arc it belongs to, E_i the sum of the W before it. On an arc where a control is
+known to rest on a bound it is held there.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mathnavi.sim.interfaces.signals import Array, Integers
 
 @dataclass(frozen=True, eq=False)
 class Arcs:
-    """Arcs of a grid: how many intervals each has, and the bounds of controls and path constraints on it."""
+    """Arcs of a grid: the number of intervals of each, and the bounds of controls and path constraints on it."""
 
     intervals: tuple[int, ...]  # (A,) at least one each
     control_bounds: Interval  # (A, nu) each; equal where the control is held

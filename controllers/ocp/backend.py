@@ -33,10 +33,10 @@ _RESULTS = ("x", "f", "g", "lam_x", "lam_g")
 
 @configuration
 class Options:
-    """Options of a solve: the NLP solver, its tolerance, its limit of iterations and its start; of IPOPT some more.
+    """Options of a solve: the NLP solver, its tolerance, its iteration limit and its start; some are for IPOPT only.
 
-    FATROP raises its regularisation without end on some problems without a feasible point, and no limit of iterations
-    stops it there: it runs in a process of its own, which is ended after ``seconds``.
+    FATROP raises its regularisation without end on some problems without a feasible point, and no iteration limit stops
+    it there: it runs in a separate process, which is ended after ``seconds``.
     """
 
     backend: Backend = "ipopt"
@@ -44,7 +44,7 @@ class Options:
     iterations: Count = 500
     seconds: Positive = 600.0  # of CPU time, after which a solve is ended
     warm: bool = False  # True if guesses are near solutions: start close to the bounds, with a small barrier
-    linear_solver: LinearSolver = "mumps"  # of IPOPT; those but MUMPS and SPRAL need a library of their own
+    linear_solver: LinearSolver = "mumps"  # of IPOPT; all but MUMPS and SPRAL need an additional library
     hessian: Hessian = "exact"  # of IPOPT
     print_level: Annotated[int, Ge(0), Le(12)] = 0  # of IPOPT's lines on standard output, 5 for one each iteration
     log: str | None = None  # file of IPOPT's own log, a line each iteration; overwritten by each solve
@@ -133,7 +133,7 @@ class NumericalSolver:
 
 
 def _last_words(message: str) -> str:
-    """The message of a solver's exception, without the place in its sources."""
+    """Message of a solver's exception, without the place in its sources."""
     return message.rpartition("] ")[2].rpartition(": ")[2]
 
 

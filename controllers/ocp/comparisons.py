@@ -1,4 +1,4 @@
-"""Constraints as they are written: comparisons of expressions, read as limits.
+"""Constraints written as comparisons of expressions, and read as limits.
 
     x <= 0.1        d = x,          d_upper = 0.1
     x >= p          d = p - x,      d_upper = 0
@@ -6,7 +6,7 @@
     bounded(1, x, 2), which is 1 <= (x <= 2)
 
 CasADi knows no strict inequality of a programme: ``<`` counts as ``<=``. Python reads ``1 <= x <= 2`` as
-``(1 <= x) and (x <= 2)`` and asks for the truth value of a comparison, which has none; the error says what to write.
+``(1 <= x) and (x <= 2)`` and needs the truth value of a comparison, which has none; the error says what to write.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from mathnavi.sim.interfaces.errors import ProblemError
 
 _ONE_SIDED = (ca.OP_LE, ca.OP_LT)
 _OTHER = {ca.OP_NE: "!=", ca.OP_AND: "a logical and", ca.OP_OR: "a logical or", ca.OP_NOT: "a logical not"}
-_ALLOWED = "allowed: <=, >=, ==, bounded(lower, x, upper), or lower= and upper= beside an expression"
+_ALLOWED = "allowed: <=, >=, ==, bounded(lower, x, upper), or lower= and upper= with an expression"
 
 
 class TruthValueError(ProblemError, RuntimeError):
-    """A comparison of symbols whose truth value is asked for."""
+    """A comparison of symbols was used as a truth value."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,17 +51,17 @@ def rows(where: str, constraint: Any, lower: Any, upper: Any, name: str, *, know
     """Rows of a constraint: a comparison, or an expression with limits.
 
     Args:
-        where: what is constrained, for errors.
+        where: name of what is constrained, for errors.
         constraint: comparison, expression, or a sequence of either, element by element.
-        lower: limits of an expression, for all elements or for each; a number or an expression. None for none.
-        upper: likewise.
-        name: of the rows; empty for the text of each.
-        known: symbols that it may depend on.
+        lower: limits of an expression, for all elements or for each; a number or an expression. None for no limit.
+        upper: limits of an expression, like ``lower``.
+        name: name of the rows; empty for the text of each.
+        known: symbols that the constraint may depend on.
 
     Raises:
         ProblemError: for what cannot be a constraint: a truth value, a logical connection, an expression without a
-            limit or one that has none of the problem's symbols, and limits beside a comparison or that contradict each
-            other.
+            limit or without any of the problem's symbols, limits given with a comparison, and limits that contradict
+            each other.
     """
     if isinstance(constraint, bool):
         raise ProblemError(f"{where} is {constraint}, the truth value of numbers; {_ALLOWED}")
@@ -72,7 +72,7 @@ def rows(where: str, constraint: Any, lower: Any, upper: Any, name: str, *, know
     for k, element in enumerate(elements):
         label = name or _text(element)
         if given and _operation(element) in (*_ONE_SIDED, ca.OP_EQ):
-            raise ProblemError(f"{where} {label} is a comparison and has a limit beside it; allowed: one of them")
+            raise ProblemError(f"{where} {label} is a comparison and has a limit as well; allowed: one of them")
         low, high = (limit[k] for limit in limits)
         own = _limited(where, label, element, low, high) if given else _compared(where, label, element)
         made += own
@@ -85,7 +85,7 @@ def rows(where: str, constraint: Any, lower: Any, upper: Any, name: str, *, know
 
 
 def zero_limits(constraint: Any, lower: Any, upper: Any) -> tuple[Any, Any]:
-    """Limits of a constraint at one end: 0 for one that is missing, but none at all beside a comparison."""
+    """Limits of a constraint at one end: 0 for a missing one of an expression; a comparison gets none."""
     if lower is None and upper is None and _is_comparison(constraint):
         return None, None
     return 0.0 if lower is None else lower, 0.0 if upper is None else upper
@@ -99,13 +99,15 @@ def _is_comparison(constraint: Any) -> bool:
 
 
 def _compared(where: str, label: str, element: ca.SX) -> list[Row]:
-    """Rows of one comparison, of two sides or of one."""
+    """Rows of one comparison, with one or two limits."""
     operation = _operation(element)
     if operation in _OTHER:
         raise ProblemError(f"{where} {label} is {_OTHER[operation]}, which cannot be a constraint; {_ALLOWED}")
     if element.is_constant():
         always = "always holds" if float(element) else "never holds"
-        raise ProblemError(f"{where} {label} {always}, whatever the variables are; allowed: one that depends on them")
+        raise ProblemError(
+            f"{where} {label} {always} for all values of the variables; allowed: one that depends on them"
+        )
     if operation not in (*_ONE_SIDED, ca.OP_EQ):
         raise ProblemError(f"{where} {label} has no limit; {_ALLOWED}")
     left, right = element.dep(0), element.dep(1)
@@ -121,7 +123,7 @@ def _compared(where: str, label: str, element: ca.SX) -> list[Row]:
 
 
 def _limited(where: str, label: str, element: ca.SX, lower: ca.SX | None, upper: ca.SX | None) -> list[Row]:
-    """Rows of an expression with limits beside it."""
+    """Rows of an expression with limits."""
     sides = []
     if lower is not None:
         sides += _side(where, label, lower, element)
@@ -183,10 +185,10 @@ def _text(element: ca.SX) -> str:
 
 
 def _explained(kind: type) -> None:
-    """Let the truth value of a symbolic comparison fail with what to write in its place.
+    """Make the truth value of a symbolic comparison fail with a message that says what to write in its place.
 
-    The question is asked in the user's own line, before any function here is called, so CasADi's error is the only
-    place for the answer. Truth values that exist are as before.
+    It is evaluated in the user's code, before any function of this module is called, so CasADi's error is the only
+    place for that message. Truth values that exist are unchanged.
     """
     original = kind.__bool__  # type: ignore[attr-defined]
 

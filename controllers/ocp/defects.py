@@ -1,4 +1,4 @@
-"""Defects of a collocation solution: where each interval's true dynamics end, with the control that an actuator flies.
+"""Defects of a collocation solution: the error of each interval against its true dynamics, with the saturated control.
 
 The collocation polynomial x(t) of an interval is off the trajectory from the same node by e(t),
 

@@ -55,7 +55,7 @@ def _anywhere(nodes: int) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class _Unconstrained:
-    """Nodes that no equation of the programme holds."""
+    """Nodes without an equation in the programme."""
 
     moving: bool
     constants: int = 0
@@ -82,7 +82,7 @@ class Fixed(_Unconstrained):
 
 @dataclass(frozen=True)
 class Free(_Unconstrained):
-    """Free nodes: unknowns that nothing holds, so that the optimiser places them where they hide the error."""
+    """Free nodes: unconstrained unknowns, so that the optimiser places them where they hide the error."""
 
     moving: bool = True
 

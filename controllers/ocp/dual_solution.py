@@ -30,7 +30,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 class Answer(NamedTuple):
-    """Data of a solved programme that its multipliers are made of."""
+    """Data of a solved programme from which its multipliers are computed."""
 
     bounds: Array  # (n,) multipliers of the bounds of the scaled unknowns
     rows: Array  # (m,) multipliers of the rows
@@ -46,7 +46,7 @@ def multipliers_of(nlp: Programme, answer: Answer) -> Multipliers:
     layout, problem, scheme = nlp.layout, nlp.layout.problem, nlp.layout.scheme
     nx, nu, nd, ns = problem.nx, problem.nu, len(problem.path_bounds.lower), len(problem.final_bounds.lower)
     count, k, own, inside = len(answer.t) - 1, len(scheme.points), layout.own_points, scheme.interior
-    z, w, last = layout.split(answer.bounds / layout.scale**2)  # of unknowns in the problem's units
+    z, w, last = layout.split(answer.bounds / layout.scale**2)  # for unknowns in the problem's units
     held = at_rows(answer.rows, nlp.held_rows)
 
     of_controls, of_path, of_states = (np.zeros((count, k, size)) for size in (nu, nd, nx))
@@ -91,12 +91,12 @@ def multipliers_of(nlp: Programme, answer: Answer) -> Multipliers:
 
 
 def own_names(names: tuple[str, ...], beginning: str) -> tuple[str, ...]:
-    """Names without their beginning: a condition at one end is called by its state."""
+    """Names without their beginning: a condition at one end has the name of its state."""
     return distinct([name.removeprefix(beginning) for name in names])
 
 
 def _of_duration(nlp: Programme, z: Array, rows: Array) -> float:
-    """Multiplier of the bounds of T: of its own at every node or, of several arcs, of the row that adds them up."""
+    """Multiplier of the bounds of T: the sum over its nodes or, for several arcs, that of the row that adds them up."""
     layout = nlp.layout
     if layout.arcs > 1:
         return float(rows[nlp.final_rows[-1]]) / layout.problem.guess_duration
@@ -150,7 +150,7 @@ def _costates_at_points(problem: ProblemFunctions, scheme: Scheme, answer: Answe
 def _costate_function(problem: ProblemFunctions, scheme: Scheme) -> ca.Function:
     """(x_0, x_1, X, U, t, d, p, multipliers) -> λ (k nx,) at the points of one interval.
 
-    Of a scheme of one point, whose rates are not those at its point, it is the derivative by the state at the start.
+    For a scheme of one point, whose rates are not those at its point, it is the derivative by the state at the start.
     """
     nx, nu, nd, k = problem.nx, problem.nu, len(problem.path_bounds.lower), len(scheme.points)
     x_0, x_1, t, d = ca.SX.sym("x_0", nx), ca.SX.sym("x_1", nx), ca.SX.sym("t"), ca.SX.sym("d")

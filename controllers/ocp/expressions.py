@@ -1,4 +1,4 @@
-"""Expressions of a statement: SX columns made of what a user writes, checked where they are written."""
+"""Expressions of a statement: SX columns made from what a user writes, checked where it is written."""
 
 from __future__ import annotations
 

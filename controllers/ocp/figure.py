@@ -1,8 +1,8 @@
-"""The figure of a solution: on the left what it does, on the right what that is worth.
+"""Figure of a solution: the primal variables on the left, the dual ones on the right.
 
-A row for each state (its costate beside it), each control (beside it H_u, and the multiplier of its bounds) and each
+A row for each state (its costate next to it), each control (next to it H_u, and the multiplier of its bounds) and each
 path constraint (its multiplier), then the Hamiltonian and the error of each interval over the mesh. Dots are nodes,
-dotted lines are limits, and the ground is tinted where a limit holds back.
+dotted lines are limits, and the background is tinted where a limit is active.
 """
 
 from __future__ import annotations
@@ -66,9 +66,9 @@ class SolutionView(Protocol):
 
 
 def solution_figure(solution: SolutionView, names: Sequence[str] = ()) -> Figure:
-    """States, controls and path constraints with their multipliers, the Hamiltonian, and the errors over the mesh.
+    """Draw states, controls, path constraints with their multipliers, the Hamiltonian, and the errors over the mesh.
 
-    ``names`` are the states, controls and path constraints that are drawn; none means all of them.
+    ``names`` are the states, controls and path constraints that are drawn; empty means all of them.
     """
     problem, m = solution.problem, solution.multipliers
     t = dense_times(solution.t)
@@ -115,7 +115,7 @@ def solution_figure(solution: SolutionView, names: Sequence[str] = ()) -> Figure
 
 
 def written(figure: Figure, ending: str) -> bytes:
-    """A figure as the content of a file with an ending; FieldError for one that is no picture's."""
+    """Content of the file of a figure; FieldError for an ending that is not one of a picture."""
     if ending not in ENDINGS:
         raise FieldError(f"file ending {ending!r}; allowed: {', '.join(ENDINGS)}")
     content = io.BytesIO()
@@ -147,7 +147,7 @@ def _nodes(axes: Axes, solution: SolutionView, t: Array, values: Array, colour: 
 
 
 def _limits(axes: Axes, limits: Interval, k: int, values: Array) -> None:
-    """Dotted lines at the limits that are near the curve."""
+    """Draw dotted lines at the limits that are near the curve."""
     low, high = float(values.min()), float(values.max())
     reach = NEAR * max(high - low, 1e-3 * max(abs(low), abs(high)), 1e-12)
     for limit in {float(limits.lower[k]), float(limits.upper[k])}:
@@ -156,13 +156,13 @@ def _limits(axes: Axes, limits: Interval, k: int, values: Array) -> None:
 
 
 def _impulses(solution: SolutionView, multipliers: NamedValues, k: int, least: float) -> Array:
-    """Integral (N - 1,) of |μ| over every interval; nothing where its total is not more than ``least``."""
+    """Integral (N - 1,) of |μ| over every interval; zero where its total is not more than ``least``."""
     impulses: Array = (np.abs(multipliers.values[..., k]) * solution.point_shares).sum(axis=1)
     return impulses if impulses.sum() > least else 0.0 * impulses
 
 
 def _held(axes: Axes, solution: SolutionView, multipliers: Array, impulses: Array) -> None:
-    """Tint the intervals over which a limit holds back: at most of their points, or by a large part of all it does."""
+    """Tint the intervals over which a limit is active: at most of their points, or with a large part of its effect."""
     strong = np.abs(multipliers) > ACTIVE * float(np.abs(multipliers).max(initial=0.0))
     held = ((strong.mean(axis=1) > 0.5) | (impulses > MUCH * impulses.sum())) & (impulses > 0.0)
     ends = np.flatnonzero(np.diff(np.concatenate([[False], held, [False]]).astype(int)))
@@ -171,7 +171,7 @@ def _held(axes: Axes, solution: SolutionView, multipliers: Array, impulses: Arra
 
 
 def _note(axes: Axes, text: str, colour: str = INK) -> None:
-    """A note at the right, above the panel."""
+    """Write a note at the right, above the panel."""
     axes.annotate(
         text, (1.0, 1.0), (0, 4), xycoords="axes fraction", textcoords="offset points", ha="right", va="bottom",
         fontsize=7.5, color=colour,
@@ -200,7 +200,7 @@ def _hamiltonian(axes: Axes, solution: SolutionView) -> None:
 
 
 def _mesh(axes: Axes, solution: SolutionView) -> None:
-    """The error of each interval on a log scale, and the nodes below."""
+    """Draw the error of each interval on a log scale, and the nodes below."""
     t = solution.t
     errors = solution.interval_errors
     if errors is None:

@@ -1,4 +1,4 @@
-"""Places where the functions of a problem are not finite: what a solve that met NaN or infinity says."""
+"""Places where the functions of a problem are not finite: the message of a solve that met NaN or infinity."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def not_finite(problem: ProblemFunctions, x: Array, u: Array, t: Array, p: Array
 
     Parameters p (np,) come first, then what holds along the path, in the order of time, then both ends, then the
     derivatives by states and controls of what holds along the path. Empty where all are finite. ``iterate`` is the name
-    of what x, u and t are of.
+    of the iterate that x, u and t belong to.
     """
     if strange := [f"{name} = {value}" for name, value in zip(problem.parameters, p, strict=True) if _strange(value)]:
         return f"parameter {strange[0]}"

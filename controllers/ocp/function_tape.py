@@ -1,4 +1,4 @@
-"""Compiled functions as arrays, and back: a list of elementary operations, which is data and executes nothing.
+"""Conversion of compiled functions to arrays and back: a list of elementary operations, which is data, not code.
 
     row k of the tape:  operation, result, first argument, second argument
 
@@ -30,7 +30,7 @@ _MOST_ROWS = 1_000_000
 
 
 def taped(function: ca.Function) -> dict[str, Array] | None:
-    """A function of columns with one column as its result, as arrays by name; None if it calls others, a table for one.
+    """Convert a function of columns with a column as its result to arrays; None if it calls others, as a table.
 
     "tape" (n, 4) whole numbers, "constants" (n,), "inputs" their sizes, "size" () that of the result.
     """
@@ -83,7 +83,7 @@ def function_of(name: str, arrays: Mapping[str, Array], inputs: Sequence[int], s
 def _run(
     k: int, row: list[int], constant: float, arguments: list[ca.SX], work: dict[int, ca.SX], results: dict[int, ca.SX]
 ) -> None:
-    """Add what a row of a tape does."""
+    """Execute a row of a tape symbolically."""
     code, result, first, second = row
     name = OPERATIONS[code] if 0 <= code < len(OPERATIONS) else ""
     if name == "CONST":

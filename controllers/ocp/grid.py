@@ -43,7 +43,7 @@ def uniform(n: int) -> Grid:
 
 
 def stretched(n: int, ratio: float) -> Grid:
-    """The grid of n nodes whose intervals grow by ``ratio``, d_{i+1} = ratio d_i: dense now, sparse later.
+    """The grid of n nodes whose intervals grow by ``ratio``, d_{i+1} = ratio d_i: dense at the start, sparse later.
 
     Example B.2's intent. ProblemError for n < 2 and for a ratio that is not finite and positive.
     """

@@ -15,11 +15,11 @@ from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 SAMPLES = 101
-"""times at which a guess is sampled that is not given by values"""
+"""number of times at which a guess that is not given by values is sampled"""
 _MOST = 1e12  # scaled size of a simulated state that counts as diverged
 
 Guess = float | Sequence[float] | Sequence[Sequence[float]] | Array | Callable[[float], Any]
-"""a number; values spread evenly over [0, T]; a function of the time [s] since the start"""
+"""guess: a number; values spread evenly over [0, T]; or a function of the time [s] since the start"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Values:
     times: Array | None = None
 
     def breaks(self, duration: float) -> Array:
-        """Fractions of T that a common grid of guesses has to hold."""
+        """Fractions of T that a common grid of guesses has to contain."""
         if self.times is None:
             return np.linspace(0.0, 1.0, max(2, len(self.values)))
         inside = self.times / duration
@@ -56,7 +56,7 @@ class Sampled:
         return np.linspace(0.0, 1.0, SAMPLES)
 
     def at(self, fractions: Array, duration: float) -> Array:
-        """Values (k,) at fractions (k,) of T; ProblemError where they are no finite numbers."""
+        """Values (k,) at fractions (k,) of T; ProblemError where they are not finite numbers."""
         return np.array([self._value(float(fraction * duration)) for fraction in fractions])
 
     def _value(self, t: float) -> float:
@@ -92,14 +92,14 @@ def components(where: str, guess: Any, size: int, times: Any = None) -> list[Com
     """Guesses of each of ``size`` components; ProblemError names ``where`` they stand.
 
     Args:
-        where: the variable, for errors.
+        where: name of the variable, for errors.
         guess: a number; (k,) values of a scalar; (size,) constants or (k, size) values of a vector; a function of time.
         size: number of components.
         times: (k,) [s] of the values, increasing; None where they are spread evenly over [0, T].
     """
     if callable(guess):
         if times is not None:
-            raise ProblemError(f"{where}: guess is a function and has times beside it; allowed: one of them")
+            raise ProblemError(f"{where}: guess is a function and has times as well; allowed: one of them")
         return [Sampled(where, guess, k, size) for k in range(size)]
     values = _array(f"{where}: guess", guess)
     given = values.tolist()
@@ -125,7 +125,7 @@ def _array(where: str, value: Any) -> Array:
     try:
         if isinstance(value, (str, bytes, Mapping)):
             raise TypeError
-        return np.array(value, float)  # a copy: the caller may write to its own
+        return np.array(value, float)  # a copy: the caller may write to the original
     except (TypeError, ValueError, RuntimeError):
         raise ProblemError(f"{where} = {value!r:.80}; allowed: finite numbers, or a function of time") from None
 
@@ -135,7 +135,7 @@ class Simulation:
     """A guess of the states by integrating the dynamics under the guessed controls."""
 
     start: Mapping[str, float]
-    """values at the start by state; those that are not here come from ``start()`` and from the guess"""
+    """values at the start by state; the others come from ``start()`` and from the guess"""
 
 
 def simulated(
@@ -173,7 +173,7 @@ def integral(rate: ca.SX, known: list[ca.SX], times: Array, x: Array, u: Array, 
 
 
 def start_values(where: str, start: Any, states: Sequence[str]) -> dict[str, float]:
-    """Values at the start by state; ProblemError for an unknown state and what is no number."""
+    """Values at the start by state; ProblemError for an unknown state and for a value that is not a number."""
     if not isinstance(start, Mapping):
         raise ProblemError(f"{where}: start = {start!r:.80}; allowed: values by state")
     if strangers := [str(name) for name in start if name not in states]:

@@ -1,4 +1,4 @@
-"""The indirect check (1.1.1): Pontryagin's conditions as a boundary-value problem, started from a direct solution.
+"""Indirect check (1.1.1): Pontryagin's conditions as a boundary-value problem, started from a direct solution.
 
 With H(x, u, λ, t) = L + λ'f, minimised, and by automatic differentiation throughout,
 
@@ -6,7 +6,7 @@ With H(x, u, λ, t) = L + λ'f, minimised, and by automatic differentiation thro
     i(x(0)) = 0,   λ(0) + i_x' ν_0 = 0,
     s(x(T), T) = 0,   λ(T) = Psi_x + s_x' ν,   and for a free T   H(T) + Psi_T + s_T' ν = 0.
 
-The thesis writes H = λ'f - L, maximised: its λ is minus ours. Solved by collocation with residual control
+The thesis writes H = λ'f - L, maximised: its λ is minus the one here. Solved by collocation with residual control
 (scipy.integrate.solve_bvp); the costates of the direct solution, its multipliers, are the guess. i and s are the end
 conditions that hold with equality, each less the limit that holds. Not covered, and refused by name: a path constraint,
 a bound of a state or of T that is active, controls in which H is linear, or that are bounded and not separable in it.
@@ -53,8 +53,8 @@ def solve_indirect(solution: Solution, *, tolerance: float = 1e-8, most_nodes: i
 
     Args:
         solution: a direct solution.
-        tolerance: of the relative residual of the differential equations.
-        most_nodes: of the mesh.
+        tolerance: largest relative residual of the differential equations.
+        most_nodes: limit of the number of nodes of the mesh.
 
     Returns:
         The solution of the boundary-value problem; ``converged`` and ``message`` say how it ended.
@@ -137,7 +137,7 @@ def _touched(values: Array, limits: Interval, scale: Array | float) -> NDArray[n
 
 
 def _pinned(ends: ca.Function, nx: int) -> NDArray[np.bool_]:
-    """(nx,) which states have an end condition to themselves."""
+    """(nx,) True for states that have an end condition to themselves."""
     depends = np.array(ca.DM(ends.jac_sparsity(0, 0), 1.0).full(), bool).reshape(-1, nx)
     return np.asarray(depends[depends.sum(axis=1) == 1].any(axis=0))
 
@@ -173,7 +173,7 @@ def _active_ends(solution: Solution) -> tuple[_Ends, _Ends]:
 
 @dataclass(frozen=True, eq=False)
 class _Symbols:
-    """Scaled states and costates, and what follows from them."""
+    """Scaled states and costates, and expressions of them."""
 
     y: ca.SX  # (2 nx,) x / S and S λ
     x: ca.SX

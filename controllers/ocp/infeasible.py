@@ -1,8 +1,8 @@
-"""Constraints of an infeasible programme that cannot hold together, in the words of the problem: elastic mode.
+"""Elastic mode: search for the constraints of an infeasible programme that cannot hold together.
 
     minimise Σ w_i (s+_i + s-_i)    subject to    lower <= g(x, p) - s+ + s- <= upper,   s+, s- >= 0,
 
-and the bounds on x as they are. Rows that are violated in the solution, and rows and bounds that have a multiplier,
+and the bounds on x unchanged. Rows that are violated in the solution, and rows and bounds that have a multiplier,
 contradict each other: without any of them the violation would be less (Farkas). The equations of the dynamics weigh
 most, then the start, the path and the end.
 """
@@ -21,7 +21,7 @@ from mathnavi.models.nlp_solver import NlpSolver, SolverOutcome, ipopt_settings
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 _WEIGHTS = {"dynamics": 100.0, "start": 10.0, "path": 2.0, "end": 1.0}
-"""of rows by the first word of their labels: who states an end out of reach means the start and the dynamics"""
+"""weights of rows by the first word of their labels: with an end out of reach, start and dynamics are meant to hold"""
 
 _VIOLATED, _HELD = 1e-6, 1e-3  # least violation, and least multiplier over the weight of a row, that count
 _MOST = 6  # constraints that are named
@@ -29,9 +29,9 @@ _ITERATIONS, _SECONDS = 200, 60.0
 
 
 def contradiction(nlp: Programme, x_0: Array, known: Array) -> str:
-    """The constraints that contradict each other near the scaled unknowns x_0 (n,), for known values; empty if none.
+    """Constraints that contradict each other near the scaled unknowns x_0 (n,), for known values; empty if none do.
 
-    Empty too where the elastic programme was not solved.
+    Also empty where the elastic programme was not solved.
     """
     n, m = nlp.x.numel(), len(nlp.lower)
     labels = _row_labels(nlp)
@@ -122,7 +122,7 @@ def _row_labels(nlp: Programme) -> list[str]:
 
 
 def _bound_labels(nlp: Programme, multipliers: Array) -> list[str]:
-    """A label (n,) for the bound of every unknown on the side that its multiplier (n,) is of."""
+    """Label (n,) of the bound of every unknown, on the side that its multiplier (n,) belongs to."""
     problem, layout = nlp.layout.problem, nlp.layout
     upper = multipliers > 0.0
     names = np.full((2, layout.size), "", dtype=object)
@@ -147,7 +147,7 @@ def _at(where: str, texts: Sequence[str]) -> list[str]:
 
 
 def _limited(names: Sequence[str], lower: Array, upper: Array) -> list[str]:
-    """Names of constraints with their limits, where their text does not hold them."""
+    """Names of constraints, with their limits unless the text contains them."""
     texts = []
     for name, least, most in zip(names, lower, upper, strict=True):
         if any(sign in name for sign in ("=", "<", ">", " of ")):  # with its limits, or the pinned end of a state

@@ -15,7 +15,7 @@ from mathnavi.controllers.ocp.transcriptions.variable_radau import Members, alik
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 SLOPE = 1e-3
-"""share of a control's slope in its variation"""
+"""weight of a control's slope in its variation"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +66,12 @@ class ProgrammeLayout:
 
     @property
     def smoothed(self) -> int:
-        """Number of controls whose variation within an interval a weight ρ holds down: all that may jump at nodes."""
+        """Number of controls whose variation within an interval has a weight ρ: all that may jump at nodes."""
         return self.problem.nu if fractions_between(self.scheme) else 0
 
     @cached_property
     def members(self) -> tuple[Members, ...]:
-        """Intervals that are transcribed alike."""
+        """Groups of intervals with the same transcription."""
         return alike(self.scheme, self.nodes - 1)
 
     @cached_property
@@ -198,9 +198,9 @@ def bounded_controls(problem: ProblemFunctions) -> list[int]:
 
 
 def fractions_between(scheme: Scheme) -> tuple[float, ...]:
-    """Fractions of an interval at which bounds of a control that may jump at nodes hold beside the scheme's points.
+    """Fractions of an interval, besides the scheme's points, where bounds of a control that may jump at nodes hold.
 
-    The start, where the control is extrapolated, and the middles between two points; none for a control that is held
+    The start, where the control is extrapolated, and the middles between two points; empty for a control that is held
     or shared between intervals.
     """
     points = scheme.points

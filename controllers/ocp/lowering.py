@@ -1,4 +1,4 @@
-"""From a statement to compiled functions: what the transcriptions, the replay and the methods work with."""
+"""Lowering of a statement to the compiled functions that the transcriptions, the replay and the methods work with."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 def functions_of(statement: Statement) -> ProblemFunctions:
-    """The compiled functions of a statement.
+    """Compile the functions of a statement.
 
-    Raises ProblemError where something is missing or contradicts itself, naming it.
+    Raises ProblemError, with the name of what is missing or contradicts itself.
     """
     name = statement.name
     if missing := [v.name for v in statement.states if v.name not in statement.rates]:
@@ -109,7 +109,7 @@ def _derive(statement: Statement, times: Array, x: Array, u: Array, p: Array) ->
 
 
 def value_of(stated: ca.SX | None, otherwise: float) -> float:
-    """A stated value that is a number, or the other one."""
+    """A stated value if it is a number, otherwise ``otherwise``."""
     return float(stated) if stated is not None and stated.is_constant() else float(otherwise)
 
 
@@ -126,7 +126,7 @@ def _start(statement: Statement, guess: Array) -> Array:
 
 
 def _scales(statement: Statement, variables: list[Variable], guess: Array) -> Array:
-    """Scales (n,), those that are stated or the automatic ones."""
+    """Scales (n,): stated ones, otherwise automatic."""
     scales = list[float]()
     for variable, values in zip(variables, guess.T, strict=True):
         ends = [stated.get(variable.name) for stated in (statement.starts, statement.ends)]

@@ -1,4 +1,4 @@
-"""Monitor functions w: what a grid holds in equal shares between its nodes (thesis B.3).
+"""Monitor functions w, whose integral a grid divides equally between its nodes (thesis B.3).
 
 Derivatives are with respect to τ = t / T and states are over their scales S, x~ = S^-1 x, so that a metre weighs no
 more than it should. With raw SI units in the monitor the claims of the thesis do not hold.

@@ -4,7 +4,7 @@ With the Lagrangian of the continuous problem
 
     J + ∫ λ'(f - x') + μ'd(x, u, t) + μ_x'x + μ_u'u dt + ν_0'i(x(0)) + ν's(x(T), T) + κ T
 
-a multiplier is positive where an upper limit holds back, negative where a lower one does, and zero where neither does.
+a multiplier is positive where an upper limit is active, negative where a lower one is, and zero where neither is.
 A limit that is raised by δ changes the least J by -δ times its multiplier (along the path: times its integral).
 """
 
@@ -21,7 +21,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 def column_of(name: str, names: Sequence[str]) -> int | list[int] | None:
-    """The place of a name among others, or those of the components of a vector "x": "x[0]", "x[1]", ...; or None."""
+    """Index of a name among others, or those of the components of a vector "x": "x[0]", "x[1]", ...; or None."""
     if name in names:
         return names.index(name)
     components = [k for k, other in enumerate(names) if other.startswith(f"{name}[") and other.endswith("]")]
@@ -30,7 +30,7 @@ def column_of(name: str, names: Sequence[str]) -> int | list[int] | None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NamedValues:
-    """Values (..., n) of which each of n names has its own (...,), and a vector "x" those of "x[0]", "x[1]", ..."""
+    """Values (..., n) by n names, (...,) each; those of a vector "x" are the ones of "x[0]", "x[1]", ..."""
 
     names: tuple[str, ...]
     values: Array
@@ -39,7 +39,7 @@ class NamedValues:
         """Values (...,) of a name, or (..., k) of a vector of k components; KeyError names those that exist."""
         column = column_of(name, self.names)
         if column is None:
-            raise KeyError(f"{name!r} is none of these; {allowed_for(name, self.names)}")
+            raise KeyError(f"{name!r} is not one of these; {allowed_for(name, self.names)}")
         own: Array = self.values[..., column]
         return own
 
@@ -93,5 +93,5 @@ class Multipliers:
 
 
 def distinct(names: Sequence[str]) -> tuple[str, ...]:
-    """Names of which each is there once: the second of "x" is "x, 2"."""
+    """Make names unique: the second "x" becomes "x, 2"."""
     return tuple(f"{name}, {k}" if (k := 1 + list(names[:i]).count(name)) > 1 else name for i, name in enumerate(names))

@@ -55,10 +55,10 @@ class Programme:
     upper: Array  # (m,)
     x_lower: Array  # (layout.size,) over the scales
     x_upper: Array  # (layout.size,) over the scales
-    path_rows: tuple[int, ...]  # (N,) constraints of each stage beside its gap
+    path_rows: tuple[int, ...]  # (N,) constraints of each stage besides its gap
     gap_start: Integers  # (N - 1,) row of each stage's gap
-    inner_rows: Integers  # (N - 1, interior * nx) rows of the scheme's inner equations; -1 for one that is not there
-    held_rows: Integers  # (N - 1, ·) rows of what holds along each interval: path constraints first; -1 likewise
+    inner_rows: Integers  # (N - 1, interior * nx) rows of the scheme's inner equations; -1 for a missing one
+    held_rows: Integers  # (N - 1, ·) rows of what holds along each interval, path constraints first; -1 if missing
     initial_rows: Integers  # (ni,) rows of the start
     final_rows: Integers  # (ns + ·,) rows of the end, and of the path constraints at the last node
     functional: ca.MX | None  # () Σ I_i(x, p), the distribution's share of f; None where it has none
@@ -72,10 +72,10 @@ class Programme:
 def programme(
     problem: ProblemFunctions, scheme: Scheme, distribution: NodeDistribution, nodes: int, arcs: int = 1
 ) -> Programme:
-    """Nonlinear programme of a problem by a scheme on ``nodes`` nodes with a distribution, in so many arcs.
+    """Build the nonlinear programme of a problem by a scheme on ``nodes`` nodes with a distribution, in ``arcs`` arcs.
 
     Its objective is J = Σ cost_i + Psi + Σ I_i, its rows those of the start, the intervals and the end. Raises
-    ProblemError where the distribution cannot place so few nodes, and for several arcs of nodes that are unknowns.
+    ProblemError where there are too few nodes for the distribution, and for several arcs of nodes that are unknowns.
     """
     if arcs > 1 and distribution.moving:
         raise ProblemError(f"arcs = {arcs} with {distribution!r}; allowed: one arc, or fixed nodes in each")
@@ -149,13 +149,13 @@ def programme(
 
 
 def at_rows(values: Array, rows: Integers) -> Array:
-    """Values (m,) of rows at places (·), 0 for a row that is not there."""
+    """Values (m,) of rows at places (·), 0 for a missing row."""
     found: Array = np.where(rows < 0, 0.0, values[rows])
     return found
 
 
 def _own_rows(layout: ProgrammeLayout, size: int) -> NDArray[np.bool_]:
-    """(N - 1, size) True for the rows of the largest interval that an interval has: those of its own points."""
+    """(N - 1, size) True for the rows that an interval has, those of its points, out of those of the largest one."""
     problem, kept = layout.problem, np.zeros((layout.nodes - 1, size), dtype=bool)
     nx, nd, nb = problem.nx, len(problem.path_bounds.lower), len(bounded_controls(problem))
     inner = layout.scheme.interior * nx
@@ -202,11 +202,11 @@ class _Interval:
 
     stage: NlpStage
     functional: ca.SX  # () the distribution's I_i, which the stage's cost contains
-    between: int  # points, beside the scheme's own, at which path constraints hold
+    between: int  # number of points, besides the scheme's, at which path constraints hold
 
 
 def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> _Interval:
-    """Rows of an interval, scaled: its gap, the scheme's inner equations, what holds along it."""
+    """Rows of an interval, scaled: its gap, the scheme's inner equations, constraints along it."""
     problem, scheme, count = layout.problem, layout.scheme, layout.nodes - 1
     nx, nu = problem.nx, problem.nu
     z, w = ca.SX.sym("z", layout.state_size), ca.SX.sym("w", layout.input_size)
@@ -285,7 +285,7 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> _Inter
 
 
 def _interval_limits(layout: ProgrammeLayout, distribution: NodeDistribution, points: int) -> tuple[Array, Array]:
-    """Limits of the rows of an interval with path constraints at so many points, in the order of the stage function.
+    """Limits of the rows of an interval with path constraints at ``points`` points, in the stage function's order.
 
     States at nodes and interior states are unknowns and bounded as such; a midpoint that is an expression is not.
     """

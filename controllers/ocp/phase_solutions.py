@@ -1,4 +1,4 @@
-"""Solutions of problems of several phases: each phase handed back as a solution of its own."""
+"""Solutions of problems of several phases: each phase is returned as a separate solution."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ class MultiPhaseSolution:
     """Solution of a problem of several phases; ``solution["boost"]`` is one phase's, its times from its own start."""
 
     name: str
-    stacked: Solution  # of all phases over τ in [0, 1], variables named phase.variable
+    stacked: Solution  # solution of all phases over τ in [0, 1], variables named phase.variable
     phases: dict[str, Solution]
     start_times: dict[str, float]  # [s] by phase
 
     @property
     def status(self) -> SolverOutcome:
-        """End of the solve."""
+        """Outcome of the solve."""
         return self.stacked.status
 
     @property
     def message(self) -> str:
-        """The solver's own words, and what a method has to say."""
+        """Message of the solver and of the method."""
         return self.stacked.message
 
     @property
@@ -113,7 +113,7 @@ def _running_cost(view: Solution) -> float:
 def _multipliers(
     stacked: Solution, name: str, problem: ProblemFunctions, states: list[int], controls: list[int], duration: float
 ) -> Multipliers:
-    """Multipliers of a phase: those along the path are per second of its own, no longer per unit of τ."""
+    """Multipliers of a phase: those along the path are per second of the phase, no longer per unit of τ."""
     whole, of_duration = stacked.multipliers, 0.0
     path, initial, final = (
         [k for k, row in enumerate(names) if row.startswith(f"{name}: ")]

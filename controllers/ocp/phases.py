@@ -1,4 +1,4 @@
-"""Problems of several phases, stacked on one normalised time τ in [0, 1] (after Betts; GPOPS-II states them likewise).
+"""Problems of several phases, stacked on one normalised time τ in [0, 1] (after Betts; as in GPOPS-II).
 
 Each phase k has its own states, controls, dynamics, constraints, cost and duration T_k, fixed or free; t = t_k + τ T_k:
 
@@ -87,12 +87,12 @@ class MultiPhaseProblem:
         A state that the other phase starts itself, an integral for one, is left alone.
 
         Args:
-            before: phase whose end is meant.
-            after: phase whose start is meant.
+            before: phase whose end is linked.
+            after: phase whose start is linked.
             jumps: x_after(0) - x_before(T) by state, a number or an expression of parameters; 0 where none is given.
 
         Raises:
-            ProblemError: for phases of another problem, that share no state, and jumps of others.
+            ProblemError: for phases of another problem, phases that share no state, and jumps of other states.
         """
         self._check_own(before, after)
         jumps = dict(jumps or {})
@@ -115,7 +115,7 @@ class MultiPhaseProblem:
             self.couple(gap == 0.0, name=f"{variable.name} from {before.name} to {after.name}")
 
     def couple(self, constraint: Any, *, lower: Any = None, upper: Any = None, name: str = "") -> None:
-        """Constrain the ends of several phases together, by a comparison or with limits beside an expression.
+        """Constrain the ends of several phases together, by a comparison or an expression with limits.
 
         A state's symbol means its value at the end of its phase, ``phase.initial(x)`` that at the start; the symbols of
         the durations may be among them. ProblemError for what cannot be a constraint.
@@ -162,10 +162,10 @@ class MultiPhaseProblem:
     def _check_own(self, *phases: OptimalControlProblem) -> None:
         for phase in phases:
             if phase not in self._phases.values():
-                raise ProblemError(f"{self.name}: {phase!r:.80} is none of its phases; allowed: {[*self._phases]}")
+                raise ProblemError(f"{self.name}: {phase!r:.80} is not one of its phases; allowed: {[*self._phases]}")
 
     def _stacked(self) -> Statement:
-        """The one statement of all phases over τ."""
+        """Single statement of all phases over τ."""
         if not self._phases:
             raise ProblemError(f"{self.name}: no phase is begun; allowed: at least one")
         stacked = Statement(self.name, duration=Duration(1.0, 1.0, 1.0), parameters=list(self._parameters))
@@ -182,7 +182,7 @@ class MultiPhaseProblem:
         return stacked
 
     def _unstacked(self, stacked: Solution) -> MultiPhaseSolution:
-        """Each phase as a solution with times of its own."""
+        """Each phase as a separate solution, its times since the start of the phase."""
         phases, start_times, elapsed = dict[str, Solution](), dict[str, float](), 0.0
         for name, phase in self._phases.items():
             phases[name], start_times[name] = phase_solution(stacked, name, phase.statement, elapsed)

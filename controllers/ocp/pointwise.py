@@ -1,11 +1,11 @@
-"""The programme of a collocation scheme on fixed nodes, point by point.
+"""Programme of a collocation scheme on fixed nodes, point by point.
 
 Its equations are linear in the rates at the points (see ``collocation``),
 
     x_{i+1} / s - x_i / s - Σ_j b_j F_ij = 0,       x_i / s + Σ_j A_mj F_ij - X_im / s = 0,
 
 F_ij = d_i f(X_ij, u_ij, t_ij) / s, s the states' scales, and J is the sum of b_j d_i L_ij. So the functions of a
-problem are differentiated at one point, once, whatever the degree, the number of nodes and the scheme; a programme
+problem are differentiated at one point, once, for all degrees, numbers of nodes and schemes; a programme
 joins the derivatives at its points with constant factors. A programme of another mesh costs its assembly only.
 """
 
@@ -44,7 +44,7 @@ def collocation_blocks(
     """Blocks of the intervals of a programme, and the constant matrix L of what is linear in its rows.
 
     Args:
-        layout: of the unknowns; its scheme is one of ``COLLOCATIONS``.
+        layout: layout of the unknowns; its scheme is one of ``COLLOCATIONS``.
         places: (N - 1, ·) rows of each interval: gap, inner equations, path constraints, controls between points,
             mixed constraints at the start; -1 for those that an interval lacks.
         p: (np,) parameters of the problem.
@@ -92,7 +92,7 @@ def _points(layout: ProgrammeLayout, groups: Sequence[_Alike], p: ca.MX, before:
 
 
 class _Alike:
-    """Intervals (n,) that are transcribed alike: where their unknowns and their rows stand."""
+    """Intervals (n,) with the same transcription, with the places of their unknowns and rows."""
 
     def __init__(self, layout: ProgrammeLayout, members: Members, places: Integers) -> None:
         self.layout, self.problem, self.scheme = layout, layout.problem, members.scheme

@@ -1,4 +1,4 @@
-"""Pontryagin's conditions, judged one by one along a direct solution and its multipliers.
+"""Check of Pontryagin's conditions, one by one, along a direct solution and its multipliers.
 
 With H = L + λ'f, minimised, path constraints d with multipliers μ and states on their bounds with multipliers μ_x,
 
@@ -11,10 +11,11 @@ With H = L + λ'f, minimised, path constraints d with multipliers μ and states 
     duration       H(T) + Psi_T + s_T'ν + κ = 0 for a free T, κ the multiplier of its bounds
     signs          a multiplier is 0 where its limit does not hold, >= 0 at an upper and <= 0 at a lower limit
 
-A control in which H is linear has a switching function H_u. Where that vanishes over an arc, the minimum says nothing
-of the control; judged there is d(H_u)/dt = 0 and, of a single such control, -∂/∂u d²(H_u)/dt² >= 0 (Kelley). Whatever
-cannot be judged is listed by name with its reason. A residual is over the size of the terms that it is a sum of; that
-of a differential equation is the mean over time by which the integrated right side leaves the left.
+A control in which H is linear has a switching function H_u. Where that vanishes over an arc, the minimum does not
+determine the control; checked there is d(H_u)/dt = 0 and, for a single such control, -∂/∂u d²(H_u)/dt² >= 0 (Kelley). A
+condition that cannot be judged is listed by name with its reason. A residual is relative to the size of the terms in
+its sum; that of a differential equation is the mean over time of the difference between its integrated right side and
+its left.
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ class ConditionVerdict(Enum):
 
 @dataclass(frozen=True)
 class OptimalityCondition:
-    """One of Pontryagin's conditions, as found along a solution."""
+    """Result for one of Pontryagin's conditions along a solution."""
 
     name: str
     verdict: ConditionVerdict
@@ -82,7 +83,7 @@ class OptimalityCondition:
 
 @dataclass(frozen=True, repr=False)
 class PontryaginCheck:
-    """All conditions of a solution, and what each is found to be."""
+    """All conditions of a solution, with the result for each."""
 
     problem: str
     tolerance: float
@@ -103,10 +104,10 @@ class PontryaginCheck:
         for condition in self.conditions:
             if condition.name == name:
                 return condition
-        raise KeyError(f"{name!r} is no condition; allowed: {', '.join(each.name for each in self.conditions)}")
+        raise KeyError(f"{name!r} is not a condition; allowed: {', '.join(each.name for each in self.conditions)}")
 
     def __repr__(self) -> str:
-        """A table: each condition, its verdict, and its residual or why there is none."""
+        """A table: each condition, its verdict, and its residual or the reason why it was not judged."""
         return short_table(*self._table())
 
     def _repr_html_(self) -> str:
@@ -144,7 +145,7 @@ def _not_judged(name: str, reason: str) -> OptimalityCondition:
 
 
 class _Judge:
-    """The terms of the conditions at the scheme's points (N - 1, k, ...), and what they amount to."""
+    """The terms of the conditions at the scheme's points (N - 1, k, ...), and the verdicts from them."""
 
     def __init__(self, solution: Solution, tolerance: float) -> None:
         self.solution, self.problem, self.tolerance = solution, solution.problem, tolerance
@@ -238,7 +239,7 @@ class _Judge:
 
     @property
     def _costate_size(self) -> Array:
-        """Size (nx,) of each costate; one that vanishes is measured by the others."""
+        """Magnitude (nx,) of each costate; one that vanishes gets that of the others."""
         scaled = np.abs(self.costates).max(axis=(0, 1)) * self.problem.state_scale
         least = max(1e-3 * float(scaled.max(initial=0.0)), _SMALL)
         size: Array = np.maximum(scaled, least) / self.problem.state_scale
@@ -280,7 +281,7 @@ class _Judge:
         yield self._judged("minimum", max(gains) / self.H_size)
 
     def _gain(self, j: int, value: float) -> float:
-        """The largest fall of H where control j is another."""
+        """Largest decrease of H by another value of control j."""
         other = self.solution.u.copy()
         other[:, :, j] = value
         found = hamiltonian_terms(self.problem).map(self.times.size)(*self._arguments(other))[0]
@@ -404,7 +405,7 @@ class _Judge:
         return max(worst)
 
     def _not_unique(self) -> Iterator[OptimalityCondition]:
-        """States that stay on a bound because every control that moves them is on one of its own."""
+        """States that stay on a bound because every control that moves them is on a bound, too."""
         problem = self.problem
         depends = np.array(ca.DM(problem.dynamics.jac_sparsity(0, 1), 1.0).full(), bool).reshape(problem.nx, problem.nu)
         on_bound: Flags = np.asarray(self._on_bound.all(axis=1))
@@ -436,8 +437,8 @@ def _sizes(values: Array, limits: Interval) -> Array:
 def _wrong_signs(own: NamedValues, values: Array, limits: Interval, scale: Array, size: float) -> float:
     """The largest multiplier of a wrong sign, or of a limit that does not hold, over the largest of its kind.
 
-    Multipliers are compared as shares of the cost, times the scale of what they limit; ``size`` is what these are
-    small beside.
+    Multipliers are compared as shares of the cost, times the scale of what they limit; ``size`` is the magnitude that
+    these are compared with.
     """
     near = 10.0 * _TOUCHING * scale
     wrong = _beyond(own.values, values - limits.lower <= near, limits.upper - values <= near)

@@ -58,7 +58,7 @@ def hamiltonian_terms(problem: ProblemFunctions) -> ca.Function:
 
 @lru_cache(maxsize=64)
 def controls_linear_in_hamiltonian(problem: ProblemFunctions) -> tuple[bool, ...]:
-    """The controls of which H is a linear function, whatever the others are."""
+    """True for each control of which H is a linear function, at any value of the others."""
     s = symbols_of(problem)
     curvature = ca.hessian(s.hamiltonian + ca.dot(s.mu, problem.path(s.x, s.u, s.t, s.p)), s.u)[0]
     return tuple(bool(ca.simplify(curvature[:, j]).is_zero()) for j in range(problem.nu))

@@ -7,8 +7,8 @@
                 s_lower <= s(x(T), T; p) <= s_upper                  x(T) in S_f
 
 with states x, controls u, known parameters p and a final time T, fixed or free. All else is one of these: an integral
-is a state of its own, and so is a constant that is to be found, the start of a state that an end constraint names, and
-a free start time. A problem is stated call by call, and solved:
+is an additional state, and so is a constant that is to be found, the start of a state that an end constraint contains,
+and a free start time. A problem is stated call by call, and solved:
 
     ocp = OptimalControlProblem("Bryson-Denham")
     x, v = ocp.state("x"), ocp.state("v")
@@ -48,7 +48,7 @@ from mathnavi.sim.interfaces.short_tables import Row as TableRow
 from mathnavi.sim.interfaces.short_tables import html_table, short_table
 
 KNOWN: dict[str, Callable[[], ProblemFunctions]] = {}
-"""problems with a known optimum by name, which ``mathnavi.controllers.ocp.problems.library`` enters"""
+"""problems with a known optimum by name, filled by ``mathnavi.controllers.ocp.problems.library``"""
 
 Numbers = float | Sequence[float]
 """one number for all components, or one for each"""
@@ -59,20 +59,20 @@ Expression = Any
 class OptimalControlProblem:
     """An optimal control problem: variables, objective, dynamics, constraints and guess; ``solve()`` solves it.
 
-    A problem on which nothing is declared is the one of that name among those whose optimum is known
+    A problem without declarations is the one of that name among those with a known optimum
     (``mathnavi.controllers.ocp.problems.library``). Symbols are CasADi's SX, () or, of a vector, (n, 1); a casadi
     Function, of MX or a table for one (``casadi.interpolant``), is called with them.
 
-    A constraint is a comparison, ``x <= 0.1``, ``v == p`` or ``bounded(1, x, 2)``, or an expression with limits beside
-    it; of vectors element by element. In terminal cost and end constraints a state's symbol means x(T).
+    A constraint is a comparison, ``x <= 0.1``, ``v == p`` or ``bounded(1, x, 2)``, or an expression with limits;
+    for vectors element by element. In terminal cost and end constraints a state's symbol means x(T).
 
     A guess is a number, or values spread evenly over [0, T]: ``guess=(0, 5, 2)`` is 0 at the start, 5 in the middle and
-    2 at the end, straight in between; or a function of the time [s] since the start. Of a vector it has one number, one
-    for each component, or (k, n) of them.
+    2 at the end, linear in between; or a function of the time [s] since the start. For a vector it is one number, one
+    number for each component, or an array (k, n).
     """
 
     def __init__(self, name: str) -> None:
-        """Begin an empty problem of this name, or the problem of the literature that has it."""
+        """Begin an empty problem of this name, or take the problem of the literature with this name."""
         if not isinstance(name, str):
             raise ProblemError(f"name = {name!r:.80}; allowed: a text")
         self.name = name
@@ -102,8 +102,8 @@ class OptimalControlProblem:
         """Declare a state, or a vector of ``size`` states x[0], x[1] ...; returns its symbol () or (size, 1).
 
         ``lower`` and ``upper`` bound it along the path, ``scale`` > 0 is its typical magnitude, None for the automatic
-        one (see ``scaling``), ``guess`` as the class says; all in the state's own unit. ProblemError for a name that is
-        taken, limits that contradict each other, and numbers that are not finite.
+        one (see ``scaling``), ``guess`` is a guess as described in the class; all in the unit of the state.
+        ProblemError for a name that is taken, limits that contradict each other, and numbers that are not finite.
         """
         return self.statement.declare("state", name, size, lower, upper, scale, guess)
 
@@ -156,7 +156,7 @@ class OptimalControlProblem:
     ) -> ca.SX:
         """Free the final time, lower <= T <= upper [s]; returns its symbol, for terminal cost and end constraints.
 
-        A solution that ends at one of the default limits is none: its status is UNBOUNDED.
+        A result that ends at one of the default limits is not a solution: its status is UNBOUNDED.
 
         ProblemError unless 0 < lower <= guess <= upper <= 1e9 s, and if it is given twice.
         """
@@ -166,7 +166,7 @@ class OptimalControlProblem:
     def start_time(self, value: float) -> None:
         """Start at t = value [s], where dynamics, cost or constraints depend on t; ProblemError if it is given twice.
 
-        The times of a guess and of a solution are counted from the start all the same.
+        The times of a guess and of a solution are still counted from the start.
         """
         self.statement.set_start_time(ca.SX(number(f"{self.name}: start time", value)))
 
@@ -240,10 +240,10 @@ class OptimalControlProblem:
         where = f"{self.name}: end constraint"
         s.final += rows(where, constraint, *zero_limits(constraint, lower, upper), name, known=s.at_end)
 
-    # what becomes a state or a control of its own
+    # what becomes an additional state or control
 
     def integral(self, rate: Expression, *, name: str = "", lower: float = -math.inf, upper: float = math.inf) -> ca.SX:
-        """Integral of a rate from the start, as a state of its own; returns its symbol, the integral up to t.
+        """Declare the integral of a rate from the start, an additional state; returns its symbol, the integral up to t.
 
         In terminal cost and end constraints the symbol means ∫_0^T, and ``lower`` and ``upper`` limit that.
         """
@@ -259,7 +259,7 @@ class OptimalControlProblem:
         return symbol
 
     def initial(self, state: ca.SX) -> ca.SX:
-        """Value x(0) of a state, or of several, for terminal cost and end constraints; returns its symbol.
+        """Declare the value x(0) of a state, or of several, for terminal cost and end constraints; returns its symbol.
 
         It becomes a constant to be found, named x(0), with the state's bounds and scale.
         """
@@ -313,13 +313,13 @@ class OptimalControlProblem:
 
         Args:
             variable: its symbol, (n, 1).
-            values: as the class says; with ``times`` (k,) or (k, n).
+            values: as described in the class; with ``times`` (k,) or (k, n).
             times: [s] since the start, increasing; None where the values are spread evenly over [0, T].
         """
         self.statement.set_guess(variable, values, times)
 
     def guess_from(self, solution: Solution) -> None:
-        """Guess every variable that a solution has under the same name, and T, as they are there."""
+        """Take the guess of T, and of every variable that a solution has under the same name, from the solution."""
         found = solution.problem
         for variable in (*self.statement.states, *self.statement.controls):
             if variable.name in (*found.states, *found.controls):
@@ -331,14 +331,14 @@ class OptimalControlProblem:
     def guess_by_simulation(self, start: Mapping[str, float] | None = None) -> None:
         """Guess the states by integrating the dynamics from the start under the guessed controls.
 
-        ``start`` holds values at the start by state; those that it leaves out are the ones that ``start()`` states, or
-        the first of the guess. ProblemError for an unknown state; where the states diverge, at the solve.
+        ``start`` holds values at the start by state; the others are those of ``start()``, or the first of the guess.
+        ProblemError for an unknown state and, when it is solved, for states that diverge.
         """
         states = [v.name for v in self.statement.states]
         self.statement.simulation = Simulation(start_values(self.name, start or {}, states))
 
     def scaling(self) -> dict[str, float]:
-        """Scales of the states, the controls and T by name: those stated, else the automatic ones.
+        """Scales of the states, the controls and T by name: stated ones, otherwise automatic.
 
         Automatic is the largest magnitude among the guess and the values at start and end, or else of the bounds; 1
         where all of these are 0 or missing.
@@ -384,8 +384,8 @@ class OptimalControlProblem:
             options: NLP solver with its own tolerance, and what it prints or logs; None for the method's.
 
         Returns:
-            The solution; ``solution.ok`` says whether it is one, its ``status`` why not: CONVERGED where the programme
-            is solved but its replay is not within the tolerance, which the message says figure by figure. An adaptive
+            The solution; ``solution.ok`` says whether the problem is solved, ``status`` why not: CONVERGED where the
+            programme is solved but its replay is not within the tolerance; the message has the figures. An adaptive
             solution that replays worse than the uniform one has the status REFUSED and the uniform one's arrays.
 
         Raises:
@@ -399,9 +399,9 @@ class OptimalControlProblem:
         )
 
     def functions(self) -> ProblemFunctions:
-        """The problem as compiled functions, checked; the same ones until something else is stated.
+        """Compile and check the problem's functions; they are kept until something else is stated.
 
-        Raises ProblemError where something is missing or contradicts itself, naming it.
+        Raises ProblemError, with the name of what is missing or contradicts itself.
         """
         if not self.statement.states:
             return self._of_the_literature()
@@ -446,7 +446,7 @@ class OptimalControlProblem:
 
 
 def _same(parts: list[object], others: list[object]) -> bool:
-    """True if nothing was stated in between; a guess that is a function may give other values each time."""
+    """True if nothing was stated in between; a guess that is a function may have changed its values."""
     if len(parts) != len(others) or any(isinstance(part, Sampled) for part in parts):
         return False
     return all(part is other for part, other in zip(parts, others, strict=True))

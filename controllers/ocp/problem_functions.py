@@ -20,18 +20,18 @@ from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table
 from mathnavi.sim.interfaces.signals import Array
 
 DURATION_LIMITS = (1e-3, 1e9)
-"""[s] limits of a free final time for which none are stated: for the search, no solution ends there"""
+"""default limits [s] of a free final time: they bound the search, no solution ends there"""
 
 
 class Interval(NamedTuple):
-    """Lower and upper limits, arrays of one shape (n,), infinite where there is none; equal where a value is fixed."""
+    """Lower and upper limits, arrays of one shape (n,): infinite for no limit, equal for a fixed value."""
 
     lower: Array
     upper: Array
 
 
 def _less(limits: Interval, values: ca.DM) -> Interval:
-    """Limits less what the constrained expressions are without their states; as they are where that is not finite."""
+    """Limits minus the constrained expressions without their states; unchanged where that is not finite."""
     own = values.full()[:, 0]
     shift = np.where(np.isfinite(own), own, 0.0)
     return Interval(limits.lower - shift, limits.upper - shift)
@@ -113,7 +113,7 @@ class ProblemFunctions:
         return self.duration_bounds[0] < self.duration_bounds[1]
 
     def values(self, **parameters: float | Sequence[float]) -> Array:
-        """Values (np,) of the parameters: the nominal ones, or those given by name, of a vector all its components.
+        """Values (np,) of the parameters: the nominal ones, or those given by name; for a vector all its components.
 
         ProblemError for an unknown name, a value that is not finite and a vector of another size.
         """
@@ -130,7 +130,7 @@ class ProblemFunctions:
         return values
 
     def values_by_name(self, parameters: Mapping[str, float | Sequence[float]] | None) -> Array:
-        """``values`` of a mapping, the nominal ones of None; ProblemError for what is no mapping by name too."""
+        """Values (np,) from a mapping, nominal for None; errors as of ``values``, also for what is not a mapping."""
         if parameters is None:
             return self.nominal.copy()
         if not isinstance(parameters, Mapping):
@@ -147,10 +147,10 @@ class ProblemFunctions:
 
 
 def check_problem(problem: object) -> None:
-    """Raise ProblemError for a problem that is no ``ProblemFunctions``, an ``OptimalControlProblem`` itself for one."""
+    """Raise ProblemError for a problem that is not a ``ProblemFunctions``, such as an ``OptimalControlProblem``."""
     if not isinstance(problem, ProblemFunctions):
         raise ProblemError(
-            f"problem = {first_line(problem)}; allowed: ProblemFunctions, OptimalControlProblem.functions() for one"
+            f"problem = {first_line(problem)}; allowed: ProblemFunctions, such as OptimalControlProblem.functions()"
         )
 
 

@@ -1,4 +1,4 @@
-"""Dataclasses as named arrays, and back: what the file of a solution holds.
+"""Conversion of dataclasses to named arrays and back, for the file of a solution.
 
 A field x of a record "solution" is the array "solution.x"; a record in it adds its own fields, "solution.replay.miss".
 Numbers, truth values and texts are arrays of one element, an enumeration is its member's name, and "kind" names a
@@ -27,7 +27,7 @@ _NUMBERS = "biuf"
 
 
 def encoded(value: Any, name: str) -> dict[str, Array]:
-    """A value as arrays whose names begin with ``name``; TypeError for a value of no kind that the module knows."""
+    """Encode a value as arrays whose names begin with ``name``; TypeError for a value of an unsupported type."""
     if value is None:
         return {}
     if isinstance(value, ca.Function):
@@ -55,7 +55,7 @@ def _written(value: Any) -> Iterator[str]:
 
 
 def _fields(kind: Any) -> dict[str, Any]:
-    """Names of the fields that a record is made of, each with its default, or MISSING."""
+    """Names of the fields of a record, each with its default, or MISSING."""
     if _is_named_tuple(kind):
         return {field: kind._field_defaults.get(field, dataclasses.MISSING) for field in kind._fields}
     return {field.name: field.default for field in dataclasses.fields(kind) if field.init}
@@ -69,8 +69,8 @@ def _is_named_tuple(kind: Any) -> bool:
 class RecordReader:
     """Records from named arrays.
 
-    ``known`` are values by their whole names that are not read, ``kinds`` the classes, by name, of which one stands for
-    a type that is no record itself.
+    ``known`` are values by their full names that need not be read, ``kinds`` the classes, by name, that may stand for a
+    type which is not a record itself.
     """
 
     arrays: Mapping[str, Array]
@@ -78,7 +78,7 @@ class RecordReader:
     kinds: Mapping[Any, Mapping[str, Any]]
 
     def record(self, kind: Any, name: str) -> Any:
-        """The record of a class ``kind`` that was encoded as ``name``; ValueError where it cannot be one."""
+        """Read the record of a class ``kind`` that was encoded as ``name``; ValueError if it is not one."""
         if kind in self.kinds:
             called = self.text(f"{name}.{KIND}")
             if called not in self.kinds[kind]:
@@ -95,15 +95,15 @@ class RecordReader:
         return kind(**values)
 
     def text(self, key: str) -> str:
-        """A text; ValueError where there is none."""
+        """Read a text; ValueError if the array is missing or not a text."""
         return str(self._array(key, "U", 0).item())
 
     def texts(self, key: str) -> tuple[str, ...]:
-        """Texts; ValueError where there are none."""
+        """Read texts; ValueError if the array is missing or has no texts."""
         return tuple(self._array(key, "U", 1).tolist())
 
     def numbers(self, key: str) -> Array:
-        """Numbers of any shape; ValueError where there are none."""
+        """Read numbers of any shape; ValueError if the array is missing or has no numbers."""
         return self._array(key, _NUMBERS, None).astype(float)
 
     def _is_there(self, key: str) -> bool:

@@ -1,11 +1,12 @@
-"""Replay of a solution: its control flown through the true dynamics, integrated to tight tolerance.
+"""Replay of a solution: its control applied to the true dynamics, integrated to a tight tolerance.
 
 A transcription knows its own error only at its nodes, and an optimiser that may move the nodes hides it there. So every
 solution is replayed from x(0) with what its actuators can do: the control as the scheme interpolates it, saturated to
-its bounds. Where it ends, what it violates on the way and what it costs are reported apart, and so is how far the
-scheme's control would have left its bounds. Where a replay is ill-posed, because the linearised flow of the open loop
-grows beyond 1e4, each interval is integrated from its own node instead, and the scaled defects are added up. Intervals
-inside which all is smooth are integrated together (see ``picard``), others by an integrator with step-size control.
+its bounds. The miss at the end, the violation on the way and the cost error are reported separately, and so is the
+excess of the scheme's control over its bounds. Where a replay is ill-posed, because the linearised flow of the open
+loop grows beyond 1e4, each interval is integrated from its own node instead, and the scaled defects are added up.
+Intervals inside which all is smooth are integrated together (see ``picard``), others by an integrator with step-size
+control.
 """
 
 from __future__ import annotations
@@ -29,11 +30,11 @@ from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 ILL_POSED = 1e4
-"""norm of the scaled transition matrix beyond which an open loop cannot be replayed"""
+"""norm of the scaled transition matrix above which an open loop cannot be replayed"""
 GIVEN_NODES = 1e-3
-"""tolerance of a replay on a number of nodes that is given: figures are read to three digits"""
+"""default tolerance of a replay on a given number of nodes: figures are read to three digits"""
 DENSE = 20
-"""points of every interval at which bounds and path constraints are evaluated"""
+"""number of points of an interval at which bounds and path constraints are evaluated"""
 
 _TOLERANCE = 1e-10  # of the integration, relative and in scaled states
 _SUBINTERVALS = 4  # of an interval, for the transition matrix
@@ -42,9 +43,9 @@ _TERMS = 16  # of a Taylor series at a norm of at most 1/2: below rounding
 
 
 def replayed(solution: Solution, tolerance: float = GIVEN_NODES, known: Defects | None = None) -> Solution:
-    """The solution with its ``ReplayResult``, judged; a solve that failed is returned as it is.
+    """Replay a solution and judge it; a failed one is returned unchanged.
 
-    ``known`` are its defects, where they are known already.
+    ``known`` are the solution's defects, if they were computed before.
 
     OPTIMAL is a solution whose miss, path violation and cost error are each within the ``tolerance``; another one is
     CONVERGED, and its message says which are not.
@@ -64,7 +65,7 @@ def replayed(solution: Solution, tolerance: float = GIVEN_NODES, known: Defects 
 
 
 def judged(solution: Solution, tolerance: float) -> Solution:
-    """A solved solution with a replay, with the status and the message that a tolerance of its figures gives it.
+    """Judge a solved solution with a replay: set the status and the message that follow from a tolerance.
 
     ProblemError for a tolerance that is not finite and positive.
     """

@@ -1,4 +1,4 @@
-"""The residual of a collocation solution in the differential equation, and its share in the cost.
+"""Residual of a collocation solution in the differential equation, and its share in the cost.
 
 Between its nodes the polynomial x(t) of a collocation scheme does not follow its dynamics. Its residual gives every
 interval i two errors,
@@ -6,9 +6,9 @@ interval i two errors,
     η_i  = max over states of ∫ |x' - f(x, u, t)| / x_scale dt,
     ηJ_i = ∫ Σ_j |λ_j| |x_j' - f_j(x, u, t)| + |L(x, u, t) - L_scheme(t)| dt,
 
-the second weighted with what a state is worth, its costate λ: the interval's share in the error of J (the dual-weighted
-residual of Becker and Rannacher, Acta Numerica 2001). A monitor function that holds both in equal shares sees boundary
-layers that no derivative of a coarse solution shows.
+the second weighted with the sensitivity of J to the state, its costate λ: the interval's share in the error of J (the
+dual-weighted residual of Becker and Rannacher, Acta Numerica 2001). A monitor function that holds both in equal shares
+sees boundary layers that no derivative of a coarse solution shows.
 """
 
 from __future__ import annotations
@@ -95,10 +95,10 @@ def _residual_density(solution: Solution, tau: Array, epsilon: float) -> Array:
 
 
 def _shares(errors: Array) -> Array:
-    """Errors (n,) over their sum, or as they are where all vanish."""
+    """Errors (n,) over their sum; unchanged if all are zero."""
     shares: Array = errors / total if (total := errors.sum()) > 0.0 else errors
     return shares
 
 
 RESIDUAL = Monitor("residual", _residual_density, None, epsilon=1e-12)
-"""error that is left on the present grid, so a redistribution takes several rounds; only for redistribution"""
+"""monitor of the error on the present grid, so a redistribution takes several rounds; only for redistribution"""

@@ -1,4 +1,4 @@
-"""Solutions from files: what ``Solution.save`` has written, read back.
+"""Solutions from files: reads what ``Solution.save`` has written.
 
 The file is an .npz archive of numbers and texts (see ``records``): every field of the solution, its problem's limits,
 scales and guess, and the problem's functions as lists of elementary operations. Nothing in it is executed, and all of
@@ -36,21 +36,21 @@ _KINDS = (
     Euler, GaussLegendre, HermiteSimpson, LegendreGaussLobatto, MultipleShooting, RadauIIA, Trapezoid, VariableRadauIIA,
 )  # fmt: skip
 SCHEMES: dict[str, Any] = {kind.__name__: kind for kind in _KINDS}
-"""the schemes that a file may name"""
+"""schemes that a file may contain, by name"""
 
 _PROBLEM = f"{RECORD}.problem"
 
 
 def load_solution(path: str | Path, problem: ProblemFunctions | None = None) -> Solution:
-    """The solution that ``Solution.save`` has written to a file.
+    """Load the solution that ``Solution.save`` has written to a file.
 
     Args:
         path: of the file.
         problem: the problem that was solved, ``OptimalControlProblem.functions()``; None takes it from the file, which
-            holds it unless its functions call others, tables for one.
+            contains it unless its functions call others, for instance tables.
 
     Raises:
-        FileNotFoundError: where there is no file.
+        FileNotFoundError: if the file does not exist.
         SolutionFileError: for a file that is broken, not one of a solution, or of another problem than ``problem``.
     """
     arrays = read_npz(Path(path), SolutionFileError, kinds=NUMBERS_AND_TEXTS)
@@ -81,7 +81,7 @@ def _listed(names: list[tuple[str, ...]]) -> str:
 
 
 def _functions(reader: RecordReader) -> dict[str, ca.Function]:
-    """The functions of the problem by their fields."""
+    """Read the functions of the problem, by field."""
     nx, nu, parameters = (len(reader.texts(f"{_PROBLEM}.{kind}")) for kind in ("states", "controls", "parameters"))
     nd, ni, ns = (reader.numbers(f"{_PROBLEM}.{kind}_bounds.lower").size for kind in ("path", "initial", "final"))
     along, at_end = (nx, nu, 1, parameters), (nx, 1, parameters)
@@ -106,7 +106,7 @@ def _functions(reader: RecordReader) -> dict[str, ca.Function]:
 
 
 def _check_shapes(solution: Solution) -> None:
-    """Every array has the shape that nodes, points, states and controls ask for; ValueError names one that has not."""
+    """Check that every array has the shape for the nodes, points, states and controls; ValueError names a wrong one."""
     problem, m = solution.problem, solution.multipliers
     n, k, nx, nu = len(solution.grid), len(solution.scheme.points), problem.nx, problem.nu
     nd, ni, ns = (len(limits.lower) for limits in (problem.path_bounds, problem.initial_bounds, problem.final_bounds))

@@ -1,4 +1,4 @@
-"""Automatic scales: typical magnitudes of variables, from what a statement says about them."""
+"""Automatic scales: typical magnitudes of variables, from their guesses, ends and bounds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 def automatic_scale(guess: Array, ends: Iterable[float], lower: float, upper: float) -> float:
-    """Scale of a variable that none is stated for.
+    """Scale of a variable without a stated one.
 
     The largest magnitude among its guess (k,), its values at the start and the end, and, where both its bounds are
     finite and nothing else differs from zero, its bounds; 1 where that is not known.

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMAT = "mathnavi solution 1"
-"""what a file of a solution says that it is"""
+"""format that the file of a solution names"""
 RECORD = "solution"
 
 
@@ -69,9 +69,9 @@ class Timing:
 class ReplayResult:
     """The control, saturated to its bounds, flown through the true dynamics from the solution's own start.
 
-    The figures stand apart, and each is judged on its own; all are infinite where the integration diverges (see
-    ``replay``). The control violation is no fault of what was flown, and of what ``Solution.control`` returns, which
-    keep the bounds; what saturation changes is in the other figures.
+    The figures are judged one by one; all are infinite where the integration diverges (see
+    ``replay``). The control violation concerns neither the replayed control nor that of ``Solution.control``, which
+    keep the bounds; the effect of saturation is in the other figures.
     """
 
     miss: float  # scaled: largest |x_replayed(T) - x(T)| / x_scale, or the sum of the intervals' defects
@@ -112,10 +112,10 @@ class ReplayResult:
 class Solution:
     """Solution of a transcribed problem: states x_i at N nodes, controls at the scheme's points, the final time T.
 
-    ``status`` says how the solve ended and ``ok`` whether this solves the problem to the tolerance that was asked for;
-    of a failed solve the arrays hold the solver's last iterate. Values are in the problem's units, times in s since the
-    start. Where intervals have different numbers of points, k is the largest, and an interval of fewer repeats its last
-    one, with no share in integrals.
+    ``status`` says how the solve ended and ``ok`` whether this solves the problem to the requested tolerance;
+    after a failed solve the arrays hold the solver's last iterate. Values are in the problem's units, times in s since
+    the start. Where intervals have different numbers of points, k is the largest, and an interval of fewer repeats its
+    last one, with no share in integrals.
     """
 
     problem: ProblemFunctions
@@ -146,12 +146,12 @@ class Solution:
 
     @property
     def solved(self) -> bool:
-        """True if this is a solution of the transcribed programme, however accurate that is."""
+        """True if this is a solution of the transcribed programme, regardless of its accuracy."""
         return self.status in (SolverOutcome.OPTIMAL, SolverOutcome.CONVERGED, SolverOutcome.REFUSED)
 
     @property
     def headline(self) -> str:
-        """One line: the problem, J and T, and why it is no solution where it is none."""
+        """One line: the problem, J and T and, if it is not a solution, the reason."""
         method = "" if self.method == "direct" else f", {self.method}"
         failure = "" if self.status is SolverOutcome.OPTIMAL else f"; {self.status.value}"
         return f"{self.problem.name}{method}: J = {self.cost:.7g}, T = {self.duration:.6g} s{failure}"
@@ -294,7 +294,7 @@ class Solution:
     def scaled_derivative(self, tau: Array, order: int) -> Array:
         """Derivative (k, nx) of x~ = S^-1 x with respect to τ = t / T, of order 1, 2 or 3, at fractions τ (k,).
 
-        From a spline through the rates at all of the scheme's points, so that the third derivative exists whatever the
+        From a spline through the rates at all of the scheme's points, so that the third derivative exists for every
         scheme.
         """
         values: Array = self._rate_spline(tau, order - 1)
@@ -336,14 +336,14 @@ class Solution:
         """Draw states, controls and path constraints with their multipliers, the Hamiltonian and the mesh.
 
         Args:
-            names: what to draw, by name; none means everything.
-            path: a file that the figure is written to, .png, .svg or .pdf; None for none.
+            names: names of what is drawn; everything if not given.
+            path: file that the figure is written to, .png, .svg or .pdf; no file if not given.
 
         Returns:
             matplotlib's figure, on white.
 
         Raises:
-            KeyError: for a name that is no state, control or path constraint.
+            KeyError: for a name that is not a state, control or path constraint.
             ValueError: for a file of another kind.
         """
         from mathnavi.controllers.ocp.figure import solution_figure, written  # matplotlib takes a while to import
@@ -353,7 +353,7 @@ class Solution:
         for name in names:
             column = column_of(name, known)
             if column is None:
-                raise KeyError(f"{name!r} is no state, control or path constraint; {allowed_for(name, known)}")
+                raise KeyError(f"{name!r} is not a state, control or path constraint; {allowed_for(name, known)}")
             chosen += [known[k] for k in ([column] if isinstance(column, int) else column)]
         figure = solution_figure(self, chosen)
         if path is not None:

@@ -1,7 +1,7 @@
 """A transcribed problem and the solver behind it: IPOPT, or FATROP with its structure and compiled stages.
 
 A transcription is built once for a problem, a scheme, a distribution of nodes and N, and solved for any guess, grid and
-parameters. Whatever happens in the solver ends as a status.
+parameters. Every outcome of the solver, exceptions included, becomes a status.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ class Transcription:
         options: Options,
         arcs: int = 1,
     ) -> None:
-        """Build programme and solver for N = ``nodes`` nodes in so many arcs.
+        """Build programme and solver for N = ``nodes`` nodes in ``arcs`` arcs.
 
-        Raises ProblemError for FATROP with a scheme that is not explicit, for a distribution that cannot place so few
-        nodes, and for several arcs of nodes that are unknowns.
+        Raises ProblemError for FATROP with a scheme that is not explicit, for too few nodes for the distribution, and
+        for several arcs of nodes that are unknowns.
         """
         began = time.perf_counter()
         if options.backend.startswith("fatrop") and not scheme.explicit:
@@ -82,8 +82,9 @@ class Transcription:
             guess: another solution, on any grid and by any scheme; None for the problem's own guess.
             grid: N nodes or, where the nodes are unknowns, their guess; None for the guess's, or uniform ones.
             parameters: (np,) values of the problem's parameters; None for the nominal ones.
-            arcs: arcs of the grid, whose lengths are unknowns and whose controls have bounds of their own; only where
-                the transcription has as many. None for a transcription of one arc.
+            arcs: arcs of the grid, with unknown lengths and separate bounds of the controls, as many as the
+            transcription
+                has. None for a transcription of one arc.
 
         Raises:
             ProblemError: for a grid of another number of nodes, parameters of another shape, arcs that do not fit, and
@@ -138,7 +139,7 @@ class Transcription:
         return found
 
     def _explained(self, answer: SolverAnswer, x_0: Array, grid: Grid, p: Array) -> SolverAnswer:
-        """The answer of a solve that met NaN or infinity, with what was not finite at the guess or the last iterate."""
+        """Add to the answer of a solve that met NaN or infinity what was not finite at the guess or last iterate."""
         nx, durations = self.problem.nx, self.layout.durations
         found = ""
         for name, unknowns in (("guess", x_0), ("last iterate", answer.x)):
@@ -218,7 +219,7 @@ class Transcription:
         return self.programme.assembly.parameter_gradient(len(self.problem.parameters))
 
     def _unknowns(self, guess: Solution | None, grid: Grid, p: Array, arcs: Arcs | None) -> Array:
-        """The vector of unknowns that a guess amounts to on a grid."""
+        """Vector of unknowns of a guess on a grid."""
         problem, layout, scheme = self.problem, self.layout, self.scheme
         every = interval_points(scheme)
         points = every[:, : layout.own_points]
@@ -266,7 +267,7 @@ def transcription(
     options: Options = DEFAULT,
     arcs: int = 1,
 ) -> Transcription:
-    """The transcription for these arguments, built once and kept.
+    """Return the transcription for these arguments, built once and kept.
 
     Args:
         problem: the problem as compiled functions.
@@ -277,7 +278,8 @@ def transcription(
         arcs: number A of arcs whose lengths are unknowns.
 
     Raises:
-        ProblemError: for a problem that is no ``ProblemFunctions``, an ``OptimalControlProblem`` itself for one, and as
+        ProblemError: for a problem that is not a ``ProblemFunctions``, for instance an ``OptimalControlProblem``, and
+        as
             ``Transcription`` does.
     """
     check_problem(problem)

@@ -90,7 +90,7 @@ class Factors(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Copies of one stage, the same expressions of several parts of x."""
+    """Copies of one stage: the same expressions at several parts of x."""
 
     stage: NlpStage
     columns: Integers  # (copies, nv) where in x each copy's unknowns stand
@@ -100,7 +100,7 @@ class Block:
 
     @property
     def copies(self) -> int:
-        """Number of parts of x that the expressions are of."""
+        """Number of copies."""
         return len(self.columns)
 
 
@@ -157,7 +157,7 @@ class Assembly:
         return rows
 
     def derivatives(self, solver: str) -> dict[str, ca.Function]:
-        """Gradient, Jacobian and Hessian under the names and with the results that CasADi's ``solver`` asks for.
+        """Gradient, Jacobian and Hessian with the names and results that CasADi's ``solver`` needs.
 
         ∇f (n,), ∂g/∂x (m, n) and the Hessian (n, n) of σ f + μ'g, its upper triangle for "ipopt" whole for
         any other.

@@ -1,5 +1,4 @@
-"""A statement: the variables, expressions and limits of an optimal control problem as they were written, scalar by
-scalar."""
+"""A statement: the variables, expressions and limits of an optimal control problem as written, scalar by scalar."""
 
 from __future__ import annotations
 
@@ -74,7 +73,7 @@ class Statement:
     initial: list[Row] = field(default_factory=list)
     final: list[Row] = field(default_factory=list)
     starts: dict[str, ca.SX] = field(default_factory=dict)  # x(0) by state, of those that have one value
-    ends: dict[str, ca.SX] = field(default_factory=dict)  # x(T) likewise
+    ends: dict[str, ca.SX] = field(default_factory=dict)  # x(T) by state, of those that have one value
     has_cost: bool = False
     duration: Duration | None = None
     simulation: Simulation | None = None
@@ -122,7 +121,7 @@ class Statement:
     def declare(self, kind: str, name: str, size: int, lower: Any, upper: Any, scale: Any, guess: Any) -> ca.SX:
         """Declare a "state" or a "control" of ``size`` components; returns its symbol (size, 1).
 
-        ProblemError for a name that is taken, and for limits, scales and guesses that are none.
+        ProblemError for a name that is taken, and for invalid limits, scales and guesses.
         """
         self.check_name(name)
         where = f"{self.name}: {name}"
@@ -142,7 +141,7 @@ class Statement:
         return column(symbols)
 
     def set_cost(self, running: Any, terminal: Any) -> None:
-        """Set L and Psi; ProblemError for a second time and for what is no scalar of their symbols."""
+        """Set L and Psi; ProblemError if set before and for what is not a scalar of their symbols."""
         if self.has_cost:
             raise ProblemError(f"{self.name}: minimise() is called twice; allowed: once, with both parts of J")
         made = []
@@ -162,7 +161,7 @@ class Statement:
         self.running, self.terminal = made
 
     def set_rates(self, states: Any, rate: Any) -> None:
-        """Set x' of states (n, 1); ProblemError for no state, a second rate and another shape."""
+        """Set x' of states (n, 1); ProblemError for what is not a state, a second rate and another shape."""
         variables = self.find(states, "dynamics")
         where = f"{self.name}: dynamics of {', '.join(v.name for v in variables)}"
         made = expression(where, rate)
@@ -176,7 +175,7 @@ class Statement:
             self.rates[variable.name] = each
 
     def set_duration(self, guess: Any, lower: Any, upper: Any) -> None:
-        """Set guess and limits [s] of T; ProblemError unless they are in order, and for a second time."""
+        """Set guess and limits [s] of T; ProblemError unless they are in order, and if set before."""
         guess, lower, upper = (number(f"{self.name}: duration", value) for value in (guess, lower, upper))
         if not (0.0 < lower <= guess <= upper <= DURATION_LIMITS[1]):
             raise ProblemError(
@@ -190,7 +189,7 @@ class Statement:
     def declare_parameter(self, name: str, nominal: Any) -> ca.SX:
         """Declare a parameter, or a vector of them; returns its symbol.
 
-        ProblemError for a name that is taken and what is no number.
+        ProblemError for a name that is taken and a value that is not a number.
         """
         self.check_name(name)
         size = 1 if isinstance(nominal, (str, Mapping)) else max(1, int(np.size(nominal)))
@@ -203,7 +202,7 @@ class Statement:
         return column(each.symbol for each in made)
 
     def set_guess(self, symbol: Any, values: Any, times: Any) -> None:
-        """Set the guess of variables (n, 1); ProblemError for what is none of them, and for no guess."""
+        """Set the guess of variables (n, 1); ProblemError for other symbols, and for an invalid guess."""
         symbols = scalars(expression(f"{self.name}: guess", symbol))
         variables = [v for each in symbols if (v := self.variable(each)) is not None]
         if len(variables) < len(symbols):
@@ -229,7 +228,7 @@ class Statement:
         return next((v for v in (*self.states, *self.controls) if ca.is_equal(v.symbol, symbol)), None)
 
     def find(self, states: Any, where: str) -> list[Variable]:
-        """The states of a symbol (n, 1); ProblemError names ``where`` it stands if it is none."""
+        """The states of a symbol (n, 1); ProblemError, with the place ``where``, if it is not a state."""
         found = [self.variable(each) for each in scalars(expression(f"{self.name}: {where} of", states))]
         known = [v.name for v in self.states]
         variables = [v for v in found if v is not None and v.name in known]
@@ -240,7 +239,7 @@ class Statement:
     def pin(self, where: Literal["start", "end"], states: Any, value: Any) -> None:
         """State x(0) = value or x(T) = value of one state or several.
 
-        ProblemError for no state, a second value, and a value outside the state's bounds.
+        ProblemError for what is not a state, a second value, and a value outside the state's bounds.
         """
         pinned, among = (self.starts, self.initial) if where == "start" else (self.ends, self.final)
         known = ca.vertcat(*(self.at_start if where == "start" else self.at_end))
@@ -268,7 +267,7 @@ class Statement:
             )
 
     def tighten(self, variable: Variable, row: Row) -> None:
-        """Bound a state or a control by a constraint on it alone; ProblemError where nothing is left."""
+        """Bound a state or a control by a constraint on it alone; ProblemError if no value is left."""
         lower, upper = max(variable.lower, row.lower), min(variable.upper, row.upper)
         _check_limits(f"{self.name}: {variable.name} with path constraint {row.name}", lower, upper)
         variable.lower, variable.upper = lower, upper

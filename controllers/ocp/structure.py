@@ -1,9 +1,9 @@
-"""Structure of a solution: on which arcs each control rests on a bound, and where constraints begin and end to hold.
+"""Structure of a solution: the arcs on which each control rests on a bound, and where constraints become (in)active.
 
 Read from a solution that may be coarse. A control that enters linearly jumps between its bounds, or leaves them on a
-singular arc; another one has a kink where it reaches a bound. Both want a node there (see ``arcs``), as do the ends of
-an arc on a path constraint or on the bound of a state. A bound counts as held only where its multiplier says that it
-holds the control back: on a singular arc, where a coarse control rings between its bounds, it does not.
+singular arc; another one has a kink where it reaches a bound. Both need a node there (see ``arcs``), as do the ends of
+an arc on a path constraint or on the bound of a state. A bound counts as active only where its multiplier confirms
+it: on a singular arc, where a coarse control rings between its bounds, it does not.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from mathnavi.sim.interfaces.signals import Array, Integers
 
 _AT_BOUND = 1e-3  # distance, over the range, that counts as resting on a control's bound
 _TOUCHING = 1e-5  # scaled distance to the limit of a constraint or of a state
-_WEAK = 1e-3  # of its largest value: a multiplier that is as small holds nothing back
+_WEAK = 1e-3  # of its largest value: a limit with a smaller multiplier is not active
 _SAME = 1e-3  # [of the mean interval] boundaries that are as near are one
 
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """Boundaries (A - 1,) between arcs, fractions of T, and on each arc what holds each control.
+    """Boundaries (A - 1,) between arcs, fractions of T, and the bound that holds each control on each arc.
 
     ``edges`` are the fractions of T at which a constraint on the states alone begins or ends to hold. They are no
     boundaries: an unknown node there would move to where the constraint, which holds at points, can be overrun.
@@ -110,13 +110,13 @@ def switching_constraints(problem: ProblemFunctions) -> NDArray[np.bool_]:
 
 
 def without_structure(problem: ProblemFunctions) -> Structure:
-    """The structure of a single arc, on which nothing is held."""
+    """Structure of a single arc, without active bounds."""
     held = np.zeros((1, problem.nu + len(problem.path_bounds.lower)), dtype=np.int64)
     return Structure(np.empty(0), held, np.empty(0))
 
 
 def _apart(boundaries: Array, nodes: int) -> Array:
-    """Boundaries inside ]0, 1[ in order, without those that are as good as equal."""
+    """Boundaries inside ]0, 1[ in order, without those that are equal to rounding."""
     near = _SAME / (nodes - 1)
     inside = np.sort(boundaries[(boundaries > near) & (boundaries < 1.0 - near)])
     return inside[np.append(True, np.diff(inside) > near)] if len(inside) else inside
@@ -155,7 +155,7 @@ def _runs_held(
     extent = upper - lower if np.isfinite(upper - lower) else scale
     code = np.where(u >= upper - _AT_BOUND * extent, 1, np.where(u <= lower + _AT_BOUND * extent, -1, 0))
     weak = _WEAK * np.abs(multiplier).max(initial=0.0)
-    code[(code * multiplier < -weak) & ~overlaid] = 0  # held against its will
+    code[(code * multiplier < -weak) & ~overlaid] = 0  # a multiplier of the wrong sign
     starts, ends, values = _runs(code)
     # A run of one interval or less whose multiplier is weak, or of the wrong sign, does not rest on its bound.
     for start, end, value in zip(starts, ends, values, strict=True):

@@ -1,6 +1,6 @@
 """Bound on the cost of a smooth solution above its least value: from the stationarity of its Hamiltonian.
 
-Flown through its own dynamics, a control u that differs by δu from the best one costs, to second order,
+Applied to the dynamics, a control u that differs by δu from the best one costs, to second order,
 
     J(u) - J* = 1/2 ∫ δu' H_uu δu dt,        δu = -H_uu^-1 (H_u(x, u, λ) + f_u' δλ),
 
@@ -9,7 +9,7 @@ leaves out. δλ is the error of the costates, at most the sum of their own defe
 
     a_i = λ_i - λ_{i+1} - ∫ H_x dt,
 
-over the intervals. It needs a problem whose controls H_uu > 0 determines, and a solution on which no limit holds back.
+over the intervals. It needs a problem whose controls H_uu > 0 determines, and a solution on which no limit is active.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _CONVEX = 1e-9  # least eigenvalue of H_uu over its largest along the solution
 
 
 def suboptimality(solution: Solution) -> float:
-    """Estimate of J - J*, in units of J; infinite where a limit holds back, or H_uu does not determine a control."""
+    """Estimate of J - J*, in units of J; infinite where a limit is active, or H_uu does not determine a control."""
     problem, scheme, d = solution.problem, solution.scheme, np.diff(solution.t)
     if not problem.nu or len(scheme.points) < 2 or _restrained(solution):
         return math.inf
@@ -61,7 +61,7 @@ def suboptimality(solution: Solution) -> float:
 
 
 def _restrained(solution: Solution) -> bool:
-    """True if a limit on the path holds back somewhere."""
+    """True if a limit on the path is active somewhere."""
     problem, multipliers, shares = solution.problem, solution.multipliers, solution.point_shares[:, :, None]
     least = _FELT * max(abs(solution.cost), _FELT)
     return any(

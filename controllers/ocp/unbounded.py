@@ -1,4 +1,4 @@
-"""End of a solve for want of a limit: a final time at a limit that nobody stated, a value that ran away."""
+"""Detection of an unbounded problem: a final time at a limit that was not stated, a value that ran away."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, ProblemF
 from mathnavi.sim.interfaces.signals import Array
 
 HUGE = 1e8
-"""times its scale, or the largest of its guess and its limits: a value that no problem means"""
+"""factor over its scale, or the largest of its guess and its limits, above which a value ran away"""
 
 _AT_LIMIT = 1e-3  # relative distance
 
 
 def unbounded(problem: ProblemFunctions, x: Array, u: Array, duration: float, *, diverged: bool) -> str:
-    """The variables of a last iterate that nothing bounds, in words; empty where there are none.
+    """Message with the variables of a last iterate that are unbounded; empty if all are bounded.
 
     A state follows from controls and T: where these keep within limits, a large state is the problem's own, unless the
     solver ``diverged``.
@@ -24,7 +24,7 @@ def unbounded(problem: ProblemFunctions, x: Array, u: Array, duration: float, *,
         x: (n, nx) states.
         u: (m, nu) controls.
         duration: [s] T.
-        diverged: the solver itself found that its iterates run away.
+        diverged: True if the solver itself found that its iterates run away.
     """
     durations = [("T", duration, problem.duration_bounds, problem.guess_duration)] if problem.free_duration else []
     for i, name in enumerate(problem.states):  # of phases
@@ -55,5 +55,5 @@ def _running_away(
     return [
         f"{name} runs to {values[np.abs(values[:, i]).argmax(), i]:.2g}; state a limit, or a cost that bounds it"
         for i, name in enumerate(names)
-        if largest[i] > HUGE * known[i]  # NaN is another matter
+        if largest[i] > HUGE * known[i]  # NaN is reported elsewhere
     ]

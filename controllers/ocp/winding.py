@@ -18,9 +18,9 @@ _EQUAL = 1e-9  # relative difference of values that are the same
 
 
 def unwound(solution: Solution) -> Solution:
-    """The solution with its angles moved by whole turns, so that they do not wind between neighbouring points.
+    """Move the angles of a solution by whole turns, so that they do not wind between neighbouring points.
 
-    Left as it is where a control is no angle, where its bounds do not allow the move, and where nothing winds.
+    Unchanged where a control is not an angle, where its bounds do not allow the move, and where nothing winds.
     """
     problem, u = solution.problem, solution.u.copy()
     for j in range(problem.nu):

@@ -7,12 +7,12 @@ After A. D. Ames et al., arXiv 1903.11199 (the filter), and W. Xiao, C. Belta, a
 
 u_nom = k (v_wanted - v), v_wanted down the gradient of the length to go that all planners here use.
 
-Ours to interpret: h = z - E(x, y) - h_min needs a smooth ground, and one that rises no sooner than the vehicle can
+Our interpretation: h = z - E(x, y) - h_min needs a smooth ground, and one that rises no sooner than the vehicle can
 follow, so E is a spline above the raised triangles (``cover``). Down to a target that lies below E leads a funnel,
 h = z - F(x, y), as smooth; the safe set is the union of both, and of the two barriers the larger one is used
 (P. Glotfelter, J. Cortes, M. Egerstedt, 2017). Where the rows contradict each other the barrier comes first. A plan is
-the closed loop of law and filter over a horizon, with a stop behind it, so that it can be tracked as the others'
-are and goes on when an answer is lost. The method knows no reserve; none is added.
+the closed loop of law and filter over a horizon, with a stop behind it, so that it can be tracked like the others'
+plans and goes on when an answer is lost. The method has no fallback; none is added.
 """
 
 from __future__ import annotations
@@ -55,27 +55,27 @@ class BarrierConfig:
     """Fields of ``--planner``."""
 
     speed: PositiveFraction = 1.0
-    """of the go-to-goal law, over v_max"""
+    """speed of the go-to-goal law, over v_max"""
     approach: Positive = 0.25
-    """deceleration with which the law slows down towards the target, over a_max"""
+    """deceleration of the law towards the target, over a_max"""
     gain: Positive = 0.8
-    """of its velocity error [1/s]"""
+    """gain of the law's velocity error [1/s]"""
     decay: Positive = 0.8
-    """p, rate at which the barriers may decay [1/s]"""
+    """rate p at which the barriers may decay [1/s]"""
     smoothing: NonNegative = 640.0
-    """radius of the mean by which the ground is smoothed, beside the spline's own [m]"""
+    """radius of the mean by which the ground is smoothed, in addition to the spline's smoothing [m]"""
     horizon: Annotated[float, Interval(gt=0.0, le=600.0), FINITE] = 20.0
-    """over which the closed loop is computed ahead [s]"""
+    """horizon over which the closed loop is computed [s]"""
     period: Annotated[float, Interval(gt=0.0, le=600.0), FINITE] = 5.0 / 3.0
-    """between two of these computations [s]"""
+    """time between two computations of the closed loop [s]"""
     step: Annotated[float, Interval(ge=0.003, le=1.0), FINITE] = 0.1
-    """for which an input is held [s]"""
+    """time for which an input is held [s]"""
     grid_nodes: GridNodes = 65
-    """rows and columns of the length-to-go's grid"""
+    """number of nodes of the length-to-go's grid along the longer side of the map"""
     grid_layers: GridLayers = 9
-    """its layers"""
+    """number of layers of the length-to-go's grid"""
     bandwidth: Positive = 0.8
-    """of the tracker [rad/s]"""
+    """bandwidth of the tracker [rad/s]"""
 
 
 class BarrierFlight:

@@ -17,7 +17,7 @@ _HALVINGS = 40  # of the multiplier of |u| <= a_max
 
 @njit(cache=True, nogil=True)
 def project(u: Array, g: Array, b: float, q: Array, c: float) -> Array:
-    """Nearest point (3,) [m/s^2] to u (3,) with g'u >= b and q'u >= c, none of which is empty beside the other."""
+    """Nearest point (3,) [m/s^2] to u (3,) with g'u >= b and q'u >= c, of which neither contradicts the other."""
     over_g, over_q = b - float(g @ u), c - float(q @ u)
     if over_g <= 0.0 and over_q <= 0.0:
         return u.copy()
@@ -39,7 +39,7 @@ def project(u: Array, g: Array, b: float, q: Array, c: float) -> Array:
 
 @njit(cache=True, nogil=True)
 def filtered(nominal: Array, g: Array, b: float, q: Array, c: float, bound: float) -> Array:
-    """argmin |u - nominal|^2 subject to g'u >= b, q'u >= c, |u| <= bound; the input (3,) nearest to that if none is.
+    """argmin |u - nominal|^2 subject to g'u >= b, q'u >= c, |u| <= bound; the nearest input (3,) if infeasible.
 
     With the multiplier m of the last row u is the projection of nominal / (1 + m) onto the other two, and |u| falls
     with m. Where the rows contradict each other g'u is as large as the bound allows, and then q'u.

@@ -1,7 +1,7 @@
 """Committed trajectories: the first part of a nominal one, and a way to rest behind it.
 
-A vehicle flies what it is committed to until something else is, so a committed trajectory must be safe for ever: it is
-held to the certificate of the mission, to which its own end is the target.
+A vehicle flies a committed trajectory until another one is committed to, so it must be safe for ever: it has to pass
+the certificate of the mission, with its own end as the target.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def stop_and_climb(arcs: ArcList, acceleration: float, climb: float) -> None:
 
 
 def hovering(arcs: ArcList, duration: float, solve_ms: float = math.nan) -> Plan:
-    """The arcs, which end at rest, and a hover of ``duration`` [s], which then never ends, as a plan."""
+    """Plan of arcs that end at rest, with a hover of ``duration`` [s] behind them that then never ends."""
     arcs.add(np.zeros(3), duration, FlightPhase.HOVER)
     return arcs.plan(math.nan, solve_ms)
 

@@ -1,16 +1,16 @@
 """The plug-in ``faster``, a peer: J. Tordesillas, B. T. Lopez, M. Everett, J. P. How, arXiv 2001.04420.
 
-At each planning instant two trajectories are asked for:
+At each planning instant two trajectories are computed:
 
     whole   from the committed trajectory towards the goal, over the horizon, without a stop at its end;
     safe    from a point R on the whole one to rest, within free space.
 
 What is committed to is the whole trajectory up to R and the safe one from there on. If either of the two is not found,
-the trajectory committed to before goes on, whose own safe part is the reserve. R is as far along the whole trajectory
+the trajectory committed to before goes on, whose safe part is the fallback. R is as far along the whole trajectory
 as the vehicle can still brake before the place H where it leaves free space, |v|^2 / (2 a_max) <= the way to H; a whole
 trajectory that stays in free space up to the target is committed to up to its end, as in the authors' program.
 
-Ours to interpret: the whole trajectory is that of the receding horizon of ``flight``, of which the optimised arcs are
+Our interpretation: the whole trajectory is that of the receding horizon of ``flight``, of which the optimised arcs are
 used; H is where these come closer to the ground than allowed, else their end. The safe trajectory is the one of least
 effort among those to a lattice of places of rest, instead of a mixed-integer programme over polyhedra. Free space is
 what the same certificate allows, over the same ground, raised by the same tracking bound.
@@ -39,7 +39,7 @@ from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest
 _SAMPLES = 40  # of a whole trajectory, among which R is
 _ARCS = 6  # of a safe trajectory
 _SLOWER = (1.02, 1.4, 2.0)  # durations of a safe trajectory over that of the hardest stop
-_UP, _ASIDE = (0.0, 0.35, 0.7), (0.0, -0.5, 0.5)  # places of rest beside that of a straight stop, over its length
+_UP, _ASIDE = (0.0, 0.35, 0.7), (0.0, -0.5, 0.5)  # places of rest next to that of a straight stop, over its length
 
 
 @configuration
@@ -47,13 +47,13 @@ class FasterConfig(FlightConfig):
     """Fields of ``--planner``."""
 
     margin: NonNegative = 50.0
-    """what the whole trajectory keeps above h_min, softly [m]"""
+    """clearance that the whole trajectory keeps above h_min, softly [m]"""
     braking: Positive = 2.0
-    """way that is left before H over the least that the vehicle can stop in, a factor"""
+    """way left before H over the least stopping distance, a factor"""
 
 
 class FasterFlight:
-    """FASTER's rule, a peer: a whole and a safe trajectory, the safe one always in reserve."""
+    """FASTER's rule, a peer: a whole and a safe trajectory, the safe one always as fallback."""
 
     Config = FasterConfig
     certified = False  # by its own rule
@@ -68,7 +68,7 @@ class FasterFlight:
 
 
 class Faster:
-    """Commits to a whole trajectory up to R and to a safe one from there on."""
+    """Planner that commits to a whole trajectory up to R and to a safe one from there on."""
 
     def __init__(self, config: FasterConfig, whole: Planner, certificate: Certificate) -> None:
         self.period = whole.period

@@ -8,7 +8,7 @@ candidate is
 The candidate of the greatest valid T_S is committed to, T_S = max {T_S in [0, T_H] : the candidate is safe for ever}.
 Where none is valid, or the nominal planner has no answer, the trajectory committed to before goes on.
 
-Ours to interpret: the nominal planner is the receding horizon of ``flight``, of which the optimised arcs are used and
+Our interpretation: the nominal planner is the receding horizon of ``flight``, of which the optimised arcs are used and
 the way behind them is not; the backup manoeuvre is a stop at the acceleration bound into a climb, and the backup set
 is hover; a candidate is valid by the same certificate over the same ground, raised by the same tracking bound.
 """
@@ -40,9 +40,9 @@ class GatekeeperConfig(FlightConfig):
     """Fields of ``--planner``."""
 
     switching_step: Positive = 0.5
-    """between two switching times that are tried [s]"""
+    """time between two switching times that are tried [s]"""
     climb: NonNegative = 100.0
-    """rate of the climb at the end of the backup manoeuvre, or the speed at its start if that is less [m/s]"""
+    """climb rate at the end of the backup manoeuvre [m/s]; the speed at its start if that is less"""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,8 +1,8 @@
 """Tracking bound of the quadrotor: the deviation from a plan that the certificate has to allow for.
 
 Two parts add up: how far the reference is from the plan (``reference.deviation``) and how far the vehicle is from the
-reference. The second comes from the loop on one axis, with the letters of ``tracker``; d is the force per mass that
-nobody knows, n the noise of a position, r the observer's residual and c what the feedback asks for:
+reference. The second comes from the loop on one axis, with the letters of ``tracker``; d is the unknown force
+per mass, n the noise of a position, r the observer's residual and c the acceleration that the feedback commands:
 
     e'' = theta + d,    r' = d - d^ - 2 omega_d r,    d^' = omega_d^2 r,    c = -k_p (e + n) - k_v e' - d^.
 
@@ -15,15 +15,15 @@ the tracker makes up for most of it; across it theta is an acceleration by tilt,
 * Gusts are Gauss-Markov, readings noisy: five standard deviations of the stationary covariance, by one Lyapunov
   equation; or, where that is less, the gusts' limit times the loop's peak-to-peak gain int |g| dt, g its impulse
   response.
-* What the vehicle may be off by from what is believed is bounded and otherwise free: the peak-to-peak gain times
-  mass_tolerance |a_r| + drag_tolerance |D| v_max / m, on the vertical also the greatest answer to a step times
+* The error of the vehicle's model is bounded and otherwise free: the peak-to-peak gain times
+  mass_tolerance |a_r| + drag_tolerance |D| v_max / m, on the vertical also the greatest response to a step times
   mass_tolerance g.
 * Between readings T apart the feedback misses what a gust g does: k_p |g| T^2 / 2 + k_v |g| T, an input like the one
   before; T^2 is the mean square where readings are lost at random, for the loop is slower than they come.
 
-That is exact for the linear loop; the tests hold it against the flight in MuJoCo. Rotors have bounds: a plan is left
-what they can do beside the feedback, up and down, where drag helps neither, what they have the moments for when plans
-take over unforeseen (``turning``), and a_max if that is less.
+That is exact for the linear loop; the tests compare it with the flight in MuJoCo. Rotors have bounds: a plan gets what
+they can do in addition to the feedback, up and down, where drag helps neither, what they have the moments for when
+plans take over unforeseen (``turning``), and a_max if that is less.
 """
 
 from __future__ import annotations
@@ -132,10 +132,9 @@ def _unread(config: TrackerConfig, mission: FlightMission) -> float:
 
 
 def tracking_bound(config: TrackerConfig, vehicle: Quadrotor, mission: FlightMission) -> TrackingBound:
-    """Tracking bound over a mission of the vehicle that is believed to fly; ``feedback`` is what a_max has to yield to
-    it.
+    """Tracking bound over a mission of the assumed vehicle; ``feedback`` is the part of a_max that is reserved for it.
 
-    Raises ValueError if the gains do not hold the vehicle, or if the rotors can do no more than the feedback asks for.
+    Raises ValueError if the gains do not hold the vehicle, or if the rotors can do no more than the feedback needs.
     """
     m, g, tolerance = vehicle.mass, vehicle.gravity, config.mass_tolerance
     foreseen = deviation(config.reference_bandwidth, config.preview)

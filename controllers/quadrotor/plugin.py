@@ -1,10 +1,10 @@
-"""The plug-in ``quadrotor``: the flight planner as it is, and beneath it a tracker that moves four rotors.
+"""The plug-in ``quadrotor``: the unchanged flight planner, and beneath it a tracker that moves four rotors.
 
 The two time scales of Fig. A.9: the planner moves a double integrator every half second, the tracker the quadrotor
 many times in between. What the tracker keeps enters the planner's certificate as its tracking bound. The planner works
 on the mission magnified to its own scale (``similarity``), so its fields are those of the controller ``flight``, in its
-units. One of them has another default: beside the walls of a canyon, cliffs at the planner's scale, plans with
-a ``margin`` of 25 m often lack their certificate.
+units. One of them has another default: near the walls of a canyon, cliffs at the planner's scale, plans with
+a ``margin`` of 25 m are often not certified.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class QuadrotorConfig:
     kernels: ClassVar[str] = "mathnavi.controllers.quadrotor.ahead"  # compiled before the first run
 
     flight: RecedingHorizonConfig = field(default_factory=lambda: RecedingHorizonConfig(margin=100.0))
-    """Of the planner, on the mission magnified: v_max is 300 m/s there, and its times are 10/3 of the true ones."""
+    """fields of the planner, on the magnified mission: v_max is 300 m/s there, its times are 10/3 of the true ones"""
     tracker: TrackerConfig = field(default_factory=TrackerConfig)
 
 

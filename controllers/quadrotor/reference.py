@@ -1,4 +1,4 @@
-"""A reference that a quadrotor can follow, beside a plan whose accelerations jump.
+"""A reference that a quadrotor can follow, near a plan whose accelerations jump.
 
 The plan's arcs have constant accelerations; an attitude cannot jump with them. The reference (p_r, v_r, a_r, j_r) is
 the state of a chain of four integrators that is led onto the plan,
@@ -10,12 +10,12 @@ is led not onto the plan's present arc but onto the one that holds at t + d, ext
 begun before.
 
 A jump of the acceleration by Delta at t = 0 leaves p_r - p = Delta psi(t) from -d on. With d = 0, psi = -e^(-omega t)
-(t^2 / 2) (1 + omega t), at most .907 / omega^2. For every plan with |a| <= A, however often it turns,
+(t^2 / 2) (1 + omega t), at most 0.907 / omega^2. For every plan with |a| <= A, however often it turns,
 
     |p_r - p| <= A V(psi),   |v_r - v| <= A V(psi'),   |a_r| <= A V(1_{t > 0} + psi''),
 
 V the total variation (1.813 / omega^2 of psi where d = 0). ``deviation`` computes them. A plan that takes over
-unforeseen turns as with d = 0, so whoever needs a bound takes the greater of the two.
+unforeseen turns as with d = 0, so a bound is the greater of the two.
 """
 
 from __future__ import annotations
@@ -58,10 +58,10 @@ def deviation(bandwidth: float, preview: float) -> Deviation:
 
 
 class ReferenceFilter:
-    """The reference beside the plan being flown."""
+    """Filter of the plan being flown to the reference."""
 
     def __init__(self, bandwidth: float, preview: float, apart: float) -> None:
-        """``apart`` [m, m/s] is how far the reference may be from the plan before it begins anew, on the plan."""
+        """``apart`` [m, m/s] is the greatest deviation of the reference from the plan; beyond it, it restarts there."""
         self._bandwidth, self._preview, self._apart = bandwidth, preview, apart
         self._t = np.nan  # [s]
         self._z = np.zeros((4, 3))

@@ -3,8 +3,8 @@
 The planner was made for mountains: its cost-to-go has layers up to 2400 m above the ground and a length of 50 m about
 the target, its speeds are some hundred metres a second. The double integrator, the terrain and all bounds keep their
 form when lengths are multiplied by lambda and times by mu, velocities then by lambda / mu and accelerations by lambda /
-mu^2. So a planner that is handed a small map magnified flies over it as it does over mountains, and its plans shrunk
-again are plans over the small map. Here mu = 10/3, so that arcs of 5/3 s become half a second, and lambda is such that
+mu^2. So a planner that gets a small map magnified flies over it as it does over mountains, and its plans, shrunk
+again, are plans over the small map. Here mu = 10/3, so that arcs of 5/3 s become half a second, and lambda is such that
 the mission's v_max becomes the 300 m/s of the thesis.
 """
 
@@ -48,7 +48,7 @@ class Similarity:
         return self.length / self.time, self.length / self.time**2
 
     def inverse(self) -> Similarity:
-        """Similarity back."""
+        """Inverse similarity."""
         return Similarity(1.0 / self.length, 1.0 / self.time)
 
     def state(self, x: Array) -> Array:
@@ -105,7 +105,7 @@ class Similarity:
         )
 
     def request(self, request: PlanRequest) -> PlanRequest:
-        """Scale what a planner is asked for."""
+        """Scale a planning request."""
         estimate = Estimate(
             request.estimate.t * self.time, self.state(request.estimate.x), None, request.estimate.status
         )
@@ -117,7 +117,7 @@ class Similarity:
         return PlanRequest(request.t * self.time, request.t_start * self.time, estimate, current, messages)
 
     def _payload(self, message: Message) -> Any:
-        """Payload of a message, magnified if it can be: the planner leaves out what makes no sense."""
+        """Payload of a message, magnified if it can be: the planner ignores what it cannot use."""
         payload = message.payload
         if message.topic == ARRIVAL and isinstance(payload, float):
             return payload * self.time
@@ -132,12 +132,12 @@ class Similarity:
 
 @lru_cache(maxsize=4)
 def _magnified(terrain: HeightField, length: float) -> HeightField:
-    """Once for all planners over it, so that what they build on it is built once too."""
+    """Terrain magnified by ``length``, one object for all planners over it, so that they build on it only once."""
     return HeightField(terrain.z * length, terrain.spacing * length, name=terrain.name)
 
 
 class SimilarPlanner:
-    """A planner of the magnified problem, asked and answering in the units of the mission."""
+    """A planner of the magnified problem whose requests and plans are in the units of the mission."""
 
     def __init__(self, planner: Planner, similarity: Similarity) -> None:
         self.period = planner.period / similarity.time

@@ -6,7 +6,7 @@ reference (p_r, v_r, a_r, j_r) of ``reference``, e_p = p - p_r, e_v = v - v_r, t
     f = a_r + g e_z + R D R' v / m - K,    K = k_p e_p + k_v e_v + d^,    k_p = omega_p^2, k_v = 2 zeta_p omega_p.
 
 It is held to a greatest tilt. R_d has b_3 along f and its nose along the reference's velocity, turning no faster than
-``turn_max``; Omega_d follows from f' = j_r - k_p e_v - k_v (v'^ - a_r) + R D R' v'^ / m. Rotors are asked for
+``turn_max``; Omega_d follows from f' = j_r - k_p e_v - k_v (v'^ - a_r) + R D R' v'^ / m. The rotors are commanded
 
     T = m (f + tau_m f') . b_3,
     tau = J (-k_R e_R - k_Omega e_Omega + ...) + omega x J omega,    k_R = omega_R^2, k_Omega = 2 zeta_R omega_R,
@@ -16,8 +16,8 @@ where tau_m f' and the rates of the reference tau_m ahead make up for the lag of
 where the paper's vanishes. ``mathnavi.models.quadrotor.allocation`` says which of T and tau is kept where rotors
 saturate.
 
-d^ is what the velocity shows of forces that the model does not know, a wind or a wrong mass, the integral action of
-the loop: with the modelled v'^ = R (0, 0, T^) / m - g e_z - R D R' v / m + d^ and the residual r of the velocity
+d^ is the observed effect of forces that are not in the model, a wind or a wrong mass, and the integral action of the
+loop: with the modelled v'^ = R (0, 0, T^) / m - g e_z - R D R' v / m + d^ and the residual r of the velocity
 against its integral, an observer with both poles at -omega_d; no more than ``disturbance_max`` of it is made up for.
 T^ are the rotors' thrusts by their lag.
 
@@ -50,12 +50,12 @@ from mathnavi.sim.interfaces.errors import ArgumentError, FieldError
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 LEAST_THRUST = 0.15
-"""of g: the least vertical part of f, so that the thrust always points up"""
+"""least vertical part of f as a fraction of g, so that the thrust always points up"""
 _FASTEST = 0.2  # of the attitude's bandwidth times the period: commands are held over a period
 _TURNING = 0.8  # [m/s] least speed at which the nose turns into it
 _TURN_BANDWIDTH, _TURN_ACCELERATION = 3.0, 4.0  # [rad/s, rad/s^2] of the heading
-_APART = 1.0  # [m, m/s] of a plan from the reference: nothing that joins it is that far away
-_SHORTEST = 0.5  # quaternion of an attitude: a filter's may be off its length, one of nought is nobody's
+_APART = 1.0  # [m, m/s] of a plan from the reference: no plan that joins it is that far away
+_SHORTEST = 0.5  # norm of an attitude's quaternion: a filter's may differ from 1, one near zero is no attitude
 _MISSING = np.empty(0)
 _VERTICAL = np.array([0.0, 0.0, 1.0])
 NaturalFrequency = Annotated[float, Interval(ge=0.01, le=1e4), FINITE]  # [rad/s]
@@ -67,33 +67,33 @@ class TrackerConfig:
     """Gains of the tracker, as natural frequencies [rad/s] and damping ratios, and its limits."""
 
     position_bandwidth: NaturalFrequency = 3.0
-    """omega_p [rad/s]"""
+    """natural frequency omega_p of the position loop [rad/s]"""
     position_damping: DampingRatio = 0.9
-    """zeta_p"""
+    """damping ratio zeta_p of the position loop"""
     attitude_bandwidth: NaturalFrequency = 14.0
-    """omega_R about the axes that tilt the thrust [rad/s]"""
+    """natural frequency omega_R of the attitude loop about the axes that tilt the thrust [rad/s]"""
     attitude_damping: DampingRatio = 0.8
-    """zeta_R"""
+    """damping ratio zeta_R of the attitude loop"""
     yaw_bandwidth: NaturalFrequency = 4.0
-    """omega_R about the axis of the thrust [rad/s]"""
+    """natural frequency omega_R of the attitude loop about the axis of the thrust [rad/s]"""
     disturbance_bandwidth: NaturalFrequency = 6.0
-    """omega_d of the observer of unknown forces [rad/s]"""
+    """bandwidth omega_d of the observer of unknown forces [rad/s]"""
     disturbance_max: Positive = 5.0
-    """greatest unknown force per mass that is made up for [m/s^2]"""
+    """greatest unknown force per mass that is compensated [m/s^2]"""
     feedback_max: Positive = 8.0
     """greatest k_p e_p + k_v e_v [m/s^2]"""
     reference_bandwidth: NaturalFrequency = 6.0
-    """omega of the reference filter [rad/s]"""
+    """bandwidth omega of the reference filter [rad/s]"""
     preview: Annotated[NonNegative, Le(2.0)] = 0.37
-    """how long before a turn of the plan the reference begins it [s]"""
+    """time by which the reference begins a turn before the plan does [s]"""
     tilt_max: Annotated[float, Degrees(0.0, 80.0, open_low=True)] = 60.0
-    """greatest tilt that is asked for [deg]"""
+    """greatest tilt that is commanded [deg]"""
     turn_max: Annotated[float, Radians(0.0, 20.0, open_low=True, unit="rad/s")] = 1.5
-    """greatest rate of the nose [rad/s]"""
+    """greatest yaw rate of the nose [rad/s]"""
     mass_tolerance: Fraction = 0.1
-    """share by which the mass may be greater than is believed: what the bound allows for"""
+    """share by which the mass may exceed the assumed one in the tracking bound"""
     drag_tolerance: Fraction = 0.25
-    """share by which the drag may differ, likewise"""
+    """share by which the drag may differ from the assumed one in the tracking bound"""
 
     def __post_init__(self) -> None:
         if not self.position_bandwidth <= 0.5 * self.attitude_bandwidth:
@@ -104,10 +104,10 @@ class TrackerConfig:
 
 
 class GeometricTracker:
-    """Flies the last accepted plan with four rotors, to rest and beyond."""
+    """Tracker of the last accepted plan with four rotors, to rest and beyond."""
 
     def __init__(self, period: float, config: TrackerConfig, vehicle: Quadrotor, bound: TrackingBound) -> None:
-        """``vehicle`` is what the controller believes to fly; ArgumentError for gains too fast for the period [s]."""
+        """``vehicle`` is the model that the controller assumes; ArgumentError for gains too high for the period [s]."""
         if not 0.0 < period * config.attitude_bandwidth <= _FASTEST:
             raise ArgumentError(
                 f"attitude_bandwidth = {config.attitude_bandwidth!r}; allowed: > 0 and <= {_FASTEST / period:g} rad/s "
@@ -124,7 +124,7 @@ class GeometricTracker:
         self._inverse = np.asarray(np.linalg.inv(vehicle.allocation), dtype=np.float64)
         self._tangent = math.tan(math.radians(config.tilt_max))
         self._gravity = vehicle.gravity * _VERTICAL
-        # What is carried from one command to the next.
+        # State from one command to the next.
         self._t = math.nan  # [s]
         self._thrusts = np.full(4, vehicle.hover_thrust)  # [N] T^
         self._asked = self._thrusts  # [N] held since the last command
@@ -174,7 +174,7 @@ class GeometricTracker:
         return turning
 
     def _observe(self, t: float, v: Array, R: Array, began: bool) -> None:
-        """Carry the rotors' thrusts and the disturbance on to t."""
+        """Propagate the rotors' thrusts and the disturbance to t [s]."""
         dt = 0.0 if began else t - self._t
         decay = math.exp(-dt / self._vehicle.motor_lag)
         self._thrusts = self._asked + decay * (self._thrusts - self._asked)
@@ -191,7 +191,7 @@ class GeometricTracker:
         self._force, self._t = force, t
 
     def _turn_nose(self, velocity: Array, R: Array, began: bool) -> None:
-        """The heading one period on: after the reference's velocity, where there is one."""
+        """Turn the heading for one period towards the reference's velocity, if it moves."""
         if began:
             self._heading = math.atan2(R[1, 0], R[0, 0])
         fast = math.hypot(velocity[0], velocity[1]) > _TURNING

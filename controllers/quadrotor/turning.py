@@ -1,8 +1,8 @@
 """Demand of turning the thrust on the rotors: the acceleration that plans may have, however sudden they are.
 
-Rotors turn a quadrotor by what one side pushes more and the other less. Beyond what each pushes anyway the allocation
-keeps the moments and gives up the thrust that was wanted, and the vehicle leaves its height. So a plan is left only
-accelerations at which that does not happen.
+Rotors turn a quadrotor by a difference of thrust between its sides. Where the difference exceeds the thrust itself the
+allocation keeps the moments and gives up the commanded thrust, and the vehicle leaves its height. So a plan may have
+only accelerations at which that does not happen.
 
 A jump of the plan's acceleration by Delta, horizontal, leaves the attitude loop of ``bound`` (theta an acceleration by
 tilt, tau = theta'', c = a_r of the reference) with
@@ -17,7 +17,7 @@ others have an arm:
     J 2 sqrt(A^2 - a_z^2) (pi_0 + pi_d) / s <= rho 2 l min(m s / 4, T_max - m (g + |a_z|) / 4)
 
 for every |a_z| <= A, with a share rho of the room, 2/3: the rest is the feedback's. ``greatest_acceleration`` is the
-largest such A. What the feedback asks for in gusts exceeds its share at five standard deviations; that it does no harm
+largest such A. The feedback in gusts exceeds its share at five standard deviations; that it does no harm
 there is measured, in the tests and the study ``quadrotor``, and not proven.
 """
 
@@ -31,7 +31,7 @@ from scipy.linalg import expm
 from mathnavi.controllers.quadrotor.tracker import TrackerConfig
 from mathnavi.models.quadrotor.dynamics import ROTOR_COUNT, Quadrotor
 
-_STEP, _DURATION = 1e-3, 4.0  # [s] of the answer to a jump
+_STEP, _DURATION = 1e-3, 4.0  # [s] of the response to a jump
 _SHARES = np.linspace(0.0, 1.0, 41)  # of A that are vertical
 _STEPS = 60  # of a bisection
 _ROOM = 2.0 / 3.0  # rho

@@ -1,6 +1,6 @@
-"""The plug-in ``input_signal``: u(t) = constant + amplitude sin(frequency t), whatever the estimate says.
+"""The plug-in ``input_signal``: u(t) = constant + amplitude sin(frequency t), independent of the estimate.
 
-A plan holds the signal's values, each over one period of the mission, and where they lead from the estimate.
+A plan has the signal's values, each held over one period of the mission, and the states they lead to from the estimate.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ class DrivenSystem(Protocol):
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """(nu,) name and unit of each."""
+        """Name and unit (nu,) of each input."""
         ...
 
     @property
     def constant(self) -> tuple[float, ...]:
-        """(nu,) of the signal where nothing else is asked for."""
+        """Default constant (nu,) of the signal."""
         ...
 
     @property
     def amplitude(self) -> tuple[float, ...]:
-        """(nu,)"""
+        """Default amplitude (nu,) of the signal."""
         ...
 
     @property
     def flow(self) -> Callable[[Array, Array, float], Array]:
-        """The state after an input (nu,) was held for so long [s]."""
+        """Flow of the system: the state after an input (nu,) was held from a state on for a time [s]."""
         ...
 
 
@@ -58,7 +58,7 @@ class DrivenMission(Protocol):
 
     @property
     def period(self) -> float:
-        """[s]"""
+        """Period [s] over which an input is held."""
         ...
 
 
@@ -67,15 +67,15 @@ class InputSignalConfig:
     """Fields of ``--planner``."""
 
     constant: NumberList = ()
-    """of each input; the system's own if not given"""
+    """constant part of each input; the system's default if not given"""
     amplitude: NumberList = ()
-    """of the sine on each input; the system's own if not given"""
+    """amplitude of the sine on each input; the system's default if not given"""
     frequency: Positive = 1.0
-    """of the sine [rad/s]"""
+    """frequency of the sine [rad/s]"""
 
 
 class InputSignal:
-    """A constant and a sine on every input, whatever the estimate says."""
+    """A constant and a sine on every input, independent of the estimate."""
 
     Config = InputSignalConfig
 
@@ -95,7 +95,7 @@ class InputSignal:
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """u(t) (nu,)."""
+    """The signal u(t) (nu,)."""
 
     constant: Array  # (nu,)
     amplitude: Array  # (nu,)
@@ -106,7 +106,7 @@ class Signal:
 
 
 class SignalPlanner:
-    """Estimate to the signal's next values."""
+    """Planner of the signal's next values."""
 
     def __init__(self, signal: Signal, mission: DrivenMission) -> None:
         self.period = _PERIODS * mission.period
@@ -131,7 +131,7 @@ class SignalPlanner:
 
 
 class PlanHolder:
-    """Plan to the input that it holds now."""
+    """Tracker that returns the input that the plan holds now."""
 
     def __init__(self, period: float) -> None:
         self.period = period

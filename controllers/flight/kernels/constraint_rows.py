@@ -26,14 +26,14 @@ from mathnavi.sim.interfaces.compiled import inner_njit
 from mathnavi.sim.interfaces.signals import Array
 
 INFINITY = 1e30
-"""the limit of a row that has none"""
+"""limit of a row that is not limited"""
 
 _SLOW = 1e-3  # below this length [m/s, m/s^2] a ball constraint is far from active and has no direction
 
 
 @inner_njit(nogil=True)
 def clearance_rows(unknowns: Array, data: ProblemData, programme: QuadraticProgramme) -> None:
-    """Clearance [m], soft: z - H(x, y) >= floor at the clearance points, the first rows."""
+    """Fill the first rows, clearance [m], soft: z - H(x, y) >= floor at the clearance points."""
     start, _, base, weights, climbs, terrain, _, _, _, packed = data
     rows, upper, lower = programme.rows, programme.upper, programme.lower
     n, count = weights.shape[1], weights.shape[0] - 2
@@ -60,7 +60,7 @@ def ball_rows(
     programme: QuadraticProgramme,
     curvatures: Array,
 ) -> int:
-    """Balls |v_i| <= v_max, |a_i| <= a_max and the manoeuvre's by their tangent planes at the iterate, from ``row``.
+    """Fill the rows from ``row`` on: |v_i| <= v_max, |a_i| <= a_max, the manoeuvre's, by tangent planes at the iterate.
 
     Their curvature goes to ``curvatures`` (n, 3, 3) of the velocities v_2 ... v_N, and to the Hessian.
     Returns the next row.
@@ -121,7 +121,7 @@ def ball_rows(
 def end_rows(
     unknowns: Array, data: ProblemData, terminal_position: Array, row: int, programme: QuadraticProgramme
 ) -> None:
-    """Rows, from ``row`` on, of the last node and the manoeuvre's end on the map, and of the terminal constraint."""
+    """Fill the rows from ``row`` on: last node and manoeuvre's end on the map, and the terminal constraint."""
     start, base, weights, climbs, packed = data.start, data.base, data.weights, data.climbs, data.packed
     rows, upper, lower = programme.rows, programme.upper, programme.lower
     n, count = weights.shape[1], weights.shape[0] - 2

@@ -93,7 +93,7 @@ def search(
     terminal_position: Array,
     out: Array,
 ) -> tuple[float, float, float, bool]:
-    """Backtracking from the full step along the projected line until merit = cost + penalty * violation falls enough.
+    """Backtrack from the full step along the projected line until merit = cost + penalty * violation falls enough.
 
     ``cost`` and ``violation`` [m] are those of the unknowns; the first ``soft`` rows of the programme are soft. Fills
     ``out``; returns the decrease that the quadratic model promises of the full step, the cost and violation of ``out``,

@@ -95,7 +95,7 @@ def _own_terms(unknowns: Array, data: ProblemData, programme: QuadraticProgramme
 
 @inner_njit(nogil=True)
 def _terminal_terms(unknowns: Array, data: ProblemData, programme: QuadraticProgramme, clipped: Array) -> bool:
-    """The length to go that is desired; terminal cost and the target approaching controls of Definition A.1, soft.
+    """Add the desired length to go, terminal cost, and the target approaching controls of Definition A.1, soft.
 
     Returns True if curvature that is not convex went to ``clipped`` (3n + 1, 3n + 1).
     """

@@ -24,7 +24,7 @@ TERRAIN_WEIGHT, APPROACH_WEIGHT, CLIMB_WEIGHT, SPACING, LENGTH, LENGTH_WEIGHT = 
 PACKED_SIZE = 15
 
 BORDER = 1.0
-"""[m] that the plan's end keeps from the edge of the map"""
+"""distance [m] that the plan's end keeps from the edge of the map"""
 
 
 class ProblemData(NamedTuple):

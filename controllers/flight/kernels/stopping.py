@@ -20,9 +20,9 @@ from mathnavi.sim.interfaces.compiled import inner_njit, njit
 from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Integers
 
 CLIMBS = (0.0, 0.5, 1.0)
-"""w in shares of the horizontal speed: stopped level, or pulled up"""
+"""climb rates w as fractions of the horizontal speed: stopped level, or pulled up"""
 _MOST_ARCS = 16
-_LEVEL_MARGIN = 1.0  # [m] above the clearance, so that rounding cannot spoil a level flight
+_LEVEL_MARGIN = 1.0  # [m] above the clearance, so that rounding cannot violate it in level flight
 _ROUNDING = 1e-9  # [m/s, m/s^2] on a bound
 _INSIDE = 1e-6  # [m] by which a step of the search aims beyond the bound
 _STEP = 0.25  # [m/s^2] of the differences by which the gradient of a margin is taken
@@ -52,8 +52,9 @@ def completed(
 ) -> tuple[Array, Array, Array, Integers]:
     """The path from x (6,) [m, m/s] at t [s] that holds u (3,) [m/s^2] for a period and ends at rest on the target.
 
-    ``climb`` is w in shares of the horizontal speed. Returns the breakpoints (K + 1,) [s], states (K + 1, 6), inputs
-    (K, 3) and phases (K,) of a plan; K = 0 where the vehicle stops off the map, or too near to its edge to fly on.
+    ``climb`` is w as a fraction of the horizontal speed. Returns the breakpoints (K + 1,) [s], states (K + 1, 6),
+    inputs (K, 3) and phases (K,) of a plan; K = 0 where the vehicle stops off the map, or too near to its edge to fly
+    on.
     """
     h, a_max = limits.period, limits.acceleration_max
     times, states = np.empty(_MOST_ARCS + 1), np.empty((_MOST_ARCS + 1, 6))
@@ -289,7 +290,7 @@ def _straight(
     limits: Limits,
     number: int,
 ) -> int:
-    """From rest to rest along ``direction`` (3,), in whole periods."""
+    """Append a line from rest to rest along ``direction`` (3,), in whole periods."""
     if distance <= 0.0:
         return k
     h = limits.period

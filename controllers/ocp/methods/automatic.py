@@ -1,6 +1,6 @@
-"""The method that a problem gets where none is asked for: hp refinement, or what flies better where that falls short.
+"""The default method: hp refinement, or where that falls short the method whose solution replays better.
 
-With a number of nodes it is one solve on as many uniform ones, for who gives it has decided. Without, hp refinement is
+With a given number of nodes it is one solve on that many uniform nodes. Without, hp refinement is
 tried first: it finds switches and singular arcs, adds points where the solution is smooth and ends at the tolerance.
 Where its replay is not within the tolerance, or the solver gives up, the problem is solved by Hermite-Simpson's scheme,
 whose controls are continuous, on nodes that are moved, round by round, to where the residual is; then hp refinement
@@ -27,7 +27,7 @@ from mathnavi.controllers.ocp.structure import linear_controls
 from mathnavi.sim.interfaces.signals import Array
 
 _NODES, _ROUNDS = 60, 5  # of the redistribution
-_HOPELESS = (SolverOutcome.UNBOUNDED, SolverOutcome.OVERDETERMINED, SolverOutcome.NOT_FINITE)  # whatever the method
+_HOPELESS = (SolverOutcome.UNBOUNDED, SolverOutcome.OVERDETERMINED, SolverOutcome.NOT_FINITE)  # by any method
 
 
 def automatic(

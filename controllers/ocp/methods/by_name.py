@@ -23,12 +23,12 @@ from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 Method = Literal["auto", "hp", "direct", "redistribute", "distribute", "refine"]
-"""``auto``: what suits the problem; ``hp``: points, nodes and switching times until the replay is within the tolerance;
-``direct``: uniform nodes; ``redistribute``: nodes moved between two solves; ``distribute``: nodes that are unknowns of
-the programme, (B.1); ``refine``: nodes added where the local error is"""
+"""method by name. ``auto``: one that suits the problem; ``hp``: points, nodes and switching times until the replay is
+within the tolerance; ``direct``: uniform nodes; ``redistribute``: nodes moved between two solves; ``distribute``: nodes
+that are unknowns of the programme, (B.1); ``refine``: nodes added where the local error is"""
 
 NODES = 40
-"""nodes of a solution, where a method needs their number and none is given"""
+"""default number of nodes, of methods that need one"""
 
 MONITORS = {monitor.name: monitor for monitor in (ARCLENGTH, CURVATURE, LOCAL_ERROR, RESIDUAL, UNIFORM)}
 """monitor functions by name"""

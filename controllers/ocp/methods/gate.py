@@ -1,4 +1,4 @@
-"""The replay gate: an adaptive solution is taken only where it replays as well as the uniform one, or well enough.
+"""Replay gate: an adaptive solution is accepted only if it replays as well as the uniform one, or within tolerance.
 
 Nodes that the optimiser may move are moved where the transcription's error hides; J then looks better than it is. The
 gate compares what both do in the true dynamics (see ``mathnavi.controllers.ocp.replay``), figure by figure: one that is
@@ -12,7 +12,7 @@ import dataclasses
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
 
 WORSE = 3.0
-"""times the uniform solution's, a figure is worse: what a third fewer nodes cost a method of fourth order"""
+"""factor over the uniform solution's figure beyond which one is worse: a third fewer nodes cost that at order four"""
 
 
 def gated(adaptive: Solution, uniform: Solution, method: str, tolerance: float) -> Solution:

@@ -4,7 +4,7 @@ Each round solves by Radau collocation, compares every interval with its own dyn
 ``defects``) and reads the solution's structure (see ``structure``). Points and nodes are chosen interval by interval
 (see ``hp_mesh``). Where controls are held by their bounds, or leave them, the next programme has arcs whose lengths are
 unknowns; a control that a bound holds is held there. A control that enters linearly and is free, on a singular arc, is
-kept from ringing by a small weight ρ on what it varies within an interval beside its straight line: J is at most ρ
+kept from ringing by a small weight ρ on its variation about a straight line within an interval: J is at most ρ
 times that variation above its least value, and ρ falls until this is below the tolerance. The rounds end when the
 defects are small and J no longer changes or, of a smooth solution, is seen to be as good as its least value (see
 ``suboptimality``).
@@ -35,7 +35,7 @@ from mathnavi.controllers.ocp.winding import unwound
 from mathnavi.sim.interfaces.signals import Array
 
 OPTIONS = Options(tolerance=1e-11)
-"""tighter than that of other methods: what is compared from round to round is J"""
+"""solver options, tighter than those of other methods: J is compared from round to round"""
 TOLERANCE = 1e-6
 MOST_NODES = 300
 
@@ -46,9 +46,9 @@ _MOST_ARCS = 30
 _MOST_VISITS = 2  # to the same structure, before the rounds stay with it
 _SMOOTHING = 1e-2  # first weight ρ, over |J|
 _JITTER = 1e-4  # of that weight for a control that J or the dynamics bend: it would jitter in a narrow interval
-_MOST_BENT = 6  # rounds in which only a violated constraint asks for nodes
+_MOST_BENT = 6  # rounds in which only a violated constraint adds nodes
 _COARSE = 1e-3  # sum of errors above which a structure is kept
-_LEAST = 1e-3  # of the tolerance, the defects are asked to be
+_LEAST = 1e-3  # of the tolerance, the least that defects are allowed
 _ROUNDING = 1e-9  # relative change of J that the solver's own tolerance leaves
 
 
@@ -82,7 +82,7 @@ class _Plan:
         return self.smoothing * np.where(linear_controls(problem) | self.every, 1.0, _JITTER)
 
     def placed(self, solution: Solution) -> Structure:
-        """The structure with its boundaries where a solution put them, without arcs that became as good as nothing."""
+        """The structure with its boundaries where a solution put them, without arcs that all but vanished."""
         ends = np.searchsorted(self.mesh.grid.nodes, self.structure.boundaries - 1e-12)
         moved = dataclasses.replace(self.structure, boundaries=solution.grid.nodes[ends])
         return moved.without_arcs_below(100.0 * SHORTEST_ARC)
@@ -165,7 +165,7 @@ def hp(
 
 
 def _shown_best(solution: Solution, allowed: float) -> bool:
-    """True if the stationarity of a solution shows that J is within ``allowed``, relative, of its least value."""
+    """True if a solution's stationarity shows that J is within the relative error ``allowed`` of its least value."""
     return suboptimality(solution) <= allowed * abs(solution.cost)
 
 
@@ -182,9 +182,9 @@ def _explained(
 def _first(
     problem: ProblemFunctions, most_nodes: int, guess: Solution | None, parameters: Array | None, options: Options
 ) -> tuple[_Plan, Solution]:
-    """The first grid that the solver manages, and its solution; the last one's if it manages none.
+    """First grid that the solver solves, and its solution; the last solution if it solves none.
 
-    It is that of the guess, or a uniform one.
+    The grid is that of the guess, or a uniform one.
     """
     timing, smoothing = Timing(), _SMOOTHING if linear_controls(problem).any() else 0.0
     starts = [(uniform(min(nodes, most_nodes)), count) for nodes, count in _STARTS]
@@ -206,7 +206,7 @@ def _next(
     parameters: Array | None,
     options: Options,
 ) -> tuple[Solution, _Plan, bool]:
-    """The solution of the following plan; where the solver fails, of one that asks for less.
+    """Solution of the following plan; where the solver fails, of an easier one.
 
     That is the same plan with all controls smoothed, no arcs, or the last mesh with a point more. The last result is
     True if the first try was enough.

@@ -1,4 +1,4 @@
-"""Errors of the intervals of a solution, and the mesh that they ask for."""
+"""Errors of the intervals of a solution, and the mesh that follows from them."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def meshed(
     if not (large.any() or violated.any()):
         parts[:] = 2
     parts[widths < _NARROWEST] = 1
-    # Where a constraint is felt, neighbours stay: joined, they would violate it and be divided again.
+    # Where a constraint is active, neighbours stay: joined, they would violate it and be divided again.
     own = errors.own + np.where(errors.path > 0.0, each, 0.0)
     kept = _without_idle(nodes, own, parts, counts, each, structure.boundaries)
     spare = most_nodes - len(kept)
@@ -170,7 +170,7 @@ def _decays(solution: Solution) -> Array:
         k = len(scheme.points)
         coefficients = np.linalg.inv(legvander(2.0 * np.array(scheme.points) - 1.0, k - 1)) @ values[intervals, :k]
         sizes = np.abs(coefficients).max(axis=2)
-        steps = 1 if k < 4 else 2  # the mean says nothing of the decay
+        steps = 1 if k < 4 else 2  # the mean carries no information on the decay
         before = np.maximum(sizes[:, -1 - steps], np.finfo(float).tiny)
         found[intervals] = np.clip((sizes[:, -1] / before) ** (1.0 / steps), _FASTEST, 1.0)
     return found

@@ -1,4 +1,4 @@
-"""Goddard's rocket: how high a given amount of fuel takes it, against drag and gravity (COPS 3, problem 10).
+"""Goddard's rocket: the greatest height for a given amount of fuel, against drag and gravity (COPS 3, problem 10).
 
     maximise h(T)   subject to   h' = v,   v' = (F - D(h, v)) / m - 1 / h^2,   m' = -2 F,
                                  D = 310 v^2 exp(-500 (h - 1)),   0 <= F <= 3.5,   (1, 0, 1) to m = 0.6,   T free

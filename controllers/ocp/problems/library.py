@@ -1,4 +1,4 @@
-"""Optimal control problems whose optima are known: each with the value, its source, and how near one should come.
+"""Optimal control problems whose optima are known: each with the value, its source, and the expected accuracy.
 
 Every value is computed by two independent methods that agree to 1e-7, ``python -m benchmarks.ocp_references`` prints
 both: published values that they contradict are not here.
@@ -48,7 +48,7 @@ from mathnavi.controllers.ocp.problems.van_der_pol_time import van_der_pol_time
 from mathnavi.controllers.ocp.problems.zermelo import zermelo
 
 Kind = Literal["smooth", "bang-bang", "singular", "state-constrained"]
-"""optimal control: smooth; at its bounds but for instants; with a singular arc; with an arc on a path constraint"""
+"""kind of control: smooth; at its bounds but for instants; with a singular arc; with an arc on a path constraint"""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class KnownOptimum:
     source: str
     kind: Kind
     quantity: str = "J"
-    tolerance: float = 1e-4  # relative: how near a method of few nodes should come
+    tolerance: float = 1e-4  # relative error expected of a method with few nodes
     sign: float = 1.0  # J over the quantity: -1 where that is to be greatest
     origin: float = 0.0  # of the quantity, where what matters is the distance from it
 
@@ -125,7 +125,7 @@ PROBLEMS: dict[str, KnownOptimum] = {
     "free-flying robot": KnownOptimum(free_flying_robot, 7.9101470511, "SOS", "bang-bang"),
     "alp rider": KnownOptimum(alp_rider, 2030.8543285, "Betts", "state-constrained", tolerance=1e-3),
 }
-"""the problems of the literature by name"""
+"""problems of the literature by name"""
 
 KNOWN.update({name: known.problem for name, known in PROBLEMS.items()})  # to be solved by their names
 
@@ -133,4 +133,4 @@ MISSILES: dict[str, KnownOptimum] = {
     f"missile, {name}": KnownOptimum(partial(missile, name), optimum.cost, "computed, two discretisations", "smooth")
     for name, optimum in OPTIMA.items()
 }
-"""the thesis' own design study (B.4), whose objective the thesis leaves open"""
+"""cases of the thesis' design study (B.4), whose objective the thesis leaves open"""

@@ -1,8 +1,8 @@
 """The missile of the thesis' design study (B.4): dive onto a target at a right angle.
 
-Pitch plane, z down, nose up positive. The thesis leaves the objective open; the cases differ in how dear braking, a
-steep angle of attack and turning are. The aspect angle pins θ and w: with three inputs, three degrees of freedom and no
-aerodynamics θ alone says nothing about the path.
+Pitch plane, z down, nose up positive. The thesis leaves the objective open; the cases differ in the cost of braking, of
+a steep angle of attack and of turning. The aspect angle pins θ and w: with three inputs, three degrees of freedom and
+no aerodynamics θ alone says nothing about the path.
 """
 
 from __future__ import annotations

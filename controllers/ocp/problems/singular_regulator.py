@@ -15,7 +15,7 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 @cache
 def singular_regulator() -> ProblemFunctions:
-    """Regulation within 5 s, the control for nothing."""
+    """Regulation within 5 s, without a cost of the control."""
     ocp = OptimalControlProblem("singular regulator")
 
     x = ocp.state("x")

@@ -1,4 +1,4 @@
-"""Tumour anti-angiogenesis: so much of a drug that starves a tumour of its vessels (Ledzewicz and Schättler, 2007).
+"""Tumour anti-angiogenesis: a limited dose of a drug that stops a tumour's vessels (Ledzewicz and Schättler, 2007).
 
     minimise p(T)   subject to   p' = -ξ p ln(p / q),   q' = q (b - μ - d p^(2/3) - G u),
                                  0 <= u <= 75,   ∫ u dt <= 15,   T <= 5,   (p, q)(0) = (p̄ / 2, p̄ / 4)

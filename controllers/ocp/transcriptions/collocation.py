@@ -1,11 +1,11 @@
-"""Collocation in integral form, at any points of an interval: what the families of points have in common.
+"""Collocation in integral form, at any points of an interval: the part common to all families of points.
 
 At the k points c_1 < ... < c_k of [0, 1] the rates are f_j = f(X_j, u_j), and the state is the polynomial whose
 derivative is the one through them,
 
     X_j = x_0 + d Σ_k A_jk f_k,     A_jk = ∫_0^{c_j} l_k,      x_1 = x_0 + d Σ_k b_k f_k,     b_k = ∫_0^1 l_k.
 
-A point at 0 is the state x_0 and a point at 1 the state x_1; the others are unknowns of their own.
+A point at 0 is the state x_0 and a point at 1 the state x_1; the others are additional unknowns.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
     x_c = (x_i + x_{i+1}) / 2 + d (f_i - f_{i+1}) / 8,        x_i + d (f_i + 4 f_c + f_{i+1}) / 6 - x_{i+1} = 0.
 
-The midpoint's state is no unknown but the expression above (compressed form); its control is one.
+The midpoint's state is not an unknown but the expression above (compressed form); its control is one.
 """
 
 from __future__ import annotations

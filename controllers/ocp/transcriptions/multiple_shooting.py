@@ -1,6 +1,6 @@
 """Multiple shooting: x_{i+1} is the classical Runge-Kutta method's result from x_i, the control held.
 
-The only scheme here whose plan a zero-order hold flies as it was computed, and explicit, as FATROP needs it. Path
+The only scheme here whose plan is exact under a zero-order hold, and explicit, as FATROP needs it. Path
 constraints hold at the nodes and between the steps.
 """
 

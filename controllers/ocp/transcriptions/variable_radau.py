@@ -69,7 +69,7 @@ class VariableRadauIIA:
 
     @property
     def costate_at(self) -> float:
-        """The multipliers of an interval's equations are the costate at its start."""
+        """Fraction of the interval at which the multipliers of its equations are the costate: its start."""
         return 0.0
 
     @cached_property
@@ -85,14 +85,14 @@ class VariableRadauIIA:
 
 
 class Members(NamedTuple):
-    """Intervals that are transcribed alike."""
+    """Intervals with the same transcription."""
 
     scheme: Scheme  # of each of them
     intervals: Integers  # (m,) their indices
 
 
 def alike(scheme: Scheme, count: int) -> tuple[Members, ...]:
-    """The ``count`` intervals of a grid, by the scheme that each of them has; ProblemError where it has others."""
+    """Group the ``count`` intervals of a grid by their scheme; ProblemError if ``scheme`` has another number."""
     if not isinstance(scheme, VariableRadauIIA):
         return (Members(scheme, np.arange(count, dtype=np.int64)),)
     if len(scheme.counts) != count:

@@ -1,4 +1,4 @@
-"""Angles that mean the same a turn later."""
+"""Angles modulo a turn."""
 
 from __future__ import annotations
 

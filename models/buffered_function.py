@@ -11,10 +11,10 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 class BufferedFunction:
-    """A function whose arguments and results are arrays that were given to it; calling it evaluates it.
+    """A function that reads and writes given arrays; calling it evaluates it.
 
-    ``arguments`` are those of the function in their order, ``results`` likewise: contiguous float64 arrays with an
-    entry for each structural nonzero, column by column, or None for a result that is not asked for.
+    ``arguments`` and ``results`` are those of the function, in their order: contiguous float64 arrays with an entry for
+    each structural nonzero, column by column, or None for a result that is not needed.
     """
 
     def __init__(self, function: casadi.Function, arguments: Sequence[Array], results: Sequence[Array | None]) -> None:
@@ -31,6 +31,6 @@ class BufferedFunction:
         self._evaluate()
 
     def stats(self) -> dict[str, Any]:
-        """Return the statistics that a solver keeps of its last call."""
+        """Return a solver's statistics of its last call."""
         statistics: dict[str, Any] = self._buffer.stats()
         return statistics

@@ -19,14 +19,14 @@ _DIGITS = 32  # of a hash, in the name of a file
 
 
 def compiler() -> str | None:
-    """The C compiler, if there is one."""
+    """Path of the C compiler; None if there is none."""
     return shutil.which("cc")
 
 
 def compiled(solver: ca.Function) -> Path:
-    """The functions that an NLP solver evaluates, as a shared library.
+    """Compile the functions that an NLP solver evaluates to a shared library.
 
-    Raises FileNotFoundError where there is no C compiler named cc, and OSError where it fails, with what it said.
+    Raises FileNotFoundError if there is no C compiler named cc, and OSError, with its message, if it fails.
     """
     cc = compiler()
     if cc is None:
@@ -37,7 +37,7 @@ def compiled(solver: ca.Function) -> Path:
         source, built = Path(folder) / "nlp.c", Path(folder) / "nlp.so"
         with contextlib.chdir(folder):  # CasADi takes no folder here
             solver.generate_dependencies(source.name)
-        # A user's folder may be that of several machines.
+        # Several machines may share a user's folder.
         text = platform.machine().encode() + read_bytes(source, ValueError, MOST_TEXT)
         key = hashlib.sha256(text).hexdigest()[:_DIGITS]
         for library in sorted(cache.glob(f"{key}-*.so")):
@@ -50,7 +50,7 @@ def compiled(solver: ca.Function) -> Path:
             said = " ".join(made.stderr.split())[-400:] or "nothing"
             raise OSError(f"the C compiler {cc} ended with {made.returncode} and said: {said}")
         library = cache / f"{key}-{_checksum(built)}.so"
-        built.replace(library)  # at once, so that a process beside this one never loads half a file
+        built.replace(library)  # at once, so that another process never loads half a file
     return library
 
 

@@ -1,6 +1,6 @@
 """dm_control's ``composer`` and ``mjcf``, imported in silence and without OpenGL: its renderer is not used here.
 
-Whoever draws with dm_control's own renderer in the same process imports dm_control before mathnavi.
+A program that uses dm_control's renderer in the same process imports dm_control before mathnavi.
 """
 
 from __future__ import annotations

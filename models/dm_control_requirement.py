@@ -12,7 +12,7 @@ class MissingPackageError(ImportError):
 
 
 def require_dm_control() -> None:
-    """MissingPackageError where dm-control is not installed."""
+    """Raise MissingPackageError if dm-control is not installed."""
     if find_spec("dm_control") is not None:
         return
     from importlib.metadata import PackageNotFoundError, requires  # takes as long to import as the command line

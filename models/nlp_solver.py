@@ -1,9 +1,9 @@
-"""CasADi's NLP solvers, for whoever states a programme: IPOPT, or FATROP with its stages, interpreted or compiled.
+"""CasADi's NLP solvers for any programme: IPOPT, or FATROP with its stages, interpreted or compiled.
 
     minimise f(x, p)    subject to    lbg <= g(x, p) <= ubg,    lbx <= x <= ubx.
 
 A solver is called again and again with other guesses and parameters, on line within milliseconds, so its arguments and
-results live in buffers. However a call ends, it ends as a status.
+results live in buffers. Every outcome of a call is a status.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ NlpPlugin = Literal["ipopt", "fatrop"]
 
 
 class SolverOutcome(Enum):
-    """End of a solve; the value is the message for the user.
+    """Outcome of a solve; the value is the message for the user.
 
-    A solver itself says no more than ``CONVERGED``: whether the solution of a transcribed programme solves the problem,
-    its replay in the true dynamics has to show.
+    A solver itself reports at most ``CONVERGED``: only the replay in the true dynamics shows whether the solution of a
+    transcribed programme solves the problem.
     """
 
     OPTIMAL = "a local optimum, within the tolerance when it is replayed"
@@ -60,28 +60,28 @@ IPOPT_WARM_START: Mapping[str, Any] = {
     "warm_start_mult_bound_push": 1e-9,
     "mu_init": 1e-4,
 }
-"""a warm start stays where it is put: the usual push away from the bounds would undo it"""
+"""options of a warm start, which stays where it is: the usual push away from the bounds would undo it"""
 
 
 @dataclass(frozen=True)
 class StageStructure:
-    """The stages of a programme as FATROP wants them: N + 1 states with N or N + 1 inputs between them."""
+    """Stages of a programme as FATROP needs them: N + 1 states with N or N + 1 inputs between them."""
 
     states: Sequence[int]  # (N + 1,) sizes
     inputs: Sequence[int]  # (N + 1,) sizes, the last one after the last state
-    path_rows: Sequence[int]  # (N + 1,) constraints of each stage beside its gap
+    path_rows: Sequence[int]  # (N + 1,) constraints of each stage besides its gap
     equality: Sequence[bool]  # (m,) of the rows of g
 
 
 def ipopt_settings(tolerance: float, iterations: int, more: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings for ``NlpSolver`` with IPOPT, silent; ``more`` are further options of IPOPT's own."""
+    """Settings for ``NlpSolver`` with IPOPT, silent; ``more`` are additional options of IPOPT."""
     return {"ipopt": {"print_level": 0, "sb": "yes", "tol": tolerance, "max_iter": iterations, **more}}
 
 
 def fatrop_settings(
     stages: StageStructure, tolerance: float, iterations: int, more: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Settings for ``NlpSolver`` with FATROP, silent; ``more`` are further options of FATROP's own."""
+    """Settings for ``NlpSolver`` with FATROP, silent; ``more`` are additional options of FATROP."""
     return {
         "structure_detection": "manual",
         "nx": list(stages.states),
@@ -106,12 +106,12 @@ class NlpSolver:
     """One of CasADi's NLP solvers with buffers for its arguments and results.
 
     ``functions`` are x, p, f and g, ``settings`` those of ``ipopt_settings`` or ``fatrop_settings`` and ``results`` the
-    names of the outputs that are kept. ``seconds`` is the CPU time [s] after which a solve is ended: IPOPT looks at it
-    in every iteration, FATROP, which may not return from one, runs in a process of its own (see ``solver_process``).
-    ``cache`` holds derivatives that are known already. ``compiled`` translates the functions to C once (seconds, kept
+    names of the outputs that are kept. ``seconds`` is the CPU time [s] after which a solve is ended: IPOPT checks it in
+    every iteration, FATROP, which may not return from one, runs in a separate process (see ``solver_process``).
+    ``cache`` contains precomputed derivatives. ``compiled`` translates the functions to C once (seconds, kept
     in the user's cache folder); otherwise they run in CasADi's virtual machine.
 
-    Raises FileNotFoundError where there is no C compiler named cc, and OSError where it fails.
+    Raises FileNotFoundError if there is no C compiler named cc, and OSError if it fails.
     """
 
     def __init__(
@@ -145,7 +145,7 @@ class NlpSolver:
             self._solver = _LocalSolver(function, arguments, places)
 
     def solve(self) -> NlpReport:
-        """Solve with what stands in ``inputs``; the solution, or the last iterate, stands in ``outputs``."""
+        """Solve with the values in ``inputs``; the solution, or the last iterate, is in ``outputs`` afterwards."""
         report = self._solver.solve(self._seconds)
         if report.timed_out:
             return NlpReport(SolverOutcome.LIMIT, report.message, report.iterations)
@@ -154,7 +154,7 @@ class NlpSolver:
 
 
 class _LocalSolver:
-    """A solver in this process, which keeps its own limit of time."""
+    """A solver in this process, which enforces the time limit itself."""
 
     def __init__(self, function: ca.Function, arguments: Sequence[Array], results: Sequence[Array]) -> None:
         self._evaluate = BufferedFunction(function, arguments, results)

@@ -1,4 +1,4 @@
-"""Integration of an ordinary differential equation: x' = f(x, u) with the input held, to a stated error by ``Flow``.
+"""Integration of an ordinary differential equation x' = f(x, u) with the input held; ``Flow`` keeps a tolerance.
 
 Its steps of Dormand and Prince (J. Comp. Appl. Math. 6, 1980), of order 5 with an error estimate of order 4, are as
 long as the tolerance allows: each is kept only if, in every component, its error is estimated at most
@@ -6,8 +6,8 @@ long as the tolerance allows: each is kept only if, in every component, its erro
     tolerance (1 + max |x_i|)        before and after the step.
 
 A solution that leaves every bound in finite time is followed until it is ``FARTHEST`` from the origin or its steps are
-``SHORTEST``; how far it was followed in time is then its escape time, to about 1 / ``FARTHEST`` of a solution like that
-of x' = x^2. ``classical_step`` is for where a step is known to be short enough.
+``SHORTEST``; the time reached is then its escape time, to about 1 / ``FARTHEST`` of a solution like that of x' = x^2.
+``classical_step`` is for a step that is known to be short enough.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ FARTHEST = 1e9  # of any component
 SHORTEST = 1e-14  # [s]
 
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0  # of the length of a step
-_EXACT = 1e-10  # of the tolerance: an error below is none
+_EXACT = 1e-10  # of the tolerance: an error below counts as zero
 _A = (
     (),
     (1 / 5,),
@@ -68,7 +68,7 @@ def classical_sum(x: Any, h: Any, k_1: Any, k_2: Any, k_3: Any, k_4: Any) -> Any
 
 compiled_halfway = njit(nogil=True)(halfway)
 compiled_sum = njit(nogil=True)(classical_sum)
-"""the same for kernels, component by component"""
+"""``classical_sum`` for kernels, component by component"""
 
 
 def dormand_prince(
@@ -107,7 +107,7 @@ class Flow:
     def reach(self, x: Array, u: Array, dt: float) -> tuple[Array, float]:
         """Integrate from x (nx,) over dt [s] with u (nu,) held.
 
-        Returns the state (nx,) and the time [s] that it was reached at: ``dt``, or less where the solution escapes
+        Returns the state (nx,) and the time [s] at which it was reached: ``dt``, or less if the solution escapes
         before.
         """
         at, held, length = self._given

@@ -11,13 +11,13 @@ from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.protocols import Sensor, StateView
 from mathnavi.sim.interfaces.signals import Array
 
-_NEVER = 5.7e-7  # probability of a gap that nothing has to allow for: that of five standard deviations
+_NEVER = 5.7e-7  # probability of a gap that is neglected: that of five standard deviations
 
 
 def longest_gap(interval: float, dropout_rate: float, timeout: float) -> float:
-    """Longest time [s] without a reading that is to be allowed for, while an estimate is not yet lost.
+    """Longest time [s] without a reading to account for, while an estimate is not yet lost.
 
-    Readings come every ``interval`` [s], a fraction ``dropout_rate`` of them is lost, each by itself, and after
+    Readings come every ``interval`` [s], a fraction ``dropout_rate`` of them is lost, independently, and after
     ``timeout`` [s] without one the estimate is lost. A longer gap is as unlikely as five standard deviations.
     """
     if dropout_rate >= 1.0:
@@ -27,7 +27,7 @@ def longest_gap(interval: float, dropout_rate: float, timeout: float) -> float:
 
 
 def rms_gap(interval: float, dropout_rate: float, timeout: float) -> float:
-    """Root of the mean square [s] of the time since the last reading, at its longest before the next one falls due.
+    """Root mean square [s] of the time since the last reading, just before the next one is due.
 
     With n lost readings in a row of probability (1 - q) q^n, E (1 + n)^2 = (1 + q) / (1 - q)^2.
     """
@@ -57,8 +57,8 @@ class Dropout:
 class Outage:
     """A sensor without readings between the times ``spans`` [s], the first of each included.
 
-    The readings that do arrive are those of the faultless sensor. It counts them to know the time, so it needs a rate,
-    and it belongs to one vehicle and one run.
+    The other readings are those of the faultless sensor. It counts readings to know the time, so it needs a rate, and
+    it belongs to one vehicle and one run.
     """
 
     def __init__(self, sensor: Sensor, spans: tuple[tuple[float, float], ...]) -> None:

@@ -1,7 +1,7 @@
-"""A process of its own for solvers that may not return: the kernel ends it when a solve has used up its time.
+"""Separate process for solvers that may not return: the kernel ends it when a solve has used up its time.
 
-No limit of iterations stops FATROP 1.1 while it raises the regularisation of one iteration without end, and nothing
-stops C++ from within its own process. So its solves run in a child process, one for all of a process's solvers, which
+No iteration limit stops FATROP 1.1 while it raises the regularisation of one iteration without end, and C++ code cannot
+be stopped from within its process. So its solves run in a child process, one for all of a process's solvers, which
 sets an interval timer of its own CPU time (ITIMER_PROF) before each: where that runs out, SIGPROF ends it. CPU time,
 so that a machine that is busy with something else ends no solve. The next solve starts another child.
 """
@@ -29,7 +29,7 @@ from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.sim.interfaces.signals import Array
 
 _LOAD, _SOLVE = 0, 1
-_HEADER = struct.Struct("<BQd")  # what is asked, the number of the solver, the limit of CPU time [s]
+_HEADER = struct.Struct("<BQd")  # request, number of the solver, limit of CPU time [s]
 _REPLY = struct.Struct("<?qQ")  # success, iterations (-1 for an exception), length of the message
 _NUMBERS = itertools.count(1)
 # -P and a path that the process sets by itself: no casadi.py of the current folder is taken for the library.
@@ -57,7 +57,7 @@ class SolverProcess:
         self._loaded: set[int] = set()
 
     def solve(self, solver: RemoteSolver, seconds: float) -> ProcessReport:
-        """Solve with a solver's arguments within ``seconds`` of CPU time; its results stand in its arrays."""
+        """Solve with a solver's arguments within ``seconds`` of CPU time; its results are in its arrays afterwards."""
         with self._lock:
             if self._child is None or self._owner != os.getpid():
                 self._start()
@@ -68,7 +68,7 @@ class SolverProcess:
                 timed_out = code == -signal.SIGPROF
                 reason = f"did not return within {seconds:g} s of CPU time"
                 return ProcessReport(False, reason if timed_out else f"its process ended with {code}", None, timed_out)
-            except BaseException:  # interrupted: what the child answers belongs to nobody
+            except BaseException:  # interrupted: the child's answer has no receiver
                 self._ended()
                 raise
 
@@ -109,7 +109,7 @@ class SolverProcess:
         self._loaded, self._owner = set(), os.getpid()
 
     def _ended(self) -> int:
-        """Make sure that the child has ended; returns its exit code."""
+        """End the child if it still runs; returns its exit code."""
         assert self._child is not None
         assert self._connection is not None
         self._connection.close()
@@ -169,7 +169,7 @@ class _LoadedSolver:
 
 
 def serve(connection: Connection) -> None:
-    """Load and solve what is asked for, until the other end is closed."""
+    """Load solvers and solve on request, until the other end is closed."""
     solvers: dict[int, _LoadedSolver] = {}
     with contextlib.suppress(EOFError, ConnectionError):
         while True:

@@ -3,4 +3,4 @@
 from __future__ import annotations
 
 TIME_TOLERANCE = 1e-9
-"""[s] two times closer than this are the same"""
+"""tolerance [s]: two times closer than this are the same"""

@@ -1,4 +1,4 @@
-"""The names of vehicles, which stand before those of their parts in a MuJoCo model: ``NAME/body``."""
+"""Names of vehicles, which precede those of their parts in a MuJoCo model: ``NAME/body``."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def without_opengl() -> Iterator[None]:
-    """MUJOCO_GL forbids rendering in here, and is what it was afterwards."""
+    """Set MUJOCO_GL to forbid rendering within the context, and restore it afterwards."""
     chosen = os.environ.get("MUJOCO_GL")
     os.environ["MUJOCO_GL"] = "disable"
     try:

@@ -6,7 +6,7 @@ held over a time h the motion is, exactly,
     p(h) = p + v h + u h^2 / 2,        v(h) = v + u h.
 
 The forward Euler step p + v h, as printed, leaves out u h^2 / 2: 56 m at a_max = 40 m/s^2 and h = 5/3 s. ``f`` and
-``F`` are CasADi functions, the rest is the same in numpy; the tests hold everything against MuJoCo.
+``F`` are CasADi functions, the rest is the same in numpy; the tests compare everything with MuJoCo.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     import casadi
 
 TICK = 1.0 / 300.0  # [s] of the flight physics
-CONTROL_TICKS = 5  # of the physics to one of estimator and tracker, unless a mission says else
+CONTROL_TICKS = 5  # physics ticks per tick of estimator and tracker, unless a mission states another number
 HULL_RADIUS = 0.5
-"""[m] of the ball that touches, about the vehicle's centre (point_mass.xml)"""
+"""radius [m] of the ball that collides, about the vehicle's centre (point_mass.xml)"""
 
 
 @lru_cache(maxsize=1)

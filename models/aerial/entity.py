@@ -56,9 +56,9 @@ class TerrainArena(composer.Arena):
         east, north = 0.5 * height_field.width, 0.5 * height_field.depth
         root = self.mjcf_model
         root.model = "terrain"
-        # The options of an arena win over those of what is attached to it, so the vehicle's own are repeated here.
+        # The options of an arena override those of what is attached to it, so the vehicle's are repeated here.
         root.option.timestep, root.option.integrator, root.option.gravity = TICK, "RK4", (0.0, 0.0, 0.0)
-        root.option.flag.autoreset = "disable"  # a state that diverges is to be seen, not put back to the origin
+        root.option.flag.autoreset = "disable"  # a state that diverges has to be visible, not reset to the origin
         root.asset.add(
             "hfield",
             name="terrain",
@@ -78,13 +78,13 @@ class TerrainArena(composer.Arena):
         root.visual.map.znear, root.visual.map.zfar = 2e-4, 5.0  # in units of the extent
 
     def add_vehicle(self, vehicle: AerialVehicle) -> None:
-        """Attach a vehicle; its airframe hangs on the world, as MuJoCo asks of a body that is moved from outside."""
+        """Attach a vehicle; its airframe is a child of the world, as MuJoCo requires of a mocap body."""
         self.attach(vehicle)
         self.mjcf_model.attach(vehicle.airframe).mocap = "true"
 
 
 def build_model(height_field: HeightField, names: Sequence[str], acceleration_max: float) -> mujoco.MjModel:
-    """The compiled model of vehicles ``names`` over a terrain.
+    """Compile the model of vehicles ``names`` over a terrain.
 
     Vehicle NAME has the body ``NAME/body``, the joints and motors ``NAME/x``, ``NAME/y``, ``NAME/z`` and the mocap body
     ``NAME/airframe``; the ground is the geom ``terrain``.

@@ -1,4 +1,4 @@
-"""The motion along a plan, compiled, for the loop evaluates it at every control step.
+"""Motion along a plan, compiled, because the loop evaluates it at every control step.
 
 The state after the input u was held for s from x = (p, v) is (p + v s + u s^2 / 2, v + u s); see ``dynamics``.
 """
@@ -51,6 +51,6 @@ def state_on(breaks: Array, x: Array, u: Array, t: float) -> Array:
 
 @njit(cache=True, nogil=True)
 def offset_from(breaks: Array, x: Array, u: Array, t: float, state: Array) -> tuple[float, float, float]:
-    """Position [m] of a state (6,) less that of arcs at t [s], in three numbers; arguments as of ``state_on``."""
+    """Position [m] of a state (6,) minus that of arcs at t [s], in three numbers; arguments as of ``state_on``."""
     planned = state_on(breaks, x, u, t)
     return state[0] - planned[0], state[1] - planned[1], state[2] - planned[2]

@@ -1,9 +1,9 @@
-"""Knowledge that may turn out otherwise while a vehicle flies: the threats, the target, the map (thesis A.1, A.5).
+"""Knowledge that may change while a vehicle flies: the threats, the target, the map (thesis A.1, A.5).
 
-Each message replaces all that was known of its topic, so that a message that is lost, late or doubled does no harm that
-the next one does not mend:
+Each message replaces all that was known of its topic, so that the next one repairs what a message that is lost, late or
+doubled has caused:
 
-    "radars"   tuple[Radar, ...]      the threats that there are now: more, fewer, or elsewhere
+    "radars"   tuple[Radar, ...]      the present threats: more, fewer, or elsewhere
     "target"   (x, y, z) [m]          where the target is now
     "terrain"  HeightField            the map, corrected; of the same extent and spacing
 """
@@ -35,7 +35,7 @@ class Knowledge:
     radars: tuple[Radar, ...] = ()
 
     def updated_with(self, messages: Sequence[Message]) -> Knowledge:
-        """Return what is known after ``messages``; itself if they say nothing new. Impossible ones are left out."""
+        """Return the knowledge after ``messages``; itself if they bring nothing new. Impossible ones are ignored."""
         fields: dict[str, Any] = {}
         for message in messages:
             if message.topic in (RADARS, TARGET, TERRAIN) and not self.complaint(message):
@@ -45,7 +45,7 @@ class Knowledge:
         return self if known == self else known
 
     def complaint(self, message: Message) -> str:
-        """Say why a message cannot be true; "" if it can, and for a topic that is not of here."""
+        """Reason why a message cannot be true; "" if it can, and for other topics."""
         payload, terrain = message.payload, self.terrain
         if message.topic == TERRAIN:
             alike = isinstance(payload, HeightField) and (payload.z.shape, payload.spacing) == (
@@ -65,7 +65,7 @@ class Knowledge:
 
 
 def place_in(payload: Any) -> tuple[float, float, float] | None:
-    """Return the x, y, z [m] in a payload that is a sequence or an array of three numbers; None if it is not."""
+    """Return x, y, z [m] of a payload that is a sequence or an array of three numbers; None for any other."""
     if not isinstance(payload, (tuple, list, np.ndarray)) or len(payload) != 3:
         return None
     if not all(isinstance(each, Real) for each in payload):

@@ -1,7 +1,7 @@
 """The task of one aerial vehicle: get from a start to a target over a terrain (thesis, A.3).
 
-A mission is what everybody may know: the bounds, the map, the declared quality of the sensors and of the estimator. It
-holds no truth of a run.
+A mission is the common knowledge of all parts: the bounds, the map, the declared quality of the sensors and of the
+estimator. It holds no truth of a run.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 @dataclass(frozen=True)
 class DeclaredGusts:
-    """The gusts that a mission declares: a first-order Gauss-Markov force per unit mass on each axis, map frame.
+    """Gusts that a mission declares: a first-order Gauss-Markov force per unit mass on each axis, map frame.
 
     w' = -w / time_constant + white noise, with the standard deviation ``rms`` on each axis; the vector is clipped to
     the length ``limit``. Tracking bounds and estimators allow for these; the gusts that act are a disturbance.
@@ -34,7 +34,7 @@ class DeclaredGusts:
     limit: float = 4.0  # [m/s^2] on the Euclidean norm
 
     def held(self, period: float) -> DeclaredGusts:
-        """Continuous model of gusts that are drawn anew, and held, every ``period`` [s].
+        """Continuous model of gusts that are drawn again, and held, every ``period`` [s].
 
         Held, a gust of autocorrelation rho = exp(-h / tau) from one period to the next changes a velocity as much in
         the long run as a continuous one of the time constant (h / 2) (1 + rho) / (1 - rho), which is never less than
@@ -76,7 +76,7 @@ class EstimateQuality:
 
 @dataclass(frozen=True, eq=False)
 class FlightMission:
-    """From ``start`` at rest to within ``arrival_radius`` of ``target`` by gamma V_0, never below ``clearance_min``."""
+    """Flight from rest at ``start`` to ``arrival_radius`` of ``target`` by gamma V_0, never below ``clearance_min``."""
 
     terrain: HeightField
     start: tuple[float, float, float]  # [m] map frame
@@ -99,10 +99,10 @@ class FlightMission:
 
     @property
     def knowledge(self) -> Knowledge:
-        """Knowledge before the start, which may turn out otherwise."""
+        """Knowledge before the start, which messages may change."""
         return Knowledge(self.terrain, self.target, self.radars)
 
-    # ---- what an estimator needs to know of the vehicle, of any kind of mission
+    # ---- interface of an estimator to the vehicle, common to all missions
 
     @property
     def input_size(self) -> int:

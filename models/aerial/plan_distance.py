@@ -1,4 +1,4 @@
-"""The least distance of two plans for all future time, exactly.
+"""Exact least distance of two plans for all future time.
 
 Two plans are arcs of constant acceleration, then rest. Between two neighbouring breakpoints of either, with s in [0, 1]
 the part of that interval that has passed, their relative position is
@@ -20,7 +20,7 @@ about the vertical, for a plan that crosses the map askew fills the box along it
 
 Before its start a plan stands where it begins and after its end it rests for ever where it ends, as
 ``mathnavi.models.aerial.dynamics.state_at`` has it. A plan that takes over from another at its start is not flown
-before: who compares it gives that time.
+before: the caller passes that time.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ _RESOLUTION = 1e-15  # of s
 
 @dataclass(frozen=True, eq=False)
 class PlannedTrajectory:
-    """Trajectory of a plan, in read-only arrays of its own, with a box around the whole."""
+    """Trajectory of a plan, copied to read-only arrays, with a box around the whole."""
 
     t: Array  # (K + 1,) [s] absolute, increasing
     x: Array  # (K + 1, 6) [m, m/s] map frame, states at t; K = 0 stands still
@@ -64,7 +64,7 @@ class PlannedTrajectory:
 
     @staticmethod
     def from_plan(plan: Plan | PlannedTrajectory) -> PlannedTrajectory:
-        """ArgumentError for a plan that is a failure, or whose arrays do not fit together or are not finite."""
+        """Copy a plan; ArgumentError for a failure, and for arrays that do not fit together or are not finite."""
         if isinstance(plan, PlannedTrajectory):
             return plan
         if not plan.ok:
@@ -112,9 +112,9 @@ def clear(plan_a: Plan | PlannedTrajectory, plan_b: Plan | PlannedTrajectory, di
 def clear_of_each(
     plan: PlannedTrajectory, others: Sequence[PlannedTrajectory], distances: Array, times: Array
 ) -> list[bool]:
-    """For each other plan: True if |p(s) - p_k(s)| >= distances[k] [m] for all s in [times[k], infinity), (n,) each.
+    """True, for each other plan, if |p(s) - p_k(s)| >= distances[k] [m] for all s in [times[k], infinity), (n,) each.
 
-    Most plans of a large fleet are told apart by their boxes, for all of them at once.
+    For most plans of a large fleet the boxes decide, for all of them at once.
     """
     if not others:
         return []

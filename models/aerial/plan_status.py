@@ -6,7 +6,7 @@ from enum import Enum, IntEnum
 
 
 class FlightStatus(Enum):
-    """Why a flight plan is refused; the value is the message for the user."""
+    """Reason for refusing a flight plan; the value is the message for the user."""
 
     WRONG_START = "the plan does not start on the plan that is being flown"
     LOW_CLEARANCE = "the plan comes closer to the ground than allowed"

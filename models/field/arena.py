@@ -1,4 +1,4 @@
-"""A closed curve as the wall of a MuJoCo arena: what rangefinders see, what a robot bumps into, what eyes see.
+"""A closed curve as the wall of a MuJoCo arena: for rangefinders, for collisions and for pictures.
 
 The wall that is sensed is one geom with alpha = 1e-6, near-invisible: MuJoCo's rays pass through geoms with alpha = 0.
 An ellipse is the equator, at the height of the sensors, of an ellipsoid, in which a ray from within ends exactly on the
@@ -6,10 +6,10 @@ curve (to 1e-14 m). Any other curve is a band of triangles on ``CHORDS`` of its 
 
     h^2 kappa / (8 sin gamma)   (h the length of a chord, kappa the curvature, gamma the angle between ray and wall)
 
-too early or too late; beside that MuJoCo keeps vertices as float32. Over 9 000 rays the error was at most 2e-6 m in the
+too early or too late; in addition MuJoCo keeps vertices as float32. Over 9 000 rays the error was at most 2e-6 m in the
 egg and 5e-6 m in the bean.
 
-The wall that is drawn and bumped into is a ring of boxes just outside, so no ray reaches them.
+The wall that is drawn and collides is a ring of boxes just outside, so no ray reaches them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mathnavi.models.field.curve import Curve
 from mathnavi.sim.interfaces.signals import Array
 
 SENSOR_HEIGHT = 0.163
-"""[m] above the floor of the plane in which ranges are measured"""
+"""height [m] above the floor of the plane in which ranges are measured"""
 
 CHORDS = 4096
 BOXES = 96
@@ -31,9 +31,9 @@ WALL_HEIGHT = 0.26  # [m] as drawn
 WALL_THICKNESS = 0.05  # [m]
 SENSED_GROUP, DRAWN_GROUP, FLOOR_GROUP = 4, 1, 0
 
-_SLIPPERY = 0.001  # friction of the floor, which whatever grips on it exceeds
+_SLIPPERY = 0.001  # friction of the floor, less than that of all that grips on it
 _GAP = 5e-4  # [m] from the curve to the boxes outside
-_UPRIGHT = 1e3  # half-height of the ellipsoid over its half-axes: its wall is as good as vertical
+_UPRIGHT = 1e3  # half-height of the ellipsoid over its half-axes: its wall is practically vertical
 _BARELY = (1.0, 1.0, 1.0, 1e-6)  # seen by rays, not by eyes
 
 

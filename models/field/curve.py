@@ -21,7 +21,7 @@ from mathnavi.sim.interfaces.signals import Array
 Coefficients = tuple[tuple[float, float, float, float], ...]
 
 POINTS = 512  # of the polyline
-_CHECKED = 256  # points at which a curve is held to be simple
+_CHECKED = 256  # points at which a curve is checked to be simple
 _LARGEST = 1e6  # [m]
 _MOST_TURNS = 12  # order of rotational symmetry that is tried
 _SAME = 1e-9  # of the size of the curve: two of its Fourier coefficients are the same
@@ -80,12 +80,12 @@ class Curve:
 
     @cached_property
     def table(self) -> Array:
-        """(K + 1, 4) coefficients as the kernels want them."""
+        """Coefficients (K + 1, 4) as the kernels take them."""
         return _fixed(np.array(self.coefficients, dtype=np.float64))
 
     @cached_property
     def polyline(self) -> Array:
-        """(n + 1, 2) [m] points at s = 2 pi k / n."""
+        """Points (n + 1, 2) [m] at s = 2 pi k / n."""
         return _fixed(self.points(np.linspace(0.0, 2.0 * math.pi, POINTS + 1)))
 
     @cached_property
@@ -104,7 +104,7 @@ class Curve:
         x, y = self.polyline[:-1].T
         return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
-    # ---- what is within
+    # ---- the inside
 
     def contains(self, p: Array, margin: float = 0.0) -> bool:
         """True if a point (2,) [m] is within the wall, and no nearer to it than ``margin`` [m]."""
@@ -176,7 +176,7 @@ class Curve:
 
     @property
     def centre(self) -> Array:
-        """(2,) [m] a_0, which the rotations of ``symmetry`` keep."""
+        """Centre a_0 (2,) [m], which the rotations of ``symmetry`` keep."""
         return np.array([self.coefficients[0][0], self.coefficients[0][2]])
 
     def images(self, pose: Array) -> Array:
@@ -244,7 +244,7 @@ def ellipse(c_1: float, c_2: float) -> Curve:
 
 
 EGG = Curve(((0.0, 0.0, 0.0, 0.0), (2.7, 0.0, 0.0, 1.7), (0.35, 0.0, 0.0, 0.22)), "egg")
-"""Convex, its own mirror image and nothing more."""
+"""convex curve, its own mirror image, without another symmetry"""
 
 BEAN = Curve(((0.0, 0.0, 0.0, 0.0), (2.8, 0.0, 0.0, 1.6), (0.0, 0.0, -0.75, 0.0), (0.12, 0.0, 0.0, 0.05)), "bean")
-"""Not convex, nearly its own mirror image."""
+"""curve that is not convex, nearly its own mirror image"""

@@ -1,4 +1,4 @@
-"""A closed curve and the rays that end on it, compiled: estimators ask for thousands of them.
+"""A closed curve and the rays that end on it, compiled: estimators compute thousands of them.
 
 The curve is theta(s) = sum_k a_k cos ks + b_k sin ks, its coefficients (K + 1, 4) in the columns a_x, b_x, a_y, b_y;
 ``polyline`` (n + 1, 2) are its points at s = 2 pi k / n. A ray from p along e = (cos beta, sin beta) ends where

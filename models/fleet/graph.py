@@ -26,17 +26,17 @@ from mathnavi.sim.interfaces.signals import Array
 
 @dataclass(frozen=True)
 class Node:
-    """Vehicle of a fleet, with what it may know of those that it communicates with."""
+    """Vehicle of a fleet, with its knowledge of those that it communicates with."""
 
     name: str
     weights: Mapping[str, float]  # a_lm > 0 of each neighbour l
-    planning_period: float = 5.0 / 3.0  # [s] h, after which the vehicles agree anew
+    planning_period: float = 5.0 / 3.0  # [s] h, after which the vehicles agree again
     deadline: float = math.inf  # [s] D, the latest common time that the fleet may agree on
-    clock_error: float = 0.0  # [s] epsilon, that a vehicle's clock may be off
+    clock_error: float = 0.0  # [s] epsilon, largest error of a vehicle's clock
 
     @property
     def valency(self) -> float:
-        """d_m = sum_l a_lm."""
+        """Valency d_m = sum_l a_lm."""
         return sum(self.weights.values())
 
 
@@ -113,9 +113,9 @@ class Graph:
     def random_connected(
         names: Sequence[str], chance: float, rng: np.random.Generator, least: float = 1.0, most: float = 1.0
     ) -> Graph:
-        """A random tree, and beside it every other edge with this chance; weights uniform from ``least`` to ``most``.
+        """Random tree, plus every other edge with a given probability; weights uniform from ``least`` to ``most``.
 
-        ValueError for a chance that is none, or weights that are not positive or not in order.
+        ValueError for a probability outside 0 to 1, or weights that are not positive or not in order.
         """
         check(chance, "chance", 0.0, 1.0)
         check(least, "least weight", 0.0, open_low=True)
@@ -129,7 +129,7 @@ class Graph:
                 edges[pair] = weight
         return Graph.from_edges(names, edges)
 
-    # ---- what it is
+    # ---- properties
 
     @cached_property
     def laplacian(self) -> Array:
@@ -145,18 +145,18 @@ class Graph:
 
     @property
     def algebraic_connectivity(self) -> float:
-        """lambda_2; infinite for a vehicle alone, which agrees with itself at once."""
+        """Algebraic connectivity lambda_2; infinite for a single vehicle, which agrees with itself at once."""
         return float(self.eigenvalues[1]) if len(self.names) > 1 else math.inf
 
     @cached_property
     def hops(self) -> Array:
-        """Links (n, n) on the shortest path between two vehicles; infinite where there is none."""
+        """Number (n, n) of links on the shortest path between two vehicles; infinite if no path joins them."""
         hops: Array = np.asarray(shortest_path(self.weights > 0.0, unweighted=True), dtype=np.float64)
         return hops
 
     @property
     def diameter(self) -> float:
-        """Links on the longest of the shortest ways; infinite if the graph is not connected."""
+        """Number of links on the longest of the shortest paths; infinite if the graph is not connected."""
         return float(self.hops.max())
 
     @property
@@ -167,7 +167,7 @@ class Graph:
     def checked_connected(self) -> Graph:
         """Return the graph.
 
-        Raises ArgumentError if it is not connected, naming whom the first vehicle does not reach.
+        Raises ArgumentError, with the vehicles that the first one does not reach, if it is not connected.
         """
         if not self.connected:
             apart = [name for name, far in zip(self.names, self.hops[0], strict=True) if not math.isfinite(far)]
@@ -186,7 +186,7 @@ class Graph:
         return tuple(other for other, weight in zip(self.names, row, strict=True) if weight > 0.0)
 
     def node(self, name: str, planning_period: float = 5.0 / 3.0, deadline: float = math.inf) -> Node:
-        """Node of a vehicle: what it knows of the graph.
+        """Node of a vehicle: its knowledge of the graph.
 
         Raises FieldError for an unknown name.
         """

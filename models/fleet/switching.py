@@ -16,10 +16,10 @@ from mathnavi.sim.interfaces.errors import ArgumentError
 
 @dataclass(frozen=True, eq=False)
 class Switching:
-    """Graphs of the same vehicles, each from its own time on; before the first begins, the first.
+    """Graphs of the same vehicles, each from its begin on; before the first begins, the first.
 
-    An edge weighs the same wherever it is there, so that a vehicle has one weight for each neighbour. ValueError for no
-    graph, times that do not increase or are not finite, other vehicles, or an edge with two weights.
+    An edge has the same weight in all graphs that have it, so that a vehicle has one weight for each neighbour.
+    ValueError for no graph, times that do not increase or are not finite, other vehicles, or an edge with two weights.
     """
 
     pieces: tuple[tuple[float, Graph], ...]  # begin [s], graph
@@ -54,12 +54,12 @@ class Switching:
 
     @cached_property
     def union(self) -> Graph:
-        """Graph of all edges that are there at some time."""
+        """Graph of all edges that exist at some time."""
         return Graph(self.names, np.maximum.reduce([graph.weights for _, graph in self.pieces]))
 
     @property
     def connected(self) -> bool:
-        """True if the union is connected, which is enough for an agreement if its graphs keep coming back."""
+        """True if the union is connected, which is enough for an agreement if its graphs keep recurring."""
         return self.union.connected
 
     def at(self, t: float) -> Graph:
@@ -75,9 +75,9 @@ class Switching:
         return self
 
     def node(self, name: str, planning_period: float = 5.0 / 3.0, deadline: float = math.inf) -> Node:
-        """Node of a vehicle: what it knows of all edges that are there at some time."""
+        """Node of a vehicle: its knowledge of all edges that exist at some time."""
         return self.union.node(name, planning_period, deadline)
 
     def linked(self, sender: str, receiver: str, t: float) -> bool:
-        """True if one vehicle hears the other at t [s], as ``mathnavi.sim.engine.network.Linked`` asks."""
+        """True if one vehicle hears the other at t [s], for ``mathnavi.sim.engine.network.Linked``."""
         return self.at(t).linked(sender, receiver, t)

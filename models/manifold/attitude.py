@@ -52,7 +52,7 @@ def body_rate(p: Array, w: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def nearer(p: Array, q: Array) -> Array:
-    """q (4,) or -q, whichever is nearer to p (4,)."""
+    """The nearer to p (4,) of q (4,) and -q."""
     return q.copy() if p @ q >= 0.0 else -q
 
 

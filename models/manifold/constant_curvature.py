@@ -33,7 +33,7 @@ class ConstantCurvature:
 
     @property
     def name(self) -> str:
-        """ "S^n", "H^n" or "R^n"."""
+        """Name of the space: "S^n", "H^n" or "R^n"."""
         letter = {1.0: "S", -1.0: "H", 0.0: "R"}[self.kappa]
         return f"{letter}^{self.dimension}"
 
@@ -49,7 +49,7 @@ class ConstantCurvature:
 
     @property
     def injectivity_radius(self) -> float:
-        """pi on the sphere, infinite elsewhere."""
+        """Injectivity radius: pi on the sphere, infinite elsewhere."""
         return math.pi if self.kappa > 0.0 else math.inf
 
     @property
@@ -183,17 +183,17 @@ class ConstantCurvature:
 
 
 def sphere(n: int) -> ConstantCurvature:
-    """S^n, the unit vectors of R^(n+1)."""
+    """Sphere S^n, the unit vectors of R^(n+1)."""
     return ConstantCurvature(n, 1.0)
 
 
 def hyperbolic_space(n: int) -> ConstantCurvature:
-    """H^n, the sheet p_0 > 0 of -p_0^2 + p_1^2 + ... + p_n^2 = -1."""
+    """Hyperbolic space H^n, the sheet p_0 > 0 of -p_0^2 + p_1^2 + ... + p_n^2 = -1."""
     return ConstantCurvature(n, -1.0)
 
 
 def flat_space(n: int) -> ConstantCurvature:
-    """R^n."""
+    """Flat space R^n."""
     return ConstantCurvature(n, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""Configuration manifolds: what an observer that knows no coordinates needs to know of where a system may be."""
+"""Configuration manifolds, as a coordinate-free observer uses them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Manifold(Protocol):
 
     @property
     def dimension(self) -> int:
-        """n."""
+        """Dimension n."""
         ...
 
     @property
@@ -38,12 +38,12 @@ class Manifold(Protocol):
 
     @property
     def injectivity_radius(self) -> float:
-        """Points nearer than that are joined by one shortest geodesic; ``math.inf`` where all are."""
+        """Radius within which points are joined by one shortest geodesic; ``math.inf`` if all are."""
         ...
 
     @property
     def kappa(self) -> float | None:
-        """The sectional curvature, where that is the same everywhere; None where it is not."""
+        """Sectional curvature if it is the same everywhere; otherwise None."""
         ...
 
     @property
@@ -67,7 +67,7 @@ class Manifold(Protocol):
     def log(self, p: Array, q: Array) -> Array:
         """Logarithm: the shortest w (vector_size,) at p (size,) with exp(p, w) = q (size,).
 
-        Raises CutLocusError where there is none.
+        Raises CutLocusError where no unique one exists.
         """
         ...
 
@@ -95,7 +95,7 @@ class Manifold(Protocol):
     def coordinates(self, p: Array, q: Array) -> Array:
         """Coordinates (n,) of q (size,) in a chart about p (size,), in the units of an encoder there.
 
-        Raises CutLocusError where there are none.
+        Raises CutLocusError where the chart does not reach q.
         """
         ...
 

@@ -1,4 +1,4 @@
-"""Mission of an observer of a Lagrangian system: the system, how its position is read, how fast it may be."""
+"""Mission of an observer of a Lagrangian system: the system, the quality of its position sensor, its greatest speed."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ Period = Annotated[Positive, Condition(_divides_a_second, "1 s over a whole numb
 class LagrangianMission:
     """Mission: find the velocity of a system from its position and its input. It holds no truth of a run.
 
-    ``system`` is the system as it is believed to be. The state is (x, v), as ``system.states`` names it; v is zero for
-    all that is known at the start, and x is what the first reading says.
+    ``system`` is the assumed system. The state is (x, v), as ``system.states`` names it; at the start v is assumed to
+    be zero, and x is the first reading.
 
     Raises MissionError for a period that is not 1 s over a whole number.
     """
@@ -50,7 +50,7 @@ class LagrangianMission:
 
     @property
     def control_period(self) -> float:
-        """[s] of the estimates."""
+        """Period [s] of the estimates."""
         return self.period
 
     @property
@@ -73,4 +73,4 @@ class LagrangianMission:
         return np.zeros((n, n))
 
     def full_state_quality(self, rate: float | None, timeout: float) -> None:
-        """Nothing is certified from it."""
+        """None: the state is not certified."""

@@ -31,7 +31,7 @@ class PositionQuality:
 
 @dataclass(frozen=True)
 class ManifoldPositionSensor:
-    """Reads "position" (size,). What is drawn does not depend on how large the errors are."""
+    """Sensor of "position" (size,). The random numbers drawn do not depend on the size of the errors."""
 
     manifold: Manifold
     quality: PositionQuality
@@ -57,7 +57,7 @@ class ManifoldPositionSensor:
 
 @dataclass(frozen=True)
 class StateSensor:
-    """Reads "full_state", (x, v) without error: what no encoder measures, to compare with."""
+    """Sensor of "full_state", (x, v) without error: for comparison, no encoder measures it."""
 
     size: int
     rate: float | None  # [Hz]

@@ -1,9 +1,9 @@
-"""Euler-Lagrange systems Sigma (D.2.2), as an observer may know them:
+"""Euler-Lagrange systems Sigma (D.2.2), as an observer knows them:
 
     x' = v,    D_t v = -grad U + F,    y = (x, F),
 
-on a configuration manifold, the metric of which is the kinetic energy. What is called ``force`` here is -grad U + F:
-it is always possible to move terms between the two. A state is (x, v), one after the other.
+on a configuration manifold, the metric of which is the kinetic energy. ``force`` is -grad U + F here: terms can always
+be moved between the two. A state is (x, v), one after the other.
 """
 
 from __future__ import annotations
@@ -18,31 +18,31 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 class LagrangianSystem(Protocol):
-    """A configuration manifold and what acts on it."""
+    """A configuration manifold and the forces that act on it."""
 
     @property
     def manifold(self) -> Manifold:
-        """X with its metric."""
+        """Configuration manifold X with its metric."""
         ...
 
     @property
     def states(self) -> tuple[str, ...]:
-        """(size + vector_size,) name and unit of each component of the state."""
+        """Name and unit (size + vector_size,) of each component of the state."""
         ...
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """(nu,) name and unit of each component of the input."""
+        """Name and unit (nu,) of each component of the input."""
         ...
 
     @property
     def constant(self) -> tuple[float, ...]:
-        """(nu,) u = constant + amplitude sin t is the input where nothing else is asked for."""
+        """Constant part (nu,) of the default input u = constant + amplitude sin t."""
         ...
 
     @property
     def amplitude(self) -> tuple[float, ...]:
-        """(nu,)"""
+        """Amplitude (nu,) of the default input."""
         ...
 
     @property
@@ -57,23 +57,23 @@ class LagrangianSystem(Protocol):
         ...
 
     def flow(self, state: Array, u: Array, h: float) -> Array:
-        """State (size + vector_size,) after h [s] from ``state`` with u (nu,) held; ``integrate`` for one."""
+        """State (size + vector_size,) after h [s] from ``state`` with u (nu,) held, for instance by ``integrate``."""
         ...
 
 
 @runtime_checkable
 class SteppedSystem(LagrangianSystem, Protocol):
-    """A system whose steps are taken as a whole where forces at their ends are not enough, as of a stiff servo."""
+    """A system that takes its own steps where forces at their ends are not enough, as with a stiff servo."""
 
     @property
     def implicit(self) -> bool:
-        """True where steps have to be taken as a whole."""
+        """True if the system has to take its own steps."""
         ...
 
     def step(self, x: Array, v: Array, u: Array, h: float, delta: Array | None = None) -> tuple[Array, Array]:
         """State x (size,), v (vector_size,) after h [s] from (x, v) with u (nu,) held.
 
-        ``delta`` (vector_size,) is an acceleration that the model lacks. Raises ArithmeticError where it leads nowhere.
+        ``delta`` (vector_size,) is an acceleration that the model lacks. Raises ArithmeticError if the step diverges.
         """
         ...
 
@@ -92,7 +92,7 @@ class AffineInputLaw(Protocol):
     """Affine inputs by the state."""
 
     def __call__(self, x: Array, v: Array) -> AffineInputs:
-        """Return what the inputs do at x (size,), v (vector_size,)."""
+        """Return the affine inputs at x (size,), v (vector_size,)."""
         ...
 
 
@@ -106,12 +106,12 @@ class ActuatedSystem(LagrangianSystem, Protocol):
         ...
 
     def affine_inputs(self) -> AffineInputLaw | None:
-        """Affine inputs; None where a probe of the force shows all there is to know."""
+        """Affine inputs; None where a probe of the force is sufficient."""
         ...
 
 
 def stepped(system: LagrangianSystem) -> SteppedSystem | None:
-    """Return the system if its steps have to be taken as a whole, else None."""
+    """Return the system if it has to take its own steps, else None."""
     return system if isinstance(system, SteppedSystem) and system.implicit else None
 
 

@@ -28,7 +28,7 @@ from mathnavi.sim.interfaces.signals import Array
 _FARTHEST = 1e6  # p_0 = cosh(dist(p, origin)), 14.5 from it
 
 Potential = Callable[[casadi.SX], casadi.SX]
-"""U(p) [1/s^2], of an ambient point (size,)"""
+"""potential U(p) [1/s^2] of an ambient point (size,)"""
 
 
 def linear(strength: float, component: int) -> Potential:
@@ -69,20 +69,20 @@ class PointSystem:
 
     @property
     def constant(self) -> tuple[float, ...]:
-        """(size,) zeros: no input where nothing else is asked for."""
+        """Default input (size,): zeros."""
         return (0.0,) * self.manifold.size
 
     amplitude = constant
 
     @property
     def states(self) -> tuple[str, ...]:
-        """(2 size,) names and units of the state (p, v)."""
+        """Names and units (2 size,) of the state (p, v)."""
         n = self.manifold.size
         return (*(f"position_{k} [-]" for k in range(n)), *(f"velocity_{k} [1/s]" for k in range(n)))
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """(size,) names and units of the ambient force."""
+        """Names and units (size,) of the ambient force."""
         return tuple(f"force_{k} [1/s^2]" for k in range(self.manifold.size))
 
     def force(self, x: Array, v: Array, u: Array) -> Array:

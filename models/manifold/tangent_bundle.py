@@ -16,10 +16,10 @@ from collections.abc import Callable
 import casadi
 
 Field = Callable[[casadi.SX], casadi.SX]
-"""x (n,) -> (n,)"""
+"""field on X, x (n,) -> (n,)"""
 
 BundleField = Callable[[casadi.SX, casadi.SX], casadi.SX]
-"""(x, v) -> (2 n,)"""
+"""field on TX, (x, v) -> (2 n,)"""
 
 
 class TangentBundle:
@@ -29,7 +29,7 @@ class TangentBundle:
         self.n, self.metric = n, metric
 
     def christoffel(self, x: casadi.SX, u: casadi.SX, w: casadi.SX) -> casadi.SX:
-        """Gamma^i_jk u^j w^k (n,)."""
+        """Connection Gamma^i_jk u^j w^k (n,)."""
         at, first, second = (casadi.SX.sym(name, self.n) for name in ("x", "u", "w"))
         g = self.metric(at)
         # 2 Gamma_i = d_u g w + d_w g u - grad(u' g w), the arguments held.
@@ -42,7 +42,7 @@ class TangentBundle:
         return casadi.substitute(gamma, casadi.vertcat(at, first, second), casadi.vertcat(x, u, w))
 
     def covariant(self, Y: Field, x: casadi.SX, u: casadi.SX) -> casadi.SX:
-        """nabla_u Y (n,)."""
+        """Covariant derivative nabla_u Y (n,)."""
         return casadi.jtimes(Y(x), x, u) + self.christoffel(x, u, Y(x))
 
     def curvature(self, x: casadi.SX, X: casadi.SX, Y: casadi.SX, Z: casadi.SX) -> casadi.SX:
@@ -61,19 +61,19 @@ class TangentBundle:
     # ---- lifts and brackets
 
     def vertical(self, Y: Field) -> BundleField:
-        """Y^V."""
+        """Vertical lift Y^V."""
         return lambda x, v: casadi.vertcat(casadi.SX(self.n, 1), Y(x))
 
     def horizontal(self, Y: Field) -> BundleField:
-        """Y^H."""
+        """Horizontal lift Y^H."""
         return lambda x, v: casadi.vertcat(Y(x), -self.christoffel(x, v, Y(x)))
 
     def spray(self, x: casadi.SX, v: casadi.SX) -> casadi.SX:
-        """Z."""
+        """Geodesic spray Z."""
         return casadi.vertcat(v, -self.christoffel(x, v, v))
 
     def sasaki(self, a: float, b: float, c: float) -> BundleField:
-        """G (2 n, 2 n) in the coordinates (x, v)."""
+        """Generalised Sasaki metric G (2 n, 2 n) in the coordinates (x, v)."""
 
         def metric(x: casadi.SX, v: casadi.SX) -> casadi.SX:
             n, w = self.n, casadi.SX.sym("w", self.n)
@@ -86,13 +86,13 @@ class TangentBundle:
 
 
 def bracket(X: BundleField, Y: BundleField, x: casadi.SX, v: casadi.SX) -> casadi.SX:
-    """[X, Y] (2 n,) = dY X - dX Y."""
+    """Lie bracket [X, Y] (2 n,) = dY X - dX Y."""
     z = casadi.vertcat(x, v)
     return casadi.jtimes(Y(x, v), z, X(x, v)) - casadi.jtimes(X(x, v), z, Y(x, v))
 
 
 def lie_derivative(X: BundleField, G: BundleField, x: casadi.SX, v: casadi.SX) -> casadi.SX:
-    """L_X G (2 n, 2 n)."""
+    """Lie derivative L_X G (2 n, 2 n)."""
     z = casadi.vertcat(x, v)
     size = z.numel()
     slope = casadi.jacobian(X(x, v), z)

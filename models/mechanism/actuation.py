@@ -24,7 +24,7 @@ _NONE, _AFFINE_BIAS = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS
 
 
 class Actuation:
-    """The affine inputs of a model; FieldError for muscles and actuators with a law of the user's."""
+    """The affine inputs of a model; FieldError for muscles and actuators with a user-defined law."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         known = np.isin(model.actuator_gaintype, (_FIXED, _AFFINE)) & np.isin(
@@ -44,7 +44,7 @@ class Actuation:
         self._bias = model.actuator_biasprm[:, :3] * (model.actuator_biastype == _AFFINE_BIAS)[:, None]
 
     def __call__(self, x: Array, v: Array) -> AffineInputs:
-        """Return what the inputs do at x (nq,), v (nv,)."""
+        """Return the affine inputs at x (nq,), v (nv,)."""
         model, data = self._model, self._data
         without = forces.acceleration(self._at, x, v, self._none)
         moment, solved = np.zeros((model.nu, model.nv)), np.zeros((model.nu, model.nv))

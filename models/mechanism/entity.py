@@ -1,4 +1,4 @@
-"""Mechanisms of our own, or of any MJCF file, above a floor and under a sky.
+"""Mechanisms of this package, or of any MJCF file, above a floor and under a sky.
 
     rigid-body       a body on a ball joint, the same inertia about every axis: S^3
     cart-pendulum    a slide and a hinge: a flat metric
@@ -12,7 +12,7 @@ servos, limits, damping, armature and friction:
     servo-seven      seven hinges, with links of little inertia
     servo-gripper    seven hinges and two fingers, coupled, which one servo drives by a tendon
 
-and two that nothing holds:
+and two with a free base:
 
     swimmer          six links in a plane, in a viscous fluid, with a torque motor on each of five hinges
     quadruped        four legs of two hinges each, with position servos, an IMU on the trunk and switches in the feet
@@ -42,13 +42,13 @@ from mathnavi.sim.interfaces.reading.mechanisms import read_spec
 
 _HERE = Path(__file__).parent
 _SUITE = "dm_control:"
-_BELOW = 0.1  # of a mechanism's extent that the floor is beneath it, if it reaches below zero
+_BELOW = 0.1  # distance of the floor beneath a mechanism that reaches below zero, as a fraction of its extent
 
 
 def file_of(mechanism: MechanismName | str | Path) -> Path:
     """MJCF file of a mechanism: by name, of dm_control's suite, of MuJoCo Menagerie, or at a path.
 
-    Raises FieldError if there is none.
+    Raises FieldError if no such file exists.
     """
     if str(mechanism).startswith(PREFIX):
         return menagerie_file(str(mechanism))
@@ -71,20 +71,20 @@ def mechanism_digest(mechanism: str) -> str:
 
 
 def place_of(mechanism: str) -> str:
-    """Name or path that is the same mechanism from any folder: a name stays, a path becomes absolute."""
+    """Name or path that means the same mechanism from any folder: a name stays, a path becomes absolute."""
     path = file_of(mechanism)
     return str(path.resolve()) if path == Path(mechanism) else mechanism
 
 
 MechanismPlace = Annotated[str, InputFile(mechanism_digest)]
-"""Type of a field that names a mechanism, or an MJCF file: what the file includes is part of the key of its runs."""
+"""type of a field that names a mechanism, or an MJCF file: the files it includes are part of the key of its runs"""
 
 
 def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism") -> Any:
-    """The ``mujoco.MjSpec`` of a mechanism in its arena, not compiled yet.
+    """Build the ``mujoco.MjSpec`` of a mechanism in its arena, not compiled yet.
 
-    Everything in the file has its name after ``NAME/``, the joint ``NAME/elbow`` for one; bodies, joints and actuators
-    without a name get one, ``NAME/joint_0`` for one. Its options are kept, and its floor if it has one.
+    Everything in the file has its name after ``NAME/``, for instance the joint ``NAME/elbow``; bodies, joints and
+    actuators without a name get one, for instance ``NAME/joint_0``. Its options are kept, and its floor if it has one.
 
     Raises ValueError for what ``file_of`` and ``geometry.checked`` refuse, for a file that MuJoCo cannot read, and for
     a name that is empty or contains "/".
@@ -93,7 +93,7 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
     path = file_of(mechanism)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # what is old-fashioned in a file is for its maker to know
+            warnings.simplefilter("ignore", UserWarning)  # deprecated elements of a file concern its author
             own = read_spec(path, FieldError)
             alone = own.copy().compile()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
@@ -108,11 +108,11 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
     for kind, elements in (("body", own.bodies), ("joint", own.joints), ("actuator", own.actuators)):
         _name(kind, elements)
     arena = read_spec(_HERE / "arena.xml", FieldError)
-    # An arena wins over what is attached to it: it takes the options, and its own light is kept.
+    # The options of an arena override those of what is attached to it: it takes the file's, and keeps its light.
     _copy(own.option, arena.option)
     _copy(arena.visual, own.visual)
     arena.memory, arena.njmax, arena.nconmax = own.memory, own.njmax, own.nconmax
-    arena.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # what diverges is to be seen
+    arena.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # a state that diverges has to be visible
     arena.stat.center, arena.stat.extent = alone.stat.center, alone.stat.extent
     sun = arena.light("sun")  # its shadows are sharp, and there, around where it hangs
     sun.pos = alone.stat.center - 1.5 * alone.stat.extent * np.array(sun.dir) / np.linalg.norm(sun.dir)
@@ -129,12 +129,12 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
 
 
 def build_model(mechanism: MechanismName | str | Path, *, name: str = "mechanism") -> mujoco.MjModel:
-    """The compiled ``mujoco.MjModel`` of ``build_spec``."""
+    """Compile the ``mujoco.MjModel`` of ``build_spec``."""
     return build_spec(mechanism, name=name).compile()
 
 
 def _name(kind: str, elements: Sequence[Any]) -> None:
-    """Give a name to those that have none."""
+    """Name the elements without a name."""
     taken = {element.name for element in elements}
     for k, element in enumerate(elements):
         if not element.name:
@@ -142,7 +142,7 @@ def _name(kind: str, elements: Sequence[Any]) -> None:
 
 
 def _copy(source: Any, target: Any) -> None:
-    """Every value of a structure of MuJoCo's."""
+    """Copy every value of a MuJoCo structure."""
     for name in dir(source):
         value = getattr(source, name)
         if name.startswith("_") or callable(value):
@@ -156,7 +156,7 @@ def _copy(source: Any, target: Any) -> None:
 
 
 def _floor(model: mujoco.MjModel) -> float:
-    """[m] how high the floor lies."""
+    """Height [m] of the floor."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     down = data.geom_xmat.reshape(-1, 3, 3)[:, 2]  # (ngeom, 3) the world's vertical in the frame of each geom

@@ -1,10 +1,10 @@
-"""The files that a mechanism is read from: its MJCF, what that includes, and every mesh, texture and height field.
+"""Files that a mechanism is read from: its MJCF, the files it includes, and every mesh, texture and height field.
 
 MuJoCo names a file in an attribute ``file``, ``filename`` or ``fileup`` and the like, of an ``<include>``, an asset, a
 ``<model>`` that is attached or a ``<flexcomp>``, relative to the folder of the first file, of the including one or of
 the assets (``meshdir``, ``texturedir``, ``assetdir``), with or without the folders in the name (``strippath``). Each
-place where it may lie is tried, and each file that is there counts: one too many makes results anew, one too few would
-take old results for new ones.
+place where it may lie is tried, and each file that exists counts: with one too many results are computed again, with
+one too few old results would pass for new ones.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*(?:"([^"]*)"|'([^']*)
 
 
 def files_of(mjcf: Path) -> dict[str, bytes]:
-    """Contents of an MJCF file and of every file that it names, by their paths from its folder; its own is "".
+    """Contents of an MJCF file, at "", and of every file that it names, by their paths from its folder.
 
     Raises OSError for a file that cannot be read.
     """
@@ -40,7 +40,7 @@ def files_of(mjcf: Path) -> dict[str, bytes]:
 
 
 def files_digest(mjcf: Path) -> str:
-    """SHA-256 of ``files_of``: of what is in the files, and of how they lie to each other."""
+    """SHA-256 of ``files_of``: of the contents of the files, and of their relative paths."""
     return digest_of(files_of(mjcf))
 
 

@@ -1,4 +1,4 @@
-"""The floating base of a mechanism, and what it carries in place of a reading of its pose: an IMU and foot switches.
+"""The floating base of a mechanism, and the sensors that replace a reading of its pose: an IMU and foot switches.
 
 The base is the body of the one free joint, which comes first. Its IMU is a ``<gyro>`` and an ``<accelerometer>`` of the
 MJCF at one site of that body, with the ``noise`` of both as standard deviations; it reads, in the site's axes,
@@ -6,7 +6,7 @@ MJCF at one site of that body, with the ``noise`` of both as standard deviations
     omega + n_g    and    R' (a + g) + n_a,
 
 a being the acceleration of the site over the last tick and g that of gravity, upwards. A ``<touch>`` sensor at a site
-of any other body makes it a foot, which reads 1 while it touches what belongs to no mechanism, and 0 otherwise; a
+of any other body makes it a foot, which reads 1 while it touches something that is not part of a mechanism, else 0; a
 sphere about that site is a foot that rolls. The joints are read by their encoders.
 """
 
@@ -43,13 +43,13 @@ class FloatingBase:
     mounting: Array  # (3, 3) R of the IMU's axes in those of the base
     offset: Array  # (3,) [m] of the IMU in the axes of the base
     gyro: float  # [rad/s] standard deviation of a reading
-    accelerometer: float  # [m/s^2] likewise
+    accelerometer: float  # [m/s^2] standard deviation of a reading
     feet: tuple[int, ...]  # sites
     radii: tuple[float, ...]  # [m] of the feet, 0 of those that do not roll
 
     @staticmethod
     def from_model(model: mujoco.MjModel) -> FloatingBase:
-        """The base of a model. Raises FieldError for one without a base or without its IMU."""
+        """Read the base of a model. Raises FieldError for a model without a base or without its IMU."""
         free = np.flatnonzero(model.jnt_type == FREE)
         if free.tolist() != [0]:
             raise FieldError(
@@ -81,13 +81,13 @@ class FloatingBase:
 
     @property
     def has_joints(self) -> bool:
-        """True if there is any joint beside that of the base."""
+        """True if the model has joints other than that of the base."""
         return bool(self.model.njnt > 1)
 
 
 @dataclass(frozen=True)
 class BaseImu:
-    """Reads "imu" (6,): rate [rad/s] and specific force [m/s^2] of the base's IMU, in its axes."""
+    """Sensor of "imu" (6,): rate [rad/s] and specific force [m/s^2] of the base's IMU, in its axes."""
 
     base: FloatingBase
     rate: float | None  # [Hz]
@@ -107,14 +107,14 @@ class BaseImu:
 
 @dataclass(frozen=True)
 class JointEncoders:
-    """Reads "joints" (nq - 7,): what the encoders of a mechanism read, without the pose of its base."""
+    """Sensor of "joints" (nq - 7,): the encoders of a mechanism, without the pose of its base."""
 
     position: ManifoldPositionSensor  # of all of it
     name: ClassVar[str] = JOINTS
 
     @property
     def rate(self) -> float | None:
-        """[Hz]."""
+        """Rate [Hz] of the encoders."""
         return self.position.rate
 
     @property
@@ -130,7 +130,7 @@ class JointEncoders:
 
 @dataclass(frozen=True)
 class FootSwitches:
-    """Reads "feet" (k,): 1 for each foot that touches what belongs to no mechanism, and 0 for the others."""
+    """Sensor of "feet" (k,): 1 for each foot that touches something that is not part of a mechanism, else 0."""
 
     base: FloatingBase
     rate: float | None  # [Hz]
@@ -146,7 +146,7 @@ class FootSwitches:
         return len(self.base.feet)
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
-        """Read the switches (k,); nothing is drawn."""
+        """Read the switches (k,), without noise."""
         model, data = self.base.model, self.data
         data.qpos[:] = motion.x[: model.nq]
         mujoco.mj_fwdPosition(model, data)
@@ -156,14 +156,14 @@ class FootSwitches:
 
 
 def _radius(model: mujoco.MjModel, site: int) -> float:
-    """Radius [m] of the sphere about a site of the same body; 0 if there is none."""
+    """Radius [m] of the sphere about a site of the same body; 0 if the site has no sphere."""
     spheres = (model.geom_bodyid == model.site_bodyid[site]) & (model.geom_type == int(mujoco.mjtGeom.mjGEOM_SPHERE))
     centred = np.linalg.norm(model.geom_pos - model.site_pos[site], axis=1) < _CENTRED
     return float(model.geom_size[spheres & centred, 0].max(initial=0.0))
 
 
 def _at(model: mujoco.MjModel, base: int, kind: int) -> int | None:
-    """The first sensor of a kind at a site of the base; None if there is none."""
+    """First sensor of a kind at a site of the base; None if there is no such sensor."""
     for i in np.flatnonzero(model.sensor_type == kind).tolist():
         if int(model.site_bodyid[model.sensor_objid[i]]) == base:
             return int(i)

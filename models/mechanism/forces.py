@@ -19,7 +19,7 @@ fwd_actuation = function("mj_fwdActuation", ADDRESS, ADDRESS)
 
 
 class Actuated(NamedTuple):
-    """A model and the memory it is evaluated in, which never holds a constraint."""
+    """A model and the memory it is evaluated in, which never contains constraints."""
 
     model: int  # address
     data: int  # address
@@ -31,7 +31,7 @@ class Actuated(NamedTuple):
 
 
 def actuated(model: mujoco.MjModel, data: mujoco.MjData) -> Actuated:
-    """A model and its memory as compiled code takes them; both have to outlive the result."""
+    """Pass a model and its memory to compiled code; both have to outlive the result."""
     return Actuated(
         model._address, data._address, data.qpos, data.qvel, data.ctrl, data.qfrc_passive, data.qfrc_actuator
     )

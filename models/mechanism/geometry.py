@@ -2,8 +2,8 @@
 
 A point is qpos (nq,), a tangent vector a qvel (nv,): rates of slides [m/s] and hinges [rad/s], and of a ball joint,
 the position of which is a unit quaternion, the rate [rad/s] in the frame of the body it carries; a free joint is three
-slides along the axes of the world and a ball. Nothing but inverse
-dynamics is asked of MuJoCo (``kernels``): no derivative of M is needed for the Levi-Civita connection. The thesis
+slides along the axes of the world and a ball. Only inverse
+dynamics is needed from MuJoCo (``kernels``): no derivative of M is needed for the Levi-Civita connection. The thesis
 leaves open how to go on where no closed form is known (D.6); here, with d = q - p in the joints,
 
     exp_p w, log_p q    err by O(|w|^4), O(|d|^4)
@@ -32,9 +32,9 @@ _SINGULAR = 1e-12  # least eigenvalue of M, of the greatest, with its diagonal s
 
 
 class MechanismManifold:
-    """A ``Manifold``. What a model has beside inertia, gravity for one, does not matter here.
+    """A ``Manifold``. All but the inertia of a model, for instance gravity, does not matter here.
 
-    The angles of hinges are not wrapped: a turn leads to another point. Raises ValueError for a model that is no
+    The angles of hinges are not wrapped: a turn leads to another point. Raises ValueError for a model that is not a
     mechanism, see ``checked``.
     """
 
@@ -66,12 +66,12 @@ class MechanismManifold:
         )
 
     def __reduce__(self) -> tuple[type[MechanismManifold], tuple[mujoco.MjModel]]:
-        """A copy has memory of its own: addresses do not outlive what they are in."""
+        """Make a copy allocate new memory: the addresses are valid only in this process."""
         return type(self), (self._model,)
 
     @property
     def kappa(self) -> None:
-        """The curvature is not the same everywhere."""
+        """None: the curvature is not the same everywhere."""
 
     @property
     def origin(self) -> Array:
@@ -82,7 +82,7 @@ class MechanismManifold:
     def check(self, p: Array) -> Array:
         """Return p (nq,) with its quaternions normalised.
 
-        Raises ArgumentError for another shape, and for numbers that are not finite or no unit quaternion.
+        Raises ArgumentError for another shape, and for numbers that are not finite or not a unit quaternion.
         """
         point = np.asarray(p, dtype=np.float64)
         if point.shape != (self.size,) or not np.isfinite(point).all():
@@ -170,11 +170,11 @@ class MechanismManifold:
 
 
 def checked(model: mujoco.MjModel) -> mujoco.MjModel:
-    """A copy of a model of slides, hinges, balls and free joints.
+    """Return a copy of a model of slides, hinges, balls and free joints.
 
     Raises ArgumentError, which names all that is not allowed: no joints, armature that depends on the configuration (of
     tendons, or of actuators that move anything but a slide or a hinge), or a mass matrix that is not positive definite
-    at qpos0. Equality constraints are forces, no part of the metric.
+    at qpos0. Equality constraints are forces, not part of the metric.
     """
     single = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
     geared = [
@@ -215,7 +215,7 @@ def _is_positive(M: Array) -> bool:
 def _half_turn(M: Array, balls: Sequence[int]) -> float:
     """The length of half a turn of the ball joint that turns most easily, by M at qpos0; without one, infinite.
 
-    It is asked of the distance over all joints, and M elsewhere is not that at qpos0: a guard, and no bound.
+    It is compared with the distance over all joints, and M differs from that at qpos0: a guard, not a bound.
     """
     inverse = np.linalg.inv(M)
     softest = [np.linalg.eigvalsh(inverse[k : k + 3, k : k + 3])[-1] for k in balls]

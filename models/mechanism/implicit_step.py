@@ -1,4 +1,4 @@
-"""One step of a mechanism with all that acts on it, implicit in the velocity: MuJoCo's own, on memory of its own.
+"""Step of a mechanism with all forces, implicit in the velocity: MuJoCo's integrator, on separate memory.
 
     (M - h dF/dv) (v^+ - v) = h F(q, v, u) + h M delta,        q^+ = q + h v^+,
 
@@ -24,7 +24,7 @@ _FASTEST = 1e9  # [rad/s, m/s] beyond which there is no step: MuJoCo's own limit
 
 
 class ImplicitStep:
-    """Steps of a model; each depends on its arguments only."""
+    """Implicit step of a model; it depends on its arguments only."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model = copy.copy(model)
@@ -70,10 +70,10 @@ class ImplicitStep:
 
 
 def needs_implicit_step(model: mujoco.MjModel) -> bool:
-    """True if a model has what forces at the ends of a step do not do justice to.
+    """True if a model has forces for which their values at the ends of a step are not enough.
 
-    These are servos, drag, damping that is stiff, d (M^-1)_jj h >= 0.05 at qpos0 in a joint j, and what MuJoCo treats
-    as a constraint: limits, friction, contacts, equalities.
+    These are servos, drag, damping that is stiff, d (M^-1)_jj h >= 0.05 at qpos0 in a joint j, and MuJoCo's
+    constraints: limits, friction, contacts, equalities.
     """
     servo = model.actuator_biastype != int(mujoco.mjtBias.mjBIAS_NONE)
     acts = (

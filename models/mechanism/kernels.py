@@ -1,4 +1,4 @@
-"""The geometry of a mass matrix, compiled: what ``geometry.MechanismManifold`` is made of.
+"""Geometry of a mass matrix, compiled, for ``geometry.MechanismManifold``.
 
 With c(v) the velocity-dependent part of MuJoCo's inverse dynamics (``mj_rne`` without gravity), which is quadratic,
 
@@ -156,7 +156,7 @@ def bounded(at: Mechanism, correction: Array, w: Array, share: float) -> Array:
 
 @njit(cache=True)
 def exponential(at: Mechanism, p: Array, w: Array) -> Array:
-    """The geodesic v' = -Gamma(v, v) from v = w, a third of the way along which its acceleration is its mean: with
+    """Exponential map: the geodesic v' = -Gamma(v, v) from v = w; its mean acceleration is that at a third of it: with
 
         a = -Gamma_p(w, w),    b = -Gamma_{p + w/3}(w + a/3, w + a/3),    p + (w + b/2 + [w, a]/12).
 

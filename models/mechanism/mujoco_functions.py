@@ -1,4 +1,4 @@
-"""MuJoCo's own functions, called from compiled code: in a tenth of a microsecond where its Python bindings take three.
+"""MuJoCo's functions, called from compiled code: in a tenth of a microsecond where its Python bindings take three.
 
 They are the functions of the library that the bindings load, on the memory of the same ``mujoco.MjModel`` and
 ``mujoco.MjData``; an argument that is a pointer in C is an address here.
@@ -29,7 +29,7 @@ _LIBRARY = _library()
 
 
 def function(name: str, *arguments: Any) -> Any:
-    """MuJoCo's function of that name, which returns nothing, for compiled code; ImportError if there is none."""
+    """MuJoCo's function of that name, which returns nothing, for compiled code; ImportError if it does not exist."""
     if not hasattr(_LIBRARY, name):
         raise ImportError(f"MuJoCo {mujoco.__version__} has no function {name}; allowed: a version that has")
     return ExternalFunction(name, types.void(*arguments))

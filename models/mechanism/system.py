@@ -29,10 +29,10 @@ _JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 class MechanismSystem:
     """A ``LagrangianSystem`` of a model whose joints each move mass, with the state (qpos, qvel) and the input ctrl.
 
-    Actuators are MuJoCo's, of any kind that has no state of its own, and act within their ranges of control and force;
-    springs, dampers, tendons, gravity compensation and the drag of a medium are MuJoCo's too. ``force`` is without what
-    MuJoCo treats as a constraint: contacts, limits of joints and tendons, friction loss and equalities. Where the model
-    has any of these, servos, drag or stiff damping, ``implicit`` is true, and ``flow`` and ``step`` are MuJoCo's own
+    Actuators are MuJoCo's, of any kind without an internal state, and act within their ranges of control and force;
+    springs, dampers, tendons, gravity compensation and the drag of a medium are MuJoCo's too. ``force`` leaves out
+    MuJoCo's constraints: contacts, limits of joints and tendons, friction loss and equalities. Where the model
+    has any of these, servos, drag or stiff damping, ``implicit`` is true, and ``flow`` and ``step`` are MuJoCo's
     implicit step, with the forces of the constraints; see ``implicit_step``.
 
     Raises ValueError for what ``geometry.checked`` refuses, for actuators with a state, a delay or a plug-in, for
@@ -49,9 +49,7 @@ class MechanismSystem:
             "flexible parts": model.nflex > 0,
         }
         if found := [what for what, is_so in wrong.items() if is_so]:
-            raise ArgumentError(
-                f"model = one with {', '.join(found)}; allowed: actuators without dynamics of their own"
-            )
+            raise ArgumentError(f"model = one with {', '.join(found)}; allowed: actuators without internal dynamics")
         self._model = copy.copy(model)
         self._data = mujoco.MjData(self._model)
         self._at = forces.actuated(self._model, self._data)
@@ -65,7 +63,7 @@ class MechanismSystem:
         self.coupled = int((model.eq_type[model.eq_active0 > 0] == _JOINT_EQUALITY).sum())
 
     def __reduce__(self) -> tuple[type[MechanismSystem], tuple[mujoco.MjModel, tuple[float, ...], tuple[float, ...]]]:
-        """A copy has memory of its own: addresses do not outlive what they are in."""
+        """Make a copy allocate new memory: the addresses are valid only in this process."""
         return type(self), (self._model, self.constant, self.amplitude)
 
     def force(self, x: Array, v: Array, u: Array) -> Array:
@@ -89,7 +87,7 @@ class MechanismSystem:
 
     @property
     def joint_ranges(self) -> Array:
-        """Least and greatest positions (2, nq) [m, rad] that limits leave; infinite where there are none."""
+        """Least and greatest positions (2, nq) [m, rad] within the joints' limits; infinite without a limit."""
         ranges = np.tile([[-np.inf], [np.inf]], (1, self.manifold.size))
         for j in np.flatnonzero(self._model.jnt_limited):
             if self._model.jnt_type[j] in (SLIDE, HINGE):
@@ -98,13 +96,13 @@ class MechanismSystem:
 
     @property
     def floating_base(self) -> FloatingBase:
-        """The base that nothing holds, with its IMU. Raises FieldError where there is none."""
+        """Floating base with its IMU. Raises FieldError for a model without one."""
         return FloatingBase.from_model(self._model)
 
     def affine_inputs(self) -> AffineInputLaw | None:
         """Inputs by the actuators' transmission and bias; None where all are motors, whose controls are forces.
 
-        Raises FieldError for muscles and actuators with a law of the user's.
+        Raises FieldError for muscles and actuators with a user-defined law.
         """
         motors = (self._model.actuator_biastype == _UNBIASED) & (self._model.actuator_gaintype == _FIXED)
         return None if motors.all() else Actuation(self._model)
@@ -117,7 +115,7 @@ class MechanismSystem:
 
 
 def heavier(model: mujoco.MjModel, factor: float) -> mujoco.MjModel:
-    """A copy in which the body on the last joint has its mass and inertia times ``factor`` > 0: a load, or an error."""
+    """Copy a model, the mass and inertia of the body on its last joint times ``factor`` > 0: a load, or an error."""
     check(factor, "factor", 0.0, open_low=True)
     other = copy.copy(model)
     link = int(model.jnt_bodyid[-1])
@@ -128,7 +126,7 @@ def heavier(model: mujoco.MjModel, factor: float) -> mujoco.MjModel:
 
 
 def _input_name(model: mujoco.MjModel, i: int) -> str:
-    """A motor's has the unit of what it exerts; that of another actuator's control is its own affair."""
+    """Name of an input, with the unit of its force or torque for a motor of gain 1 on a joint, else without a unit."""
     name = model.actuator(i).name.partition("/")[2] or model.actuator(i).name or str(i)
     joint = int(model.actuator_trnid[i, 0])
     is_motor = (int(model.actuator_gaintype[i]), int(model.actuator_biastype[i])) == (_FIXED, _UNBIASED)
@@ -139,7 +137,7 @@ def _input_name(model: mujoco.MjModel, i: int) -> str:
 
 
 def _depends_on_velocity(model: mujoco.MjModel) -> bool:
-    """True if anything that acts may depend on the velocity."""
+    """True if any force may depend on the velocity."""
     gain, bias = model.actuator_gaintype == _AFFINE[0], model.actuator_biastype == _AFFINE[1]
     known = (gain | (model.actuator_gaintype == _FIXED)) & (bias | (model.actuator_biastype == _UNBIASED))
     coefficients = (

@@ -1,8 +1,8 @@
-"""The coordinates that a missile flies in: the pitch plane (``PLANAR``), or space (``SPATIAL``).
+"""Coordinates of a missile's flight: in the pitch plane (``PLANAR``), or in space (``SPATIAL``).
 
-The *state* x is the thesis' (z down, velocities in the body frame): it is what estimates and plans hold. The *joint
-coordinates* (q, q') are MuJoCo's (z up, velocities in the world frame): they are the truth of the plant.
-``Coordinates`` leads from one to the other and back, moves a state on, and finds the input for an acceleration.
+The *state* x is the thesis' (z down, velocities in the body frame); estimates and plans contain it. The *joint
+coordinates* (q, q') are MuJoCo's (z up, velocities in the world frame); the plant has them.
+``Coordinates`` converts one to the other and back, propagates a state, and finds the input for an acceleration.
 
 A *place* is a point or vector of the Earth frame (X_e, Y_e, Z_e), always (3,), y_e = 0 in the pitch plane.
 """
@@ -33,7 +33,7 @@ from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.interfaces.signals import Array, Integers, Plan
 
 STEP = 0.005
-"""[s] longest Runge-Kutta step of ``flow``: turning at 2 rad/s it is 1.2e-7 m off after 8 s"""
+"""longest Runge-Kutta step [s] of ``flow``: turning at 2 rad/s its error after 8 s is 1.2e-7 m"""
 
 _JOINTS = ("x", "y", "z", "theta", "psi")
 
@@ -189,7 +189,7 @@ class Coordinates:
 
     @staticmethod
     def _rows(kernel: Callable[..., Array], *arrays: Array) -> Array:
-        """A kernel of rows, applied to arrays of one row or of several."""
+        """Apply a kernel of rows to arrays of one row or of several."""
         made: Array = kernel(*(np.atleast_2d(array) for array in arrays))
         return made if arrays[0].ndim > 1 else made[0]
 

@@ -9,14 +9,14 @@ through the nose. In the pitch plane the state is (u, w, q, theta, x_e, z_e) and
 
 as printed. In space the body turns by theta about the fixed horizontal axis Y_e and then by psi about its own Z_b, and
 does not roll: R = R_y(theta) R_z(psi) leads from the body frame to the Earth frame, and a dive at theta = -90 degrees
-is a state as any other (psi = +-90 degrees, a nose along Y_e, is not allowed). The state is (u, v, w, q, r, theta, psi,
-x_e, y_e, z_e), with the velocity (u, v, w) in the body frame and the angular velocity there
+is a state like any other (psi = +-90 degrees, a nose along Y_e, is not allowed). The state is (u, v, w, q, r, theta,
+psi, x_e, y_e, z_e), with the velocity (u, v, w) in the body frame and the angular velocity there
 
     omega = R_z(psi)' (0, theta', 0) + (0, 0, psi') = (p, q, r),   p = q tan psi,   theta' = q / cos psi,   psi' = r.
 
-The input is (F_x, F_y, F_z, M, N), forces and moments along the axes of the body frame; what keeps the body from
-rolling does no work. The kinetic energy of the rotation is (A theta'^2 + I_y psi'^2) / 2 with A = I_x sin^2 psi + I_y
-cos^2 psi, for I_z = I_y; so Lagrange's equations, A theta'' + A_psi psi' theta' = M cos psi and I_y psi'' - A_psi
+The input is (F_x, F_y, F_z, M, N), forces and moments along the axes of the body frame; the moment that keeps the body
+from rolling does no work. The kinetic energy of the rotation is (A theta'^2 + I_y psi'^2) / 2 with A = I_x sin^2 psi +
+I_y cos^2 psi, for I_z = I_y; so Lagrange's equations, A theta'' + A_psi psi' theta' = M cos psi and I_y psi'' - A_psi
 theta'^2 / 2 = N, become
 
     q' = cos psi theta'' - r theta' sin psi,   theta'' = (M cos psi - A_psi r theta') / A,
@@ -26,7 +26,7 @@ and with g_b = R' (0, 0, g) = g (-sin theta cos psi, sin theta sin psi, cos thet
 
     (u, v, w)' = F / m - omega x (u, v, w) + g_b,   (x_e, y_e, z_e)' = R (u, v, w).
 
-At psi = r = v = y_e = 0 and F_y = N = 0 that is the pitch plane. The tests hold everything against MuJoCo.
+At psi = r = v = y_e = 0 and F_y = N = 0 that is the pitch plane. The tests compare everything with MuJoCo.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.errors import FieldError
 
 TICK = 1e-3
-"""[s] of the missile's physics"""
+"""tick [s] of the missile's physics"""
 
 PITCH_STATES = ("u", "w", "q", "theta", "x_e", "z_e")
 PITCH_INPUTS = ("F_x", "F_z", "M")
@@ -83,7 +83,7 @@ class Body:
 
 
 NOMINAL = Body()
-"""the missile of the thesis"""
+"""body of the thesis' missile"""
 
 
 @lru_cache(maxsize=8)
@@ -98,7 +98,7 @@ def pitch_dynamics(body: Body = NOMINAL) -> casadi.Function:
 def pitch_rates(
     x: Sequence[Any], u: Sequence[Any], body: Body, *, sin: Callable[[Any], Any], cos: Callable[[Any], Any]
 ) -> tuple[Any, ...]:
-    """Rates x' of (u, w, q, theta, x_e, z_e) under (F_x, F_z, M) in the pitch plane: the one statement of them.
+    """Rates x' of (u, w, q, theta, x_e, z_e) under (F_x, F_z, M) in the pitch plane, stated once.
 
     ``x`` and ``u`` are numbers, arrays or CasADi expressions, ``sin`` and ``cos`` the functions of theta for them.
     """

@@ -1,7 +1,7 @@
-"""The missile and its range as dm_control entities, and the model composed of both.
+"""Missile and range as dm_control entities, and the model composed of both.
 
 The world frame has x ahead, y to the left and z up, metres: the thesis' Earth frame (X_e, Y_e, Z_e) turned by half a
-turn about X_e. The ground lies at z = 0 and is drawn only: where a flight ends is for a referee to say.
+turn about X_e. The ground lies at z = 0 and is drawn only: a referee decides where a flight ends.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _HERE = Path(__file__).parent
 
 
 class Missile(composer.Entity):
-    """The missile with the joints and thrusters that its coordinates have."""
+    """The missile with the joints and thrusters of its coordinates."""
 
     def _build(
         self,
@@ -76,7 +76,7 @@ class MissileRange(composer.Arena):
         root.model = "range"
         # The options of an arena and of what is attached to it must be the same.
         root.option.timestep, root.option.integrator, root.option.gravity = TICK, "RK4", (0.0, 0.0, -gravity)
-        root.option.flag.autoreset = "disable"  # a state that diverges is to be seen, not put back to the origin
+        root.option.flag.autoreset = "disable"  # a state that diverges has to be visible, not reset to the origin
         texture = root.asset.add(
             "texture", name="ground", type="2d", builtin="checker", mark="edge", width=512, height=512,
             rgb1=(0.56, 0.60, 0.47), rgb2=(0.53, 0.57, 0.44), markrgb=(0.44, 0.48, 0.37),
@@ -110,11 +110,11 @@ def build_spec(
     force_factor: float = 1.0,
     moment_factor: float = 1.0,
 ) -> Any:
-    """The ``mujoco.MjSpec`` of a missile over its range, not compiled yet.
+    """Build the ``mujoco.MjSpec`` of a missile over its range, not compiled yet.
 
     The vehicle NAME has the body ``NAME/body``, the joints of ``coordinates.joints`` and the motors of
     ``coordinates.inputs``, in those orders; ``input_max`` (nu,) bounds the magnitude of each input [N, N m], and the
-    factors are what the thrusters give of what they are asked for. The body is the true one.
+    factors are the thrust over the commanded one. The body is the true one.
     """
     if len(input_max) != coordinates.input_size:
         raise FieldError(f"input_max has {len(input_max)} numbers; allowed: {coordinates.input_size}")
@@ -125,5 +125,5 @@ def build_spec(
 
 
 def build_model(coordinates: Coordinates, input_max: Sequence[float], body: Body = NOMINAL, **more: Any) -> Any:
-    """The compiled ``mujoco.MjModel`` of ``build_spec``."""
+    """Compile the ``mujoco.MjModel`` of ``build_spec``."""
     return build_spec(coordinates, input_max, body, **more).compile()

@@ -1,4 +1,4 @@
-"""The inputs of thrusters that are late: which act when, as far as the delay is known."""
+"""History of the inputs of delayed thrusters: which one acts when, by the declared delay."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class InputHistory:
         self._before = np.zeros(size)
 
     def note(self, t: float, command: Array) -> None:
-        """Note a command (nu,) that is given at t [s]; one that is not finite is not carried out."""
+        """Note a command (nu,) given at t [s]; one that is not finite is not executed."""
         if np.isfinite(command).all():
             self._sent.append((t + self.delay, command.copy()))
 
     def forget(self, t: float) -> None:
-        """Forget what no longer acts at t [s]."""
+        """Forget the commands that no longer act at t [s]."""
         while self._sent and self._sent[0][0] <= t + TIME_TOLERANCE:
             self._before = self._sent.popleft()[1]
 

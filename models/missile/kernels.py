@@ -29,7 +29,7 @@ def rotation(theta: float, psi: float) -> Array:
 
 @njit(cache=True, nogil=True)
 def _rate(x: Array, u: Array, numbers: Numbers, out: Array) -> None:
-    """x' into ``out`` (10,)."""
+    """Fill ``out`` (10,) with x'."""
     m, I_y, I_x, g = numbers
     q, r, theta, psi = x[3], x[4], x[5], x[6]
     sin, cos = math.sin(psi), math.cos(psi)

@@ -1,7 +1,7 @@
 """The task of a missile: reach a target, which may move, under a terminal aspect angle (thesis B.4).
 
-A mission is what everybody may know: the problem to optimise, the declared body, the limits of the thrusters, the
-quality of the sensors. It holds no truth of a run.
+A mission is the common knowledge of all parts: the problem to optimise, the declared body, the limits of the thrusters,
+the quality of the sensors. It holds no truth of a run.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from mathnavi.sim.interfaces.signals import Array
 Place = tuple[float, float, float]
 
 MOST_DELAY = 1.0
-"""[s] of the thrusters, as declared"""
+"""longest declared delay [s] of the thrusters"""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Case:
     def running_cost(self, coordinates: Coordinates, x: Array, u: Array, body: Body = NOMINAL) -> Array:
         """L (...,) at states (..., nx) and inputs (..., nu): ``running_cost`` of arrays.
 
-        It divides before it squares, as the recorded costs do; a test holds it against ``running_cost``.
+        It divides before it squares, as the recorded costs do; a test compares it with ``running_cost``.
         """
         x, u = coordinates.in_space(x), coordinates.input_in_space(u)
         weight = body.mass * body.gravity
@@ -89,7 +89,7 @@ CASES = {
 
 @dataclass(frozen=True)
 class Target:
-    """Target: its place at time ``t``, and its velocity from then on as far as is known."""
+    """Target: its place at time ``t``, and its velocity from then on as far as it is known."""
 
     place: Place  # [m] Earth frame
     velocity: Place = (0.0, 0.0, 0.0)  # [m/s] Earth frame
@@ -113,20 +113,21 @@ class GustStrength:
 
 @dataclass(frozen=True)
 class MissileMission:
-    """From ``start`` at t = 0 to ``target``, there with nose and velocity at ``aspect_angle`` over the horizontal.
+    """Flight from ``start`` at t = 0 to ``target``, with nose and velocity there at ``aspect_angle`` over the
+    horizontal.
 
     Raises MissionError for a start or limits of another size, and for limits that are not positive.
     """
 
     start: tuple[float, ...]  # (nx,) the thesis' state
-    target: Target  # as it is known at the start
+    target: Target  # as known at the start
     case: Case
     coordinates: Coordinates = PLANAR
     aspect_angle: float = -0.5 * math.pi  # [rad] over the horizontal, of nose and velocity at the target
     aspect_azimuth: float = 0.0  # [rad] of both from X_e to the right
     input_max: tuple[float, ...] = ()  # (nu,) on the magnitude of each input; none: unlimited
-    body: Body = NOMINAL  # as it is declared; the true one may differ
-    input_delay: float = 0.0  # [s] from a command to what the thrusters do, as it is declared
+    body: Body = NOMINAL  # as declared; the true one may differ
+    input_delay: float = 0.0  # [s] from a command to the thrusters' response, as declared
     noise: StateNoise = field(default_factory=StateNoise)
     gust: GustStrength = field(default_factory=GustStrength)
     control_period: float = 4 * TICK  # [s] of estimator and tracker
@@ -168,7 +169,7 @@ class MissileMission:
         x, y, z = self.final_direction.tolist()
         return math.atan2(0.0 - z, x), math.asin(max(-1.0, min(1.0, y)))
 
-    # ---- what an estimator needs to know of the vehicle, of any kind of mission
+    # ---- interface of an estimator to the vehicle, common to all missions
 
     def flow(self, x: Array, u: Array, dt: float) -> Array:
         """State (nx,) after the input u (nu,) [N, N m], clipped to its limits, was held for dt [s] from x (nx,), as
@@ -196,5 +197,5 @@ class MissileMission:
         return np.diag(self.noise.deviations(self.coordinates) ** 2 + np.square(deviations))
 
     def full_state_quality(self, rate: float | None, timeout: float) -> Any:
-        """The covariance of a reading: nothing is certified from it."""
+        """Covariance of a reading: the estimate is not certified."""
         return self.full_state_covariance(0.0)

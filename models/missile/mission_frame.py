@@ -1,4 +1,4 @@
-"""The frame of a mission: the world turned about the vertical, so that no nose need point along the axis of pitch.
+"""Frame of a mission: the world turned about the vertical, so that no nose has to point along the axis of pitch.
 
 A missile that does not roll has the attitude R_y(theta) R_z(psi), which is singular where the nose points along Y, at
 psi = +-90 degrees. The axis Y is a choice. A flight surely takes three directions, the nose d_0 at the start, the line
@@ -23,15 +23,15 @@ from mathnavi.sim.interfaces.signals import Array
 Point = tuple[float, float, float]
 
 GOOD, LEFT_SOON = math.radians(30.0), math.radians(50.0)
-"""[rad] of yaw with which the frame of the world is kept, and that counts less at the start"""
+"""greatest yaw [rad] with which the frame of the world is kept, and yaw that counts less at the start"""
 MOST_AT_START = math.radians(80.0)
-"""[rad] of yaw at the start"""
+"""greatest yaw [rad] at the start"""
 _ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True)
 class MissionFrame:
-    """X ahead, Y to the left, Z up; X at a whole number of degrees from the x of the world."""
+    """A frame with X ahead, Y to the left, Z up; X is at a whole number of degrees from the x of the world."""
 
     azimuth: int = 0  # [deg] to the left
 
@@ -65,11 +65,11 @@ class MissionFrame:
         """Unit vectors X, Y, Z (3, 3), one in each row, of the world."""
         c, s = math.cos(math.radians(self.azimuth)), math.sin(math.radians(self.azimuth))
         if self.azimuth % 180 == 0:
-            s = 0.0  # not 1e-16: a flight in the plane is to stay there
+            s = 0.0  # not 1e-16: a flight in the plane has to stay there
         return np.array([(c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0)])
 
     def turned(self, vector: Point) -> Point:
-        """A vector or place (3,) of the world in this frame."""
+        """Transform a vector or place (3,) of the world to this frame."""
         x, y, z = (self.axes @ np.array(vector)).tolist() if self.azimuth else vector
         return x, y, z
 

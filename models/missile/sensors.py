@@ -22,14 +22,14 @@ class StateNoise:
     rate: NonNegative = 0.0  # [rad/s]
 
     def deviations(self, coordinates: Coordinates) -> Array:
-        """(nx,) of the components of the state, in their units."""
+        """Standard deviations (nx,) of the components of the state, in their units."""
         by_unit = {"m": self.position, "m/s": self.velocity, "rad": self.angle, "rad/s": self.rate}
         return np.array([by_unit[unit] for unit in coordinates.units])
 
 
 @dataclass(frozen=True)
 class MissileStateSensor:
-    """The thesis' state (nx,) with Gaussian noise."""
+    """Sensor of the thesis' state (nx,) with Gaussian noise."""
 
     coordinates: Coordinates
     noise: StateNoise = field(default_factory=StateNoise)

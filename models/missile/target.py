@@ -1,4 +1,4 @@
-"""The target of a missile as it really moves: along straight legs, at a constant velocity on each."""
+"""True motion of a missile's target: along straight legs, at a constant velocity on each."""
 
 from __future__ import annotations
 

@@ -1,14 +1,14 @@
-"""From the force and the moments that a controller wants to the thrusts of four rotors that have bounds.
+"""Allocation of the force and the moments that a controller commands to the thrusts of four rotors with bounds.
 
 The thrusts T (4,) [N] give (T, tau) = A T, A the vehicle's allocation. Where A^-1 (T, tau) leaves 0 <= T_i <= T_max,
-what matters most is kept: first the moments about x and y, which turn the thrust to where it is wanted, then the thrust
-itself, then the moment about z, which only turns the nose.
+the most important part is kept: first the moments about x and y, which point the thrust, then the thrust itself, then
+the moment about z, which only turns the nose.
 
 1. The thrusts of tau_x and tau_y alone sum to zero; if the greatest and the least of them lie further apart than T_max,
    both moments are scaled down until they do not.
-2. With the thrust that is wanted, the greatest share of the moment about z is taken that keeps the bounds.
+2. With the commanded thrust, the greatest share of the moment about z is taken that keeps the bounds.
 3. If none does, the thrust is moved to the nearest one at which tau_x and tau_y alone are within the bounds, and the
-   moment about z is scaled down to what the rotors have left.
+   moment about z is scaled down to the rotors' remaining range.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def allocated(wrench: Array, inverse: Array, thrust_max: float) -> Array:
 
 @njit(cache=True, nogil=True)
 def _shares(each: float, turning: Array, yawing: Array, thrust_max: float) -> tuple[float, float]:
-    """The least and the greatest share in [0, 1] of ``yawing`` that keeps the bounds; least > greatest if none does."""
+    """Least and greatest share in [0, 1] of ``yawing`` that keep the bounds; least > greatest if no share does."""
     least, greatest = 0.0, 1.0
     for i in range(4):
         below, above = -(each + turning[i]), thrust_max - each - turning[i]

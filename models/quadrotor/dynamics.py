@@ -9,13 +9,13 @@ the map frame, and omega (3,) [rad/s] in the body frame: that is MuJoCo's free j
 
 (x_i, y_i) is where rotor i stands, s_i = +-1 the sense of its moment against its turn, kappa [m] the ratio of moment
 and thrust, D the diagonal drag of the rotors' discs and of the hull, linear in the velocity (M. Faessler, A. Franchi,
-D. Scaramuzza, IEEE Robot. Autom. Lett. 3, 2018). Input u (4,) [N] is the thrust asked of each rotor.
+D. Scaramuzza, IEEE Robot. Autom. Lett. 3, 2018). Input u (4,) [N] is the commanded thrust of each rotor.
 
 The thrust of a rotor goes with the square of its speed. What is modelled is the lag of the thrust; a lag of the speed
 with the same time constant differs from it only to second order in a change. Left out are the moment of a rotor that is
 accelerated, its gyroscopic moment, and the ground effect.
 
-``rigid_dynamics`` and ``dynamics`` are CasADi functions, ``flow`` is numpy; the tests hold them against MuJoCo.
+``rigid_dynamics`` and ``dynamics`` are CasADi functions, ``flow`` is numpy; the tests compare them with MuJoCo.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from mathnavi.sim.interfaces.signals import Array
 ROTORS = ("front_left", "rear_left", "rear_right", "front_right")
 STATE_SIZE, ROTOR_COUNT = 13, len(ROTORS)
 POSITION, ATTITUDE, VELOCITY, RATE = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
-"""where p, q, v and omega lie in a state"""
+"""slices of p, q, v and omega in a state"""
 
 _SIDES = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])  # of the rotors: ahead, to the left
 _SENSES = np.array([-1.0, 1.0, -1.0, 1.0])  # s_i: the front left rotor turns counter-clockwise
@@ -47,12 +47,12 @@ _Diagonal = Annotated[tuple[float, float, float], Condition(lambda values: len(v
 PositiveDiagonal = Annotated[_Diagonal, Each(Gt(0.0), FINITE)]
 NonNegativeDiagonal = Annotated[_Diagonal, Each(Ge(0.0), FINITE)]
 INERTIA = Condition(lambda J: 2.0 * max(J) <= sum(J), "none greater than the two others together")
-"""moments of inertia that a body can have"""
+"""condition on the moments of inertia of a body"""
 
 
 @configuration
 class Quadrotor:
-    """The parameters: of the vehicle that flies, or of the one that a controller believes to fly."""
+    """Parameters of the vehicle that flies, or of a controller's model of it."""
 
     mass: Positive = 1.2  # [kg] m
     inertia: Annotated[PositiveDiagonal, INERTIA] = (0.0115, 0.0115, 0.0205)  # [kg m^2] the diagonal of J
@@ -118,7 +118,7 @@ def rigid_dynamics(vehicle: Quadrotor = NOMINAL) -> casadi.Function:
 
 @lru_cache(maxsize=8)
 def dynamics(vehicle: Quadrotor = NOMINAL) -> casadi.Function:
-    """f(x, T, u) -> (x' (13,), T' (4,)): the body and its rotors that are asked for the thrusts u (4,) [N]."""
+    """f(x, T, u) -> (x' (13,), T' (4,)): the body and its rotors under the commanded thrusts u (4,) [N]."""
     x, thrusts = casadi.SX.sym("x", STATE_SIZE), casadi.SX.sym("T", ROTOR_COUNT)
     u = casadi.SX.sym("u", ROTOR_COUNT)
     asked = casadi.fmin(casadi.fmax(u, 0.0), vehicle.thrust_max)
@@ -130,8 +130,8 @@ def flow(vehicle: Quadrotor, x: Array, thrusts: Array, dt: float) -> Array:
     """State (13,) after the rotors pushed with ``thrusts`` (4,) [N] for dt [s] from x (13,), by Runge-Kutta steps of
     order 4.
 
-    What lies between a thrust asked for and the one that acts is left out: whoever propagates an estimate does not know
-    the rotors' thrusts at its time.
+    The rotors' lag between a commanded thrust and the one that acts is left out: when an estimate is propagated, the
+    rotors' thrusts at its time are not known.
     """
     f = rigid_dynamics(vehicle)
     steps = max(1, math.ceil(dt / _STEP - 1e-9))

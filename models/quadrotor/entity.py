@@ -28,19 +28,19 @@ from mathnavi.sim.interfaces.signals import Array
 _XML = Path(__file__).parent / "quadrotor.xml"
 _AXES = "xyz"
 REACH = 0.335
-"""[m] from the centre to the farthest point of what touches"""
+"""distance [m] from the centre to the farthest point that collides"""
 
 
 def build_spec(
     height_field: HeightField, names: Sequence[str], vehicles: Quadrotor | Mapping[str, Quadrotor] = NOMINAL
 ) -> Any:
-    """The ``mujoco.MjSpec`` of quadrotors ``names`` over a terrain, not compiled yet.
+    """Build the ``mujoco.MjSpec`` of quadrotors ``names`` over a terrain, not compiled yet.
 
-    ``vehicles`` is the one that all of them are, or each by its name: the true ones. Vehicle NAME has the body
+    ``vehicles`` are the true parameters: the same for all, or by name. Vehicle NAME has the body
     ``NAME/body``, the free joint ``NAME/pose``, the rotors ``NAME/front_left`` and so on in the order of ``ROTORS`` and
     after them the dampers ``NAME/drag_x`` and so on; the ground is the geom ``terrain``. Gravity is one for all.
 
-    ValueError for names that cannot be, or for vehicles that differ in gravity.
+    ValueError for names that are not allowed, or for vehicles that differ in gravity.
     """
     check_vehicle_names(names)
     each = {name: vehicles if isinstance(vehicles, Quadrotor) else vehicles[name] for name in names}
@@ -68,12 +68,12 @@ def add_vehicle(spec: Any, name: str, vehicle: Quadrotor = NOMINAL) -> None:
 def build_model(
     height_field: HeightField, names: Sequence[str], vehicles: Quadrotor | Mapping[str, Quadrotor] = NOMINAL
 ) -> mujoco.MjModel:
-    """The compiled model of ``build_spec``."""
+    """Compile the model of ``build_spec``."""
     return build_spec(height_field, names, vehicles).compile()
 
 
 def _light(spec: Any) -> None:
-    """Day: the sun in the south-east, a sky, and grass instead of rock."""
+    """Add daylight: the sun in the south-east, a sky, and grass instead of rock."""
     spec.visual.headlight.ambient, spec.visual.headlight.diffuse = (0.38, 0.38, 0.40), (0.25, 0.25, 0.25)
     spec.worldbody.add_light(
         name="sun", type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=(-0.5, 0.6, -0.9), diffuse=(0.65, 0.63, 0.58),
@@ -103,10 +103,10 @@ def _set_parameters(spec: Any, vehicle: Quadrotor) -> None:
 
 @dataclass(frozen=True)
 class RotorDrive:
-    """``mathnavi.sim.interfaces.protocols.ActuatorModel``: the input is the thrust asked of each rotor [N], the
+    """``mathnavi.sim.interfaces.protocols.ActuatorModel``: the input is the commanded thrust of each rotor [N], the
     model's controls count from hover.
 
-    So a model that has just been made hovers, and the dampers behind the rotors are nobody's input.
+    So a new model hovers, and the dampers behind the rotors are not an input.
     """
 
     vehicle: Quadrotor = NOMINAL  # the true one

@@ -1,4 +1,4 @@
-"""The task of one quadrotor: that of the point mass above it, and what is believed of the vehicle that flies it.
+"""The task of one quadrotor: that of the point mass above it, and the assumed parameters of the vehicle that flies it.
 
 The flight planner and its certificate see ``flight``, the double integrator with its bounds; the tracker and the
 estimator see the quadrotor. It holds no truth of a run.
@@ -30,13 +30,13 @@ from mathnavi.sim.interfaces.bounds import NonNegative, configuration
 from mathnavi.sim.interfaces.protocols import StateView
 from mathnavi.sim.interfaces.signals import Array
 
-_STIFF = 1e-2  # [rad, rad/s] by which attitude and rate of a reading carried on are taken to be off, each second
+_STIFF = 1e-2  # [rad, rad/s] assumed error of attitude and rate of a propagated reading, per second
 
 
 @configuration(prefix="{name} sensor: ")
 class QuadrotorStateSensor:
-    """State (13,) of ``mathnavi.models.quadrotor.dynamics``: the position with a noise uniform in a cube, the rest
-    exact.
+    """Sensor of the state (13,) of ``mathnavi.models.quadrotor.dynamics``: the position with a noise uniform in a cube,
+    the rest exact.
 
     Section A.7 of the thesis draws the position noise from U(-w, w) on each axis; w = sqrt(3) position_noise.
     """
@@ -68,7 +68,7 @@ NOMINAL_IMU = InertialQuality()
 
 @configuration(prefix="{name} sensor: ")
 class InertialSensor:
-    """Body rate (3,) [rad/s] and specific force (3,) [m/s^2] in the body frame, as an IMU reads them.
+    """IMU: body rate (3,) [rad/s] and specific force (3,) [m/s^2] in the body frame.
 
     omega + n_g and R' (a + g e_z) + n_a, a being the acceleration over the last tick, gusts included.
     """
@@ -92,7 +92,7 @@ class QuadrotorMission:
     """Flight mission of a point mass that a quadrotor flies; a ``FullStateMission`` (``estimators.full_state``) too."""
 
     flight: FlightMission
-    vehicle: Quadrotor = NOMINAL  # as it is believed to be
+    vehicle: Quadrotor = NOMINAL  # the assumed one
     inertial: InertialQuality = NOMINAL_IMU
 
     @property
@@ -128,7 +128,7 @@ class QuadrotorMission:
         return QuadrotorStateSensor(self.flight.position_noise, rate)
 
     def full_state_covariance(self, age: float) -> Array:
-        """Covariance (13, 13) of a reading propagated for ``age`` [s]: the point mass', and a little of the rest."""
+        """Covariance (13, 13) of a reading propagated for ``age`` [s]: that of the point mass, small for the rest."""
         point = self.flight.full_state_covariance(age)
         covariance = np.zeros((STATE_SIZE, STATE_SIZE))
         place = [0, 1, 2, 7, 8, 9]

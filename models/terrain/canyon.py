@@ -1,4 +1,4 @@
-"""Canyons made up from a number: a plateau of sandstone, cut by a winding gorge with a branch, in ledges.
+"""Canyons generated from a number: a plateau of sandstone, cut by a winding gorge with a branch, in ledges.
 
 The gorge's middle is a curve from west to east,
 
@@ -13,8 +13,8 @@ ground is
 ``ledges`` a stair of steep bands of hard rock with gentler ones of soft rock between them: on all walls at the same
 heights, as strata are. Floor and plateau are rough by noise whose octaves halve in size and in height.
 
-Everything is drawn from the number by one generator. Heights are whole multiples of 1/64 m, so that the last bits of a
-platform's sines do not change a digest.
+One generator, seeded by the number, draws everything. Heights are whole multiples of 1/64 m, so that the last bits of
+a platform's sines do not change a digest.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _CLIMB = 0.62  # share of the way along the branch after which its floor climbs 
 
 @dataclass(frozen=True)
 class Canyon:
-    """Parameters from which the ground follows; lengths in metres."""
+    """Parameters of the ground; lengths in metres."""
 
     number: int
     y_0: float
@@ -97,7 +97,7 @@ def canyon(number: int = 0) -> HeightField:
     count = round(_SIDE / _SPACING) + 1
     axis = _SPACING * np.arange(count)
     x, y = np.meshgrid(axis, axis)
-    # Beyond the map the gorge goes on, so that its ends are no walls.
+    # Beyond the map the gorge goes on, so that its ends are not walls.
     along = np.linspace(-60.0, _SIDE + 60.0, 1600)
     # No wall comes so far that it would close the floor.
     push = np.minimum(8.0 * _noise(rng, count, 5) + 1.5 * _noise(rng, count, 16), 0.5 * plan.half_width)
@@ -122,7 +122,7 @@ def canyon(number: int = 0) -> HeightField:
 
 
 def _ledges(share: Array) -> Array:
-    """From 0 to 1 over shares 0 to 1 of a wall: bands of hard rock, each steep and then gentle."""
+    """Height from 0 to 1 over shares 0 to 1 of a wall: bands of hard rock, each steep and then gentle."""
     s = np.clip(share, 0.0, 1.0) * _BANDS
     k = np.minimum(np.floor(s), _BANDS - 1)
     part = s - k
@@ -138,13 +138,13 @@ def _smooth(s: Array) -> Array:
 
 
 def _distance(curve: Array, x: Array, y: Array) -> tuple[Array, Array]:
-    """[m] from each node to a curve (n, 2), and the share of the way along it, 0 to 1, at which it is nearest."""
+    """Distance [m] from each node to a curve (n, 2), and the share of the way along it, 0 to 1, at that point."""
     distance, nearest = cKDTree(curve).query(np.stack([x, y], axis=-1).reshape(-1, 2))
     return distance.reshape(x.shape), nearest.reshape(x.shape) / (len(curve) - 1.0)
 
 
 def _noise(rng: np.random.Generator, count: int, cells: int) -> Array:
-    """(count, count) of deviation 1: octaves from ``cells`` bumps along a side on, each half as large and as high."""
+    """Noise (count, count) of deviation 1: octaves from ``cells`` bumps a side on, each half as large and as high."""
     total = np.zeros((count, count))
     share, n = 1.0, cells
     while n < count // 2:

@@ -1,11 +1,11 @@
-"""Digital elevation models: files in, height fields out.
+"""Digital elevation models: reads files, makes height fields.
 
 A map file is an ``.npz`` with ``z`` (rows, cols) [m], row 0 south, column 0 west, and ``meta``, a JSON object with
-``spacing_m`` and, if known, ``name``, ``source`` and ``licence``. Everything else is brought into that form once:
+``spacing_m`` and, if known, ``name``, ``source`` and ``licence``. Other files are converted to that form once:
 
-- 16-bit PNG: row 0 is north; the caller says the spacing [m] and the scale [m per unit].
+- 16-bit PNG: row 0 is north; the caller states the spacing [m] and the scale [m per unit].
 - SRTM ``.hgt``: big-endian int16 [m], 1201 or 3601 nodes each way over one degree, row 0 north, void -32768. The name,
-  N42E080.hgt for one, states the south-west corner.
+  for instance N42E080.hgt, states the south-west corner.
 - GeoTIFF: see ``geotiff``.
 
 Nodes a fixed angle apart are not a fixed distance apart. They are resampled bilinearly onto a square grid of local
@@ -44,7 +44,7 @@ Box = tuple[float, float, float, float]  # west, south, east, north
 
 @dataclass(frozen=True, eq=False)
 class Raster:
-    """Heights as a file states them, voids included."""
+    """Heights of a file, voids included."""
 
     name: str
     z: Array  # (rows, cols) [m], row 0 south, column 0 west; NaN where void
@@ -58,7 +58,7 @@ class Raster:
 
     @property
     def reach(self) -> str:
-        """West, south, east and north in words, in the unit of the steps."""
+        """Text of the west, south, east and north borders, in the unit of the steps."""
         rows, columns = self.z.shape
         north, east = self.south + (rows - 1) * self.step_north, self.west + (columns - 1) * self.step_east
         return f"west {self.west:.10g}, south {self.south:.10g} to east {east:.10g}, north {north:.10g}"
@@ -69,7 +69,7 @@ class MapDocument:
     """The JSON object ``meta`` of a map file."""
 
     spacing_m: Positive
-    name: str | None = None  # that of the file if there is none
+    name: str | None = None  # the name of the file if not given
     source: str = ""
     licence: str = ""
 
@@ -97,7 +97,7 @@ def within(
     parts = []
     for first, last, origin, step, count in zip(
         (south, west), (north, east), corner, steps, shape, strict=True
-    ):  # half a step outside is still the outermost node's
+    ):  # half a step outside still belongs to the outermost node
         low, high = (first - origin) / step, (last - origin) / step
         if not (-0.5 - 1e-6 <= low < high <= count - 0.5 + 1e-6):
             box = (corner[1], corner[0], corner[1] + (shape[1] - 1) * steps[1], corner[0] + (shape[0] - 1) * steps[0])
@@ -116,7 +116,7 @@ def within(
 
 
 def cropped(raster: Raster, crop: Box | None) -> Raster:
-    """Keep the part of ``raster`` within ``crop``, in the unit of its steps; all without one."""
+    """Keep the part of ``raster`` within ``crop``, in the unit of its steps; all of it if None."""
     if crop is None:
         return raster
     corner, steps = (raster.south, raster.west), (raster.step_north, raster.step_east)
@@ -137,7 +137,7 @@ def _numbers(box: Box) -> str:
 
 
 def square_grid(raster: Raster, spacing: float | None = None) -> Raster:
-    """Resample ``raster`` to metres with equal steps ``spacing`` [m] both ways; without one, the steps north are kept.
+    """Resample ``raster`` to metres with equal steps ``spacing`` [m] both ways; the steps north if None.
 
     Bilinear from the south-west node on, so the result ends less than one step short of the north and east borders. A
     node next to a void is void. Raises TerrainError for a spacing that leaves fewer than 2 x 2 nodes.
@@ -193,7 +193,7 @@ def height_field(raster: Raster) -> HeightField:
 def read_npz(path: str | Path) -> HeightField:
     """Read the map in an ``.npz`` file.
 
-    Raises TerrainError for a file that is malformed, FileNotFoundError for none.
+    Raises TerrainError for a file that is malformed, FileNotFoundError for a file that does not exist.
     """
     path = existing(path)
     entries = reading.read_npz(path, TerrainError, kinds=reading.NUMBERS_AND_TEXTS, names=("z", "meta"))
@@ -227,7 +227,7 @@ def check_nodes(count: int, where: str) -> None:
 
 
 def write_npz(terrain: HeightField, path: str | Path) -> None:
-    """Write ``terrain`` as an ``.npz`` file, heights in float32; a file appears only when it is whole."""
+    """Write ``terrain`` as an ``.npz`` file, heights in float32; the file appears only when it is complete."""
     path = Path(path)
     if path.suffix != ".npz":
         raise TerrainError(f"{path}: a map is written as .npz")
@@ -276,7 +276,7 @@ def read_hgt(path: str | Path) -> Raster:
 
 
 def existing(path: str | Path) -> Path:
-    """The path of a file that is there; FileNotFoundError otherwise."""
+    """Return the path of an existing file; FileNotFoundError otherwise."""
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file")
@@ -284,7 +284,7 @@ def existing(path: str | Path) -> Path:
 
 
 def positive(name: str, value: float, unit: str) -> float:
-    """The value as a float; TerrainError unless it is finite and above 0."""
+    """Return the value as a float; TerrainError unless it is finite and above 0."""
     if not (math.isfinite(value) and value > 0.0):
         raise TerrainError(f"{name} is {value} {unit}; allowed: a finite number above 0")
     return float(value)

@@ -1,6 +1,6 @@
-"""Import of an elevation model: any file in, a map file out.
+"""Import of an elevation model: reads any supported file, writes a map file.
 
-Read, crop, fill, resample, in this order: voids outside the crop do no harm, and none spreads to its neighbours.
+Read, crop, fill, resample, in this order: voids outside the crop do not matter, and no void spreads to its neighbours.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def import_dem(
     fill: bool = False,
     resample: float | None = None,
 ) -> HeightField:
-    """Read the elevation model ``path``, write it as the map ``out`` (``.npz``) and return what was written.
+    """Read the elevation model ``path``, write it as the map ``out`` (``.npz``) and return the map.
 
     ``spacing`` [m]: between the pixels of a PNG, which does not state it; not for any other file.
     ``scale`` [m per unit]: for a PNG, where it is needed, and for a GeoTIFF whose heights are not in metres.
@@ -58,7 +58,7 @@ def import_dem(
 
 
 def _filled(raster: Raster) -> Raster:
-    """Heights in place of the voids, weighted by the inverse distance of those around; the source says how many."""
+    """Fill voids by the heights around them, weighted by inverse distance; the source states the number of voids."""
     void = np.isnan(raster.z)
     if not void.any():
         return raster

@@ -1,6 +1,6 @@
 """GeoTIFFs: one band of heights, in any coordinate system that rasterio knows.
 
-Rows and columns are brought to north and east. A picture that is north-up and true to scale is taken as it is. A
+Rows and columns are turned to north and east. A picture that is north-up and true to scale is read unchanged. A
 rotated one is resampled onto a north-up grid of its own coordinate system; one whose projection stretches lengths by
 more than 1 % (Web Mercator stretches them by 1 / cos(latitude)) onto a grid in degrees.
 """
@@ -82,7 +82,7 @@ def _nowhere(dataset: Any, path: Path) -> TerrainError:
 
 
 def _placed(dataset: Any, columns: Array, rows: Array) -> Array:
-    """Coordinates (2, n) of points of a picture, given as shares of its width and height."""
+    """Coordinates (2, n) of points of a picture, given as fractions of its width and height."""
     place = dataset.transform
     column, row = columns * dataset.width, rows * dataset.height
     return np.array((place.a * column + place.b * row + place.c, place.d * column + place.e * row + place.f))
@@ -131,7 +131,7 @@ def _north_up(dataset: Any, path: Path, crop: Box | None, degrees: bool, scale: 
 
 
 def _heights(dataset: Any, window: Sequence[Sequence[int]] | None, scale: float | None) -> Array:
-    """Heights (rows, cols) [m] as they stand in the file, NaN where void."""
+    """Heights (rows, cols) [m] in the order of the file, NaN where void."""
     values = dataset.read(1, window=window, masked=True)
     void = np.ma.getmaskarray(values)
     if dataset.nodata is None and dataset.dtypes[0] == "int16":
@@ -142,7 +142,7 @@ def _heights(dataset: Any, window: Sequence[Sequence[int]] | None, scale: float 
 
 
 def _warped(dataset: Any, path: Path, crop: Box | None, target: Any, degrees: bool, scale: float | None) -> Raster:
-    """The picture, bilinear, on a north-up grid of the coordinate system ``target``; void around it."""
+    """Resample the picture, bilinearly, to a north-up grid of the coordinate system ``target``; void around it."""
     from rasterio.errors import CRSError
     from rasterio.transform import from_origin
     from rasterio.warp import Resampling, reproject

@@ -2,7 +2,7 @@
 
 Map frame: x [m] east and y [m] north of the south-west corner, z [m] above sea level. Node (i, j) stands at
 (i, j) * spacing with the height z[j, i]; every cell is cut along its diagonal (i, j)-(i + 1, j + 1). A plan is accepted
-only on these triangles: a smooth interpolation of the same nodes lies up to tens of metres beside them.
+only on these triangles: a smooth interpolation of the same nodes is up to tens of metres off them.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table
 from mathnavi.sim.interfaces.signals import Array
 
 _LONGEST_TEXT = 1000  # [characters] of a source or a licence
-HIGHEST = 1e6  # [m] above or below sea level: what is farther off is no height
+HIGHEST = 1e6  # [m] above or below sea level: a greater value is not a height
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class HeightField:
     """A rectangular map of heights on a square grid, linear on each triangle.
 
-    From an array of one's own, heights (rows, cols) [m] whose row 0 is the south edge and column 0 the west edge:
+    From your own array of heights (rows, cols) [m], whose row 0 is the south edge and column 0 the west edge:
 
         heights = np.loadtxt("heights.csv", delimiter=",")[::-1]  # a table whose first line is the north edge
         terrain = HeightField(heights, spacing=30.0, name="mine")
@@ -70,7 +70,7 @@ class HeightField:
         object.__setattr__(self, "spacing", spacing)
 
     def _check_texts(self) -> None:
-        """The name becomes part of paths, and source and licence a line each: TerrainError for those that cannot."""
+        """Raise TerrainError for a name that cannot be part of a path, and a source or licence of more than a line."""
         try:
             plain_name(self.name, "name")
         except FieldError as error:
@@ -88,7 +88,7 @@ class HeightField:
         return HeightField, (self.z, self.spacing, self.name, self.source, self.licence)
 
     def _table(self) -> tuple[str, list[Row]]:
-        """Title and rows of the table that stands for the terrain."""
+        """Title and rows of the table that represents the terrain."""
         rows, columns = self.z.shape
         return f"terrain {self.name!r}", [
             ("shape", f"{rows} x {columns}", "nodes"),
@@ -201,7 +201,7 @@ class HeightField:
         return HeightField(raised, self.spacing, self.name, self.source, self.licence)
 
     def _surface(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """(..., 3) height and gradient."""
+        """Height and gradient (..., 3)."""
         east, north = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
         points: Array = kernels.surface(self.z, self.spacing, east.flatten(), north.flatten())
         return points.reshape(*east.shape, 3)

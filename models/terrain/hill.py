@@ -1,4 +1,4 @@
-"""Hills set on a terrain: ground that is there and not on the map, or ground for a test."""
+"""Hills added to a terrain: ground that is missing on the map, or ground for a test."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LARGEST = 1e6
 
 @configuration(prefix="hill: ")
 class Hill:
-    """The ground is raised by ``height`` (1 + cos(pi r / ``radius``)) / 2 at a distance r < ``radius`` of its top."""
+    """Hill that raises the ground by ``height`` (1 + cos(pi r / ``radius``)) / 2 at r < ``radius`` from its top."""
 
     x: Finite  # [m] east, map frame
     y: Finite  # [m] north, map frame
@@ -28,7 +28,7 @@ class Hill:
 
 @lru_cache(maxsize=4)
 def with_hills(terrain: HeightField, hills: tuple[Hill, ...]) -> HeightField:
-    """Terrain with hills set on it; the same object without any.
+    """Add hills to a terrain; returns the same object without any.
 
     Raises TerrainError for a hill whose top is off the map.
     """

@@ -25,7 +25,7 @@ from mathnavi.sim.interfaces.signals import Array
 Booleans = NDArray[np.bool_]
 
 SIGHT_TOLERANCE = 1e-6
-"""[m] A sight line is blocked where it lies deeper than this: a point that rests on the ground can be seen."""
+"""depth [m] below the ground beyond which a sight line is blocked: a point that rests on the ground can be seen"""
 
 
 class Arc(NamedTuple):
@@ -92,7 +92,7 @@ def surface(z: Array, spacing: float, x: Array, y: Array) -> Array:
 
 @inner_njit(error_model="numpy")
 def _vertex_time(b: float, a: float, duration: float) -> float:
-    """Time of the vertex of c + b t + a t^2, clipped to [0, duration]; ``duration`` if there is none."""
+    """Time of the vertex of c + b t + a t^2, clipped to [0, duration]; ``duration`` if a = 0."""
     if a == 0.0:
         return duration
     return min(max(-b / (2.0 * a), 0.0), duration)
@@ -160,7 +160,7 @@ def _least_clearance(z: Array, spacing: float, arc: Arc, stop_below: float) -> f
     px, py, pz, vx, vy, vz, ax, ay, az, duration = arc
     if not (math.isfinite(px + py + pz + vx + vy + vz + ax + ay + az + duration) and duration >= 0.0):
         return -math.inf
-    # X(t) = x0 + x1 t + x2 t^2 and likewise Y, in cells; the height above sea level is pz + vz t + h2 t^2, in metres.
+    # X(t) = x0 + x1 t + x2 t^2 and Y in the same form, in cells; height above sea level pz + vz t + h2 t^2, in metres.
     x0, x1, x2 = px / spacing, vx / spacing, 0.5 * ax / spacing
     y0, y1, y2 = py / spacing, vy / spacing, 0.5 * ay / spacing
     h2 = 0.5 * az
@@ -175,7 +175,7 @@ def _least_clearance(z: Array, spacing: float, arc: Arc, stop_below: float) -> f
         + _crossing_bound(y0, y1, y2, duration)
         + _crossing_bound(d0, d1, d2, duration)
     )
-    none = int(np.int64(0))  # a literal would be a type of its own, and the kernel compiled once more for it
+    none = int(np.int64(0))  # a literal would be another type, and the kernel compiled once more for it
     end_x = _crossing_times(times, none, x0, x1, x2, duration)
     end_y = _crossing_times(times, end_x, y0, y1, y2, duration)
     end_d = _crossing_times(times, end_y, d0, d1, d2, duration)
@@ -190,7 +190,7 @@ def _least_clearance(z: Array, spacing: float, arc: Arc, stop_below: float) -> f
             t_next = min(t_next, times[n_y])
         if n_d < end_d:
             t_next = min(t_next, times[n_d])
-        # Past every crossing that is due; a doubled one then makes no piece of its own.
+        # Past every crossing that is due; a doubled one then makes no additional piece.
         while n_x < end_x and times[n_x] <= t_next:
             n_x += 1
         while n_y < end_y and times[n_y] <= t_next:
@@ -228,7 +228,7 @@ def arc_clearance(z: Array, spacing: float, p: Array, v: Array, a: Array, durati
 
 @njit(cache=True, error_model="numpy")
 def path_clearance(z: Array, spacing: float, p: Array, v: Array, a: Array, duration: Array) -> Array:
-    """(K,) [m] ``arc_clearance`` of K arcs: p (K, 3) [m], v (K, 3) [m/s], a (K, 3) [m/s^2], duration (K,) [s]."""
+    """``arc_clearance`` (K,) [m] of K arcs: p (K, 3) [m], v (K, 3) [m/s], a (K, 3) [m/s^2], duration (K,) [s]."""
     result = np.empty(duration.size)
     for k in range(duration.size):
         arc = Arc(p[k, 0], p[k, 1], p[k, 2], v[k, 0], v[k, 1], v[k, 2], a[k, 0], a[k, 1], a[k, 2], duration[k])
@@ -253,7 +253,7 @@ def sight(z: Array, spacing: float, p: Array, q: Array) -> bool:
 
 @njit(cache=True, error_model="numpy")
 def sights(z: Array, spacing: float, p: Array, points: Array) -> Booleans:
-    """(n,) ``sight`` from p (3,) [m] to each of the points (n, 3) [m]."""
+    """``sight`` (n,) from p (3,) [m] to each of the points (n, 3) [m]."""
     result = np.empty(points.shape[0], np.bool_)
     for n in range(points.shape[0]):
         result[n] = sight(z, spacing, p, points[n])

@@ -1,6 +1,6 @@
-"""The terrains by name. A terrain is an entry point of the group ``mathnavi.terrains``: a function without arguments
-that returns a ``HeightField``, or one of a whole number: ``NAME:3`` is what it makes of 3, ``NAME`` of its default.
-Those of this project enter by the same door as a stranger's.
+"""Terrains by name. A terrain is an entry point of the group ``mathnavi.terrains``: a function without arguments that
+returns a ``HeightField``, or a function of a whole number: ``NAME:3`` calls it with 3, ``NAME`` with its default. The
+terrains of this project are registered like those of other packages.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def load_terrain(name_or_path: str | Path) -> HeightField:
     """Load a terrain by its name, or name and number, or the map in an ``.npz`` file; each is loaded once.
 
     Raises TerrainError for a name or a number that is not known, PluginError for a name that several plug-ins have,
-    FileNotFoundError for a file that is not there.
+    FileNotFoundError for a file that does not exist.
     """
     name, _, number = str(name_or_path).partition(":")
     if isinstance(name_or_path, str) and (point := named(_installed(), "terrain", name)):
@@ -89,13 +89,13 @@ def heights_digest(name_or_path: str) -> str:
 
 
 def maker_of(name_or_path: str) -> Any:
-    """The function that makes the terrain with a name; None for the map in a file."""
+    """Return the function that makes the terrain with a name; None for the map in a file."""
     point = named(_installed(), "terrain", name_or_path.partition(":")[0])
     return None if point is None else point.load()
 
 
 TerrainPlace = Annotated[str, InputFile(heights_digest), PluginName(maker_of)]
-"""Type of a field that names a terrain, or an .npz file: its heights are part of the key of what is flown over it."""
+"""type of a field that names a terrain, or an .npz file: its heights are part of the key of the runs over it"""
 
 
 def _installed() -> list[EntryPoint]:
@@ -128,5 +128,5 @@ def _load(point: EntryPoint, number: str) -> HeightField:
 
 @cache
 def _read(path: Path, _modified: int) -> HeightField:
-    """The time of the last change is part of the key, so that a file that was written anew is read anew."""
+    """Read a map file; the time of its last change is part of the key, so that a changed file is read again."""
     return read_npz(path)

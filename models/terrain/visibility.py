@@ -1,4 +1,4 @@
-"""Radars: what is within their range and in their line of sight is exposed (thesis, A.7, Figure A.6)."""
+"""Radars: points within their range and in their line of sight are exposed (thesis, A.7, Figure A.6)."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Radar:
 
 @configuration(prefix="radar: ")
 class RadarTrack:
-    """A radar that is on from ``time`` to ``until`` and meanwhile drives at a constant velocity, on the map."""
+    """A radar that is on from ``time`` to ``until`` [s] and drives at a constant velocity, on the map."""
 
     radar: Radar  # where it is when it is switched on
     time: Finite = 0.0  # [s]

@@ -4,9 +4,9 @@
     x_2' =  x_2 + x_1^2
     y    =  x_1
 
-u = 0 shows nothing of x_2; u = 1 distinguishes all initial points. The linearisation at the origin has the eigenvalue
-1 along x_2, which y does not see, so no smooth observer has asymptotically stable error dynamics. Under u = 1 the
-solution from the start below escapes at 1.908 s.
+With u = 0 the output does not depend on x_2; u = 1 distinguishes all initial points. The linearisation at the origin
+has the eigenvalue 1 along x_2, which y does not see, so no smooth observer has asymptotically stable error dynamics.
+Under u = 1 the solution from the start below escapes at 1.908 s.
 """
 
 from __future__ import annotations

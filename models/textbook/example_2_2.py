@@ -11,7 +11,7 @@ is not observable, for x_3 neither is measured nor acts on the others, and still
     x^_2' = x^_1 + y^2 + beta (y - x^_2)
     x^_3' = -x^_3 + y,
 
-whose error e = x^ - x obeys e_1' = -alpha e_2, e_2' = e_1 - beta e_2, e_3' = -e_3 whatever the input: s^2 + beta s +
+whose error e = x^ - x obeys e_1' = -alpha e_2, e_2' = e_1 - beta e_2, e_3' = -e_3 for any input: s^2 + beta s +
 alpha has its roots in the left half plane for alpha > 0 and beta > 0, and only then. Most solutions escape: under u =
 sin t from x = (0.1, -0.5, 0) x_2 does so at 2.649 s. With x_1 below zero, as from the start below, they do not.
 """
@@ -51,7 +51,7 @@ def observer(x_hat: casadi.SX, u: casadi.SX, y: casadi.SX, alpha: float, beta: f
 
 
 def error_dynamics(alpha: float, beta: float) -> Array:
-    """(3, 3) the matrix of e'."""
+    """Matrix (3, 3) of e'."""
     return np.array([[0.0, -alpha, 0.0], [1.0, -beta, 0.0], [0.0, 0.0, -1.0]])
 
 

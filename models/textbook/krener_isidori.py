@@ -1,4 +1,5 @@
-"""A system whose error dynamics are linear in the right coordinates (2.3): van der Pol's oscillator, seen through sinh.
+"""A system whose error dynamics are linear in the right coordinates (2.3): van der Pol's oscillator with the output
+sinh x_1.
 
     x_1' = x_2
     x_2' = -x_1 + mu (1 - x_1^2) x_2 + u

@@ -1,4 +1,4 @@
-"""The systems by name."""
+"""Textbook systems by name."""
 
 from __future__ import annotations
 

@@ -22,8 +22,7 @@ def of_numbers(expression: Callable[[casadi.SX], casadi.SX], n: int) -> Callable
 
 
 def inverse(T: Callable[[casadi.SX], casadi.SX], n: int) -> Callable[[Array, Array], Array | None]:
-    """Invert T by Newton's method: (z (n,), near (n,)) -> the x (n,) with T(x) = z found from ``near``; None where none
-    is.
+    """Invert T by Newton's method: (z (n,), near (n,)) -> the x (n,) with T(x) = z found from ``near``, or None.
 
     A step that does not bring T(x) nearer to z is halved until it does.
     """

@@ -1,4 +1,4 @@
-"""Mission of an observer of a textbook system: the system, the noise of its readings, a belief of its start."""
+"""Mission of an observer of a textbook system: the system, the noise of its readings, the assumed start."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array
 
 TICK = 1e-3
-"""[s] of a textbook plant; periods are whole multiples, and solutions do not depend on the tick"""
+"""tick [s] of a textbook plant; periods are whole multiples, and solutions do not depend on the tick"""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class TextbookMission:
 
     @property
     def start_state(self) -> Array:
-        """Believed start x^(0) (n,)."""
+        """Assumed start x^(0) (n,)."""
         return np.array(self.start)
 
     @property

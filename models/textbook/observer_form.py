@@ -3,7 +3,7 @@
     x~ = T_1(x),   y~ = T_2(y):     x~' = A x~ - g(y, u),   y~ = C x~,   (A, C) observable.
 
 The thesis counts the known inputs among the outputs, so that g may depend on u. With a gain L the same coordinates
-serve an observer of Kazantzis and Kravaris, who ask for x~' = A x~ - g(y, u) with a Hurwitz A and no more:
+serve an observer of Kazantzis and Kravaris, who require x~' = A x~ - g(y, u) with a Hurwitz A only:
 
     x~' = (A - L C) x~ - (g(y, u) - L T_2(y)).
 """

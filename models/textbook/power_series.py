@@ -6,7 +6,7 @@ solves
     dT/dx F(x) = A T(x) - g(h(x)).
 
 Here A = diag(p_1 .. p_n), and g(y) = -y (1 .. 1)'. With T_i = sum t_k x^k over the multi-indices k, 1 <= |k| <= N, and
-F_j and h developed likewise into F_j,m x^m and h_m x^m, the coefficients of x^m are
+F_j and h expanded in the same way to F_j,m x^m and h_m x^m, the coefficients of x^m are
 
     sum_j sum_k k_j F_j,(m - k + e_j) t_k - p_i t_m = h_m,
 
@@ -86,13 +86,13 @@ def solved(system: System, poles: Sequence[float], order: int) -> PowerSeries:
 
 
 def _multi_indices(n: int, order: int) -> list[tuple[int, ...]]:
-    """Those of n numbers >= 0 with a sum up to ``order``, by their sum."""
+    """Multi-indices of n numbers >= 0 with a sum up to ``order``, sorted by their sum."""
     every = [k for k in product(range(order + 1), repeat=n) if sum(k) <= order]
     return sorted(every, key=lambda k: (sum(k), k))
 
 
 def _taylor(function: Callable[[casadi.SX], casadi.SX], n: int, size: int, order: int) -> dict[tuple[int, ...], Array]:
-    """The Taylor coefficients (size,) at the origin by multi-index."""
+    """Taylor coefficients (size,) at the origin by multi-index."""
     x = casadi.SX.sym("x", n)
     derivatives = {(0,) * n: function(x)}
     for k in _multi_indices(n, order)[1:]:

@@ -13,7 +13,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 @dataclass(frozen=True)
 class OutputSensor:
-    """Reads "output" (m,); components that are out of sight are NaN."""
+    """Sensor of "output" (m,); components that are out of sight are NaN."""
 
     size: int  # m
     rate: float | None  # [Hz]

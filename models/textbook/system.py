@@ -1,4 +1,4 @@
-"""The control systems that the thesis states its definitions for (2.1):
+"""Control systems of the thesis' definitions (2.1):
 
 Sigma:   x' = F(x, u),   y = h(x, u),   x in R^n, u in R^p, y in R^m.
 """
@@ -22,7 +22,7 @@ Map = Callable[[casadi.SX, casadi.SX], casadi.SX]
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """One Sigma, and how it is run where nothing else is asked for. A name states its unit, "x_1 [m]" for one."""
+    """A system Sigma, with its default run. A name states its unit, for instance "x_1 [m]"."""
 
     name: str
     title: str  # where it stands
@@ -32,10 +32,10 @@ class System:
     f: Map  # F, (x (n,), u (p,)) -> x' (n,)
     h: Map  # (x (n,), u (p,)) -> y (m,)
     start: tuple[float, ...]  # (n,) x(0)
-    start_error: tuple[float, ...]  # (n,) that an observer starts off by
+    start_error: tuple[float, ...]  # (n,) error of an observer's start
     constant: tuple[float, ...] = ()  # (p,) u = constant + amplitude sin t
     amplitude: tuple[float, ...] = ()  # (p,)
-    angles: tuple[int, ...] = ()  # components of x in [rad] that mean the same a turn later
+    angles: tuple[int, ...] = ()  # components of x that are angles [rad], modulo a turn
     output_max: float = np.inf  # a sensor does not see beyond
     form: ObserverForm | None = None  # coordinates in which the dynamics are linear up to output injection
 

@@ -1,4 +1,4 @@
-"""Drives: from the inputs of a unicycle, u = (u_1 [m/s], u_2 [rad/s]), to the motion of its two driven wheels.
+"""Drives: they turn the inputs of a unicycle, u = (u_1 [m/s], u_2 [rad/s]), into the motion of its two driven wheels.
 
 With the wheels' radius r and their distance b apart, a wheel that does not slip turns at
 
@@ -39,7 +39,7 @@ def inputs_of(rates: Array) -> Array:
 
 @dataclass(frozen=True)
 class IdealDrive:
-    """Kinematic: over a tick the robot moves along the exact arc of its input, and the wheels turn with it."""
+    """Kinematic drive: over a tick the robot moves along the exact arc of its input, and the wheels turn with it."""
 
     input_size: int = 2
 
@@ -51,9 +51,9 @@ class IdealDrive:
 
 @dataclass(frozen=True)
 class DifferentialDrive:
-    """Each wheel has a servo that is given its angular velocity; how the robot then moves is left to friction.
+    """Drive with a velocity servo on each wheel; friction then moves the robot.
 
-    A servo takes up another speed steadily, so that wheels do not spin for a step of the input alone.
+    A servo changes its speed at a limited rate, so that a step of the input alone does not make the wheels spin.
     """
 
     input_size: int = 2

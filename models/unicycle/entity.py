@@ -19,7 +19,7 @@ from mathnavi.sim.interfaces.errors import FieldError
 DriveName = Literal["ideal", "differential"]
 
 RADIUS = 0.16
-"""[m] of the robot's bumper"""
+"""radius [m] of the robot's bumper"""
 
 FLOOR = "floor"
 
@@ -69,7 +69,7 @@ class Unicycle(composer.Entity):
 def build_spec(
     curve: Curve, angles: Sequence[float], drive: DriveName = "ideal", friction: float = 1.0, *, name: str = "robot"
 ) -> Any:
-    """The ``mujoco.MjSpec`` of a robot within a wall, not compiled yet.
+    """Build the ``mujoco.MjSpec`` of a robot within a wall, not compiled yet.
 
     The vehicle NAME has the joints ``NAME/x_1``, ``NAME/x_2``, ``NAME/phi`` first and ``NAME/wheel_left``,
     ``NAME/wheel_right`` last, the sensors ``NAME/range_I`` and, of the angles [rad] of the wheels, ``NAME/wheel_left``
@@ -81,7 +81,7 @@ def build_spec(
     # The options of an arena and of what is attached to it must be the same.
     for option in ("timestep", "integrator", "gravity", "cone", "impratio"):
         setattr(root.option, option, getattr(robot.mjcf_model.option, option))
-    root.option.flag.autoreset = "disable"  # a state that diverges is to be seen, not put back to the origin
+    root.option.flag.autoreset = "disable"  # a state that diverges has to be visible, not reset to the origin
     root.option.flag.sensor = "disable"  # rays are cast when a sensor is read, not at every tick
     root.compiler.autolimits = True
     arena.attach(robot)
@@ -91,5 +91,5 @@ def build_spec(
 def build_model(
     curve: Curve, angles: Sequence[float], drive: DriveName = "ideal", friction: float = 1.0, *, name: str = "robot"
 ) -> Any:
-    """The compiled ``mujoco.MjModel`` of ``build_spec``."""
+    """Compile the ``mujoco.MjModel`` of ``build_spec``."""
     return build_spec(curve, angles, drive, friction, name=name).compile()

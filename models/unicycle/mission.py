@@ -1,7 +1,7 @@
-"""The task of a unicycle robot with range sensors: to find itself within a wall that it knows (thesis C.4).
+"""The task of a unicycle robot with range sensors: to localise itself within a known wall (thesis C.4).
 
-A mission is what everybody may know: the wall, the directions and the quality of the sensors, what the wheels can do,
-and what is known of the start. It holds no truth of a run. A pose is x = (x_1, x_2, phi) [m, m, rad], an input u =
+A mission is the common knowledge of all parts: the wall, the directions and the quality of the sensors, the limits of
+the wheels, and the known start. It holds no truth of a run. A pose is x = (x_1, x_2, phi) [m, m, rad], an input u =
 (u_1, u_2), the speed [m/s] and the turn rate [rad/s].
 """
 
@@ -23,9 +23,9 @@ from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array
 
 TICK = 0.01
-"""[s] of the ideal robot; its motion under inputs that are held is exact whatever the tick"""
+"""tick [s] of the ideal robot; its motion under inputs that are held is exact at any tick"""
 
-LEAST_NOISE = 1e-4  # [m] that an estimator may trust a range with, however good it is said to be
+LEAST_NOISE = 1e-4  # [m] least noise that an estimator assumes of a range, however small the declared one is
 _SAME = 1e-9  # [rad]
 
 SensorAngles = Annotated[tuple[float, ...], Condition(bool, "one sensor or more"), FINITE_NUMBERS]
@@ -80,7 +80,7 @@ class RangingMission:
 
     @property
     def start_pose(self) -> Array:
-        """Pose (3,) [m, m, rad] that is known of the start; the centre of the wall where nothing is."""
+        """Known pose (3,) [m, m, rad] of the start; the centre of the wall if it is not known."""
         if self.start is not None:
             return np.array(self.start.pose)
         return np.array([*self.curve.centre, 0.0])
@@ -91,7 +91,7 @@ class RangingMission:
         return after
 
     def difference(self, x: Array, truth: Array) -> Array:
-        """Estimate x (3,) less the truth (3,) [m, m, rad], modulo the symmetry of the wall.
+        """Estimate x (3,) minus the truth (3,) [m, m, rad], modulo the symmetry of the wall.
 
         Of the poses that are indistinguishable from the truth the nearest one counts. In a circle, where they are a
         continuum, that is the one in the direction of the estimate from the centre.

@@ -1,4 +1,4 @@
-"""Inputs that drive a unicycle along fixed patterns, whatever it sees."""
+"""Inputs that drive a unicycle along fixed patterns, without feedback."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from scipy.special import jn_zeros
 
 _CLOSED = float(jn_zeros(0, 1)[0])
-"""The heading's amplitude [rad] for which the mean of e^{i A sin}, which is J_0(A), is zero: the path closes."""
+"""amplitude A [rad] of the heading for which the mean of e^{i A sin}, which is J_0(A), is zero: the path closes"""
 
 
 def circle(t: float, speed: float, turn_rate: float) -> tuple[float, float]:

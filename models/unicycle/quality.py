@@ -1,4 +1,4 @@
-"""Declared quality of a unicycle's sensors, and what is known of its start: shared by its mission and its sensors."""
+"""Declared quality of a unicycle's sensors, and its known start: shared by its mission and its sensors."""
 
 from __future__ import annotations
 

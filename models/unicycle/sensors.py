@@ -18,13 +18,13 @@ class RangeSensor:
     """Ranges (l,) [m] of the rangefinders ``range_0``, ..., NaN where a ray was lost or met nothing.
 
     Each errs by a Gaussian of variance (relative rho)^2 + absolute^2; a fraction ``outliers`` is uniform between zero
-    and ``longest`` instead, and a fraction ``dropout`` is lost. What is drawn does not depend on how large the errors
-    are, so runs that differ in them only see the same noise.
+    and ``longest`` instead, and a fraction ``dropout`` is lost. The random numbers drawn do not depend on the size of
+    the errors, so runs that differ in them only see the same noise.
     """
 
     size: int  # l
     quality: RangeQuality
-    longest: float  # [m] that can be in sight
+    longest: float  # [m] longest range in sight
     rate: float | None  # [Hz]; None: every control step
     name: str = "ranges"
     partial: ClassVar[bool] = True  # single values of a reading may be NaN
@@ -33,7 +33,7 @@ class RangeSensor:
         """Read the ranges (l,) [m] of ``motion``; ``rng`` draws noise, outliers and losses."""
         quality = self.quality
         rho = np.array([motion.sensed(f"range_{i}")[0] for i in range(self.size)])
-        rho[rho < 0.0] = np.nan  # MuJoCo's word for a ray that meets nothing
+        rho[rho < 0.0] = np.nan  # MuJoCo's value for a ray that meets nothing
         deviation = np.hypot(quality.relative * rho, quality.absolute)
         reading = rho + deviation * rng.standard_normal(self.size)
         chance, any_value = rng.random(self.size), rng.random(self.size)
@@ -43,7 +43,7 @@ class RangeSensor:
 
 @dataclass
 class WheelOdometry:
-    """Mean input (u_1, u_2) (2,) [m/s, rad/s] over the last period by the wheels, if they do not slip.
+    """Sensor of the mean input (u_1, u_2) (2,) [m/s, rad/s] over the last period, by wheels that do not slip.
 
     A reading is (1 + bias) u + noise, the sign of the bias drawn once a run. The first one only notes where the wheels
     are, so there is none. It remembers the wheels: it belongs to one vehicle and one run.

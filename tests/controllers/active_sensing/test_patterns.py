@@ -71,7 +71,7 @@ def test_a_pattern_that_is_too_fast_is_refused_and_the_error_says_what_is_not() 
     task = mission(speed_max=0.4, turn_rate_max=0.5)
     with pytest.raises(ValueError, match=r"speed = 0\.5; allowed: at most the robot's 0\.4"):
         built(task, mode="straight")
-    with pytest.raises(ValueError, match=r"cycle = 8\.0 asks for .*allowed: at least 12\.57 s"):
+    with pytest.raises(ValueError, match=r"cycle = 8\.0 needs .*allowed: at least 12\.57 s"):
         built(task, mode="circle", speed=0.3)
     check_drivable(Circle(0.3, 12.57), task)
     check_drivable(FigureEight(0.3, 30.22), task)

@@ -181,7 +181,7 @@ def test_multipliers_of_a_phase_are_those_of_the_problem_in_one_phase() -> None:
     ("wrong", "named"),
     [
         (lambda problem, a, b: problem.phase("a"), "cut in two: phase 'a' is empty or taken; allowed: other than"),
-        (lambda problem, a, b: problem.link(a, OptimalControlProblem("c")), "is none of its phases; allowed: ['a'"),
+        (lambda problem, a, b: problem.link(a, OptimalControlProblem("c")), "is not one of its phases; allowed: ['a'"),
         (lambda problem, a, b: problem.link(a, b, jumps={"m": 1.0}), "a to b: jump of m; allowed: x, v"),
         (lambda problem, a, b: problem.couple(ca.SX.sym("z") == 1), "coupling (z==1) depends on z"),
         (lambda problem, a, b: problem.couple(a.statement.states[0].symbol <= math.inf), "is no limit"),

@@ -54,8 +54,7 @@ class TerrainGrid:
 
     @staticmethod
     def around(terrain: HeightField, target: Array, nodes: int, layers: int, height: float = 2400.0) -> TerrainGrid:
-        """Grid with ``nodes`` along the map's longer side, moved so that the target is a node; the same spacing along
-        the other.
+        """Build a grid of ``nodes`` along the map's longer side, moved so that the target is a node, equally spaced.
 
         No node lies off the map, where nothing is known of ground and radars, so moved there is one less. Across a map
         that is very narrow there are at least two, closer together both ways.

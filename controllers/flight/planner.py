@@ -255,10 +255,10 @@ class RecedingHorizon:
         return None, spent, reason
 
     def _durations(self, start: Array, t_start: float, arrival: float) -> list[float]:
-        """Durations [s] to try for an exact arrival: as requested, or at ``arrival``; unless chosen, also when
-        possible.
+        """Durations [s] to try for an exact arrival: to the requested time or ``arrival``, then others within reach.
 
-        None is before the requested time, and none after the assured one.
+        The time of ``arrival``, chosen before, stands alone. None is before the requested time or after the assured
+        one.
         """
         asked = self._assured if self._arrival is None else self._arrival
         left = (arrival if asked is None else asked) - t_start

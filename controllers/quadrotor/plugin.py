@@ -28,7 +28,7 @@ class QuadrotorConfig:
     kernels: ClassVar[str] = "mathnavi.controllers.quadrotor.ahead"  # compiled before the first run
 
     flight: RecedingHorizonConfig = field(default_factory=lambda: RecedingHorizonConfig(margin=100.0))
-    """fields of the planner, on the magnified mission: v_max is 300 m/s there, its times are 10/3 of the true ones"""
+    """Fields of the planner, on the magnified mission: v_max is 300 m/s there, its times are 10/3 of the true ones."""
     tracker: TrackerConfig = field(default_factory=TrackerConfig)
 
 

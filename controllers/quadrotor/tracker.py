@@ -81,7 +81,7 @@ class TrackerConfig:
     disturbance_max: Positive = 5.0
     """greatest unknown force per mass that is compensated [m/s^2]"""
     feedback_max: Positive = 8.0
-    """greatest k_p e_p + k_v e_v [m/s^2]"""
+    """greatest feedback k_p e_p + k_v e_v [m/s^2]"""
     reference_bandwidth: NaturalFrequency = 6.0
     """bandwidth omega of the reference filter [rad/s]"""
     preview: Annotated[NonNegative, Le(2.0)] = 0.37

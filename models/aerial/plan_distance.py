@@ -64,7 +64,7 @@ class PlannedTrajectory:
 
     @staticmethod
     def from_plan(plan: Plan | PlannedTrajectory) -> PlannedTrajectory:
-        """Copy a plan; ArgumentError for a failure, and for arrays that do not fit together or are not finite."""
+        """Make the trajectory of a plan; ArgumentError for a failure or arrays that do not fit or are not finite."""
         if isinstance(plan, PlannedTrajectory):
             return plan
         if not plan.ok:

@@ -42,7 +42,7 @@ from mathnavi.sim.interfaces.reading.mechanisms import read_spec
 
 _HERE = Path(__file__).parent
 _SUITE = "dm_control:"
-_BELOW = 0.1  # distance of the floor beneath a mechanism that reaches below zero, as a fraction of its extent
+_BELOW = 0.1  # of its extent: a mechanism that reaches lower than this below zero has the floor this far beneath it
 
 
 def file_of(mechanism: MechanismName | str | Path) -> Path:

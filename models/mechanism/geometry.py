@@ -66,7 +66,7 @@ class MechanismManifold:
         )
 
     def __reduce__(self) -> tuple[type[MechanismManifold], tuple[mujoco.MjModel]]:
-        """Make a copy allocate new memory: the addresses are valid only in this process."""
+        """Make a copy allocate its own memory: addresses are valid only as long as the object that they belong to."""
         return type(self), (self._model,)
 
     @property

@@ -63,7 +63,7 @@ class MechanismSystem:
         self.coupled = int((model.eq_type[model.eq_active0 > 0] == _JOINT_EQUALITY).sum())
 
     def __reduce__(self) -> tuple[type[MechanismSystem], tuple[mujoco.MjModel, tuple[float, ...], tuple[float, ...]]]:
-        """Make a copy allocate new memory: the addresses are valid only in this process."""
+        """Make a copy allocate its own memory: addresses are valid only as long as the object that they belong to."""
         return type(self), (self._model, self.constant, self.amplitude)
 
     def force(self, x: Array, v: Array, u: Array) -> Array:

@@ -113,8 +113,7 @@ class GustStrength:
 
 @dataclass(frozen=True)
 class MissileMission:
-    """Flight from ``start`` at t = 0 to ``target``, with nose and velocity there at ``aspect_angle`` over the
-    horizontal.
+    """Flight from ``start`` at t = 0 to ``target``, there with nose and velocity at ``aspect_angle`` to the horizontal.
 
     Raises MissionError for a start or limits of another size, and for limits that are not positive.
     """

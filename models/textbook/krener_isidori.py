@@ -1,5 +1,4 @@
-"""A system whose error dynamics are linear in the right coordinates (2.3): van der Pol's oscillator with the output
-sinh x_1.
+"""A system with linear error dynamics in the right coordinates (2.3): van der Pol's oscillator, the output sinh x_1.
 
     x_1' = x_2
     x_2' = -x_1 + mu (1 - x_1^2) x_2 + u

@@ -277,7 +277,7 @@ def test_help_of_run_has_the_fields_of_the_plugins_that_are_chosen(capsys: pytes
     shown = capsys.readouterr().out
     assert "--estimator.noise-floor" in shown
     assert "--planner.nodes" in shown
-    assert "N, nodes of the horizon" in shown
+    assert "number N of nodes of the horizon" in shown
     assert "Fields of estimator kalman." in shown
     assert "None}" not in shown
 
@@ -288,7 +288,7 @@ def test_a_planner_that_never_answers_has_an_exit_status_of_its_own(
     folder = tmp_path / "run"
     assert main(["run", *mission, "--faults.solver-failure-rate", "1", "--out", str(folder)]) == 3
     shown = capsys.readouterr().out
-    assert "did what it should; BUT THE PLANNER answered the first request only" in " ".join(shown.split())
+    assert "succeeded; BUT THE PLANNER answered the first request only" in " ".join(shown.split())
     assert json.loads((folder / "summary.json").read_text())["planner_status"] == "answered the first request only"
 
 

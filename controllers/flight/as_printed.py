@@ -290,7 +290,7 @@ class AsPrinted:
         return self._completed(arcs, nlp.objective(a))
 
     def _from_rest(self, request: PlanRequest, start: Array, message: str) -> Plan:
-        """Complete from rest: above h_min it is in S_s, so completion is the solution for k = 1 (Proposition A.2)."""
+        """Complete from rest above h_min, in S_s: that is the concatenated solution for k = 1 (Proposition A.2)."""
         plan = self._completed(ArcList.begin(request.t_start, start), math.nan)
         if plan.ok and not len(plan.u):
             return Plan.failure(Status.INFEASIBLE, f"the start is the target; {message}")

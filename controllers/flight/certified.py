@@ -78,7 +78,7 @@ def doubt(estimate: Estimate, worst: tuple[float, ...]) -> str:
 
 
 class Certified:
-    """A planner all of whose plans are certified, and that returns a safe plan wherever one exists.
+    """A planner all of whose plans are certified, and that falls back on a safe plan where it finds one.
 
     ``fallback(certificate)`` makes the planner that is used where there is no plan to fall back on: at the start, when
     the vehicle has left its plan, and when its plan turns out to be unsafe.
@@ -187,7 +187,7 @@ class Certified:
         self._breached = False
         self._doubted = bool(doubt(request.estimate, self._worst))
         if self._doubted:
-            # Where the vehicle is, is not known: its plan is the best guess, and no estimate to plan from again.
+            # The vehicle's position is unknown: its plan is the best guess, and there is no estimate to plan from.
             self._lost = True
             notes = (*notes, "guarantee-lost")
         elif (far := self._breach(request)) is not None:

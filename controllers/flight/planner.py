@@ -257,8 +257,7 @@ class RecedingHorizon:
     def _durations(self, start: Array, t_start: float, arrival: float) -> list[float]:
         """Durations [s] to try for an exact arrival: to the requested time or ``arrival``, then others within reach.
 
-        The time of ``arrival``, chosen before, stands alone. None is before the requested time or after the assured
-        one.
+        That of ``arrival`` stands alone. None is before the requested time or after the assured one.
         """
         asked = self._assured if self._arrival is None else self._arrival
         left = (arrival if asked is None else asked) - t_start

@@ -83,8 +83,7 @@ class Transcription:
             grid: N nodes or, where the nodes are unknowns, their guess; None for the guess's, or uniform ones.
             parameters: (np,) values of the problem's parameters; None for the nominal ones.
             arcs: arcs of the grid, with unknown lengths and separate bounds of the controls, as many as the
-            transcription
-                has. None for a transcription of one arc.
+                transcription has. None for a transcription of one arc.
 
         Raises:
             ProblemError: for a grid of another number of nodes, parameters of another shape, arcs that do not fit, and
@@ -278,8 +277,7 @@ def transcription(
         arcs: number A of arcs whose lengths are unknowns.
 
     Raises:
-        ProblemError: for a problem that is not a ``ProblemFunctions``, for instance an ``OptimalControlProblem``, and
-        as
+        ProblemError: for a problem that is not a ``ProblemFunctions``, such as an ``OptimalControlProblem``, and as
             ``Transcription`` does.
     """
     check_problem(problem)

@@ -53,8 +53,7 @@ def completed(
     """The path from x (6,) [m, m/s] at t [s] that holds u (3,) [m/s^2] for a period and ends at rest on the target.
 
     ``climb`` is w as a fraction of the horizontal speed. Returns the breakpoints (K + 1,) [s], states (K + 1, 6),
-    inputs (K, 3) and phases (K,) of a plan; K = 0 where the vehicle stops off the map, or too near to its edge to fly
-    on.
+    inputs (K, 3) and phases (K,) of a plan; K = 0 if the vehicle stops off the map or too near its edge.
     """
     h, a_max = limits.period, limits.acceleration_max
     times, states = np.empty(_MOST_ARCS + 1), np.empty((_MOST_ARCS + 1, 6))

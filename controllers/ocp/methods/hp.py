@@ -48,7 +48,7 @@ _SMOOTHING = 1e-2  # first weight ρ, over |J|
 _JITTER = 1e-4  # of that weight for a control that J or the dynamics bend: it would jitter in a narrow interval
 _MOST_BENT = 6  # rounds in which only a violated constraint adds nodes
 _COARSE = 1e-3  # sum of errors above which a structure is kept
-_LEAST = 1e-3  # of the tolerance, the least that defects are allowed
+_LEAST = 1e-3  # of the tolerance: least limit of the defects
 _ROUNDING = 1e-9  # relative change of J that the solver's own tolerance leaves
 
 

@@ -50,7 +50,7 @@ def test_everything_is_drawn_beside_its_multiplier(solution: Solution, limited: 
     ] or titles(limited)[6].startswith("(")  # fmt: skip
     assert titles(limited, "r")[:4] == ["r[0]", "costate of r[0]", "r[1]", "costate of r[1]"]
     assert titles(limited, "u")[:2] == ["u", "multiplier of the bounds of u"]
-    with pytest.raises(KeyError, match="no state, control or path constraint"):
+    with pytest.raises(KeyError, match="is not a state, control or path constraint"):
         solution.plot("y")
 
 

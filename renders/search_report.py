@@ -35,7 +35,7 @@ class Point:
     values: Mapping[str, Any]  # of the fields, by name
     ending: str  # "flown", "refused" or "failed"
     figure: float  # NaN unless flown
-    violated: bool  # it was flown, and did not do what it should
+    violated: bool  # it was flown, and did not succeed
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ def report(search: SearchPage, figure: Figure) -> Markup:
     violated = sum(point.violated for point in search.points)
     counts = {
         "missions": len(search.points),
-        "did not do what they should": violated,
+        "unsuccessful": violated,
         "refused": sum(point.ending == "refused" for point in search.points),
         "failed": sum(point.ending == "failed" for point in search.points),
     }
@@ -134,7 +134,7 @@ def _draw_order(axes: Axes, search: SearchPage, values: Array) -> None:
     order = np.arange(1, len(values) + 1)
     violated = np.array([point.violated for point in search.points], dtype=bool)
     axes.plot(order[~violated], values[~violated], ".", ms=4.0, color=SERIES[5], alpha=0.6, rasterized=True)
-    axes.plot(order[violated], values[violated], ".", ms=5.0, color=SERIES[3], label="did not do what it should")
+    axes.plot(order[violated], values[violated], ".", ms=5.0, color=SERIES[3], label="unsuccessful")
     if not search.curves and len(values):
         best = np.fmax.accumulate(values) if search.largest else np.fmin.accumulate(values)
         axes.step(order, best, where="post", color=SERIES[0], lw=1.6, label="best so far")

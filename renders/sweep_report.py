@@ -92,17 +92,17 @@ def _headline(title: str, sweep: Sweep) -> tuple[Markup, Markup]:
     failed = sum(record.status != "ok" for record in sweep.records)
     missed = sum(record.status == "ok" and not record.success for record in sweep.records)
     counts = {
-        "of the missions did not do what they should": missed,
+        "of the missions were unsuccessful": missed,
         "of the trials did not run to their end": failed,
     }
     faults = [f"{count:,} {words}" for words, count in counts.items() if count]
     alone = sum(map(planned_by_none, sweep.records))
     sentences = [
         *([f"{', '.join(faults)}."] if faults else []),
-        *([f"In {alone:,} of the missions the planner had no part."] if alone else []),
+        *([f"{alone:,} of the missions were flown without the planner."] if alone else []),
     ]
     faulty = bool(sentences)
-    verdict = " ".join(sentences or ["Every mission did what it should."])
+    verdict = " ".join(sentences or ["Every mission succeeded."])
     tiles: dict[str, object] = {"trials": f"{len(sweep.records):,}"}
     for kind, happened in sweep.events.items():
         found = everything.rate(happened)
@@ -262,7 +262,7 @@ def _failures(sweep: Sweep) -> list[Markup]:
         blocks.append(page.section(f"Recorded failures ({len(failed)})", page.card(table), *_more(failed)))
     for title, said, records in (
         ("Missions without success", SHORTFALL, missed),
-        ("Missions in which the planner had no part", PLANNER_STATUS, list(filter(planned_by_none, sweep.records))),
+        ("Missions flown without the planner", PLANNER_STATUS, list(filter(planned_by_none, sweep.records))),
     ):
         if records:
             table = _missions(sweep, records[:MOST_FAILURES], said)

@@ -34,7 +34,7 @@ search.optimize(margin, n_trials=28)
 worst = search.best_params
 runs = {name: mn.run("safe-flight", controller=name, **mission(**worst)) for name in ("barrier", "flight")}
 for name, run in runs.items():
-    print(f"{name}: margin {run.summary['clearance_margin_m']:.1f} m, did what it should: {run.success}")
+    print(f"{name}: margin {run.summary['clearance_margin_m']:.1f} m, succeeded: {run.success}")
 
 # %%
 # The starts that were tried, and the worst flight above the ground below it.

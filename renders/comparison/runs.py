@@ -38,9 +38,9 @@ def compare_runs(left: Path, right: Path) -> Comparison:
 def _verdict(one: ComparedRun, other: ComparedRun) -> str:
     ends = [run.summary.get(SHORTFALL) for run in (one, other)]
     if ends == [None, None]:
-        return "Both missions did what they should."
+        return "Both missions succeeded."
     outcomes = [
-        f"the {side} one did not ({why})" if why else f"the {side} one did what it should"
+        f"the {side} one failed ({why})" if why else f"the {side} one succeeded"
         for side, why in zip((LEFT, RIGHT), ends, strict=True)
     ]
     return f"Of the missions {outcomes[0]}, {outcomes[1]}."

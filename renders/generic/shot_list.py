@@ -39,12 +39,12 @@ def annotations_of(run: GenericRun) -> list[Annotation]:
 
 def verdict(run: GenericRun) -> str:
     """Return the outcome of the run in a few words."""
-    return "the mission did what it should" if SHORTFALL not in run.summary else "the mission did not do what it should"
+    return "mission succeeded" if SHORTFALL not in run.summary else "mission failed"
 
 
 def short_verdict(run: GenericRun) -> str:
     """Outcome of the run in a word or two, for the panel of numbers."""
-    return "did what it should" if SHORTFALL not in run.summary else "did not do what it should"
+    return "succeeded" if SHORTFALL not in run.summary else "failed"
 
 
 def shot_list(run: GenericRun, direction: str = TOUR) -> list[Shot]:

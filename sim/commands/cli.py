@@ -1,6 +1,6 @@
 """The command line ``mathnavi``.
 
-Exit codes: 0 the mission did what it should; 1 it ran and did not, or its results could not be written; 2 bad input,
+Exit codes: 0 the mission succeeded; 1 it ran and failed, or its results could not be written; 2 bad input,
 with one line on standard error that names the field, its value and what is allowed, or with the usage if no command is
 given; 70 an unforeseen error, with one line that names a file with the traceback; 130 and 143 interrupted by a signal.
 A command's module is imported when it is called, so that help is quick.

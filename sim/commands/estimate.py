@@ -90,7 +90,7 @@ def main(argv: Sequence[str]) -> int:
         result.write_files(claim.new)
         claim.install()
     console = Console(markup=False)
-    console.print(f"{estimator} over {folder}: {verdict(result, 'the estimator')}", style="bold", highlight=False)
+    console.print(f"{estimator} over {folder}: {verdict(result, 'estimator')}", style="bold", highlight=False)
     console.print(_comparison(request, run_config, log, result))
     console.print(f"run     {out}", soft_wrap=True, highlight=False)
     return 0 if result.success else 1

@@ -69,8 +69,8 @@ def verdict(records: Sequence[Record]) -> str:
     successes = sum(record.success is True for record in records)
     ends = [f"{count} {status.replace('-', ' ')}" for status, count in sorted(statuses.items()) if status != "ok"]
     alone = sum(map(planned_by_none, records))
-    planners = [f"in {alone} the planner had no part"] if alone else []
-    return f"{len(records)} trials: {', '.join([f'{successes} did what they should', *planners, *ends])}"
+    planners = [f"{alone} flown without the planner"] if alone else []
+    return f"{len(records)} trials: {', '.join([f'{successes} succeeded', *planners, *ends])}"
 
 
 def _print_groups(console: Console, sweep: Sweep, groups: Sequence[TrialGroup], lead: Sequence[Column]) -> None:

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from mathnavi.sim.engine.loop import Loop
     from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
-UNPLANNED = 3  # exit status of a run that did what it should without its planner
+UNPLANNED = 3  # exit status of a run that succeeded without its planner
 
 
 @configuration
@@ -245,7 +245,7 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
 
 
 def _announced(errors: Console, what: str) -> AbstractContextManager[object]:
-    """Announce the work of the block: on a terminal while it lasts, elsewhere by a line before it and one now and then."""
+    """Announce the work of the block: on a terminal while it lasts, elsewhere by a line before it and during it."""
     if errors.is_terminal:
         return errors.status(what)
     errors.print(what, highlight=False)

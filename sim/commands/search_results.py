@@ -52,8 +52,8 @@ class SearchResults:
         """Return a sentence: the number of missions, and how they ended."""
         violated = sum(each.violated for each in self.evaluations)
         return (
-            f"{len(self.evaluations)} missions: {self.number('flown')} flown, {violated} of them did not do what they "
-            f"should, {self.number('refused')} refused, {self.number('failed')} failed"
+            f"{len(self.evaluations)} missions: {self.number('flown')} flown, {violated} of them unsuccessful, "
+            f"{self.number('refused')} refused, {self.number('failed')} failed"
         )
 
     @property

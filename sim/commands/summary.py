@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 SHOWN_ELSEWHERE = ("seed", "version", "efficiency_basis", SHORTFALL, PLANNER_STATUS)
 
 
-def verdict(result: RunResult, subject: str = "the mission") -> str:
-    """Return a sentence: the mission, or another subject, did what it should, or why it did not."""
+def verdict(result: RunResult, subject: str = "mission") -> str:
+    """Return a sentence: the mission, or another subject, succeeded, or why it failed."""
     why, status = result.summary.get(SHORTFALL), result.summary.get(PLANNER_STATUS)
     unflown = f"; BUT THE PLANNER {status}" if status else ""
     if result.success:
-        return f"{subject} did what it should{unflown}"
-    return f"{subject} did NOT do what it should{f': {why}' if why else ''}{unflown}"
+        return f"{subject} succeeded{unflown}"
+    return f"{subject} FAILED{f': {why}' if why else ''}{unflown}"
 
 
 def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:

@@ -61,11 +61,11 @@ LABELS = {
     "speed_max": ("highest |v|", "in the metric"),
     "attitude_rms_rad": ("angle to reference, rms", "rad"),
     "settled_at_s": ("on the reference after", "s"),
-    "planner_share": ("planner share", ""),
+    "planner_share": ("share flown as planned", ""),
     "tracking_bound_share": ("share of bound used", ""),
     "deadline_left_s": ("deadline left", "s"),
 }
-SHORTFALL = "shortfall"  # the summary's key for why a run did not do what it should; without it the mission did
+SHORTFALL = "shortfall"  # the summary's key for why a run failed; without it the mission succeeded
 PLANNER_STATUS = "planner_status"  # the summary's key for a planner that had no part in the run; without it, it had
 
 

@@ -95,7 +95,7 @@ class Record:
     seed: int
     code: str  # version
     status: str  # "ok": it ran to its end; "raised", "crashed" or "timed-out": it did not
-    success: bool | None  # whether the mission did what it should; None if it did not run to its end
+    success: bool | None  # whether the mission succeeded; None if it did not run to its end
     summary: dict[str, Any]
     timings: dict[str, float | None] = field(default_factory=dict)
     error: str | None = None

@@ -174,7 +174,7 @@ class Sweep:
 
 
 def planned_by_none(record: Record) -> bool:
-    """Return True if the planner had no part in a trial, though the mission may have done what it should."""
+    """Return True if a trial was flown without the planner, though the mission may have succeeded."""
     return PLANNER_STATUS in record.summary
 
 

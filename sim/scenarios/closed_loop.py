@@ -48,7 +48,7 @@ def _scene(plant: Plant, recording: Recording) -> dict[str, Array] | None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunResult:
-    """Result of a run: its arrays by dotted name, summary, events, and whether the mission did what it should.
+    """Result of a run: its arrays by dotted name, summary, events, and whether the mission succeeded.
 
     ``run["truth.x"]`` is an array of the log, (n, nx) by control step; ``run.arrays`` names them all.
     """
@@ -162,7 +162,7 @@ class RunResult:
 
     def _table(self) -> tuple[str, list[Row]]:
         shortfall = self.summary.get(SHORTFALL)
-        ended = "the mission did what it should" if self.success else "the mission did NOT do what it should"
+        ended = "mission succeeded" if self.success else "mission FAILED"
         title = f"{self.config['scenario']}, seed {self.config['seed']}: {ended}{f': {shortfall}' * bool(shortfall)}"
         if status := self.summary.get(PLANNER_STATUS):
             title += f"; but the planner {status}"
@@ -195,7 +195,7 @@ class ClosedLoop:
     """A closed loop, built for one seed; it runs once.
 
     ``finished(t, truths)`` is the referee: it gets the true states, (nx,) by vehicle, at t [s]. ``summarise(recording,
-    wall_seconds)`` returns the summary, and whether the mission did what it should.
+    wall_seconds)`` returns the summary, and whether the mission succeeded.
     """
 
     plant: Plant

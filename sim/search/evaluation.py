@@ -42,7 +42,7 @@ class Evaluation:
 
     @property
     def violated(self) -> bool:
-        """True for a mission that was flown and did not do what it should."""
+        """True for a mission that was flown and did not succeed."""
         return self.record is not None and self.record.success is False
 
 

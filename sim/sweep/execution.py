@@ -36,7 +36,7 @@ class Progress:
     found: int  # of them, in the store before
     done: int  # and those too
     failed: int  # of those that are done: tasks that did not run to their end
-    unsuccessful: int  # ran to their end, but the mission did not do what it should
+    unsuccessful: int  # ran to their end, but the mission failed
     compiling: bool  # a worker has waited for numba, which happens once on a machine
 
 

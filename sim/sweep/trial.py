@@ -91,7 +91,7 @@ class Trial:
         return outcome
 
     def run(self) -> tuple[dict[str, Any], bool]:
-        """Run it; return the summary with the figures of the measure, and whether the mission did what it should."""
+        """Run it; return the summary with the figures of the measure, and whether the mission succeeded."""
         outcome = self.flown()
         measured = _function(self.measure)(outcome) if self.measure else {}
         return {**outcome.summary, **measured}, bool(outcome.success)

@@ -63,4 +63,4 @@ def test_what_is_being_done_stays_in_its_panel() -> None:
         )
         return int(np.nonzero(changed)[1].max())  # of the letters, which are white
 
-    assert widest("the mission did not do what it should, for a reason that takes a whole line") < 138
+    assert widest("mission failed, for a reason that takes a whole line") < 138

@@ -165,10 +165,10 @@ def test_missions_in_which_the_planner_had_no_part_are_counted_and_named(tmp_pat
     found = group.rate(sweep.events["planner without a part"])
     assert found is not None
     assert (found.events, found.trials) == (1, 4)
-    assert verdict([*flown, alone]) == "4 trials: 4 did what they should, in 1 the planner had no part"
+    assert verdict([*flown, alone]) == "4 trials: 4 succeeded, 1 flown without the planner"
     text = write_sweep_report(tmp_path / "sweep.html", [*flown, alone], [], None, [], COMMAND).read_text()
-    assert "Every mission did what it should." not in text
-    assert "In 1 of the missions the planner had no part." in text
+    assert "Every mission succeeded." not in text
+    assert "1 of the missions were flown without the planner." in text
     assert NEVER_ANSWERED in text
 
 

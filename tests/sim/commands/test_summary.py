@@ -24,15 +24,15 @@ def recording(requests: int = 1) -> Recording:
 def test_a_run_that_failed_says_why_in_the_same_line() -> None:
     summary = {"min_clearance_m": 45.1, SHORTFALL: "min clearance 45.1 m < 50 m allowed"}
     failed = RunResult(recording(requests=1), summary, {}, success=False)
-    assert verdict(failed) == f"the mission did NOT do what it should: {summary[SHORTFALL]}"
-    assert verdict(dataclasses.replace(failed, summary={}, success=False)).endswith("what it should")
-    assert verdict(dataclasses.replace(failed, summary={}, success=True)) == "the mission did what it should"
+    assert verdict(failed) == f"mission FAILED: {summary[SHORTFALL]}"
+    assert verdict(dataclasses.replace(failed, summary={}, success=False)).endswith("FAILED")
+    assert verdict(dataclasses.replace(failed, summary={}, success=True)) == "mission succeeded"
 
 
 def test_a_planner_without_a_part_stands_in_the_verdict_of_a_good_end_and_of_a_bad_one() -> None:
     summary = {PLANNER_STATUS: NEVER_ANSWERED}
     good = RunResult(recording(), summary, {}, success=True)
-    assert verdict(good) == f"the mission did what it should; BUT THE PLANNER {NEVER_ANSWERED}"
+    assert verdict(good) == f"mission succeeded; BUT THE PLANNER {NEVER_ANSWERED}"
     failed = dataclasses.replace(good, summary={**summary, SHORTFALL: "late"}, success=False)
     assert verdict(failed).endswith(f": late; BUT THE PLANNER {NEVER_ANSWERED}")
 

@@ -145,7 +145,7 @@ def test_the_tables_tell_rates_medians_and_what_went_wrong(path: Path, capsys: p
     out, err = capsys.readouterr()
     assert err == f"0 of 24 trials are already in {path}\n"
     for expected in (
-        "24 trials: 11 did what they should, 2 raised",
+        "24 trials: 11 succeeded, 2 raised",
         "Clopper-Pearson",
         "(<= 22.1)",
         "91.7",
@@ -159,7 +159,7 @@ def test_the_tables_tell_rates_medians_and_what_went_wrong(path: Path, capsys: p
         assert expected in out.replace("\n", " ") or expected in out
     assert main(["store", "show", str(path)]) == 0
     shown = capsys.readouterr().out
-    assert "24 trials: 11 did what they should, 2 raised" in shown
+    assert "24 trials: 11 succeeded, 2 raised" in shown
     assert "[61.5, 99.8]" in shown
     assert records(path)[0].code in shown
 

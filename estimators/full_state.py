@@ -54,7 +54,7 @@ class FullStateConfig:
     """Fields of the command line."""
 
     rate: Positive | None = None
-    """rate of the readings; that of the estimates if not given [Hz]"""
+    """rate of the readings [Hz]; that of the estimates if not given"""
     timeout: Positive = 0.5
     """time without a reading after which the estimate is lost [s]"""
 

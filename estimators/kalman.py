@@ -58,9 +58,9 @@ class KalmanConfig:
     timeout: Positive = 1.0
     """time without a fix after which the estimate is lost [s]"""
     start_position_std: Positive | None = None
-    """standard deviation of the declared start on each axis; that of the stationary filter if not given [m]"""
+    """standard deviation of the declared start on each axis [m]; that of the stationary filter if not given"""
     start_velocity_std: Positive | None = None
-    """standard deviation of the initial velocity on each axis; that of the stationary filter if not given [m/s]"""
+    """standard deviation of the initial velocity on each axis [m/s]; that of the stationary filter if not given"""
     noise_floor: Positive = 0.1
     """least standard deviation that the filter assumes for a fix, so that R stays positive [m]"""
     gust_floor: Positive = 0.05

@@ -42,7 +42,7 @@ class MissileKalmanConfig:
     """Fields of the command line."""
 
     rate: Positive | None = None
-    """rate of the readings; that of the estimates if not given [Hz]"""
+    """rate of the readings [Hz]; that of the estimates if not given"""
     timeout: Positive = 0.5
     """time without a reading after which the estimate is lost [s]"""
     start_position_std: Positive = 1.0

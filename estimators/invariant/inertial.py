@@ -58,9 +58,9 @@ class InertialIekfConfig:
     fix_floor: Positive = 0.01
     """least standard deviation that the filter assumes for a fix [m]"""
     start_attitude: Positive | None = None
-    """standard deviation of the initial attitude about each axis; that of the stationary filter if not given [rad]"""
+    """standard deviation of the initial attitude about each axis [rad]; that of the stationary filter if not given"""
     start_velocity: Positive | None = None
-    """standard deviation of the initial velocity on each axis; that of the stationary filter if not given [m/s]"""
+    """standard deviation of the initial velocity on each axis [m/s]; that of the stationary filter if not given"""
 
 
 class InertialIekf:

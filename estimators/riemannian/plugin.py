@@ -35,7 +35,7 @@ class RiemannianObserverConfig:
     """Fields of ``--estimator``."""
 
     bandwidth: Annotated[Positive, Le(_FASTEST)] | None = None
-    """bandwidth omega of the constant gains A = 2 zeta omega and B = omega^2; tuned, or 10, if not given [1/s]"""
+    """bandwidth omega of the constant gains A = 2 zeta omega and B = omega^2 [1/s]; tuned, or 10, if not given"""
     tuning: Literal["auto", "innovations", "none"] = "auto"
     """tuning of bandwidths by the innovations; auto: if bandwidth is not given and the model has servos, damping,
     limits, contacts or friction"""

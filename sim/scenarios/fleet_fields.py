@@ -71,7 +71,7 @@ class Radio:
     """Radio between the vehicles: range, delays, losses and cuts."""
 
     range: PositiveMagnitude | None = None
-    """distance up to which two vehicles receive each other's messages; unlimited if not given [m]"""
+    """distance up to which two vehicles receive each other's messages [m]; unlimited if not given"""
     delay: tuple[float, float] = (0.0, 0.0)
     """least and largest delay of a message [s]"""
     loss: Fraction = 0.0
@@ -142,9 +142,9 @@ class FleetEndFields:
     name: tuple[str, ...] = ()
     """name of a vehicle, given once for each; vehicle_1, vehicle_2, ... if not given"""
     start: Annotated[tuple[Point, ...], Each(THREE_FINITE_NUMBERS)] = ()
-    """start x, y, z of a vehicle, given once for each; drawn from the seed if not given [m]"""
+    """start x, y, z [m] of a vehicle, given once for each; drawn from the seed if not given"""
     target: FinitePoint | None = None
-    """middle x, y, z of the slots; drawn from the seed if not given [m]"""
+    """middle x, y, z [m] of the slots; drawn from the seed if not given"""
     slot_spacing: PositiveMagnitude = 1500.0
     """distance between neighbouring slots on their ring [m]"""
     slot_assignment: SlotAssignment = "least_squares"

@@ -52,9 +52,9 @@ class EndFields:
     terrain: TerrainPlace = "tian_shan"
     """name of a terrain, or an .npz file"""
     start: FinitePoint | None = None
-    """start x, y, z on the map; drawn from the seed if not given [m]"""
+    """start x, y, z [m] on the map; drawn from the seed if not given"""
     target: FinitePoint | None = None
-    """target x, y, z on the map; drawn from the seed if not given [m]"""
+    """target x, y, z [m] on the map; drawn from the seed if not given"""
     drawn_heights: DrawnHeights = (50.0, 450.0)
     """heights above h_min between which a start or target is drawn [m]"""
     drawn_separation: DrawnSeparation = (0.8, 1.5)

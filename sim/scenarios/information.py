@@ -35,7 +35,7 @@ class ChangeFields:
     radar_time: NonNegative = 0.0
     """time at which the radars are switched on and the planner is informed of them [s]"""
     radar_until: float | None = None
-    """time at which the radars are switched off; never if not given [s]"""
+    """time at which the radars are switched off [s]; never if not given"""
     radar_velocity: Annotated[tuple[float, float], TWO_FINITE_NUMBERS] = (0.0, 0.0)
     """velocity of the radars from the time at which they are switched on, up to the map's edge [m/s east, north]"""
     radar_known: bool = True

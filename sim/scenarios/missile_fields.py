@@ -100,7 +100,7 @@ class Thrusters:
     delay: Delay = 0.0
     """delay from a command to the thrusters' response, in whole milliseconds [s]"""
     declared_delay: Delay | None = None
-    """delay that controller and estimator assume; the true one if not given [s]"""
+    """delay that controller and estimator assume [s]; the true one if not given"""
 
     @property
     def known_delay(self) -> float:

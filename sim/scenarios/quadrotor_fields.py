@@ -61,9 +61,9 @@ class QuadrotorCanyonConfig(ChanceFields):
     terrain: TerrainPlace = "canyon"
     """name of a terrain, canyon:3 for another canyon, or an .npz file"""
     start: FinitePoint | None = None
-    """start x, y, z of the vehicle's centre; drawn from the seed if not given [m]"""
+    """start x, y, z [m] of the vehicle's centre; drawn from the seed if not given"""
     target: FinitePoint | None = None
-    """target x, y, z of the vehicle's centre; drawn from the seed if not given [m]"""
+    """target x, y, z of the vehicle's centre [m]; drawn from the seed if not given"""
     drawn_heights: DrawnHeights = (2.0, 10.0)
     """heights above h_min between which a start or target is drawn [m]"""
     drawn_lowest: PositiveFraction = 0.1

@@ -149,7 +149,7 @@ class RangeLocalisationConfig(ChanceFields):
     sensors: SensorDirections = (-60.0, 60.0)
     """directions of the range sensors off the heading [deg]"""
     start: Annotated[tuple[float, float, float], THREE_FINITE_NUMBERS] | None = None
-    """start X Y HEADING; drawn from the seed if not given [m, m, deg]"""
+    """start X Y HEADING [m, m, deg]; drawn from the seed if not given"""
     start_known: bool = False
     """whether the estimator knows the start"""
     start_error: tuple[float, float, float] = _START_ERROR

@@ -120,7 +120,7 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         ("--estimator=", ["--estimator", "''", "full_state", "kalman"]),
         ("--seed 3 4", ["4"]),
         ("--controller", ["--controller", "value"]),
-        ("--start 1 2", ["--start", "1 2", "3 values: x, y, z [m]"]),
+        ("--start 1 2", ["--start", "1 2", "3 values: start x, y, z [m]"]),
     ],
 )
 def test_run_refuses_what_no_mission_can_be(refused: Refusal, mission: Words, flags: str, expected: list[str]) -> None:

@@ -264,7 +264,7 @@ def test_trials_of_another_environment_are_kept_apart_and_mixed_on_request(
     assert sweep(*words) == 0
     said = capsys.readouterr().err
     assert "0 of 2 trials are already" in said
-    assert "--mix-environments takes them" in said
+    assert "--mix-environments accepts them" in said
     assert len(records(path)) == 4
     assert main(["store", "show", str(path)]) == 0
     shown = capsys.readouterr().out

@@ -209,7 +209,7 @@ def a_folder(path: Path) -> None:
     ("make", "expected"),
     [
         (a_text, "file is not a database"),
-        (of_something_else, "something else"),
+        (of_something_else, "another kind"),
         (of_another_schema, f"schema {SCHEMA + 1}; allowed: schema {SCHEMA}"),
         (of_other_columns, "its table trials has the columns"),
         (of_another_key, r"trial b'\xff'"),

@@ -126,7 +126,7 @@ def test_a_store_of_trials_alone_has_no_tables_of_jobs(store: Store) -> None:
 
 @pytest.mark.parametrize("function", [lambda: 0, (1.0).__truediv__, Walk(3, 1).__eq__])
 def test_only_a_function_of_a_module_is_a_job(function: Any) -> None:
-    with pytest.raises(ValueError, match="stands in a module"):
+    with pytest.raises(ValueError, match="is defined in a module"):
         job(function)
 
 

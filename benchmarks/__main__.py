@@ -46,7 +46,7 @@ class Arguments:
     only: tuple[str, ...] = ()
     """names of the parts that are measured, all if none is given"""
     out: Path = Path("renders/out/benchmarks.json")
-    """where the figures go"""
+    """file of the figures"""
 
 
 def parts(quick: bool, before: str = "") -> dict[str, Callable[[Console], Findings]]:

@@ -45,9 +45,9 @@ class Arguments:
     intervals: tuple[int, ...] = (20, 40, 80)
     """numbers of intervals that acados is given, in this order"""
     folder: Path = FOLDER
-    """where pip install --target has put comma-deps-acados"""
+    """folder into which pip install --target has put comma-deps-acados"""
     out: Path = Path("renders/out/acados_peer.json")
-    """where the figures go"""
+    """file of the figures"""
 
 
 @dataclass(frozen=True)

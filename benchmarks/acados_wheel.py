@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 FOLDER = Path(sys.prefix) / "acados"
-"""where the Makefile installs the wheel"""
+"""folder into which the Makefile installs the wheel"""
 
 
 def missing(folder: Path) -> str:

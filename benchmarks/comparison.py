@@ -40,9 +40,9 @@ class Comparison:
     other: Array  # (R,) of the runs beside them
     software: str  # the other
     ratio_of: Ratio
-    """what the ratio is of"""
+    """what the ratio divides by what"""
     at_least: float | None = None
-    """of the ratio, if it is to be"""
+    """least ratio that is wanted, if one is"""
     at_most: float | None = None
 
     @property

@@ -77,9 +77,9 @@ class Arguments:
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 5
     """solves of each problem by each solver"""
     acados: Path = FOLDER
-    """where pip install --target has put comma-deps-acados"""
+    """folder into which pip install --target has put comma-deps-acados"""
     out: Path = Path("renders/out/flight_solvers.json")
-    """where the figures go"""
+    """file of the figures"""
 
 
 Recorded = list[tuple[Problem, Array]]  # each with its guess

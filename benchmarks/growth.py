@@ -75,11 +75,11 @@ class Arguments:
     """Measure how costs grow."""
 
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 3
-    """of each size"""
+    """number of measurements of each size"""
     quick: bool = False
     """whether small sizes have to do: rough figures"""
     out: Path = Path("renders/out/growth.json")
-    """where the figures go"""
+    """file of the figures"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,9 +40,9 @@ class Arguments:
     """Measure what is imported before a flight."""
 
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 5
-    """of each"""
+    """number of measurements of each import"""
     out: Path = Path("renders/out/imports.json")
-    """where the figures go"""
+    """file of the figures"""
 
 
 def cpu(code: str, *options: str) -> tuple[float, str]:

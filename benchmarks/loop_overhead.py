@@ -65,7 +65,7 @@ class Arguments:
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 11
     """runs of each"""
     out: Path = Path("renders/out/loop_overhead.json")
-    """where the figures go"""
+    """file of the figures"""
 
 
 class IdlePlanner:

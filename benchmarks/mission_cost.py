@@ -60,7 +60,7 @@ class Arguments:
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 5
     """flights of each"""
     out: Path = Path("renders/out/mission_cost.json")
-    """where the figures go"""
+    """file of the figures"""
 
 
 def missions(terrain: str, mission: dict[str, Any]) -> tuple[Trial, Trial]:

@@ -58,7 +58,7 @@ class Arguments:
     dymos_limit: Annotated[int, Within(Ge(1), allowed=">= 1")] = 20
     """CPU time [s] that dymos has for a problem, where that is more: building its model alone takes seconds"""
     out: Path = Path("renders/out/ocp_peers.json")
-    """where the figures go; the table goes beside it, with the ending .md"""
+    """file of the figures; the table has the same name with the ending .md"""
 
     def __post_init__(self) -> None:
         if unknown := [name for name in self.problems if name not in PROBLEMS]:

@@ -43,11 +43,11 @@ class Arguments:
     """Measure what an update of each range estimator costs."""
 
     seconds: Annotated[float, Within(Interval(ge=1.0, le=3600.0), allowed="1 to 3600")] = 20.0
-    """of readings, 100 a second [s]"""
+    """duration of the readings, 100 a second [s]"""
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 7
     """runs of each"""
     out: Path = Path("renders/out/range_estimators.json")
-    """where the figures go"""
+    """file of the figures"""
 
 
 @dataclass(frozen=True, eq=False)

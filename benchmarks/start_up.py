@@ -63,13 +63,13 @@ class Arguments:
     before: str = ""
     """an earlier commit that is measured beside this tree"""
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 5
-    """of each command in each state"""
+    """number of measurements of each command in each state"""
     drop: bool = False
     """whether a cold start also finds no file in memory; it slows down whatever else runs on the machine, needs root"""
     flight: bool = True
     """whether a first flight is one of the commands"""
     out: Path = Path("renders/out/start_up.json")
-    """where the figures go"""
+    """file of the figures"""
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ class Arguments:
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 3
     """sweeps of each kind"""
     out: Path = Path("renders/out/sweep_scaling.json")
-    """where the figures go"""
+    """file of the figures"""
 
     def __post_init__(self) -> None:
         if self.trials < 3 * self.workers:

@@ -51,9 +51,9 @@ class Arguments:
     kills: Annotated[int, Within(Ge(1), allowed=">= 1")] = 10
     """times that the sweep is killed"""
     folder: Path = Path("renders/out/survival")
-    """where the stores go; none may be there"""
+    """folder of the stores, without any yet"""
     seed: int = 0
-    """of the moments at which it is killed"""
+    """seed of the moments at which the sweep is killed"""
     cluster: bool = True
     """whether Dask is among the workers"""
 

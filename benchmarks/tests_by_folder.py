@@ -54,7 +54,7 @@ class Arguments:
     slowest: Annotated[int, Within(Ge(0), allowed=">= 0")] = 30
     """how many of the longest tests are shown"""
     out: Path = Path("renders/out/tests_by_folder.json")
-    """where the figures go"""
+    """file of the figures"""
 
 
 @dataclass(frozen=True, eq=False)

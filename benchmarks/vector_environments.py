@@ -51,7 +51,7 @@ class Arguments:
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 5
     """runs of each"""
     out: Path = Path("renders/out/vector_environments.json")
-    """where the figures go"""
+    """file of the figures"""
 
 
 @dataclass(frozen=True)

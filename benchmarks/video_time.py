@@ -49,17 +49,17 @@ class Arguments:
     terrain: str = "tian_shan"
     """name of a terrain, or an .npz file"""
     width: int = 1920
-    """of the video [pixels]"""
+    """width of the video [pixels]"""
     height: int = 1080
-    """of the video [pixels]"""
+    """height of the video [pixels]"""
     fps: int = FPS
     """frames a second"""
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 2
     """videos"""
     frames: Annotated[int, Within(Ge(1), allowed=">= 1")] = 48
-    """that the parts are measured on"""
+    """number of frames that the parts are measured on"""
     out: Path = Path("renders/out/video_time.json")
-    """where the figures go"""
+    """file of the figures"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -93,7 +93,7 @@ class ConsensusConfig:
     seeds: Count = 5
     """random graphs of each size, and draws of lost messages"""
     vehicles: EvenCount = 8
-    """on the graphs with long rounds, delays, links that change and clocks"""
+    """number of vehicles on the graphs with long rounds, delays, links that change, and clocks"""
 
 
 class ConsensusStudy:

@@ -62,11 +62,11 @@ class FleetPeersConfig:
     seeds: Count = 5
     """fleets of each size, in each condition, under each rule"""
     vehicles: Annotated[int, Interval(ge=2, le=32)] = 10
-    """of the smallest fleet"""
+    """number of vehicles of the smallest fleet"""
     sizes: Annotated[int, Interval(ge=1, le=2)] = 2
     """sizes of fleets: that one, and twice as many vehicles"""
     conditions: Annotated[int, Interval(ge=1, le=len(CONDITIONS))] = len(CONDITIONS)
-    """of the network"""
+    """number of conditions of the network"""
     tuning: Count = 3
     """fleets on which the delay check is tuned"""
     checks: Annotated[int, Interval(ge=1, le=len(CHECKS))] = len(CHECKS)

@@ -50,15 +50,15 @@ class SafetyFilterConfig:
     """Sample sizes: episodes that are flown."""
 
     episodes: Count = 1000
-    """of each policy"""
+    """number of episodes of each policy"""
     seconds: Positive = 30.0
-    """that an episode lasts at most [s]"""
+    """longest duration of an episode [s]"""
     timed: Count = 5
     """episodes of each policy, flown one after the other, in which the filter is timed"""
     population: Count = 24
     """policies that are tried in each generation of the search"""
     generations: Count = 12
-    """of the search"""
+    """number of generations of the search"""
 
 
 @dataclass(frozen=True)

@@ -88,13 +88,13 @@ class GuaranteesConfig:
     missions: Annotated[int, Interval(ge=1, le=TUNING_SEED)] = 100
     """each by every planner under every one of the conditions"""
     conditions: Annotated[int, Interval(ge=1, le=len(CONDITIONS))] = len(CONDITIONS)
-    """under which they fly"""
+    """number of conditions under which they fly"""
     timed: Count = 5
-    """of these, with the CPU time of every planner"""
+    """number of these missions in which the CPU time of every planner is measured"""
     tuning: Annotated[int, Interval(ge=1, le=100)] = 4
     """other missions on which every planner is tuned, under every condition"""
     settings: Annotated[int, Interval(ge=1, le=_SETTINGS)] = _SETTINGS
-    """of each planner that are tried; with one, the defaults, nothing is tuned"""
+    """number of settings of each planner that are tried; with one, the defaults, nothing is tuned"""
 
 
 class Guarantees:

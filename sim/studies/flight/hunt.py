@@ -64,11 +64,11 @@ class HuntConfig:
     """Sample sizes: missions that are flown."""
 
     missions: Count = FEWEST
-    """of each of four searches"""
+    """number of missions of each of four searches"""
     tries: Count = ENOUGH
-    """at most, of a search for the hole of a mutant"""
+    """largest number of missions of a search for the hole of a mutant"""
     draws: Count = 400
-    """at most, of a lot of random draws for the same"""
+    """largest number of random draws for the same hole"""
     repeats: Count = 3
     """searches for each hole, and as many lots of random draws"""
 

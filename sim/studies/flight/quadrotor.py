@@ -47,7 +47,7 @@ class QuadrotorStudyConfig:
     canyons: Count = 20
     """canyons, made from the numbers 0, 1, ..."""
     missions: Count = 5
-    """in each of them"""
+    """number of missions in each of them"""
     drawn: Count = 4
     """canyons whose missions are drawn on their maps, at most"""
 

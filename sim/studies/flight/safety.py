@@ -41,7 +41,7 @@ class SafetyConfig:
     """Sample sizes: missions that are flown."""
 
     missions: Count = 200
-    """of each group"""
+    """number of missions of each group"""
 
 
 class Safety:

@@ -100,9 +100,9 @@ class BoundsConfig:
     """Sample sizes: runs."""
 
     seeds: Count = 10
-    """of each scenario; of one whose errors change slowly several times as many"""
+    """number of seeds of each scenario; several times as many where errors change slowly"""
     scenarios: Count = len(SCENARIOS)
-    """at most"""
+    """largest number of scenarios"""
     shortened: Count = 1
     """times that a run is shorter"""
 

@@ -211,7 +211,7 @@ class ObserverPropertiesConfig:
     subjects: Count = len(SUBJECTS)
     """estimators, at most"""
     seconds: Count = 10
-    """of a run of a textbook system; a robot within a wall drives for twice as long, a velocity is found in less"""
+    """duration of a run of a textbook system [s]; twice as long for a robot within a wall, less for a velocity"""
 
 
 class ObserverPropertiesStudy:

@@ -43,11 +43,11 @@ class ScalingConfig:
     """Sample sizes: measurements."""
 
     repetitions: Count = 3
-    """of each size"""
+    """number of measurements of each size"""
     sizes: Annotated[Count, Within(Interval(ge=2, le=16))] = 16
-    """at most, of each curve"""
+    """largest number of sizes of each curve"""
     trials: Annotated[Count, Within(Interval(ge=10, le=100_000))] = 200
-    """of a sweep"""
+    """number of trials of a sweep"""
     worker_counts: Annotated[Count, Within(Interval(ge=1, le=len(WORKERS)))] = len(WORKERS)
     """how many of 1, 2, 4 processes for a sweep"""
     slow_network: bool = True

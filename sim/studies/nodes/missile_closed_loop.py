@@ -131,7 +131,7 @@ class MissileClosedLoopConfig:
     seeds: Count = 20
     """flights of each kind with noise or failures"""
     replans: Count = 200
-    """at least so many are timed with each solver"""
+    """least number of replans that are timed with each solver"""
     others: Annotated[Count, Within(Interval(ge=1, le=OTHERS))] = OTHERS
     """how many of the kinds of flights that no claim is about"""
     pairs: Annotated[Count, Within(Interval(ge=1, le=PAIRS))] = PAIRS

@@ -76,7 +76,7 @@ class MissileNodesConfig:
     grids: Annotated[Count, Within(Interval(ge=5, le=len(NODES)))] = 8
     """how many of N = 10, 15, 20, 25, 30, 35, 40, 50"""
     reference_nodes: Count = 301
-    """of the uniform solution that the others are compared with"""
+    """number of nodes of the uniform solution that the others are compared with"""
     indirect: Annotated[Count, Within(Interval(ge=1, le=len(OPTIMA)))] = len(OPTIMA)
     """how many cases are solved by Pontryagin's conditions too"""
 

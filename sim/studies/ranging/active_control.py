@@ -91,7 +91,7 @@ class ActiveControlConfig:
     depth: Annotated[int, Interval(ge=1, le=4)] = 3
     """inputs of such a sequence"""
     seconds: Count = 20
-    """of a run; a run that is not within the limit for good by then counts as that long"""
+    """duration of a run [s]; it also counts for a run that is never within the limit for good"""
 
 
 class ActiveControl:

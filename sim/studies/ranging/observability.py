@@ -114,7 +114,7 @@ class ObservabilityConfig:
     gramians: Count = len(GRAMIANS)
     """runs of scenarios whose empirical Gramian is taken, at most"""
     seconds: Count = 20
-    """of a run in which an estimator may find the true state"""
+    """duration of a run in which an estimator may find the true state [s]"""
 
 
 class Observability:

@@ -106,13 +106,13 @@ class RangeConvergenceConfig:
     seeds: Count = 200
     """runs of the observer, the bank and the EKF with each set of sensors"""
     peers: Count = 60
-    """of them that the UKF and the particle filter follow too"""
+    """number of runs that the UKF and the particle filter estimate too"""
     drives: Count = 10
     """runs on wheels with each set of sensors and friction"""
     repetitions: Count = 7
-    """of what is timed"""
+    """number of measurements of each time"""
     seconds: Count = 20
-    """of a run [s]"""
+    """duration of a run [s]"""
 
 
 class RangeConvergence:

@@ -51,7 +51,7 @@ class AttitudeConfig:
     others: Count = 50
     """starts with each other omega, and with the true state"""
     seconds: Count = 8
-    """of a run"""
+    """duration of a run [s]"""
 
 
 class AttitudeStudy:

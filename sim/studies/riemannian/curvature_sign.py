@@ -54,7 +54,7 @@ class CurvatureSignConfig:
     others: Count = 30
     """starts for each other strength of the force, C = -1 and C = 1"""
     strengths: Count = len(FACTORS)
-    """of the force, at most"""
+    """largest number of strengths of the force"""
 
 
 @dataclass(frozen=True)

@@ -88,9 +88,9 @@ class MechanismsConfig:
     suite: Count = len(SUITE)
     """mechanisms of dm_control's suite, at most"""
     values: Count = len(DENSITIES)
-    """of a sweep, at most, spread over it"""
+    """largest number of values of a sweep, spread over it"""
     seconds: Count = 5
-    """of a run"""
+    """duration of a run [s]"""
 
 
 class Mechanisms:

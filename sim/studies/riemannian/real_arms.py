@@ -143,9 +143,9 @@ class RealArmsConfig:
     cases: Count = len(CASES)
     """mechanisms with their loads, at most"""
     values: Count = 8
-    """of a sweep, at most"""
+    """largest number of values of a sweep"""
     seconds: Count = 4
-    """of a run"""
+    """duration of a run [s]"""
 
 
 class RealArms:

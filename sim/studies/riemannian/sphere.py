@@ -123,13 +123,13 @@ class SphereConfig:
     points: Count = 1000
     """pairs of points at which the identities are tried, for each dimension and curvature"""
     seconds: Count = 30
-    """of the runs in continuous time"""
+    """duration of the runs in continuous time [s]"""
     noisy: Count = 8
     """runs with noise"""
     fast: Count = len(SPEEDS)
     """speeds from which settling is timed, at most"""
     values: Count = len(CUTOFFS)
-    """of a sweep, at most, spread over it"""
+    """largest number of values of a sweep, spread over it"""
     bodies: Count = 20
     """free bodies in MuJoCo"""
 

@@ -35,15 +35,15 @@ class RoadmapConfig:
     """Fields of ``--planner``."""
 
     columns: Annotated[int, Within(Interval(ge=2, le=201), allowed="2 to 201")] = 41
-    """of the lattice, along the longer side of the map"""
+    """number of columns of the lattice, along the longer side of the map"""
     layers: Annotated[int, Within(Interval(ge=2, le=51), allowed="2 to 51")] = 12
-    """of the lattice"""
+    """number of layers of the lattice"""
     margin: NonNegative = 15.0
-    """what a leg keeps above h_min [m]"""
+    """clearance of a leg above h_min [m]"""
     period: Positive = 2.5
     """between two checks of what has turned out otherwise [s]"""
     bandwidth: Positive = 0.8
-    """of the tracker [rad/s]"""
+    """bandwidth of the tracker [rad/s]"""
 
 
 class RoadmapPlanner:

@@ -37,7 +37,7 @@ class AlphaBetaGammaConfig:
     """Fields of ``--estimator``."""
 
     memory: Positive = 2.0
-    """in which the weight theta fades to 1/e [s]"""
+    """time in which the weight theta fades to 1/e [s]"""
     timeout: Positive = 1.0
     """without a fix after which the estimate is lost [s]"""
 

@@ -29,6 +29,8 @@ LIBRARIES = {
 }
 SWITCHED_OFF = ("disable", "disabled", "off", "false", "0")  # values by which MUJOCO_GL forbids rendering
 
+WINDOWED = ("glfw", "glx", "enable", "enabled", "on", "true", "1")  # values by which MuJoCo draws with GLFW
+
 LOADS = """
 import ctypes, ctypes.util, sys
 for name in (sys.argv[1], ctypes.util.find_library(sys.argv[2])):
@@ -88,6 +90,8 @@ def opengl_context(max_width: int, max_height: int) -> Any:
     backend = available()
     if backend is None:
         raise NoOpenGLError(HOW_TO_INSTALL)
+    if backend not in (*LIBRARIES, *WINDOWED):
+        raise NoOpenGLError(f"MUJOCO_GL = {backend}; allowed: {', '.join((*LIBRARIES, *WINDOWED, *SWITCHED_OFF))}")
     module = importlib.import_module(f"mujoco.{backend if backend in LIBRARIES else 'glfw'}")
     return module.GLContext(max_width, max_height)
 

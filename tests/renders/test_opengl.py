@@ -39,3 +39,9 @@ def test_child_gets_the_backend_and_not_pyopengls_own_choice(monkeypatch: pytest
     environment = opengl.environment()
     assert environment["MUJOCO_GL"] == "osmesa"
     assert "PYOPENGL_PLATFORM" not in environment
+
+
+def test_a_backend_that_is_unknown_is_refused_and_not_replaced_by_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "quantum")
+    with pytest.raises(opengl.NoOpenGLError, match="MUJOCO_GL = quantum; allowed: osmesa, egl, glfw"):
+        opengl.opengl_context(8, 8)

@@ -29,7 +29,7 @@ from benchmarks import (
     video_time,
 )
 from benchmarks.comparison import WIDTH, Findings, Machine, load, table, write
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.errors import FieldError
 
 # Parts with a row for each problem, part or folder, which is too much for the table of all.
 OWN_TABLES = ("ocp_peers", "acados_peer", "start_up", "imports", "video_time", "tests_by_folder")

@@ -29,7 +29,7 @@ from benchmarks.comparison import Comparison, alone
 from benchmarks.ocp_attempts import Attempt, attempts
 from benchmarks.ocp_trajectory import Trajectory, judge
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
-from mathnavi.sim.interfaces.bounds import Within, configuration
+from mathnavi.interfaces.bounds import Within, configuration
 
 NAME = "cart-pole"
 LEVEL = 1e-2

@@ -21,7 +21,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.records.files import write_json
 from mathnavi.sim.sweep.execution import available_cores
 

@@ -23,7 +23,7 @@ from mathnavi.controllers.flight.problem import (
     PlanSolution,
     Problem,
 )
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 
 class DoMpc:

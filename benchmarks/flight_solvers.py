@@ -35,7 +35,7 @@ from unittest import mock
 
 from annotated_types import Ge
 
-from mathnavi.sim.interfaces.bounds import Within, configuration
+from mathnavi.interfaces.bounds import Within, configuration
 
 os.environ.setdefault("MUJOCO_GL", "disable")
 
@@ -56,7 +56,7 @@ from mathnavi.controllers.flight.planner import Solver
 from mathnavi.controllers.flight.problem import PlanSolution, Problem
 from mathnavi.controllers.flight.reference import InteriorPoint
 from mathnavi.controllers.flight.sqp import CondensedSqp
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
 from mathnavi.sim.scenarios.safe_flight import SafeFlight
 

@@ -19,7 +19,7 @@ from typing import Annotated, Any
 
 from annotated_types import Ge
 
-from mathnavi.sim.interfaces.bounds import Within, configuration
+from mathnavi.interfaces.bounds import Within, configuration
 
 os.environ.setdefault("MUJOCO_GL", "disable")
 
@@ -29,10 +29,10 @@ from rich.console import Console
 
 from benchmarks.comparison import Comparison, alone
 from benchmarks.progress import progress
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.dem import Box, height_field
 from mathnavi.models.terrain.dem_import import import_dem
 from mathnavi.models.terrain.geotiff import read_geotiff
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.studies.introduction.cost_measurement import CURVES, FLOWN
 from mathnavi.sim.sweep.trial import trial
 

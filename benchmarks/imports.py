@@ -26,8 +26,8 @@ from rich.table import Table
 
 from benchmarks.comparison import Comparison, alone
 from benchmarks.progress import progress
-from mathnavi.sim.interfaces.bounds import Within, configuration
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.bounds import Within, configuration
+from mathnavi.interfaces.signals import Array
 
 FLIGHT = "import mathnavi.sim.commands.run, mathnavi.sim.scenarios.safe_flight, mathnavi.controllers.flight.plugin"
 NOTHING = "pass"

@@ -25,7 +25,7 @@ from typing import Annotated, Any, TypeVar
 
 from annotated_types import Ge
 
-from mathnavi.sim.interfaces.bounds import Within, configuration
+from mathnavi.interfaces.bounds import Within, configuration
 
 os.environ.setdefault("MUJOCO_GL", "disable")
 
@@ -39,11 +39,11 @@ from rich.console import Console
 
 from benchmarks.comparison import Comparison, Ratio, alone
 from benchmarks.progress import progress
+from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import simulate
 from mathnavi.sim.engine.plant import MujocoPlant
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
 from mathnavi.sim.scenarios.safe_flight import VEHICLE, SafeFlight
 

@@ -18,7 +18,7 @@ from typing import Annotated, Any
 
 from annotated_types import Ge
 
-from mathnavi.sim.interfaces.bounds import Within, configuration
+from mathnavi.interfaces.bounds import Within, configuration
 
 os.environ.setdefault("MUJOCO_GL", "disable")
 
@@ -29,10 +29,10 @@ from rich.console import Console
 from benchmarks.comparison import Comparison, alone
 from benchmarks.loop_overhead import BARE, Flight, bare_steps, timed
 from benchmarks.progress import progress
+from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant
-from mathnavi.sim.interfaces.protocols import Plant
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.scenarios.safe_flight import VEHICLE
 from mathnavi.sim.sweep.trial import Trial, trial
 

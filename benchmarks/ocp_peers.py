@@ -32,8 +32,8 @@ from benchmarks.comparison import Comparison, Machine, alone
 from benchmarks.ocp_attempts import LEVELS, Attempt, level
 from benchmarks.progress import progress
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
-from mathnavi.sim.interfaces.bounds import Within, configuration
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.bounds import Within, configuration
+from mathnavi.interfaces.errors import FieldError
 
 OURS = "ours"
 SHOWN = {OURS: "ours", "maptor": "MAPTOR", "dymos": "dymos, SLSQP"}

@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 Limits = tuple[float | None, float | None]
 

@@ -19,7 +19,7 @@ from scipy.linalg import expm
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.library import KnownOptimum
 from mathnavi.controllers.ocp.replay import ILL_POSED
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 TOLERANCE = 1e-10  # of the integration, relative and in scaled states
 DENSE = 16  # parts of an interval at which bounds are evaluated

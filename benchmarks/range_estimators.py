@@ -22,8 +22,8 @@ from rich.console import Console
 
 from benchmarks.comparison import Comparison, Ratio, alone
 from benchmarks.progress import progress
-from mathnavi.sim.interfaces.bounds import Within, configuration
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.bounds import Within, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.studies.ranging.estimator_runs import (
     ALL_ALIVE,
     BANK_LOOP,

@@ -31,7 +31,7 @@ from rich.table import Table
 
 from benchmarks.comparison import Comparison, alone, within
 from benchmarks.progress import progress
-from mathnavi.sim.interfaces.bounds import Within, configuration
+from mathnavi.interfaces.bounds import Within, configuration
 
 ROOT = Path(__file__).parents[1]
 DROP = Path("/proc/sys/vm/drop_caches")

@@ -26,8 +26,8 @@ from unittest import mock
 
 from annotated_types import Ge
 
-from mathnavi.sim.interfaces.bounds import Within, configuration
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.bounds import Within, configuration
+from mathnavi.interfaces.errors import FieldError
 
 os.environ.setdefault("MUJOCO_GL", "disable")
 
@@ -38,7 +38,7 @@ from rich.table import Table
 
 from benchmarks.comparison import Comparison, alone
 from benchmarks.progress import progress
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.records.store import Store
 from mathnavi.sim.sweep.child import ENVIRONMENT
 from mathnavi.sim.sweep.execution import Progress, run_trials

@@ -29,8 +29,8 @@ from annotated_types import Ge
 from rich.console import Console
 from rich.table import Table
 
-from mathnavi.sim.interfaces.bounds import Within, configuration
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.bounds import Within, configuration
+from mathnavi.interfaces.errors import FieldError
 
 SWEEP = (
     "safe-flight", "--terrain", "jacksboro", "--drawn-separation", "0.2", "0.3", "--drawn-heights", "0.5", "60",

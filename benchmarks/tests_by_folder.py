@@ -33,7 +33,7 @@ from rich.table import Table
 
 from benchmarks import OPENGL
 from benchmarks.comparison import Comparison, alone, within
-from mathnavi.sim.interfaces.bounds import Within, configuration
+from mathnavi.interfaces.bounds import Within, configuration
 
 ROOT = Path(__file__).parents[1]
 PROPERTY = "cpu_s"  # a test's, among the properties that its reports carry from a worker to the first process

@@ -18,7 +18,7 @@ from typing import Annotated, Any
 
 from annotated_types import Ge
 
-from mathnavi.sim.interfaces.bounds import Within, configuration
+from mathnavi.interfaces.bounds import Within, configuration
 
 os.environ.setdefault("MUJOCO_GL", "disable")
 
@@ -29,7 +29,7 @@ from rich.console import Console
 
 from benchmarks.comparison import Comparison, alone
 from benchmarks.progress import progress
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 ENVIRONMENT = "mathnavi.sim.environments:mathnavi/SafeFlight-v1"
 OTHER = "AsyncVectorEnv"

@@ -31,12 +31,12 @@ from benchmarks import OPENGL
 from benchmarks.comparison import Comparison, alone, within
 from benchmarks.mission_cost import MISSION, missions
 from benchmarks.progress import progress
+from mathnavi.interfaces.bounds import Within, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders import opengl
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import TOUR
 from mathnavi.renders.video import FPS, write_video
-from mathnavi.sim.interfaces.bounds import Within, configuration
-from mathnavi.sim.interfaces.signals import Array
 
 LIMIT = 10.0  # [s] of the whole video
 PARTS = Path(__file__).with_name("video_parts.py")

@@ -37,7 +37,7 @@ sphinx_gallery_conf = {
 
 smartquotes = False  # --planner is a flag, not a dash
 
-python_use_unqualified_type_names = True  # `Array` is read, mathnavi.sim.interfaces.signals.Array is where it leads
+python_use_unqualified_type_names = True  # `Array` is read, mathnavi.interfaces.signals.Array is where it leads
 python_maximum_signature_line_length = 90
 add_module_names = False
 toc_object_entries = False  # a page holds a folder: its contents are the modules

@@ -26,7 +26,7 @@ COLUMN = {  # of the width, so that few arrows cross; a room that is not named s
     "sim.commands": 0.38, "sim.scripting": 0.66, "sim.studies": 0.5, "sim.search": 0.26, "sim.sweep": 0.26,
     "sim.environments": 0.72, "renders": 0.2, "sim.scenarios": 0.62, "sim.records": 0.28, "sim.metrics": 0.52,
     "estimators": 0.13, "sim.engine": 0.4, "controllers": 0.66, "models": 0.4, "sim.plugin": 0.88,
-    "sim.interfaces": 0.52,
+    "interfaces": 0.52,
 }  # fmt: skip
 PURPOSE = {
     "sim.scripting": "what `import mathnavi` declares",
@@ -44,7 +44,7 @@ PURPOSE = {
     "controllers": "estimate to plan to command",
     "estimators": "measurements to estimate",
     "models": "bodies, terrain, manifolds",
-    "sim.interfaces": "signals, protocols, checks",
+    "interfaces": "signals, protocols, checks",
 }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 _LEAST = 1e-12  # variance that a covariance keeps in every direction
 

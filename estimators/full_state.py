@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
 
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 
 
 @runtime_checkable

@@ -33,14 +33,14 @@ from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri, gammainc
 
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission
 from mathnavi.models.aerial.sensors import PositionSensor
 from mathnavi.models.linear_noise import discretised
 from mathnavi.models.sensor_faults import longest_gap
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 
 _H = np.array([[1.0, 0.0, 0.0]])  # a fix reads the position
 _EYE = np.eye(3)

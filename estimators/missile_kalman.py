@@ -22,6 +22,12 @@ import numpy as np
 
 from mathnavi.estimators.external_prediction_ekf import external_prediction_ekf
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
+from mathnavi.interfaces.angles import Radians
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.angles import wrapped
 from mathnavi.models.missile.coordinates import STEP, Coordinates
 from mathnavi.models.missile.dynamics import Body, rotation
@@ -29,12 +35,6 @@ from mathnavi.models.missile.input_history import InputHistory
 from mathnavi.models.missile.mission import MissileMission
 from mathnavi.models.runge_kutta import classical_step
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.angles import Radians
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 
 
 @configuration

@@ -19,15 +19,15 @@ from mathnavi.estimators.kalman import Kalman, KalmanConfig
 from mathnavi.estimators.stagewise.horizon import MovingHorizon
 from mathnavi.estimators.stagewise.model import StageBuilder, StagewiseModel
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.interfaces.bounds import FINITE, Positive, configuration
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.manifold.manifold import CutLocusError
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.missile.mission import MissileMission
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.sim.interfaces.bounds import FINITE, Positive, configuration
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 HorizonMission = RangingMission | MissileMission | FlightMission | LagrangianMission
 

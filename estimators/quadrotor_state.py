@@ -12,11 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from mathnavi.estimators.full_state import FullState, FullStateConfig
+from mathnavi.interfaces.observer_properties import ObserverProperties
+from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.aerial.mission import EstimateQuality
 from mathnavi.models.quadrotor.dynamics import ATTITUDE, POSITION, RATE, STATE_SIZE, VELOCITY
 from mathnavi.models.quadrotor.mission import QuadrotorMission, QuadrotorStateSensor
-from mathnavi.sim.interfaces.observer_properties import ObserverProperties
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 
 _INDICES = np.arange(STATE_SIZE)
 _POINT = np.concatenate([_INDICES[POSITION], _INDICES[VELOCITY]])

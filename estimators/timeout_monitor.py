@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Status
 
 
 class TimeoutMonitor:

@@ -7,7 +7,7 @@ from typing import Any
 
 import casadi
 
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 
 class BufferedFunction:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import casadi as ca
 
-from mathnavi.sim.interfaces.reading.files import MOST_TEXT, read_bytes
+from mathnavi.interfaces.reading.files import MOST_TEXT, read_bytes
 
 _DIGITS = 32  # of a hash, in the name of a file
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 _LONGEST = 4.0  # of a step times the norm of A: beyond it exp(-A h) loses digits, and overflows in the end
 

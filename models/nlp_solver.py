@@ -16,10 +16,10 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.models.compilation import compiled as compiled_functions
 from mathnavi.models.solver_process import ProcessReport, RemoteSolver
-from mathnavi.sim.interfaces.signals import Array
 
 NlpPlugin = Literal["ipopt", "fatrop"]
 

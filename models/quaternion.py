@@ -7,8 +7,8 @@ from typing import Any
 import casadi
 import numpy as np
 
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 
 
 def rotation_entries(w: Any, x: Any, y: Any, z: Any) -> tuple[tuple[Any, Any, Any], ...]:

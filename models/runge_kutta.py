@@ -19,9 +19,9 @@ from typing import Any, TypeVar
 import casadi
 import numpy as np
 
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.buffered_function import BufferedFunction
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
 
 State = TypeVar("State", casadi.SX, Array)
 

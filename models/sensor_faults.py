@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.protocols import Sensor, StateView
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.protocols import Sensor, StateView
-from mathnavi.sim.interfaces.signals import Array
 
 _NEVER = 5.7e-7  # probability of a gap that is neglected: that of five standard deviations
 

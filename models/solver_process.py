@@ -25,8 +25,8 @@ from multiprocessing.connection import Connection
 import casadi as ca
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.buffered_function import BufferedFunction
-from mathnavi.sim.interfaces.signals import Array
 
 _LOAD, _SOLVE = 0, 1
 _HEADER = struct.Struct("<BQd")  # request, number of the solver, limit of CPU time [s]

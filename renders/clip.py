@@ -13,12 +13,12 @@ from pathlib import Path
 
 from PIL import Image
 
+from mathnavi.interfaces.checks import check
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.writing import write_bytes
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import Shot, checked_camera, frames_of
 from mathnavi.renders.video import STILL_SAMPLES, check_rate, check_size, counted, draw
-from mathnavi.sim.interfaces.checks import check
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.writing import write_bytes
 
 WIDTH, HEIGHT, FPS = 640, 360, 12
 LENGTH, LAST_MOMENT = 5.0, 1.0  # [s] of the clip: while time passes, and for which its last picture stays

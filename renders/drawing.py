@@ -17,12 +17,12 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
+from mathnavi.interfaces.checks import plain_name
+from mathnavi.interfaces.entry_points import named as named_point
+from mathnavi.interfaces.errors import RunFolderError
+from mathnavi.interfaces.failures import failures_named
 from mathnavi.renders.film import TOUR, Annotation, Frame, Shot, checked_camera, frames_of
 from mathnavi.renders.palette import Picture
-from mathnavi.sim.interfaces.checks import plain_name
-from mathnavi.sim.interfaces.entry_points import named as named_point
-from mathnavi.sim.interfaces.errors import RunFolderError
-from mathnavi.sim.interfaces.failures import failures_named
 from mathnavi.sim.plugin.groups import installed
 from mathnavi.sim.plugin.trust import check_place
 from mathnavi.sim.records.run_folder import CONFIG, existing_folder, read_run_document

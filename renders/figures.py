@@ -16,15 +16,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from mathnavi.interfaces.figure_style import BOUND as BOUND
+from mathnavi.interfaces.figure_style import GRID as GRID
+from mathnavi.interfaces.figure_style import INK as INK
+from mathnavi.interfaces.figure_style import SERIES as SERIES
+from mathnavi.interfaces.figure_style import STYLE as STYLE
+from mathnavi.interfaces.signals import Array, Event, Integers, Plan
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.relief import relief
-from mathnavi.sim.interfaces.figure_style import BOUND as BOUND
-from mathnavi.sim.interfaces.figure_style import GRID as GRID
-from mathnavi.sim.interfaces.figure_style import INK as INK
-from mathnavi.sim.interfaces.figure_style import SERIES as SERIES
-from mathnavi.sim.interfaces.figure_style import STYLE as STYLE
-from mathnavi.sim.interfaces.signals import Array, Event, Integers, Plan
 from mathnavi.sim.records.run_folder import described
 
 GROUND = "#9a8468"

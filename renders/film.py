@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from mathnavi.sim.interfaces.errors import ArgumentError
+from mathnavi.interfaces.errors import ArgumentError
 
 TOUR = "tour"  # the direction that cuts between the cameras
 ANNOTATION_LENGTH = 1.8  # [s] of video for which an event stays in sight, unless a cut comes first

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.stage import Optics, View
-from mathnavi.sim.interfaces.signals import Array
 
 _FAR = 1000.0  # [m] from which the search starts at least
 _STEPS = 12  # centre, then fill; perspective couples the two only weakly

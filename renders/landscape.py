@@ -17,13 +17,13 @@ import mujoco
 import numpy as np
 
 import mathnavi.models.aerial
+from mathnavi.interfaces.reading.mechanisms import read_spec
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.framing import Box, framing
 from mathnavi.renders.palette import Colour
 from mathnavi.renders.relief import EXAGGERATION, relief, resampled, roughened
 from mathnavi.renders.stage import HORIZON, NADIR, Optics, Stage, View
-from mathnavi.sim.interfaces.reading.mechanisms import read_spec
-from mathnavi.sim.interfaces.signals import Array
 
 GROUND_NODES, TEXTURE_PIXELS = 257, 1025  # along the longer side
 DETAIL = 4  # texture pixels painted for each pixel of the relief, unless the picture is small

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.sim.interfaces.signals import Array, Event, Plan, Status
+from mathnavi.interfaces.signals import Array, Event, Plan, Status
 from mathnavi.sim.records.run_folder import RunLog, last_at
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from mathnavi.controllers.ocp.methods.hp import hp
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
-from mathnavi.sim.interfaces.checks import allowed_for
+from mathnavi.interfaces.checks import allowed_for
 
 
 def main(arguments: Sequence[str]) -> int:

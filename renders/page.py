@@ -18,10 +18,10 @@ from pathlib import Path
 import matplotlib
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.reading.files import read_text
+from mathnavi.interfaces.reading.pictures import read_picture
 from mathnavi.renders import figures
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.reading.files import read_text
-from mathnavi.sim.interfaces.reading.pictures import read_picture
 from mathnavi.sim.records.figure_names import label
 
 STYLE_SHEET = Path(__file__).with_name("page.css")

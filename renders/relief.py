@@ -13,9 +13,9 @@ import numpy as np
 from PIL import Image
 from scipy import ndimage
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.palette import Picture
-from mathnavi.sim.interfaces.signals import Array
 
 EXAGGERATION = 1.7  # of heights where a whole map is seen from afar or from above
 SUN_AZIMUTH = np.radians(315.0)  # from the north-west, as on printed maps

@@ -15,13 +15,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from mathnavi.interfaces.signals import Event
+from mathnavi.interfaces.writing import write_text
 from mathnavi.renders import figures, opengl, page
 from mathnavi.renders.child import DrawingFailedError
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.video import write_still
-from mathnavi.sim.interfaces.signals import Event
-from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.plugin.trust import uninstalled
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
 from mathnavi.sim.records.run_folder import described

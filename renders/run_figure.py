@@ -15,9 +15,9 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.figures import STYLE, canvas, thinned
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.run_folder import read_arrays
 
 MOST_PANELS = 6

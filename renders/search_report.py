@@ -14,12 +14,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.writing import write_together
 from mathnavi.renders import page
 from mathnavi.renders.figures import BOUND, STYLE, canvas, lay_out
 from mathnavi.renders.page import Markup
 from mathnavi.renders.statistics_figures import SERIES, WIDTH
-from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.interfaces.writing import write_together
 from mathnavi.sim.records.figure_names import SHORTFALL, label
 from mathnavi.sim.records.sweep_data import is_number
 

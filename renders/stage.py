@@ -16,8 +16,8 @@ from typing import Any, Self
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.palette import Colour, Picture
-from mathnavi.sim.interfaces.signals import Array
 
 MAX_GEOMS = 4000
 DASH = 11.0  # [pixels] at a picture 720 pixels high: length of a dash and of the gap after it

@@ -15,9 +15,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.figures import BOUND, STYLE, canvas
 from mathnavi.renders.figures import SERIES as SERIES
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.statistics import Band, Proportion
 
 WIDTH = 9.4  # [inches] of a figure

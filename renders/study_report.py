@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders import page
 from mathnavi.renders.page import Drawn, Markup
 from mathnavi.renders.terrain_view import Track, script, terrain_view
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim, tally
 from mathnavi.sim.records.table import Table as Table
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.writing import write_text
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders import page
 from mathnavi.renders.page import UNKNOWN, Markup, number
@@ -24,7 +25,6 @@ from mathnavi.renders.statistics_figures import (
     scatter_figure,
 )
 from mathnavi.renders.terrain_view import Track, script, terrain_view
-from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.records.computing_environment import environment, environment_digest
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, label
 from mathnavi.sim.records.statistics import Band, Proportion, percent

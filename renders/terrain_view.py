@@ -18,14 +18,14 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.reading.files import read_text
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.figures import thinned
 from mathnavi.renders.page import Markup, text
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.relief import EXAGGERATION, relief, resampled
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.reading.files import read_text
-from mathnavi.sim.interfaces.signals import Array
 
 MOST_NODES = 257  # along the longer side of the ground
 HEIGHT_UNIT = 0.1  # [m]

@@ -23,14 +23,14 @@ from PIL import Image
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.writing import naming, whole_files, write_bytes
 from mathnavi.renders import opengl
 from mathnavi.renders.child import DrawingFailedError, child_command, last_line
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import TOUR, Frame, checked_camera
 from mathnavi.renders.heartbeat import lines_of_progress
 from mathnavi.renders.palette import Picture
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.writing import naming, whole_files, write_bytes
 from mathnavi.sim.plugin.trust import is_trusted
 
 WIDTH, HEIGHT, FPS = 1280, 720, 24

@@ -15,6 +15,8 @@ from functools import partial
 import pytest
 from hypothesis import settings
 
+pytest_plugins = ["tests.small_missions"]
+
 if sys.platform == "linux" and not os.environ.get("MUJOCO_GL"):
     backends = {"osmesa": "OSMesa", "egl": "EGL"}
     loadable = [backend for backend, library in backends.items() if ctypes.util.find_library(library)]

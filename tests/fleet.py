@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from mathnavi.controllers.arrival.laplacian import LaplacianConfig, LaplacianConsensus
 from mathnavi.controllers.arrival.maximum import MaximumConfig, MaximumConsensus
+from mathnavi.interfaces.protocols import Consensus
+from mathnavi.interfaces.signals import Array, Message
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import Addressed, Network
-from mathnavi.sim.interfaces.protocols import Consensus
-from mathnavi.sim.interfaces.signals import Array, Message
 
 NAMES = ("a", "b", "c", "d", "e", "f", "g", "h")
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array, Event, Measurement, Plan
 from mathnavi.models.aerial.dynamics import flow
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import Array, Event, Measurement, Plan
 
 SIDE = 12_000.0  # [m]
 SPACING = 200.0  # [m]
@@ -72,7 +72,7 @@ def assert_well_formed(plan: Plan) -> None:
 
 
 class PointMass:
-    """``mathnavi.sim.interfaces.protocols.Plant`` without MuJoCo: one double integrator, exact, that reads its own
+    """``mathnavi.interfaces.protocols.Plant`` without MuJoCo: one double integrator, exact, that reads its own
     state at every tick."""
 
     names = ("vehicle",)

@@ -2,7 +2,7 @@
 
     python -m tests.kernels flight|others
 
-Workers of pytest-xdist would each compile for themselves. What is compiled is kept (``sim.interfaces.compiled``), so it
+Workers of pytest-xdist would each compile for themselves. What is compiled is kept (``interfaces.compiled``), so it
 happens once for each change of a kernel.
 """
 
@@ -15,7 +15,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from mathnavi.sim.interfaces.compiled import kernel_folder
+from mathnavi.interfaces.compiled import kernel_folder
 
 ROOT = Path(__file__).parents[1]
 

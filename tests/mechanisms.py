@@ -5,8 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.mechanism.geometry import MechanismManifold
-from mathnavi.sim.interfaces.signals import Array
 
 
 def chain(joints: str, extra: str = "", option: str = "") -> mujoco.MjModel:

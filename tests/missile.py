@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.models.missile.mission import MissileMission, Target
-from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.missile_fields import MissileGuidanceConfig

@@ -11,6 +11,7 @@ import numpy as np
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.completion import ArcList
 from mathnavi.controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
+from mathnavi.interfaces.signals import Array, Estimate, Plan
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase
@@ -19,7 +20,6 @@ from mathnavi.models.quadrotor.entity import RotorDrive, build_model
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.engine.faults import Disturbance
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 TICKS = 2  # of the physics to one command
 PERIOD = TICKS / 300.0  # [s]

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.patterns import figure_eight
-from mathnavi.sim.interfaces.signals import Array, Measurement
 
 Input = Callable[[float], tuple[float, float]]
 

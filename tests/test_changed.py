@@ -19,9 +19,9 @@ SPEC.loader.exec_module(changed)
 @pytest.mark.parametrize(
     ("file", "tests"),
     [
-        ("sim/interfaces/compiled.py", {"tests/sim/interfaces/test_compiled.py"}),
-        ("tests/sim/interfaces/test_compiled.py", {"tests/sim/interfaces/test_compiled.py"}),
-        ("tests/sim/interfaces/test_removed.py", set()),
+        ("interfaces/compiled.py", {"tests/interfaces/test_compiled.py"}),
+        ("tests/interfaces/test_compiled.py", {"tests/interfaces/test_compiled.py"}),
+        ("tests/interfaces/test_removed.py", set()),
         ("docs/index.md", set()),
         ("pyproject.toml", set()),
     ],

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.interfaces.protocols import Estimator
+from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.textbook.mission import TextbookMission
 from mathnavi.models.textbook.system import System
-from mathnavi.sim.interfaces.protocols import Estimator
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 
 PERIOD = 0.01  # [s]
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve, ellipse
 from mathnavi.models.unicycle.drives import DifferentialDrive, IdealDrive, wheel_rates
 from mathnavi.models.unicycle.entity import FLOOR, DriveName, build_model
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array
 
 STANDARD = ellipse(3.763, math.sqrt(2.0))
 
@@ -48,7 +48,7 @@ def _model(curve: Curve, angles: tuple[float, ...], drive: DriveName, friction: 
 
 @dataclass
 class Imagined:
-    """A ``mathnavi.sim.interfaces.protocols.StateView`` of a unicycle: what its sensors would see, without physics."""
+    """A ``mathnavi.interfaces.protocols.StateView`` of a unicycle: what its sensors would see, without physics."""
 
     mission: RangingMission
     x: Array  # (3,) pose

@@ -21,9 +21,9 @@ from benchmarks.ocp_references.chains import CHAINS
 from benchmarks.ocp_references.closed_forms import CLOSED_FORMS
 from benchmarks.ocp_references.collocation import gauss, radau
 from mathnavi.controllers.ocp.problems.library import MISSILES, PROBLEMS, KnownOptimum
-from mathnavi.sim.interfaces.bounds import configuration
-from mathnavi.sim.interfaces.checks import allowed_for
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.bounds import configuration
+from mathnavi.interfaces.checks import allowed_for
+from mathnavi.interfaces.errors import FieldError
 
 AGREEMENT = 1e-7
 KNOWN = PROBLEMS | MISSILES

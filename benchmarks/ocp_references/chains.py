@@ -10,7 +10,7 @@ import casadi as ca
 from benchmarks.ocp_references.collocation import Arc, Reference, collocate, radau
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems import bunt as bunt_problem
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 
 @dataclass(frozen=True)

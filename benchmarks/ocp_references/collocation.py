@@ -21,7 +21,7 @@ import numpy as np
 from numpy.polynomial import Legendre
 
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 Equation = Callable[[ca.SX, ca.SX, ca.SX], ca.SX]
 """(x, u, t) -> expressions that vanish along an arc"""

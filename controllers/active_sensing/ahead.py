@@ -13,10 +13,10 @@ from mathnavi.controllers.active_sensing.kernels import (
     nodes_within,
     sigma_poses,
 )
+from mathnavi.interfaces.compiled import Signature
+from mathnavi.interfaces.kernel_types import ONE, TWO, TWO_READ, array, named
 from mathnavi.models.field.kernels import is_inside
 from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, sinc, wrapped
-from mathnavi.sim.interfaces.compiled import Signature
-from mathnavi.sim.interfaces.kernel_types import ONE, TWO, TWO_READ, array, named
 
 WALL = named(WallTable, TWO_READ, TWO_READ)
 SENSORS = named(RangeSensors, ONE, ONE)

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mathnavi.controllers.active_sensing.motion import integrate_plan, pieces
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, wrapped
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 
 _DEVIATIONS = 3.0  # standard deviations by which an estimate may err
 _LEAST, _MOST = 1e-12, 1e6  # variances [m^2, rad^2]: no error is known exactly, and none is unbounded

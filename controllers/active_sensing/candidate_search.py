@@ -25,10 +25,10 @@ from mathnavi.controllers.active_sensing.belief import Belief
 from mathnavi.controllers.active_sensing.criteria import InputCriterion
 from mathnavi.controllers.active_sensing.kernels import WallTable, clearance, nodes_within, sigma_poses
 from mathnavi.controllers.active_sensing.policies import InputSequence
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.unicycle.kernels import wrapped
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.phases import DrivePhase
-from mathnavi.sim.interfaces.signals import Array, Integers
 
 SPEEDS = TURN_RATES = 5
 

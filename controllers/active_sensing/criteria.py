@@ -29,8 +29,8 @@ from mathnavi.controllers.active_sensing.kernels import (
     expected_traces,
     smallest_singular_values,
 )
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.unicycle.mission import LEAST_NOISE, RangingMission
-from mathnavi.sim.interfaces.signals import Array, Integers
 
 
 class InputCriterion(Protocol):

@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.field.kernels import cast_ray, curve_second_derivative, curve_tangent, is_inside, range_gradient
 from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array, Integers
 
 _HALVINGS = 20  # of the way from a pose to one that is too near to the wall
 _ROUNDING = 1e-9  # [m]

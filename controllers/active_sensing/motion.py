@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.unicycle.kernels import integrate
-from mathnavi.sim.interfaces.signals import Array, Plan
 
 
 def pieces(plan: Plan, begin: float, end: float) -> Iterator[tuple[Array, float]]:

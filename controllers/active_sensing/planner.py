@@ -14,7 +14,7 @@ import numpy as np
 
 from mathnavi.controllers.active_sensing.belief import Belief, BeliefFromEstimates
 from mathnavi.controllers.active_sensing.policies import ExplorationPolicy
-from mathnavi.sim.interfaces.signals import Plan, PlanRequest, Status
+from mathnavi.interfaces.signals import Plan, PlanRequest, Status
 
 
 class ExplorationPlanner:

@@ -30,12 +30,12 @@ from mathnavi.controllers.active_sensing.policies import (
 )
 from mathnavi.controllers.active_sensing.then_track import ReferencePath, ThenTrack
 from mathnavi.controllers.active_sensing.tracker import PathTracker
+from mathnavi.interfaces.angles import Radians
+from mathnavi.interfaces.bounds import NonNegative, Positive, Seed, Within, configuration
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.protocols import Planner, Tracker
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.sim.interfaces.angles import Radians
-from mathnavi.sim.interfaces.bounds import NonNegative, Positive, Seed, Within, configuration
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.protocols import Planner, Tracker
-from mathnavi.sim.interfaces.signals import Array
 
 ModeName = Literal["active", "singular-value", "random", "figure-eight", "circle", "straight", "still"]
 ReferenceName = Literal["none", "figure-eight", "circle"]

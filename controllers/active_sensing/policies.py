@@ -13,12 +13,12 @@ from typing import Protocol
 import numpy as np
 
 from mathnavi.controllers.active_sensing.belief import Belief
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.unicycle import patterns
 from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.phases import DrivePhase
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.signals import Array, Plan
 
 _ROUNDING = 1e-9
 

@@ -20,11 +20,11 @@ from mathnavi.controllers.active_sensing.belief import Belief
 from mathnavi.controllers.active_sensing.motion import pose_on
 from mathnavi.controllers.active_sensing.planner import ExplorationPlanner
 from mathnavi.controllers.active_sensing.policies import InputSequence, Pattern, check_drivable, path, sampled
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.signals import Array, Plan, PlanRequest
 from mathnavi.models.unicycle.kernels import wrapped
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.phases import DrivePhase
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest
 
 _AGAIN = 2.0  # times a limit, above which the robot explores again
 _FAR = 0.3  # [m] from the plan, beyond which the path is joined again

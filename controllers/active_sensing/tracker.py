@@ -17,10 +17,10 @@ import numpy as np
 
 from mathnavi.controllers.active_sensing.belief import checked_pose
 from mathnavi.controllers.active_sensing.motion import mean_input, pose_on
+from mathnavi.interfaces.signals import Array, Estimate, Plan
 from mathnavi.models.unicycle.kernels import sinc, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.phases import DrivePhase
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 
 class PathTracker:

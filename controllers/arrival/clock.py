@@ -29,12 +29,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from mathnavi.controllers.arrival.inbox import Inbox, edge_weight, finite
+from mathnavi.interfaces.bounds import NonNegative, Positive, configuration
+from mathnavi.interfaces.checks import check
+from mathnavi.interfaces.protocols import Consensus
+from mathnavi.interfaces.signals import Message
 from mathnavi.models.fleet.graph import Node
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
-from mathnavi.sim.interfaces.checks import check
-from mathnavi.sim.interfaces.protocols import Consensus
-from mathnavi.sim.interfaces.signals import Message
 
 
 @configuration

@@ -25,10 +25,10 @@ from dataclasses import dataclass
 
 from mathnavi.controllers.arrival.separation_rule import TOPIC, SeparationRule
 from mathnavi.controllers.flight.planner import ARRIVAL
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.protocols import Consensus
+from mathnavi.interfaces.signals import OPTIMISED, Message, Outbox, Plan
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.protocols import Consensus
-from mathnavi.sim.interfaces.signals import OPTIMISED, Message, Outbox, Plan
 
 AGREEMENT = "arrival consensus"  # the topic of the consensus's messages
 DEFERRAL = "arrival deferral"  # the topic of messages, to all, that the assured time is the fleet's

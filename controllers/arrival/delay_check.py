@@ -30,11 +30,11 @@ import numpy as np
 
 from mathnavi.controllers.arrival.separation_rule import TOPIC, objection
 from mathnavi.controllers.arrival.zone import Zone
+from mathnavi.interfaces.checks import check, check_names
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Event, Message, Plan
 from mathnavi.models.aerial.plan_distance import PlannedTrajectory
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.checks import check, check_names
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Event, Message, Plan
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,9 @@ from typing import Literal
 import numpy as np
 
 from mathnavi.controllers.flight.certificate import pass_time
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.signals import OPTIMISED, Array, Plan
 from mathnavi.models.aerial.dynamics import state_at
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Plan
 
 SpeedName = Literal["max", "mean", "largest"]
 

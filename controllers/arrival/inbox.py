@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from mathnavi.interfaces.signals import Message
 from mathnavi.models.fleet.graph import Node
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Message
 
 
 @dataclass(frozen=True)

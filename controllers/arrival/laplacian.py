@@ -35,12 +35,12 @@ from typing import Literal
 
 from mathnavi.controllers.arrival.inbox import ConsensusPayload, Inbox, edge_weight
 from mathnavi.controllers.arrival.outlier import DELTA, is_outlier
+from mathnavi.interfaces.bounds import Positive, PositiveFraction, configuration
+from mathnavi.interfaces.checks import check
+from mathnavi.interfaces.protocols import Consensus
+from mathnavi.interfaces.signals import Message
 from mathnavi.models.fleet.graph import Node
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.bounds import Positive, PositiveFraction, configuration
-from mathnavi.sim.interfaces.checks import check
-from mathnavi.sim.interfaces.protocols import Consensus
-from mathnavi.sim.interfaces.signals import Message
 
 
 @configuration

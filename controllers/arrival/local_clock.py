@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from mathnavi.controllers.arrival.clock import ClockConsensus
 from mathnavi.controllers.arrival.coordinator import FleetCoordinator
 from mathnavi.controllers.flight.planner import ARRIVAL
-from mathnavi.sim.interfaces.signals import Message, Outbox, Plan
+from mathnavi.interfaces.signals import Message, Outbox, Plan
 
 CLOCK = "clock consensus"  # the topic of the consensus's messages
 

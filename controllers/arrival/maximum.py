@@ -14,11 +14,11 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from mathnavi.controllers.arrival.inbox import ConsensusPayload, Inbox
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.errors import MissionError
+from mathnavi.interfaces.protocols import Consensus
+from mathnavi.interfaces.signals import Message
 from mathnavi.models.fleet.graph import Node
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.errors import MissionError
-from mathnavi.sim.interfaces.protocols import Consensus
-from mathnavi.sim.interfaces.signals import Message
 
 
 @configuration

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from mathnavi.controllers.arrival.zone import Zone
+from mathnavi.interfaces.signals import Event, Message, Plan
 from mathnavi.models.aerial.plan_distance import PlannedTrajectory
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Event, Message, Plan
 
 TOPIC = "separation"
 

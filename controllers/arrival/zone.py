@@ -16,12 +16,12 @@ from itertools import combinations
 
 import numpy as np
 
+from mathnavi.interfaces.bounds import NonNegative, Positive, configuration
+from mathnavi.interfaces.checks import check_names
+from mathnavi.interfaces.errors import MissionError
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.kernels import state_on
 from mathnavi.models.aerial.plan_distance import PlannedTrajectory, clear_of_each, least_distance
-from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
-from mathnavi.sim.interfaces.checks import check_names
-from mathnavi.sim.interfaces.errors import MissionError
-from mathnavi.sim.interfaces.signals import Array, Plan
 
 
 @configuration

@@ -15,10 +15,10 @@ from mathnavi.controllers.flight.kernels.linearisation import linearise
 from mathnavi.controllers.flight.length_to_go import cost_many
 from mathnavi.controllers.flight.shortest_paths import _settle
 from mathnavi.controllers.flight.tracker import tracking_command
+from mathnavi.interfaces.compiled import Signature
+from mathnavi.interfaces.kernel_types import ONE, ONE_READ, THREE, TWO, TWO_READ, array, combined
 from mathnavi.models.aerial.kernels import offset_from, state_on
 from mathnavi.models.terrain.kernels import arc_clearance, path_clearance, surface
-from mathnavi.sim.interfaces.compiled import Signature
-from mathnavi.sim.interfaces.kernel_types import ONE, ONE_READ, THREE, TWO, TWO_READ, array, combined
 
 DATA = combined(ONE, ONE, ONE, TWO, ONE, TWO, TWO, THREE, ONE, ONE)  # ProblemData
 PROGRAMME = combined(TWO, ONE, TWO, ONE, ONE)  # QuadraticProgramme

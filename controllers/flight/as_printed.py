@@ -43,15 +43,15 @@ from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.completion import ArcList, complete
 from mathnavi.controllers.flight.cost_to_go import REFERENCE_SPEED, TrilinearCost, trilinear_cost
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
+from mathnavi.interfaces.bounds import Positive, Within, configuration
+from mathnavi.interfaces.errors import MissionError
+from mathnavi.interfaces.protocols import Planner, Tracker
+from mathnavi.interfaces.signals import Array, Plan, PlanRequest, Status
 from mathnavi.models.aerial.dynamics import flow, input_at, state_at
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.bounds import Positive, Within, configuration
-from mathnavi.sim.interfaces.errors import MissionError
-from mathnavi.sim.interfaces.protocols import Planner, Tracker
-from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest, Status
 
 _FEASIBLE = 1e-3  # [m, m/s] violation of a constraint that counts as none
 _GAIN = 1e-7  # of 1 + cost: a step that promises less is the last

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from annotated_types import Interval
 
-from mathnavi.sim.interfaces.bounds import Within
+from mathnavi.interfaces.bounds import Within
 
 Nodes = Annotated[int, Within(Interval(ge=2, le=121), allowed="2 to 121")]
 GridNodes = Annotated[int, Within(Interval(ge=3, le=513), allowed="3 to 513")]

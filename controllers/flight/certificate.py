@@ -26,15 +26,15 @@ from functools import lru_cache
 import numpy as np
 
 from mathnavi.controllers.flight.held_input import NO_LAG, HeldInput
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.errors import FieldError, MissionError
+from mathnavi.interfaces.signals import Array, Message, Plan, Status
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.errors import FieldError, MissionError
-from mathnavi.sim.interfaces.signals import Array, Message, Plan, Status
 
 STATE_TOLERANCE = 1e-6  # [m, m/s] two states closer than this are the same
 _BOUND = 1e-6  # [m/s, m/s^2] rounding allowed on a bound

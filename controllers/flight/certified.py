@@ -32,15 +32,15 @@ from mathnavi.controllers.flight.certificate import (
 )
 from mathnavi.controllers.flight.held_input import NO_LAG, HeldInput
 from mathnavi.controllers.flight.planner import StopAndHover
+from mathnavi.interfaces.errors import ArgumentError, PluginError
+from mathnavi.interfaces.protocols import Planner
+from mathnavi.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.kernels import offset_from
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.errors import ArgumentError, PluginError
-from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status
 
 _ROUNDING = 1e-3  # share of a declared deviation, and [m, m/s]
 

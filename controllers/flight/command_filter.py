@@ -28,13 +28,13 @@ from mathnavi.controllers.flight.completion import ArcList
 from mathnavi.controllers.flight.kernels.stopping import Limits, completed, margin_of, nearest
 from mathnavi.controllers.flight.plugin import FlightConfig
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array, Estimate, Message, Plan
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.kernels import arc_at
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan
 
 _ROUNDING = 1e-6  # of a period
 _SLOW = 0.05  # bandwidth times period of a tracker on the plan itself, which has nothing to feed back

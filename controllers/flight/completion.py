@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import Array, Plan
 
 _LEVEL_MARGIN = 1.0  # [m] above the clearance, so that rounding cannot violate it in level flight
 _NEGLIGIBLE = 1e-9  # [s]

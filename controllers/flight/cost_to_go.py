@@ -26,9 +26,9 @@ import numpy as np
 from mathnavi.controllers.flight import spline
 from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH, cost_many
 from mathnavi.controllers.flight.shortest_paths import distances
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar
-from mathnavi.sim.interfaces.signals import Array
 
 REFERENCE_SPEED = 150.0  # [m/s] v_c
 THREAT_SMOOTHING = 0.7  # [cells] standard deviation: a threat's sharp edge would trap every interpolant

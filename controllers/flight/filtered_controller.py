@@ -17,10 +17,10 @@ import numpy as np
 
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.command_filter import CommandFilter
+from mathnavi.interfaces.protocols import Planner, Tracker
+from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest, where_raised
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.protocols import Planner, Tracker
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest, where_raised
 
 _NO_COMMAND = np.full(3, np.nan)
 

@@ -25,10 +25,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.kernels import state_on
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array, Plan
 
 NO_LAG = np.zeros(6)
 NO_LAG.setflags(write=False)

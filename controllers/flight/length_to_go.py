@@ -13,8 +13,8 @@ import math
 import numpy as np
 
 from mathnavi.controllers.flight.spline import surface, surface_curvature, volume
-from mathnavi.sim.interfaces.compiled import inner_njit, njit
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.compiled import inner_njit, njit
+from mathnavi.interfaces.signals import Array
 
 TARGET_LENGTH = 50.0  # [m] l: within it the distance to the target is rounded off
 

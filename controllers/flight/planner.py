@@ -27,12 +27,12 @@ from mathnavi.controllers.flight.problem import (
     Problem,
     proportional,
 )
+from mathnavi.interfaces.signals import Array, Message, Plan, PlanRequest, Status
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.plan_distance import clear
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Array, Message, Plan, PlanRequest, Status
 
 _COMMIT_SPEED = 100.0  # [m/s] least mean speed assumed over the last arcs
 _COMMIT_TRIES = 3

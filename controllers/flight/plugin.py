@@ -14,12 +14,12 @@ from mathnavi.controllers.flight.planner import Incorporation, RecedingHorizon, 
 from mathnavi.controllers.flight.problem import Parameters, proportional
 from mathnavi.controllers.flight.sqp import CondensedSqp
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
+from mathnavi.interfaces.bounds import NonNegative, Positive, configuration
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.protocols import Planner, Tracker
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.protocols import Planner, Tracker
 
 _INSIDE = 1.0 - 1e-4  # the solver aims this far inside the bounds, so that its tolerance does not cost a plan
 _UNEQUAL = 1000.0  # how many times as long as another an arc may be

@@ -39,8 +39,8 @@ from mathnavi.controllers.flight import spline
 from mathnavi.controllers.flight.cost_to_go import REFERENCE_SPEED, FactoredCost
 from mathnavi.controllers.flight.kernels import problem_data
 from mathnavi.controllers.flight.kernels.problem_data import ProblemData
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import Array
 
 POINTS_PER_ARC = 4  # of a uniform grid
 POINTS_ON_MANOEUVRE = 15

@@ -23,6 +23,8 @@ import numpy as np
 from mathnavi.controllers.flight.kernels import problem_data
 from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH
 from mathnavi.controllers.flight.problem import POINTS_ON_MANOEUVRE, PlanSolution, Problem
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.models.nlp_solver import (
     IPOPT_WARM_START,
@@ -33,8 +35,6 @@ from mathnavi.models.nlp_solver import (
     fatrop_settings,
     ipopt_settings,
 )
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
 
 _ITERATION_LIMIT = 200
 SECONDS = 60.0

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mathnavi.sim.interfaces.compiled import inner_njit
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.compiled import inner_njit
+from mathnavi.interfaces.signals import Array
 
 _POLE = -0.26794919243112270  # sqrt(3) - 2, of the filter whose inverse samples a cubic B-spline at its nodes
 

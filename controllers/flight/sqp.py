@@ -19,8 +19,8 @@ from mathnavi.controllers.flight.kernels.line_search import begin, search
 from mathnavi.controllers.flight.kernels.linearisation import linearise
 from mathnavi.controllers.flight.kernels.problem_data import QuadraticProgramme
 from mathnavi.controllers.flight.problem import PlanSolution, Problem
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 
 _SOFT, _EQUALITY = 8, 5  # daqp's constraint senses
 # What the model may still promise of a step, in units of the tolerance: after a good model little is left, but near a

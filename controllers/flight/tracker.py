@@ -14,12 +14,12 @@ import numpy as np
 
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.held_input import HeldInput
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.errors import ArgumentError, FieldError
+from mathnavi.interfaces.signals import Array, Estimate, Plan
 from mathnavi.models.aerial.kernels import state_on
 from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission
 from mathnavi.models.linear_noise import discretised
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.errors import ArgumentError, FieldError
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 _DEVIATIONS = 5.0
 _PHASES = 16  # of a period at which its covariance is taken

@@ -8,14 +8,14 @@ import numpy as np
 
 from mathnavi.controllers.intrinsic.law import TrackingGains
 from mathnavi.controllers.intrinsic.loop import IntrinsicTracker, ReferencePlanner
+from mathnavi.interfaces.angles import Radians
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.errors import PluginError
+from mathnavi.interfaces.protocols import Planner, Tracker
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.models.mechanism.system import MechanismSystem
-from mathnavi.sim.interfaces.angles import Radians
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.errors import PluginError
-from mathnavi.sim.interfaces.protocols import Planner, Tracker
-from mathnavi.sim.interfaces.signals import Array
 
 _FASTEST = 100.0  # [rad/s]
 _LARGEST = 10.0  # [rad, m]

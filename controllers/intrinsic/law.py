@@ -13,11 +13,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.errors import PluginError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.manifold import CutLocusError, Manifold
 from mathnavi.models.manifold.system import ActuatedSystem, LagrangianSystem
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.errors import PluginError
-from mathnavi.sim.interfaces.signals import Array
 
 _SINGULAR = 1e-9  # of the largest singular value of the inputs' effect
 _ASIDE = 1e-6  # by which a reference is moved that no shortest way leads to

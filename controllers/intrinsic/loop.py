@@ -8,10 +8,10 @@ from typing import Protocol
 import numpy as np
 
 from mathnavi.controllers.intrinsic.law import InverseForce, TrackingGains, wanted_force
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
 
 _PERIODS = 100  # of the mission, from one plan to the next
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from numba import float64
 
 from mathnavi.controllers.missile.optimiser import _flown, _lowest
+from mathnavi.interfaces.compiled import Signature
+from mathnavi.interfaces.kernel_types import ONE, TWO, combined
 from mathnavi.models.missile.kernels import (
     flow,
     from_joints,
@@ -13,8 +15,6 @@ from mathnavi.models.missile.kernels import (
     states_on,
     to_joints,
 )
-from mathnavi.sim.interfaces.compiled import Signature
-from mathnavi.sim.interfaces.kernel_types import ONE, TWO, combined
 
 NUMBERS = combined(float64, float64, float64, float64)
 KERNELS: tuple[Signature, ...] = (

@@ -13,13 +13,13 @@ import numpy as np
 
 from mathnavi.controllers.missile.optimiser import flown
 from mathnavi.controllers.missile.shooting import mean_between
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array, Estimate, Plan
 from mathnavi.models.missile.mission import MissileMission
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 
 class Autopilot(Protocol):
-    """A ``mathnavi.sim.interfaces.protocols.Tracker`` of a missile."""
+    """A ``mathnavi.interfaces.protocols.Tracker`` of a missile."""
 
     period: float  # [s]
 

@@ -18,11 +18,11 @@ from collections import deque
 import numpy as np
 
 from mathnavi.controllers.missile.autopilot import Autopilot, checked_state, disturbance
+from mathnavi.interfaces.signals import Array, Estimate, Plan
 from mathnavi.models.angles import wrapped
 from mathnavi.models.missile.input_history import InputHistory
 from mathnavi.models.missile.mission import MissileMission
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 SMOOTHING = 0.2
 """time constant [s] of the filter of the prediction errors"""

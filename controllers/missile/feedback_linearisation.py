@@ -16,9 +16,9 @@ import math
 import numpy as np
 
 from mathnavi.controllers.missile.autopilot import checked_state, disturbance, feed_forward
+from mathnavi.interfaces.signals import Array, Estimate, Plan
 from mathnavi.models.angles import wrapped
 from mathnavi.models.missile.mission import MissileMission
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 
 class FeedbackLinearisation:

@@ -16,8 +16,8 @@ import numpy as np
 
 from mathnavi.controllers.missile.problem import TerminalCondition
 from mathnavi.controllers.missile.shooting import Solved
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.dynamics import Body
-from mathnavi.sim.interfaces.signals import Array
 
 TANGENTS = (1.0, 0.5, 2.0)
 """lengths of the tangents over the distance, in the order in which they are tried; only the first in flight, as another

@@ -29,12 +29,12 @@ from mathnavi.controllers.missile.problem import (
 from mathnavi.controllers.missile.shooting import Failed, Shooting, Solved
 from mathnavi.controllers.ocp.backend import Backend
 from mathnavi.controllers.ocp.distribution import NodeDistribution
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile import kernels
 from mathnavi.models.missile.coordinates import PLANAR, STEP, Coordinates
 from mathnavi.models.missile.dynamics import SPATIAL_STATES, Body
 from mathnavi.models.missile.mission import Case
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
 
 SAMPLE = 0.02
 """interval [s] at which a height is sampled"""

@@ -49,10 +49,10 @@ from mathnavi.controllers.missile.problem import (
 from mathnavi.controllers.missile.shooting import Failed, Shooting, Solved
 from mathnavi.controllers.ocp.backend import Backend
 from mathnavi.controllers.ocp.distribution import NodeDistribution
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.coordinates import SPATIAL
 from mathnavi.models.missile.dynamics import Body
 from mathnavi.models.missile.mission import Case
-from mathnavi.sim.interfaces.signals import Array
 
 PART = 0.04
 """longest time [s] that a spatial input is held"""

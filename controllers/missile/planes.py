@@ -50,10 +50,10 @@ from mathnavi.controllers.missile.problem import (
 from mathnavi.controllers.missile.shooting import CLOCK, Solved
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL
 from mathnavi.models.missile.dynamics import Body
 from mathnavi.models.missile.mission import running_cost
-from mathnavi.sim.interfaces.signals import Array
 
 DEGREE = 8
 """degree of the Legendre series"""

@@ -22,9 +22,9 @@ from mathnavi.controllers.missile.autopilot import Autopilot, checked_state
 from mathnavi.controllers.missile.optimiser import MissileTrajectory, Optimiser, flown
 from mathnavi.controllers.missile.problem import ALLOWANCE, TerminalCondition
 from mathnavi.controllers.missile.shooting import Failed
+from mathnavi.interfaces.signals import OPTIMISED, Array, Message, Plan, PlanRequest, Status
 from mathnavi.models.missile.mission import MissileMission, Target
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Message, Plan, PlanRequest, Status
 
 
 class MissilePlanner:

@@ -16,12 +16,12 @@ from mathnavi.controllers.missile.planner import MissilePlanner
 from mathnavi.controllers.missile.tvlqr import TimeVaryingLQR
 from mathnavi.controllers.ocp.backend import Backend
 from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
+from mathnavi.interfaces.bounds import Positive, Within, configuration
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.protocols import Planner, Tracker
 from mathnavi.models.compilation import compiler
 from mathnavi.models.missile.coordinates import PLANAR
 from mathnavi.models.missile.mission import MissileMission
-from mathnavi.sim.interfaces.bounds import Positive, Within, configuration
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.protocols import Planner, Tracker
 
 AutopilotName = Literal["feedback-linearisation", "tvlqr", "open-loop"]
 BackendName = Literal["auto", "fatrop", "fatrop-compiled", "ipopt", "ipopt-compiled"]

@@ -31,11 +31,11 @@ import numpy as np
 
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
 from mathnavi.models.missile.coordinates import Coordinates
 from mathnavi.models.missile.dynamics import Body
 from mathnavi.models.missile.mission import Case, Target, running_cost
-from mathnavi.sim.interfaces.signals import Array
 
 LEAST_SPEED = 1.0
 """least speed u [m/s]: below it the angle of attack w / u is meaningless"""

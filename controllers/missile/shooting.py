@@ -17,7 +17,7 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.controllers.ocp.solver import FIXED, transcription
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 TOLERANCE = 1e-6
 """tolerance of the scaled optimality conditions: a tenth of a millimetre at the target"""

@@ -18,13 +18,13 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.missile.autopilot import checked_state, disturbance, feed_forward
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array, Estimate, Plan
 from mathnavi.models.angles import wrapped
 from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.models.missile.coordinates import Coordinates
 from mathnavi.models.missile.dynamics import Body
 from mathnavi.models.missile.mission import MissileMission
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 STEP = 0.025
 """longest step [s] of the Riccati equation"""

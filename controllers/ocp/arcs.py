@@ -17,8 +17,8 @@ import numpy as np
 
 from mathnavi.controllers.ocp.grid import Grid, from_widths
 from mathnavi.controllers.ocp.problem_functions import Interval
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array, Integers
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array, Integers
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,8 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from mathnavi.controllers.ocp.nlp import Programme
+from mathnavi.interfaces.bounds import Count, Positive, Probability, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.nlp_solver import (
     IPOPT_WARM_START,
     NlpPlugin,
@@ -19,8 +21,6 @@ from mathnavi.models.nlp_solver import (
     fatrop_settings,
     ipopt_settings,
 )
-from mathnavi.sim.interfaces.bounds import Count, Positive, Probability, configuration
-from mathnavi.sim.interfaces.signals import Array
 
 Backend = Literal["ipopt", "fatrop", "fatrop-compiled", "ipopt-compiled"]
 LinearSolver = Literal["mumps", "spral", "ma27", "ma57", "ma77", "ma86", "ma97", "pardiso"]

@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 import casadi as ca
 
 from mathnavi.controllers.ocp.expressions import check_symbols, expression, number, scalars
-from mathnavi.sim.interfaces.errors import ProblemError
+from mathnavi.interfaces.errors import ProblemError
 
 _ONE_SIDED = (ca.OP_LE, ca.OP_LT)
 _OTHER = {ca.OP_NE: "!=", ca.OP_AND: "a logical and", ca.OP_OR: "a logical or", ca.OP_NOT: "a logical not"}

@@ -18,8 +18,8 @@ import numpy as np
 from mathnavi.controllers.ocp.solution import Solution, along
 from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre, integral_weights
 from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_integral_weights, interval_weights
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array
 
 _POINTS = 8  # Gauss points of an interval
 _SWEEPS = 3  # of Picard's iteration

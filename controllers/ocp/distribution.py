@@ -16,9 +16,9 @@ import numpy as np
 
 from mathnavi.controllers.ocp.mesh import Mesh
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, Monitor
-from mathnavi.sim.interfaces.bounds import Positive, Probability, configuration
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.bounds import Positive, Probability, configuration
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array
 
 
 class NodeDistribution(Hashable, Protocol):

@@ -26,7 +26,7 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.transcriptions.collocation import integration_matrix
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights
 from mathnavi.controllers.ocp.transcriptions.variable_radau import alike, interval_integral_weights, repeated
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 
 class Answer(NamedTuple):

@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from mathnavi.sim.interfaces.errors import ProblemError
+from mathnavi.interfaces.errors import ProblemError
 
 _KINKS = {"fabs": ca.OP_FABS, "fmin": ca.OP_FMIN, "fmax": ca.OP_FMAX}
 

@@ -19,9 +19,9 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.figure_style import BOUND, GRID, INK, SERIES, STYLE
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.figure_style import BOUND, GRID, INK, SERIES, STYLE
+from mathnavi.interfaces.signals import Array
 
 WIDTH, ROW, COMPACT_ROW = 9.4, 1.35, 0.95  # [inches]
 MANY_ROWS = 9  # from which on rows are compact

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 
 def not_finite(problem: ProblemFunctions, x: Array, u: Array, t: Array, p: Array, iterate: str = "guess") -> str:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array
 
 _DENSE = 2001  # samples of a monitor function in an equidistributed grid
 

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from mathnavi.controllers.ocp.expressions import number
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array
 
 SAMPLES = 101
 """number of times at which a guess that is not given by values is sampled"""

@@ -26,8 +26,8 @@ from scipy.integrate import solve_bvp
 
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions, first_line
 from mathnavi.controllers.ocp.solution import Solution
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array
 
 _ACTIVE = 1e-6  # scaled distance to a limit that counts as touching it
 _NEWTON_STEPS = 8

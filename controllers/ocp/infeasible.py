@@ -17,8 +17,8 @@ import numpy as np
 
 from mathnavi.controllers.ocp.layout import bounded_states
 from mathnavi.controllers.ocp.nlp import Programme
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.nlp_solver import NlpSolver, SolverOutcome, ipopt_settings
-from mathnavi.sim.interfaces.signals import Array, Integers
 
 _WEIGHTS = {"dynamics": 100.0, "start": 10.0, "path": 2.0, "end": 1.0}
 """weights of rows by the first word of their labels: with an end out of reach, start and dynamics are meant to hold"""

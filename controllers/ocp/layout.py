@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, gauss_legendre, weights
 from mathnavi.controllers.ocp.transcriptions.variable_radau import Members, alike, point_counts, repeated
-from mathnavi.sim.interfaces.signals import Array, Integers
+from mathnavi.interfaces.signals import Array, Integers
 
 SLOPE = 1e-3
 """weight of a control's slope in its variation"""

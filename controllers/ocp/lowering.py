@@ -13,8 +13,8 @@ from mathnavi.controllers.ocp.guesses import SAMPLES, Derived, integral, simulat
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.scaling import automatic_scale
 from mathnavi.controllers.ocp.statement import Statement, Variable, bounds, limits
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array
 
 
 def functions_of(statement: Statement) -> ProblemFunctions:

@@ -14,8 +14,8 @@ import numpy as np
 
 from mathnavi.controllers.ocp.mesh import Mesh
 from mathnavi.controllers.ocp.solution import Solution
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.sim.interfaces.checks import allowed_for
-from mathnavi.sim.interfaces.short_tables import short_table
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.checks import allowed_for
+from mathnavi.interfaces.short_tables import short_table
+from mathnavi.interfaces.signals import Array
 
 
 def column_of(name: str, names: Sequence[str]) -> int | list[int] | None:

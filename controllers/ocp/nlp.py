@@ -34,8 +34,8 @@ from mathnavi.controllers.ocp.pointwise import COLLOCATIONS, collocation_blocks
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.stagewise import Assembly, Block, NlpStage
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, weights
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array, Integers
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array, Integers
 
 RELATIVE_WIDTHS = (0.02, 20.0)
 """bounds of D_i where the nodes are unknowns"""

@@ -15,8 +15,8 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import GIVEN_NODES, replayed
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.statement import Statement
-from mathnavi.sim.interfaces.checks import allowed_for
-from mathnavi.sim.interfaces.short_tables import short_table
+from mathnavi.interfaces.checks import allowed_for
+from mathnavi.interfaces.short_tables import short_table
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

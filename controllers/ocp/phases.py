@@ -38,7 +38,7 @@ from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.statement import Duration, Parameter, Statement, Variable
 from mathnavi.controllers.ocp.unbounded import unbounded
-from mathnavi.sim.interfaces.errors import ProblemError
+from mathnavi.interfaces.errors import ProblemError
 
 
 class MultiPhaseProblem:

@@ -22,8 +22,8 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre, integral_weights, weights
 from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_weights
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.buffered_function import BufferedFunction
-from mathnavi.sim.interfaces.signals import Array
 
 _POINTS = 12
 _SWEEPS = 40

@@ -32,7 +32,7 @@ from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGauss
 from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, weights
 from mathnavi.controllers.ocp.transcriptions.variable_radau import Members, VariableRadauIIA
-from mathnavi.sim.interfaces.signals import Array, Integers
+from mathnavi.interfaces.signals import Array, Integers
 
 COLLOCATIONS = (RadauIIA, VariableRadauIIA, GaussLegendre, LegendreGaussLobatto)
 """schemes whose equations are those of collocation at their points"""

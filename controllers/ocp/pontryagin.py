@@ -46,9 +46,9 @@ from mathnavi.controllers.ocp.transcriptions.variable_radau import (
     interval_points,
     interval_weights,
 )
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.short_tables import html_table, short_table
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.short_tables import html_table, short_table
+from mathnavi.interfaces.signals import Array
 
 TOLERANCE = 1e-2
 """allowed residual of a condition by default"""

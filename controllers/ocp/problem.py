@@ -42,10 +42,10 @@ from mathnavi.controllers.ocp.problem_table import duration_row, limit_rows
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.statement import Duration, Statement
-from mathnavi.sim.interfaces.checks import allowed_for
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.short_tables import Row as TableRow
-from mathnavi.sim.interfaces.short_tables import html_table, short_table
+from mathnavi.interfaces.checks import allowed_for
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.short_tables import Row as TableRow
+from mathnavi.interfaces.short_tables import html_table, short_table
 
 KNOWN: dict[str, Callable[[], ProblemFunctions]] = {}
 """problems with a known optimum by name, filled by ``mathnavi.controllers.ocp.problems.library``"""

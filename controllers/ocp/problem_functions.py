@@ -15,9 +15,9 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.problem_table import duration_row, limit_rows
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.short_tables import Row, html_table, short_table
+from mathnavi.interfaces.signals import Array
 
 DURATION_LIMITS = (1e-3, 1e9)
 """default limits [s] of a free final time: they bound the search, no solution ends there"""

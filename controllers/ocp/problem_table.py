@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from mathnavi.sim.interfaces.short_tables import Row
+from mathnavi.interfaces.short_tables import Row
 
 MOST_ROWS = 12  # of one kind
 

@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.function_tape import taped
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 KIND = "kind"
 _PLAIN = (bool, int, float, str)

@@ -25,9 +25,9 @@ from mathnavi.controllers.ocp.picard import flight
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_weights, own_points
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.buffered_function import BufferedFunction
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array
 
 ILL_POSED = 1e4
 """norm of the scaled transition matrix above which an open loop cannot be replayed"""

@@ -23,8 +23,8 @@ from mathnavi.controllers.ocp.transcriptions.variable_radau import (
     interval_weights,
     point_counts,
 )
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array
 
 _POINTS = 6  # Gauss points of the integrals over an interval
 _NEIGHBOUR = 0.3  # of an interval's mass that its neighbours have at least: a layer is wider than what was seen of it

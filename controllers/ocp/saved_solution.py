@@ -28,9 +28,9 @@ from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
 from mathnavi.controllers.ocp.transcriptions.variable_radau import VariableRadauIIA, point_counts
-from mathnavi.sim.interfaces.errors import SolutionFileError
-from mathnavi.sim.interfaces.reading.arrays import NUMBERS_AND_TEXTS, read_npz
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import SolutionFileError
+from mathnavi.interfaces.reading.arrays import NUMBERS_AND_TEXTS, read_npz
+from mathnavi.interfaces.signals import Array
 
 _KINDS = (
     Euler, GaussLegendre, HermiteSimpson, LegendreGaussLobatto, MultipleShooting, RadauIIA, Trapezoid, VariableRadauIIA,

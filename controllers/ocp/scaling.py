@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 
 def automatic_scale(guess: Array, ends: Iterable[float], lower: float, upper: float) -> float:

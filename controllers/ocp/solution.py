@@ -25,11 +25,11 @@ from mathnavi.controllers.ocp.transcriptions.variable_radau import (
     located_weights,
     point_counts,
 )
+from mathnavi.interfaces.checks import allowed_for
+from mathnavi.interfaces.short_tables import Row, html_table, short_table, vector_text
+from mathnavi.interfaces.signals import Array, Integers
+from mathnavi.interfaces.writing import write_bytes
 from mathnavi.models.nlp_solver import SolverOutcome as SolverOutcome
-from mathnavi.sim.interfaces.checks import allowed_for
-from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, vector_text
-from mathnavi.sim.interfaces.signals import Array, Integers
-from mathnavi.sim.interfaces.writing import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -29,8 +29,8 @@ from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing, a
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_points
 from mathnavi.controllers.ocp.unbounded import unbounded
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array
 
 FIXED = Fixed()
 DEFAULT = Options()

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from mathnavi.sim.interfaces.signals import Array, Integers
+from mathnavi.interfaces.signals import Array, Integers
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from mathnavi.controllers.ocp.comparisons import Row
 from mathnavi.controllers.ocp.expressions import check_symbols, column, expression, kinks, number, numbers_of, scalars
 from mathnavi.controllers.ocp.guesses import Component, Simulation, components
 from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, Interval
-from mathnavi.sim.interfaces.errors import ProblemError
+from mathnavi.interfaces.errors import ProblemError
 
 _ROUNDING = 1e-12  # relative, by which a value may be outside a bound that it was meant to be on
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
-from mathnavi.sim.interfaces.signals import Array, Integers
+from mathnavi.interfaces.signals import Array, Integers
 
 _AT_BOUND = 1e-3  # distance, over the range, that counts as resting on a control's bound
 _TOUCHING = 1e-5  # scaled distance to the limit of a constraint or of a state

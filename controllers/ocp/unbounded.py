@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, ProblemFunctions
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 HUGE = 1e8
 """factor over its scale, or the largest of its guess and its limits, above which a value ran away"""

@@ -12,7 +12,7 @@ import numpy as np
 
 from mathnavi.controllers.ocp.defects import running_costs
 from mathnavi.controllers.ocp.solution import Solution, along
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 _EQUAL = 1e-9  # relative difference of values that are the same
 

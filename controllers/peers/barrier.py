@@ -34,14 +34,14 @@ from mathnavi.controllers.flight.cost_to_go import FactoredCost, factored_cost
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.controllers.peers.barrier_kernels import BarrierLaw, BarrierShape, SplineCost, closed_loop
 from mathnavi.controllers.peers.commitment import hovering, stop_and_climb
+from mathnavi.interfaces.bounds import FINITE, NonNegative, Positive, PositiveFraction, configuration
+from mathnavi.interfaces.protocols import Planner, Tracker
+from mathnavi.interfaces.signals import Array, Plan, PlanRequest, Status
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.bounds import FINITE, NonNegative, Positive, PositiveFraction, configuration
-from mathnavi.sim.interfaces.protocols import Planner, Tracker
-from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest, Status
 
 _ROUNDING = 10.0  # [m] of the funnel's tip
 _LIFT, _NEAR = 0.4, 0.25  # of the arrival radius: the funnel's tip above the target, where the law has arrived

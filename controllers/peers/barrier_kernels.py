@@ -9,8 +9,8 @@ import numpy as np
 
 from mathnavi.controllers.flight.length_to_go import length_to_go
 from mathnavi.controllers.flight.spline import surface, surface_curvature
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 
 _HALVINGS = 40  # of the multiplier of |u| <= a_max
 

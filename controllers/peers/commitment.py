@@ -13,8 +13,8 @@ import numpy as np
 
 from mathnavi.controllers.flight.certificate import Certificate, Refusal
 from mathnavi.controllers.flight.completion import ArcList
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.plan_status import FlightPhase
-from mathnavi.sim.interfaces.signals import Array, Plan
 
 _NEGLIGIBLE = 1e-9  # [m/s]
 

@@ -29,12 +29,12 @@ from mathnavi.controllers.flight.completion import ArcList
 from mathnavi.controllers.flight.plugin import FlightConfig, planner
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.controllers.peers.commitment import first_part, hovering, least_effort, optimised_arcs, refusal
+from mathnavi.interfaces.bounds import NonNegative, Positive, configuration
+from mathnavi.interfaces.protocols import Planner, Tracker
+from mathnavi.interfaces.signals import Array, Plan, PlanRequest
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
-from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
-from mathnavi.sim.interfaces.protocols import Planner, Tracker
-from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest
 
 _SAMPLES = 40  # of a whole trajectory, among which R is
 _ARCS = 6  # of a safe trajectory

@@ -25,12 +25,12 @@ from mathnavi.controllers.flight.certificate import Certificate
 from mathnavi.controllers.flight.plugin import FlightConfig, planner
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.controllers.peers.commitment import first_part, hovering, optimised_arcs, refusal, stop_and_climb
+from mathnavi.interfaces.bounds import NonNegative, Positive, configuration
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.protocols import Planner, Tracker
+from mathnavi.interfaces.signals import Plan, PlanRequest
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightStatus
-from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.protocols import Planner, Tracker
-from mathnavi.sim.interfaces.signals import Plan, PlanRequest
 
 _MOST = 1000  # switching times that are tried
 

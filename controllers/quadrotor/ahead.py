@@ -14,11 +14,11 @@ from mathnavi.controllers.quadrotor.kernels import (
     target_at,
     within_tilt,
 )
+from mathnavi.interfaces.compiled import Signature
+from mathnavi.interfaces.kernel_types import ONE, ONE_READ, TWO
 from mathnavi.models.aerial.kernels import arc_at, state_on
 from mathnavi.models.quadrotor.allocation import allocated
 from mathnavi.models.quaternion import rotation
-from mathnavi.sim.interfaces.compiled import Signature
-from mathnavi.sim.interfaces.kernel_types import ONE, ONE_READ, TWO
 
 STEP = (float64, float64, float64, float64)
 OWN: tuple[Signature, ...] = (

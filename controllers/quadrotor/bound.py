@@ -38,10 +38,10 @@ from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.quadrotor.reference import deviation
 from mathnavi.controllers.quadrotor.tracker import LEAST_THRUST, TrackerConfig
 from mathnavi.controllers.quadrotor.turning import greatest_acceleration
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.quadrotor.dynamics import ROTOR_COUNT, Quadrotor
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
 
 _DEVIATIONS = 5.0
 _FLOOR = 0.03, 0.05  # [m, m/s] attitudes that follow closely but not at once

@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.kernels import arc_at
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
 
 _STEPS = 1000  # arcs that one call may pass: a bound for a plan of many tiny ones
 _SMALL = 1e-9

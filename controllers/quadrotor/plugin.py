@@ -17,8 +17,8 @@ from mathnavi.controllers.flight.plugin import RecedingHorizonConfig, planner
 from mathnavi.controllers.quadrotor.bound import tracking_bound
 from mathnavi.controllers.quadrotor.similarity import Similarity, SimilarPlanner
 from mathnavi.controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
+from mathnavi.interfaces.protocols import Planner, Tracker
 from mathnavi.models.quadrotor.mission import QuadrotorMission
-from mathnavi.sim.interfaces.protocols import Planner, Tracker
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,8 @@ from functools import lru_cache
 import numpy as np
 
 from mathnavi.controllers.quadrotor.kernels import advanced, target_at
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.kernels import arc_at
-from mathnavi.sim.interfaces.signals import Array, Plan
 
 _LONG = 40.0  # 1 / omega, after which a jump is forgotten
 _POINTS = 8001

@@ -18,13 +18,13 @@ import numpy as np
 
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.planner import ARRIVAL
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.protocols import Planner
+from mathnavi.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
 from mathnavi.models.aerial.knowledge import RADARS, TARGET, TERRAIN, place_in
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
 
 _TIME = 10.0 / 3.0  # mu
 _SPEED = 300.0  # [m/s] of the thesis

@@ -41,13 +41,13 @@ from mathnavi.controllers.quadrotor.kernels import (
     within_tilt,
 )
 from mathnavi.controllers.quadrotor.reference import ReferenceFilter
+from mathnavi.interfaces.angles import Degrees, Radians
+from mathnavi.interfaces.bounds import FINITE, Fraction, NonNegative, Positive, configuration
+from mathnavi.interfaces.errors import ArgumentError, FieldError
+from mathnavi.interfaces.signals import Array, Estimate, Plan
 from mathnavi.models.quadrotor.allocation import allocated
 from mathnavi.models.quadrotor.dynamics import Quadrotor
 from mathnavi.models.quaternion import rotation
-from mathnavi.sim.interfaces.angles import Degrees, Radians
-from mathnavi.sim.interfaces.bounds import FINITE, Fraction, NonNegative, Positive, configuration
-from mathnavi.sim.interfaces.errors import ArgumentError, FieldError
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 LEAST_THRUST = 0.15
 """least vertical part of f as a fraction of g, so that the thrust always points up"""

@@ -13,12 +13,12 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.interfaces.protocols import Planner, Tracker
+from mathnavi.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.number_lists import NumberList
-from mathnavi.sim.interfaces.protocols import Planner, Tracker
-from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
 
 _PERIODS = 100  # of the mission, from one plan to the next
 

@@ -27,10 +27,10 @@ from mathnavi.estimators.velocity.error_state import (
 )
 from mathnavi.estimators.velocity.extended import LagrangianEkf, LagrangianEkfConfig, linearised
 from mathnavi.estimators.velocity.position_observer import PositionObserver
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.observer_properties import ObserverProperties
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.observer_properties import ObserverProperties
-from mathnavi.sim.interfaces.signals import Array
 
 _N = 3
 _STEP = 1e-6  # [rad, rad/s] of a difference

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 
 def condition(P: Array, H: Array, nu: Array, R: Array) -> tuple[Array, Array, float]:

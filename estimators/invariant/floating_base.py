@@ -33,6 +33,11 @@ from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.estimators.velocity.filtered_differences import FilteredDifferences
 from mathnavi.estimators.velocity.momentum import MomentumObserver
 from mathnavi.estimators.velocity.position_observer import PositionObserver
+from mathnavi.interfaces.bounds import Positive, Probability, configuration
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import POSITION
 from mathnavi.models.mechanism.floating_base import (
@@ -53,11 +58,6 @@ from mathnavi.models.mechanism.floating_base import (
 from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.models.quaternion import rotation
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.bounds import Positive, Probability, configuration
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 JointObserverName = Literal["riemannian_observer", "momentum_observer", "filtered_differences"]
 

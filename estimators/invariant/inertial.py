@@ -30,6 +30,10 @@ from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
 from mathnavi.estimators.invariant.strapdown import PLACE, SPEED, TURN, Strapdown, propagation, trusted
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.estimators.velocity.readings import OutlierCounter
+from mathnavi.interfaces.bounds import Positive, Probability, configuration
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality
 from mathnavi.models.linear_noise import discretised
@@ -38,10 +42,6 @@ from mathnavi.models.quadrotor.mission import QuadrotorMission
 from mathnavi.models.quaternion import rotation
 from mathnavi.models.sensor_faults import longest_gap
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.bounds import Positive, Probability, configuration
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 _H = np.eye(3, 9, 6)  # a fix reads the position
 _UNMODELLED = 0.05  # [m/s^1.5] square root of the density of the acceleration that the declared motion lacks

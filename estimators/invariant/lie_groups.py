@@ -17,7 +17,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 _SMALL = 0.05  # [rad] below which the coefficients are Taylor series, truncated below 1e-14
 

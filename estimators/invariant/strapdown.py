@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Array
 
 TURN, SPEED, PLACE = slice(0, 3), slice(3, 6), slice(6, 9)
 """components of xi: attitude [rad], velocity [m/s] and position [m]"""

@@ -18,8 +18,8 @@ from enum import Enum
 
 import numpy as np
 
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 
 Equations = Callable[[Array], tuple[Array, Array]]
 """x (n,) to F (n - 1,) and F' (n - 1, n), which are not finite where x is not allowed"""

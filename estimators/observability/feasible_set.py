@@ -20,8 +20,8 @@ from scipy.spatial import cKDTree
 
 from mathnavi.estimators.observability.continuation import Equations, TracedCurve, on_curve, trace_curve
 from mathnavi.estimators.observability.range_outputs import RangeOutputs, different_poses, pose_difference
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 
 _SAME = 1e-4  # two points with three sensors and more are the same
 _SEEN = 1e-6  # [m] between the range that a pose was made for and the range that it reads

@@ -26,8 +26,8 @@ from mathnavi.estimators.observability.range_outputs import (
     motion_under,
     pose_difference,
 )
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array, Integers
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array, Integers
 
 _SAME = 1e-4  # clusters are farther apart
 

@@ -13,9 +13,9 @@ import math
 
 import numpy as np
 
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.kernels import cast_ray, is_inside, range_gradient
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
 
 _HALVINGS = 30  # of a step that leaves the field or does not fit better
 _LEAST_DAMPING = 1e-14  # relative; keeps the normal equations of a deficient fit solvable

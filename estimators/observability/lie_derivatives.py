@@ -20,8 +20,8 @@ from dataclasses import dataclass, field
 import casadi
 import numpy as np
 
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 
 _RANK_TOLERANCE = 1e-9  # of the largest singular value
 

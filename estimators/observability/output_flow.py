@@ -24,8 +24,8 @@ import numpy as np
 from mathnavi.estimators.observability.continuation import Equations
 from mathnavi.estimators.observability.feasible_set import FeasibleSet
 from mathnavi.estimators.observability.range_outputs import DEFICIENT, RangeOutputs, different_poses, pose_difference
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 
 _SAME = 1e-5  # two states of the intersection are the same
 _DIFFERENCE = 1e-6  # step of central differences

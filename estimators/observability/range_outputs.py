@@ -15,12 +15,12 @@ from typing import Annotated
 import numpy as np
 
 from mathnavi.estimators.observability.kernels import fit_pose, outputs_along
+from mathnavi.interfaces.bounds import Condition, configuration
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.kernels import integrate
-from mathnavi.sim.interfaces.bounds import Condition, configuration
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
 
 Input = Callable[[float], tuple[float, float]]
 """function of t [s] that returns u = (u_1, u_2) [m/s, rad/s]"""

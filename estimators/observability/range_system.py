@@ -12,7 +12,7 @@ import casadi
 
 from mathnavi.estimators.observability.lie_derivatives import ControlAffineSystem
 from mathnavi.estimators.observability.range_outputs import RangeOutputs
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 
 def range_system(outputs: RangeOutputs) -> ControlAffineSystem:

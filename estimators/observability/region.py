@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.estimators.observability.range_outputs import Input
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.protocols import Estimator
+from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.protocols import Estimator
-from mathnavi.sim.interfaces.signals import Array, Measurement
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from mathnavi.estimators.ranging.bank_kernels import Hypotheses, Scoring, condit
 from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, project, pushed
 from mathnavi.estimators.ranging.kalman_kernels import Innovations, RaySensors, expected_ranges, move, within
 from mathnavi.estimators.ranging.noise_kernels import NoiseSums, noise_of
-from mathnavi.sim.interfaces.compiled import Signature
-from mathnavi.sim.interfaces.kernel_types import ONE, THREE, TWO, TWO_READ, array, combined, named
+from mathnavi.interfaces.compiled import Signature
+from mathnavi.interfaces.kernel_types import ONE, THREE, TWO, TWO_READ, array, combined, named
 
 WALL = combined(TWO_READ, TWO_READ)
 HYPOTHESES = named(Hypotheses, TWO, THREE, ONE, ONE, ONE, TWO, THREE, array(2, int64))

@@ -35,10 +35,10 @@ import numpy as np
 from mathnavi.estimators.ranging.feasible_set_kernels import solved
 from mathnavi.estimators.ranging.kalman_kernels import Innovations, RaySensors, condition, predict
 from mathnavi.estimators.ranging.noise_kernels import NoiseSums, learn_noise, noise_of, remember
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.field.kernels import WallShape
 from mathnavi.models.unicycle.kernels import wrapped
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array, Integers
 
 LEAST_SLIP, MOST_SLIP = 2e-7, 0.03
 """[m^2/s] bounds of q"""

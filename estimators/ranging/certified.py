@@ -15,12 +15,12 @@ from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank
 from mathnavi.estimators.ranging.invariant import RangeIekf
 from mathnavi.estimators.ranging.model import RangeModel
 from mathnavi.estimators.ranging.pose_certificate import MOST_OTHERS, PoseCertificate, PoseCertificateConfig
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.observer_properties import ObserverProperties
+from mathnavi.interfaces.protocols import Estimator, Sensor
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.observer_properties import ObserverProperties
-from mathnavi.sim.interfaces.protocols import Estimator, Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 _KINDS: Mapping[str, Any] = {"feasible_set_bank": FeasibleSetBank, "range_ekf": RangeEkf, "range_iekf": RangeIekf}
 

@@ -47,10 +47,8 @@ from mathnavi.estimators.ranging.model import RangeModel, chi_square_gate
 from mathnavi.estimators.ranging.noise_kernels import WINDOW, declared_noise, noise_of
 from mathnavi.estimators.ranging.wheel_slip import SlipWeight
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
-from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.models.unicycle.quality import RangeQuality
-from mathnavi.sim.interfaces.angles import Radians, check_angle
-from mathnavi.sim.interfaces.bounds import (
+from mathnavi.interfaces.angles import Radians, check_angle
+from mathnavi.interfaces.bounds import (
     CountInMemory,
     Each,
     Positive,
@@ -59,9 +57,11 @@ from mathnavi.sim.interfaces.bounds import (
     Within,
     configuration,
 )
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import RangeQuality
 
 _OF_MEDIAN = 0.5 * np.pi  # variance of the median of many Gaussian numbers over that of their mean
 _MOVED = 0.005  # of a range: error of the range in the middle of a motion, from ranges read along it

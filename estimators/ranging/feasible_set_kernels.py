@@ -15,10 +15,10 @@ import math
 import numpy as np
 
 from mathnavi.estimators.ranging.kalman_kernels import expected_range, move, step_within
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.field.kernels import WallShape
 from mathnavi.models.unicycle.kernels import wrapped
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array, Integers
 
 _LONGEST = 1.0  # [m, rad] of a step in any coordinate
 

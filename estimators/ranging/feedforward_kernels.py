@@ -15,10 +15,10 @@ import math
 import numpy as np
 
 from mathnavi.estimators.ranging.observer_kernels import kept_within, output, seen_from
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.kernels import WallShape, curve_tangent
 from mathnavi.models.unicycle.kernels import integrate
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
 
 LEAST_DENOMINATOR = 0.05  # [m] of s_rate: where a ray grazes the wall, s_i has no bounded rate
 

@@ -26,9 +26,9 @@ from mathnavi.estimators.invariant.lie_groups import SE2
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
 from mathnavi.estimators.ranging.model import STATES
 from mathnavi.estimators.ranging.pose_filter import PoseFilter, PoseFilterConfig
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.kernels import wrapped
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.sim.interfaces.signals import Array
 
 
 class RangeIekf(PoseFilter):

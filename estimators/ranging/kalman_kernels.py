@@ -33,10 +33,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.kernels import WallShape, cast_ray, curve_second_derivative, curve_tangent, is_inside
 from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, wrapped
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
 
 _GRAZING = 1e-3  # sine of the angle between a ray and the wall below which it has no information
 _HALVINGS = 30  # of a step that leads out of the wall

@@ -16,8 +16,8 @@ from scipy.special import chdtri
 
 from mathnavi.estimators.ranging.kalman_kernels import RaySensors, step_within, within
 from mathnavi.estimators.ranging.readings import measured_input, usable_ranges
+from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.unicycle.mission import LEAST_NOISE, RangingMission
-from mathnavi.sim.interfaces.signals import Array, Measurement
 
 STATES = 4
 FROM_WHERE = "from most starts with two rays or more while the robot drives; at rest not with one or two rays"

@@ -24,8 +24,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mathnavi.sim.interfaces.compiled import inner_njit, njit
-from mathnavi.sim.interfaces.signals import Array, Integers
+from mathnavi.interfaces.compiled import inner_njit, njit
+from mathnavi.interfaces.signals import Array, Integers
 
 WINDOW = 9
 """n: number of residuals of a ray that are kept"""

@@ -30,15 +30,15 @@ from mathnavi.estimators.ranging.range_rate import FitWindow, check_window, savi
 from mathnavi.estimators.ranging.range_rate_kernels import innovated, measured
 from mathnavi.estimators.ranging.readings import measured_input, usable_ranges
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.interfaces.bounds import FINITE_NUMBERS, Positive, Within, configuration
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
-from mathnavi.sim.interfaces.bounds import FINITE_NUMBERS, Positive, Within, configuration
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.number_lists import NumberList
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 FeedForward = Literal["none", "s", "rho_dot", "manifold"]
 Fitted = Literal["innovation", "ranges"]

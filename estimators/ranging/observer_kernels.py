@@ -23,6 +23,8 @@ import math
 
 import numpy as np
 
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.kernels import (
     WallShape,
     cast_ray,
@@ -32,8 +34,6 @@ from mathnavi.models.field.kernels import (
     is_inside,
 )
 from mathnavi.models.unicycle.kernels import integrate, wrapped
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
 
 LONGEST_STEP = 0.5  # [rad] of any component of z in one correction
 

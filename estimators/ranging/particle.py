@@ -21,13 +21,13 @@ from mathnavi.estimators.ranging.model import RangeModel
 from mathnavi.estimators.ranging.particle_clusters import Cells, Clusters, clusters_of, fold
 from mathnavi.estimators.ranging.particle_kernels import propagate, resample, weigh
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.interfaces.bounds import CountInMemory, Positive, Probability, Seed, Within, configuration
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
-from mathnavi.sim.interfaces.bounds import CountInMemory, Positive, Probability, Seed, Within, configuration
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 _KNOWN = 2.0 / 3.0  # weight of the heaviest cluster, twice that of all others, with which the pose is known
 _RECOVERING = 0.25  # share of new particles above which there is resampling at any n_eff

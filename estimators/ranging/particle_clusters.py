@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mathnavi.interfaces.compiled import inner_njit, njit
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.unicycle.kernels import wrapped
-from mathnavi.sim.interfaces.compiled import inner_njit, njit
-from mathnavi.sim.interfaces.signals import Array, Integers
 
 _EMPTY = -1
 _OFFSET = 1 << 19  # cells to either side of the origin that have a key of their own

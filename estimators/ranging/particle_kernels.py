@@ -24,10 +24,10 @@ import numpy as np
 
 from mathnavi.estimators.ranging.kalman_kernels import RaySensors, step_within
 from mathnavi.estimators.ranging.particle_clusters import Cells, Clusters, difference, kld_bound, occupied_cells
+from mathnavi.interfaces.compiled import inner_njit, njit
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.field.kernels import WallShape, cast_ray, is_inside
 from mathnavi.models.unicycle.kernels import integrate, wrapped
-from mathnavi.sim.interfaces.compiled import inner_njit, njit
-from mathnavi.sim.interfaces.signals import Array, Integers
 
 _SCALE_TIME = 3.0  # [s] correlation time of b: if all particles had the same b, none could find another
 _LEAST_EFFECTIVE = 0.1  # n_eff over n after one update

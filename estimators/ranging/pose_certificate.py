@@ -23,11 +23,11 @@ from scipy.special import chdtri, ndtri
 
 from mathnavi.estimators.ranging.model import RangeModel
 from mathnavi.estimators.ranging.pose_certificate_kernels import DistanceGrid, distance_grid, explains, search
+from mathnavi.interfaces.bounds import CountInMemory, Positive, Probability, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.kernels import integrate, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.sim.interfaces.bounds import CountInMemory, Positive, Probability, configuration
-from mathnavi.sim.interfaces.signals import Array
 
 _NODES = 400  # of the grid of distances, along the longer side of the room
 MOST_OTHERS = 8

@@ -21,10 +21,10 @@ import math
 
 import numpy as np
 
+from mathnavi.interfaces.compiled import inner_njit, njit
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.kernels import WallShape, cast_ray, is_inside
 from mathnavi.models.unicycle.kernels import wrapped
-from mathnavi.sim.interfaces.compiled import inner_njit, njit
-from mathnavi.sim.interfaces.signals import Array
 
 DistanceGrid = tuple[Array, float, float, float, float]
 """signed distances (n_x, n_y) [m] at nodes, the first node x, y [m], the cell [m], and the largest error [m] of the

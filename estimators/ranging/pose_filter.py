@@ -14,12 +14,12 @@ import numpy as np
 
 from mathnavi.estimators.ranging.model import FROM_WHERE, Gate, RangeModel
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.interfaces.bounds import Positive, Probability, configuration
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
-from mathnavi.sim.interfaces.bounds import Positive, Probability, configuration
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 
 
 @configuration

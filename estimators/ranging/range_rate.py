@@ -17,8 +17,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.signals import Array
 
 LONGEST_WINDOW = 1001
 HIGHEST_ORDER = 7

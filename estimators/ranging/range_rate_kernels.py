@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from mathnavi.estimators.ranging.observer_kernels import kept_within
+from mathnavi.interfaces.compiled import inner_njit, njit
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.kernels import WallShape, cast_ray, cast_rays, range_gradient
 from mathnavi.models.unicycle.kernels import integrate
-from mathnavi.sim.interfaces.compiled import inner_njit, njit
-from mathnavi.sim.interfaces.signals import Array
 
 _FAR = 4.0  # root mean squares of the residuals: a sample further off the polynomial is an outlier
 _EXACT = 1e-9  # [m] of a residual that is round-off

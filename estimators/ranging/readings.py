@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array, Measurement
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array, Measurement
 
 TOO_LONG = 2.0  # times the longest distance within the wall: no ray reads that, even with noise
 TOO_FAST = 10.0  # times the robot's limits

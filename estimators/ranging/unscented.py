@@ -18,13 +18,13 @@ from mathnavi.estimators.covariance import square_root
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
 from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.interfaces.bounds import FINITE, NonNegative, Positive, Probability, configuration
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.unicycle.kernels import integrate_jacobians, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
-from mathnavi.sim.interfaces.bounds import FINITE, NonNegative, Positive, Probability, configuration
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 
 
 @configuration

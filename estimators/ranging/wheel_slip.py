@@ -22,7 +22,7 @@ import math
 import numpy as np
 
 from mathnavi.estimators.ranging.bank_kernels import BY_HEADING
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 _GRIP = 1.0  # [m/s^2] a, of a floor that is slippery
 _MEMORY = 3.0  # [s] of the mean

@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from mathnavi.estimators.riemannian.gains import IntrinsicGains
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature
 from mathnavi.models.runge_kutta import classical_step
-from mathnavi.sim.interfaces.signals import Array
 
 Instant = tuple[Array, Array]
 """position x (size,) and the force F (size,) there"""

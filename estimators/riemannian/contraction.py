@@ -27,9 +27,9 @@ import numpy as np
 from scipy.linalg import eigh
 
 from mathnavi.estimators.riemannian.gains import IntrinsicGains
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.two_point import TwoPoint
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)

@@ -19,13 +19,13 @@ from mathnavi.estimators.velocity.readings import (
     rounding_steps,
 )
 from mathnavi.estimators.velocity.safe_answer import SafeAnswer
+from mathnavi.interfaces.bounds import Positive, PositiveFraction, configuration
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.system import stepped
-from mathnavi.sim.interfaces.bounds import Positive, PositiveFraction, configuration
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array
 
 _FASTEST = 1e4  # [1/s]
 

@@ -32,9 +32,9 @@ import numpy as np
 from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.estimators.riemannian.tuning import BandwidthTuning
 from mathnavi.estimators.velocity.poles import triple_pole_weights
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.manifold import is_beyond
 from mathnavi.models.manifold.system import LagrangianSystem, stepped
-from mathnavi.sim.interfaces.signals import Array
 
 _LARGEST = 0.5  # of |L| that the curvature term moves xi by within h
 

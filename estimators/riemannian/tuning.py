@@ -22,7 +22,7 @@ import math
 import numpy as np
 
 from mathnavi.estimators.velocity.poles import triple_pole_weights
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 _RATE = 0.15  # g
 _LARGEST = 31.0  # r

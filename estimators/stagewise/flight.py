@@ -11,8 +11,8 @@ import numpy as np
 
 from mathnavi.estimators.kalman import AxisModel, KalmanConfig, clipped_rms, first_covariance
 from mathnavi.estimators.stagewise.model import Piece
+from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.aerial.mission import FlightMission
-from mathnavi.sim.interfaces.signals import Array, Measurement
 
 _EYE = np.eye(3)
 

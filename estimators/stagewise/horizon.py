@@ -24,7 +24,7 @@ import numpy as np
 from mathnavi.estimators.stagewise.horizon_programme import HorizonProgramme
 from mathnavi.estimators.stagewise.model import Piece, SmootherStage, StagewiseModel, advanced, residuals
 from mathnavi.estimators.stagewise.smoother import square_root
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 _MOVED = 0.5  # deviations by which a state may move before its transition is linearised again
 _GOOD = 4.0  # deviations within which a component of a reading agrees with the estimate

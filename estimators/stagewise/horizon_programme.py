@@ -17,8 +17,8 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.nlp_solver import NlpSolver, SolverOutcome, StageStructure, fatrop_settings
-from mathnavi.sim.interfaces.signals import Array
 
 _TOLERANCE, _ITERATIONS = 1e-4, 50  # of deviations; dual errors do not fall below 1e-5 if a noise is nearly singular
 _SECONDS = 1.0  # of CPU time after which a solve is ended

@@ -13,8 +13,8 @@ from mathnavi.estimators.stagewise.model import Piece
 from mathnavi.estimators.velocity.error_state import acceleration_noise
 from mathnavi.estimators.velocity.readings import innovation, reading_variance, usable
 from mathnavi.estimators.velocity.state_errors import StateErrors
+from mathnavi.interfaces.signals import NOTHING, Array, Measurement
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.signals import NOTHING, Array, Measurement
 
 NOISE_FLOOR = 1e-4
 """least standard deviation that an estimator assumes for a reading [rad, m]"""

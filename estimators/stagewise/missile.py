@@ -18,12 +18,12 @@ from mathnavi.estimators.missile_kalman import (
     transition,
 )
 from mathnavi.estimators.stagewise.model import Piece
+from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.angles import wrapped
 from mathnavi.models.missile.coordinates import STEP
 from mathnavi.models.missile.input_history import InputHistory
 from mathnavi.models.missile.mission import MissileMission
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Array, Measurement
 
 _LARGEST = 6.0  # standard deviations of a disturbance
 

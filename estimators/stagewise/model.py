@@ -16,8 +16,8 @@ from typing import Protocol
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Array, Measurement
 
 Piece = tuple[float, Array]
 """duration [s], and the input (nu,) that is held for it"""

@@ -12,9 +12,9 @@ import numpy as np
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
 from mathnavi.estimators.ranging.model import STATES, RangeModel
 from mathnavi.estimators.stagewise.model import Piece
+from mathnavi.interfaces.signals import NOTHING, Array, Measurement
 from mathnavi.models.unicycle.kernels import integrate_jacobians, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.sim.interfaces.signals import NOTHING, Array, Measurement
 
 _LARGEST = 6.0  # standard deviations of the scale error
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from mathnavi.estimators.stagewise.model import StageBuilder, StagewiseModel
 from mathnavi.estimators.stagewise.smoother import SmoothedStates, batch_least_squares, rauch_tung_striebel
+from mathnavi.interfaces.bounds import Probability, configuration
+from mathnavi.interfaces.errors import ArgumentError, FieldError
+from mathnavi.interfaces.protocols import Estimator, Sensor
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.bounds import Probability, configuration
-from mathnavi.sim.interfaces.errors import ArgumentError, FieldError
-from mathnavi.sim.interfaces.protocols import Estimator, Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 Sample = tuple[float, Sequence[Measurement], Array]
 """time [s], readings since the sample before, and the input (nu,) held since then"""

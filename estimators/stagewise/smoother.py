@@ -27,8 +27,8 @@ from scipy.sparse.linalg import splu
 from scipy.special import chdtri
 
 from mathnavi.estimators.stagewise.model import SmootherStage, StagewiseModel, advanced, residuals
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 
 _LASTING = 10  # readings in a row beyond the gate, after which the filter is wrong, not they
 _REGULAR = 1e-12  # least eigenvalue of a covariance with a diagonal of ones that is inverted

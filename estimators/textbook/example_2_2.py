@@ -6,11 +6,11 @@ import casadi
 
 from mathnavi.estimators.textbook.law import ObserverLaw, RateOfError, check_system, identity
 from mathnavi.estimators.textbook.sampled_observer import SampledObserver
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
 from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2, observer
 from mathnavi.models.textbook.mission import TextbookMission
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
 
 
 @configuration

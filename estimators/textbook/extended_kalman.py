@@ -18,14 +18,14 @@ import numpy as np
 
 from mathnavi.estimators.external_prediction_ekf import external_prediction_ekf
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
+from mathnavi.interfaces.bounds import Count, NonNegative, Positive, configuration
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.runge_kutta import dormand_prince
 from mathnavi.models.textbook.mission import TextbookMission
 from mathnavi.models.textbook.system import System
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.bounds import Count, NonNegative, Positive, configuration
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 _SETTLED = 1e-10  # change of the estimate below which a linearisation is kept
 

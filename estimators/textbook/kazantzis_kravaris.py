@@ -23,14 +23,14 @@ import numpy as np
 
 from mathnavi.estimators.textbook.law import ObserverLaw, Poles, identity
 from mathnavi.estimators.textbook.sampled_observer import SampledObserver
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.textbook.maps import inverse, of_numbers
 from mathnavi.models.textbook.mission import TextbookMission
 from mathnavi.models.textbook.power_series import solved
 from mathnavi.models.textbook.system import System
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array
 
 Form = Literal["z", "corrected", "printed"]
 

@@ -9,11 +9,11 @@ from typing import Annotated
 import casadi
 from annotated_types import Interval
 
+from mathnavi.interfaces.bounds import Each, Within
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.textbook.mission import TextbookMission
-from mathnavi.sim.interfaces.bounds import Each, Within
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.number_lists import NumberList
-from mathnavi.sim.interfaces.signals import Array
 
 LARGEST_RATE = 1e4  # [1/s] of a gain or a pole: faster ones would need too small steps
 _ALLOWED = f"finite values from -{LARGEST_RATE:g} to {LARGEST_RATE:g}"

@@ -10,13 +10,13 @@ import numpy as np
 
 from mathnavi.estimators.textbook.law import ObserverLaw, Poles, check_system
 from mathnavi.estimators.textbook.sampled_observer import SampledObserver
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.textbook.library import SYSTEMS
 from mathnavi.models.textbook.maps import of_numbers
 from mathnavi.models.textbook.mission import TextbookMission
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array
 
 
 @configuration

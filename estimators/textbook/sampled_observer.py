@@ -18,10 +18,10 @@ import numpy as np
 
 from mathnavi.estimators.textbook.law import ObserverLaw
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.runge_kutta import Flow
 from mathnavi.models.textbook.mission import TextbookMission
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 _POINTS = 4  # that the polynomial goes through
 

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.signal import butter, sosfilt
 
 from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
+from mathnavi.interfaces.signals import NOTHING, Array
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.signals import NOTHING, Array
 
 _ORDER = 2
 

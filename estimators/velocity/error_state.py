@@ -26,9 +26,9 @@ from scipy.special import chdtri
 
 from mathnavi.estimators.velocity.readings import OutlierCounter, innovation, reading_variance
 from mathnavi.estimators.velocity.state_errors import StateErrors
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)

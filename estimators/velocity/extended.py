@@ -11,11 +11,11 @@ import numpy as np
 
 from mathnavi.estimators.velocity.error_state import ErrorStateFilter, FilterModel, filter_properties
 from mathnavi.estimators.velocity.position_observer import PositionObserver
+from mathnavi.interfaces.bounds import Positive, Probability, configuration
+from mathnavi.interfaces.observer_properties import ObserverProperties
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.bounds import Positive, Probability, configuration
-from mathnavi.sim.interfaces.observer_properties import ObserverProperties
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array
 
 _STEP = 1e-6  # of an error, in its unit
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from mathnavi.estimators.velocity.differences import Differences
 from mathnavi.estimators.velocity.position_observer import PositionObserver
+from mathnavi.interfaces.bounds import NonNegative, Positive, configuration
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
 
 
 @configuration

@@ -7,8 +7,8 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.signals import Array
 
 
 class GatedLaw(ABC):

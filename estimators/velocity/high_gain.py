@@ -25,12 +25,12 @@ import numpy as np
 from mathnavi.estimators.velocity.gated_law import GatedLaw
 from mathnavi.estimators.velocity.poles import pole_weights
 from mathnavi.estimators.velocity.position_observer import PositionObserver
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import NOTHING, Array
 from mathnavi.models.manifold.manifold import Manifold
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import NOTHING, Array
 
 _STEP = 1e-6  # [rad, m] of the difference that stands for a derivative
 

@@ -26,14 +26,14 @@ import numpy as np
 from mathnavi.estimators.velocity.gated_law import GatedLaw
 from mathnavi.estimators.velocity.poles import triple_pole_weights
 from mathnavi.estimators.velocity.position_observer import PositionObserver
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.manifold import Manifold
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.system import LagrangianSystem, integrate, stepped
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array
 
 
 @configuration

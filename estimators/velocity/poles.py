@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 
 def pole_weights(omega: float, zeta: float, h: float) -> tuple[float, float]:

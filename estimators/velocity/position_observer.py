@@ -17,10 +17,10 @@ import numpy as np
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.estimators.velocity.readings import usable
 from mathnavi.estimators.velocity.safe_answer import SafeAnswer
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.manifold.manifold import CutLocusError
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 
 class VelocityLaw(Protocol):

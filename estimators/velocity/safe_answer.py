@@ -21,9 +21,9 @@ import numpy as np
 
 from mathnavi.estimators.velocity.differences import Differences
 from mathnavi.estimators.velocity.readings import innovation, reading_variance
+from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Array, Status
 
 _WINDOW = 0.05  # [s] T
 _FEWEST = 4  # readings of a window

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.manifold import Manifold
-from mathnavi.sim.interfaces.signals import Array
 
 
 class StateErrors:

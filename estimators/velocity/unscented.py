@@ -16,11 +16,11 @@ from annotated_types import Interval
 from mathnavi.estimators.covariance import square_root
 from mathnavi.estimators.velocity.error_state import ErrorStateFilter, FilterModel, filter_properties
 from mathnavi.estimators.velocity.position_observer import PositionObserver
+from mathnavi.interfaces.bounds import FINITE, Positive, Probability, configuration
+from mathnavi.interfaces.observer_properties import ObserverProperties
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.bounds import FINITE, Positive, Probability, configuration
-from mathnavi.sim.interfaces.observer_properties import ObserverProperties
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array
 
 _BETA = 2.0  # of a Gaussian
 _KAPPA = 0.0  # secondary scaling

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.kernels import arc_at, state_on
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Array, Plan
 
 if TYPE_CHECKING:
     import casadi

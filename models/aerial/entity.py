@@ -14,12 +14,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.composer_and_mjcf import composer, mjcf
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.vehicle_names import check_vehicle_name, check_vehicle_names
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.signals import Array
 
 GRAVITY = 9.81  # [m/s^2] the weight that the rotors carry; only the drawn tilt depends on it
 BASE = 200.0  # [m] of rock below the lowest node: a fast vehicle must not pass through the ground between two ticks

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Message
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar
-from mathnavi.sim.interfaces.signals import Message
 
 RADARS, TARGET, TERRAIN = "radars", "target", "terrain"  # topics
 _FARTHEST = 1e7  # [m]

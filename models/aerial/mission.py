@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, HULL_RADIUS, TICK, flow
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.sensors import FullStateSensor
@@ -18,7 +19,6 @@ from mathnavi.models.sensor_faults import longest_gap, rms_gap
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)

@@ -31,11 +31,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.interfaces.checks import check
+from mathnavi.interfaces.compiled import inner_njit, njit
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.kernels import arc_at
-from mathnavi.sim.interfaces.checks import check
-from mathnavi.sim.interfaces.compiled import inner_njit, njit
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array, Plan
 
 Vector = tuple[float, float, float]
 

@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from mathnavi.sim.interfaces.bounds import NonNegative, configuration
-from mathnavi.sim.interfaces.protocols import StateView
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.bounds import NonNegative, configuration
+from mathnavi.interfaces.protocols import StateView
+from mathnavi.interfaces.signals import Array
 
 
 @configuration(prefix="{name} sensor: ")

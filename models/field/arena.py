@@ -18,9 +18,9 @@ import math
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.composer_and_mjcf import composer, mjcf
 from mathnavi.models.field.curve import Curve
-from mathnavi.sim.interfaces.signals import Array
 
 SENSOR_HEIGHT = 0.163
 """height [m] above the floor of the plane in which ranges are measured"""

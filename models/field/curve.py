@@ -14,9 +14,9 @@ from functools import cached_property
 import casadi
 import numpy as np
 
+from mathnavi.interfaces.errors import ArgumentError, FieldError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.kernels import WallShape, cast_rays, is_inside
-from mathnavi.sim.interfaces.errors import ArgumentError, FieldError
-from mathnavi.sim.interfaces.signals import Array
 
 Coefficients = tuple[tuple[float, float, float, float], ...]
 

@@ -16,8 +16,8 @@ import math
 
 import numpy as np
 
-from mathnavi.sim.interfaces.compiled import inner_njit, njit
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.compiled import inner_njit, njit
+from mathnavi.interfaces.signals import Array
 
 _STEPS = 60  # bisections at most; Newton needs three
 _PRECISION = 1e-15

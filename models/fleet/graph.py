@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from scipy.sparse.csgraph import shortest_path
 
-from mathnavi.sim.interfaces.checks import check, check_names
-from mathnavi.sim.interfaces.errors import ArgumentError, FieldError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.checks import check, check_names
+from mathnavi.interfaces.errors import ArgumentError, FieldError
+from mathnavi.interfaces.signals import Array
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.models.fleet.graph import Graph, Node
-from mathnavi.sim.interfaces.errors import ArgumentError
 
 
 @dataclass(frozen=True, eq=False)

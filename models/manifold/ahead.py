@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from numba import float64
 
+from mathnavi.interfaces.compiled import Signature
+from mathnavi.interfaces.kernel_types import ONE
 from mathnavi.models.manifold.attitude import _curvature, _exponential, _logarithm, _transported, nearer
 from mathnavi.models.manifold.kernels import distance, inner, project
-from mathnavi.sim.interfaces.compiled import Signature
-from mathnavi.sim.interfaces.kernel_types import ONE
 
 KERNELS: tuple[Signature, ...] = (
     (_transported, (ONE, ONE, ONE)),

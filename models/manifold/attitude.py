@@ -14,11 +14,11 @@ import math
 
 import numpy as np
 
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold import kernels
 from mathnavi.models.manifold.constant_curvature import sphere
 from mathnavi.models.manifold.manifold import CutLocusError, unrounded
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
 
 _S3 = sphere(3)
 _OPPOSITE = 1e-12  # |<p, q>| of attitudes half a turn apart

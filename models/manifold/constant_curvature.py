@@ -7,11 +7,11 @@ from typing import Annotated
 
 import numpy as np
 
+from mathnavi.interfaces.bounds import Condition, configuration
+from mathnavi.interfaces.errors import ArgumentError, FieldError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold import kernels
 from mathnavi.models.manifold.manifold import CutLocusError, unrounded
-from mathnavi.sim.interfaces.bounds import Condition, configuration
-from mathnavi.sim.interfaces.errors import ArgumentError, FieldError
-from mathnavi.sim.interfaces.signals import Array
 
 _ROUNDING = 1e-6  # of |<p, p> - kappa| that is rounding, a float's at the worst
 

@@ -18,8 +18,8 @@ import math
 
 import numpy as np
 
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 
 _SMALL = 1e-8  # [rad] below which sin(a) / a is 1 in doubles
 _OPPOSITE = 1e-7  # [rad] from the opposite point, within which rounding would say which way is the shortest

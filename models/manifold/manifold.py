@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.signals import Array
 
 
 class CutLocusError(ValueError):

@@ -8,10 +8,10 @@ from typing import Annotated
 
 import numpy as np
 
+from mathnavi.interfaces.bounds import Condition, Positive, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.sensors import ManifoldPositionSensor, PositionQuality, StateSensor
 from mathnavi.models.manifold.system import LagrangianSystem
-from mathnavi.sim.interfaces.bounds import Condition, Positive, configuration
-from mathnavi.sim.interfaces.signals import Array
 
 
 def _divides_a_second(period: float) -> bool:

@@ -8,11 +8,11 @@ from typing import Annotated, ClassVar
 import numpy as np
 from annotated_types import Interval
 
+from mathnavi.interfaces.angles import Radians
+from mathnavi.interfaces.bounds import FINITE, Fraction, configuration
+from mathnavi.interfaces.protocols import StateView
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.manifold import Manifold
-from mathnavi.sim.interfaces.angles import Radians
-from mathnavi.sim.interfaces.bounds import FINITE, Fraction, configuration
-from mathnavi.sim.interfaces.protocols import StateView
-from mathnavi.sim.interfaces.signals import Array
 
 POSITION = "position"  # the name of their readings
 EncoderBits = Annotated[int, Interval(ge=0, le=32), FINITE]

@@ -13,8 +13,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.manifold import Manifold
-from mathnavi.sim.interfaces.signals import Array
 
 
 class LagrangianSystem(Protocol):

@@ -18,12 +18,12 @@ from functools import cached_property
 import casadi
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature
 from mathnavi.models.manifold.system import integrate
 from mathnavi.models.runge_kutta import Flow
-from mathnavi.sim.interfaces.signals import Array
 
 _FARTHEST = 1e6  # p_0 = cosh(dist(p, origin)), 14.5 from it
 

@@ -22,8 +22,8 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature
-from mathnavi.sim.interfaces.signals import Array
 
 _SMALL = 1e-3  # [rad] below which series are used, to 1e-13
 

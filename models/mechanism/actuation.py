@@ -14,10 +14,10 @@ import copy
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.system import AffineInputs
 from mathnavi.models.mechanism import forces
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.signals import Array
 
 _FIXED, _AFFINE = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE)
 _NONE, _AFFINE_BIAS = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from numba import float64, int64
 
+from mathnavi.interfaces.compiled import Signature
+from mathnavi.interfaces.kernel_types import ONE, array, named
 from mathnavi.models.mechanism.forces import Actuated, acceleration
 from mathnavi.models.mechanism.kernels import (
     Mechanism,
@@ -17,8 +19,6 @@ from mathnavi.models.mechanism.kernels import (
     norm_at,
     transport,
 )
-from mathnavi.sim.interfaces.compiled import Signature
-from mathnavi.sim.interfaces.kernel_types import ONE, array, named
 
 MECHANISM = named(Mechanism, int64, int64, ONE, ONE, array(1, int64))
 KERNELS: tuple[Signature, ...] = (

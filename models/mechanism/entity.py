@@ -30,15 +30,15 @@ import dm_control
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.input_files import InputFile
+from mathnavi.interfaces.joint_states import FREE
+from mathnavi.interfaces.reading.mechanisms import read_spec
 from mathnavi.models.mechanism.files import files_digest
 from mathnavi.models.mechanism.geometry import checked
 from mathnavi.models.mechanism.menagerie import PREFIX, menagerie_file
 from mathnavi.models.mechanism.names import FloatingName, MechanismName, ServoArmName
 from mathnavi.models.vehicle_names import check_vehicle_name
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.input_files import InputFile
-from mathnavi.sim.interfaces.joint_states import FREE
-from mathnavi.sim.interfaces.reading.mechanisms import read_spec
 
 _HERE = Path(__file__).parent
 _SUITE = "dm_control:"

@@ -15,9 +15,9 @@ from html import unescape
 from os.path import normpath, relpath
 from pathlib import Path
 
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.input_files import MOST, digest_of
-from mathnavi.sim.interfaces.reading.files import read_bytes
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.input_files import MOST, digest_of
+from mathnavi.interfaces.reading.files import read_bytes
 
 _NAMED = re.compile(r"""\bfile\w*\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 _FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*(?:"([^"]*)"|'([^']*)')""")

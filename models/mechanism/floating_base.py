@@ -19,12 +19,12 @@ from typing import ClassVar
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.joint_states import FREE
+from mathnavi.interfaces.protocols import StateView
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.sensors import ManifoldPositionSensor
 from mathnavi.models.quaternion import rotation
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.joint_states import FREE
-from mathnavi.sim.interfaces.protocols import StateView
-from mathnavi.sim.interfaces.signals import Array
 
 JOINTS, IMU, FEET = "joints", "imu", "feet"  # the names of the readings
 PLACE, ATTITUDE, JOINT_POSITIONS = slice(0, 3), slice(3, 7), slice(7, None)  # in q

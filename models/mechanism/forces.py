@@ -7,10 +7,10 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.mechanism.kernels import com_pos, com_vel, factor_m, kinematics, make_m, rne, solve_m
 from mathnavi.models.mechanism.mujoco_functions import ADDRESS, function
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
 
 tendon = function("mj_tendon", ADDRESS, ADDRESS)
 transmission = function("mj_transmission", ADDRESS, ADDRESS)

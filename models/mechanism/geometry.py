@@ -23,10 +23,10 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.joint_states import BALL, FREE, SLIDE, quaternions, with_unit_quaternions
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.mechanism import kernels
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.joint_states import BALL, FREE, SLIDE, quaternions, with_unit_quaternions
-from mathnavi.sim.interfaces.signals import Array
 
 _SINGULAR = 1e-12  # least eigenvalue of M, of the greatest, with its diagonal scaled to 1
 

@@ -16,8 +16,8 @@ import math
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.mechanism.geometry import mass_matrix
-from mathnavi.sim.interfaces.signals import Array
 
 _STIFF = 0.05
 _FASTEST = 1e9  # [rad/s, m/s] beyond which there is no step: MuJoCo's own limit is 1e10

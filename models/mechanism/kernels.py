@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.interfaces.compiled import inner_njit, njit
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.mechanism.mujoco_functions import ADDRESS, INTEGER, NUMBER, function
-from mathnavi.sim.interfaces.compiled import inner_njit, njit
-from mathnavi.sim.interfaces.signals import Array
 
 kinematics = function("mj_kinematics", ADDRESS, ADDRESS)
 com_pos = function("mj_comPos", ADDRESS, ADDRESS)

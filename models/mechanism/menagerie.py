@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from pathlib import Path
 
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.errors import FieldError
 
 PREFIX = "menagerie:"
 

@@ -9,16 +9,16 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.checks import check
+from mathnavi.interfaces.errors import ArgumentError, FieldError
+from mathnavi.interfaces.joint_states import HINGE, SLIDE, state_names
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.system import AffineInputLaw, integrate
 from mathnavi.models.mechanism import forces
 from mathnavi.models.mechanism.actuation import Actuation
 from mathnavi.models.mechanism.floating_base import FloatingBase
 from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.models.mechanism.implicit_step import ImplicitStep, needs_implicit_step
-from mathnavi.sim.interfaces.checks import check
-from mathnavi.sim.interfaces.errors import ArgumentError, FieldError
-from mathnavi.sim.interfaces.joint_states import HINGE, SLIDE, state_names
-from mathnavi.sim.interfaces.signals import Array
 
 _FIXED, _UNBIASED = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_NONE)
 _AFFINE = int(mujoco.mjtGain.mjGAIN_AFFINE), int(mujoco.mjtBias.mjBIAS_AFFINE)

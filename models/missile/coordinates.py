@@ -16,6 +16,8 @@ from functools import cached_property, partial
 import casadi
 import numpy as np
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array, Integers, Plan
 from mathnavi.models.missile import kernels
 from mathnavi.models.missile.dynamics import (
     NOMINAL,
@@ -29,8 +31,6 @@ from mathnavi.models.missile.dynamics import (
     spatial_dynamics,
 )
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array, Integers, Plan
 
 STEP = 0.005
 """longest Runge-Kutta step [s] of ``flow``: turning at 2 rad/s its error after 8 s is 1.2e-7 m"""

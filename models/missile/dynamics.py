@@ -37,8 +37,8 @@ from typing import Any
 
 import casadi
 
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.errors import FieldError
 
 TICK = 1e-3
 """tick [s] of the missile's physics"""

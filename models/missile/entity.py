@@ -13,11 +13,11 @@ from typing import Any
 
 import mujoco
 
+from mathnavi.interfaces.errors import FieldError
 from mathnavi.models.composer_and_mjcf import composer, mjcf
 from mathnavi.models.missile.coordinates import Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL, TICK, Body
 from mathnavi.models.vehicle_names import check_vehicle_name
-from mathnavi.sim.interfaces.errors import FieldError
 
 GROUND = 4000.0  # [m] half the side of the ground that is drawn
 SQUARE = 50.0  # [m] of the pattern on the ground

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Array
 
 
 class InputHistory:

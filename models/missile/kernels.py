@@ -12,10 +12,10 @@ import math
 
 import numpy as np
 
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.runge_kutta import compiled_halfway, compiled_sum
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
 
 Numbers = tuple[float, float, float, float]
 

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.errors import MissionError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.coordinates import PLANAR, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL, TICK, Body
 from mathnavi.models.missile.sensors import MissileStateSensor, StateNoise
-from mathnavi.sim.interfaces.errors import MissionError
-from mathnavi.sim.interfaces.signals import Array
 
 Place = tuple[float, float, float]
 

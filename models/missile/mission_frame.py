@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 Point = tuple[float, float, float]
 

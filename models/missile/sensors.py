@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from mathnavi.interfaces.bounds import NonNegative, configuration
+from mathnavi.interfaces.protocols import StateView
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.coordinates import Coordinates
-from mathnavi.sim.interfaces.bounds import NonNegative, configuration
-from mathnavi.sim.interfaces.protocols import StateView
-from mathnavi.sim.interfaces.signals import Array
 
 
 @configuration(prefix="full_state sensor: ")

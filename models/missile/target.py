@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.mission import Place, Target
-from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 
 _ROUNDING = 1e-9
 

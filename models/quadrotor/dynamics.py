@@ -28,11 +28,11 @@ import casadi
 import numpy as np
 from annotated_types import Ge, Gt
 
+from mathnavi.interfaces.bounds import FINITE, Condition, Each, Positive, configuration
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.quaternion import symbolic_rotation
 from mathnavi.models.runge_kutta import classical_step
-from mathnavi.sim.interfaces.bounds import FINITE, Condition, Each, Positive, configuration
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.signals import Array
 
 ROTORS = ("front_left", "rear_left", "rear_right", "front_right")
 STATE_SIZE, ROTOR_COUNT = 13, len(ROTORS)

@@ -16,14 +16,14 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.reading.mechanisms import read_spec
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.entity import TerrainArena
 from mathnavi.models.quadrotor.dynamics import NOMINAL, ROTOR_COUNT, ROTORS, Quadrotor
 from mathnavi.models.quaternion import rotation_entries
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.vehicle_names import check_vehicle_names
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.reading.mechanisms import read_spec
-from mathnavi.sim.interfaces.signals import Array
 
 _XML = Path(__file__).parent / "quadrotor.xml"
 _AXES = "xyz"
@@ -103,7 +103,7 @@ def _set_parameters(spec: Any, vehicle: Quadrotor) -> None:
 
 @dataclass(frozen=True)
 class RotorDrive:
-    """``mathnavi.sim.interfaces.protocols.ActuatorModel``: the input is the commanded thrust of each rotor [N], the
+    """``mathnavi.interfaces.protocols.ActuatorModel``: the input is the commanded thrust of each rotor [N], the
     model's controls count from hover.
 
     So a new model hovers, and the dampers behind the rotors are not an input.

@@ -11,6 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.interfaces.bounds import NonNegative, configuration
+from mathnavi.interfaces.protocols import StateView
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.aerial.sensors import PositionSensor
@@ -26,9 +29,6 @@ from mathnavi.models.quadrotor.dynamics import (
     flow,
 )
 from mathnavi.models.quaternion import rotation
-from mathnavi.sim.interfaces.bounds import NonNegative, configuration
-from mathnavi.sim.interfaces.protocols import StateView
-from mathnavi.sim.interfaces.signals import Array
 
 _STIFF = 1e-2  # [rad, rad/s] assumed error of attitude and rate of a propagated reading, per second
 

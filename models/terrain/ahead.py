@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from numba import float64
 
+from mathnavi.interfaces.compiled import Signature
+from mathnavi.interfaces.kernel_types import ONE, TWO, TWO_READ
 from mathnavi.models.terrain.kernels import sights
-from mathnavi.sim.interfaces.compiled import Signature
-from mathnavi.sim.interfaces.kernel_types import ONE, TWO, TWO_READ
 
 KERNELS: tuple[Signature, ...] = ((sights, (TWO_READ, float64, ONE, TWO)),)

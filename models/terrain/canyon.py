@@ -26,9 +26,9 @@ import numpy as np
 from scipy.ndimage import zoom
 from scipy.spatial import cKDTree
 
+from mathnavi.interfaces.errors import TerrainError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.errors import TerrainError
-from mathnavi.sim.interfaces.signals import Array
 
 _SIDE, _SPACING = 640.0, 4.0  # [m]
 _GRAIN = 64.0  # [1/m]

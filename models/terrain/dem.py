@@ -24,13 +24,13 @@ from pathlib import Path
 
 import numpy as np
 
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.errors import TerrainError
+from mathnavi.interfaces.reading import arrays as reading
+from mathnavi.interfaces.reading.files import decoded
+from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.writing import write_bytes
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.errors import TerrainError
-from mathnavi.sim.interfaces.reading import arrays as reading
-from mathnavi.sim.interfaces.reading.files import decoded
-from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.interfaces.writing import write_bytes
 
 HGT_NODES = (1201, 3601)
 HGT_VOID = -32768
@@ -248,7 +248,7 @@ def read_png(path: str | Path, spacing: float, scale: float) -> Raster:
     """Read a 16-bit grey picture: nodes ``spacing`` [m] apart, ``scale`` [m] per unit; row 0 is north."""
     path = existing(path)
     spacing, scale = positive("spacing", spacing, "m"), positive("scale", scale, "m per unit")
-    from mathnavi.sim.interfaces.reading.pictures import read_picture  # pillow takes a while to import
+    from mathnavi.interfaces.reading.pictures import read_picture  # pillow takes a while to import
 
     image, values = read_picture(path, TerrainError)
     if image.mode not in ("I;16", "I;16B", "I;16L"):

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from mathnavi.interfaces.checks import check_spares
+from mathnavi.interfaces.errors import TerrainError
 from mathnavi.models.terrain.dem import (
     Box,
     Raster,
@@ -25,8 +27,6 @@ from mathnavi.models.terrain.dem import (
 )
 from mathnavi.models.terrain.geotiff import read_geotiff
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.checks import check_spares
-from mathnavi.sim.interfaces.errors import TerrainError
 
 REACH = 100  # nodes from which a void is filled
 

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.errors import TerrainError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.dem import MOST_NODES, Box, Raster, check_nodes, cropped, metres_per_degree, within
-from mathnavi.sim.interfaces.errors import TerrainError
-from mathnavi.sim.interfaces.signals import Array
 
 UNSTATED_VOID = -32768  # where 16-bit heights state no void: SRTM's
 STRETCH = 0.01  # of lengths on the ground that passes for true to scale

@@ -15,12 +15,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mathnavi.interfaces.checks import plain_name
+from mathnavi.interfaces.errors import ArgumentError, FieldError, TerrainError
+from mathnavi.interfaces.short_tables import Row, html_table, short_table
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain import kernels
 from mathnavi.models.terrain.kernels import Booleans, arc_clearance
-from mathnavi.sim.interfaces.checks import plain_name
-from mathnavi.sim.interfaces.errors import ArgumentError, FieldError, TerrainError
-from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table
-from mathnavi.sim.interfaces.signals import Array
 
 _LONGEST_TEXT = 1000  # [characters] of a source or a licence
 HIGHEST = 1e6  # [m] above or below sea level: a greater value is not a height

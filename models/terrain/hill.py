@@ -9,9 +9,9 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Le
 
+from mathnavi.interfaces.bounds import Finite, Positive, configuration
+from mathnavi.interfaces.errors import TerrainError
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.bounds import Finite, Positive, configuration
-from mathnavi.sim.interfaces.errors import TerrainError
 
 _LARGEST = 1e6
 

@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mathnavi.sim.interfaces.compiled import inner_njit, njit
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.compiled import inner_njit, njit
+from mathnavi.interfaces.signals import Array
 
 Booleans = NDArray[np.bool_]
 

@@ -14,15 +14,15 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from mathnavi.interfaces.checks import allowed_for
+from mathnavi.interfaces.entry_points import entry_points_of, named
+from mathnavi.interfaces.errors import TerrainError
+from mathnavi.interfaces.failures import failures_named
+from mathnavi.interfaces.input_files import InputFile, PluginName
+from mathnavi.interfaces.reading.arrays import read_npz as read_npz_arrays
+from mathnavi.interfaces.reading.files import read_json
 from mathnavi.models.terrain.dem import Raster, height_field, read_npz, read_png, square_grid
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.checks import allowed_for
-from mathnavi.sim.interfaces.entry_points import entry_points_of, named
-from mathnavi.sim.interfaces.errors import TerrainError
-from mathnavi.sim.interfaces.failures import failures_named
-from mathnavi.sim.interfaces.input_files import InputFile, PluginName
-from mathnavi.sim.interfaces.reading.arrays import read_npz as read_npz_arrays
-from mathnavi.sim.interfaces.reading.files import read_json
 
 GROUP = "mathnavi.terrains"
 DATA = Path(__file__).parent / "data"

@@ -10,11 +10,11 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import ArrayLike
 
+from mathnavi.interfaces.bounds import FINITE, TWO_FINITE_NUMBERS, Finite, Positive, configuration
+from mathnavi.interfaces.errors import ArgumentError, FieldError, MissionError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.kernels import Booleans
-from mathnavi.sim.interfaces.bounds import FINITE, TWO_FINITE_NUMBERS, Finite, Positive, configuration
-from mathnavi.sim.interfaces.errors import ArgumentError, FieldError, MissionError
-from mathnavi.sim.interfaces.signals import Array
 
 
 @configuration(prefix="radar: ")

@@ -21,8 +21,8 @@ from __future__ import annotations
 import casadi
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.textbook.system import System
-from mathnavi.sim.interfaces.signals import Array
 
 
 def f(x: casadi.SX, u: casadi.SX) -> casadi.SX:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import casadi
 import numpy as np
 
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 _STEPS = 50  # of Newton's method at most
 _EXACT = 1e-13  # relative residual at which it stops

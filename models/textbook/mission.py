@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.interfaces.errors import MissionError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.textbook.sensors import OutputSensor
 from mathnavi.models.textbook.system import System
-from mathnavi.sim.interfaces.errors import MissionError
-from mathnavi.sim.interfaces.signals import Array
 
 TICK = 1e-3
 """tick [s] of a textbook plant; periods are whole multiples, and solutions do not depend on the tick"""

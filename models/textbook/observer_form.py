@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import casadi
 import numpy as np
 
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.signals import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,10 +24,10 @@ from math import factorial, prod
 import casadi
 import numpy as np
 
+from mathnavi.interfaces.errors import ArgumentError, FieldError
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.textbook.observer_form import check_poles
 from mathnavi.models.textbook.system import System
-from mathnavi.sim.interfaces.errors import ArgumentError, FieldError
-from mathnavi.sim.interfaces.signals import Array, Integers
 
 _SINGULAR = 1e12  # condition number
 

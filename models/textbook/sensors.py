@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from mathnavi.sim.interfaces.protocols import StateView
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.protocols import StateView
+from mathnavi.interfaces.signals import Array
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ from functools import cached_property
 import casadi
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
 from mathnavi.models.runge_kutta import Flow
 from mathnavi.models.textbook.observer_form import ObserverForm
-from mathnavi.sim.interfaces.signals import Array
 
 Map = Callable[[casadi.SX, casadi.SX], casadi.SX]
 

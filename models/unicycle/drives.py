@@ -4,7 +4,7 @@ With the wheels' radius r and their distance b apart, a wheel that does not slip
 
     omega_l = (u_1 - u_2 b / 2) / r,    omega_r = (u_1 + u_2 b / 2) / r.
 
-Both drives are ``mathnavi.sim.interfaces.protocols.ActuatorModel``. The joints of either robot are led by x_1, x_2 and
+Both drives are ``mathnavi.interfaces.protocols.ActuatorModel``. The joints of either robot are led by x_1, x_2 and
 phi and end with the left and the right wheel.
 """
 
@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.kernels import integrate
-from mathnavi.sim.interfaces.signals import Array
 
 WHEEL_RADIUS = 0.05  # [m] r
 TRACK = 0.22  # [m] b

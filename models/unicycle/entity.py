@@ -9,12 +9,12 @@ from typing import Any, Literal
 
 import mujoco
 
+from mathnavi.interfaces.errors import FieldError
 from mathnavi.models.composer_and_mjcf import composer, mjcf
 from mathnavi.models.field.arena import SENSOR_HEIGHT, FieldArena
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.mission import TICK
 from mathnavi.models.vehicle_names import check_vehicle_name
-from mathnavi.sim.interfaces.errors import FieldError
 
 DriveName = Literal["ideal", "differential"]
 

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 
 
 @njit(cache=True, nogil=True)

@@ -13,14 +13,14 @@ from typing import Annotated
 
 import numpy as np
 
+from mathnavi.interfaces.bounds import FINITE_NUMBERS, Condition, configuration
+from mathnavi.interfaces.errors import MissionError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.models.unicycle.sensors import RangeSensor, WheelOdometry
-from mathnavi.sim.interfaces.bounds import FINITE_NUMBERS, Condition, configuration
-from mathnavi.sim.interfaces.errors import MissionError
-from mathnavi.sim.interfaces.signals import Array
 
 TICK = 0.01
 """tick [s] of the ideal robot; its motion under inputs that are held is exact at any tick"""

@@ -7,10 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from mathnavi.interfaces.protocols import StateView
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.drives import inputs_of
 from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
-from mathnavi.sim.interfaces.protocols import StateView
-from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)

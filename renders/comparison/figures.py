@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib import patheffects
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.renders.comparison.comparison import LEFT, RIGHT
@@ -17,7 +18,6 @@ from mathnavi.renders.comparison.run_data import ComparedRun, StateHistory
 from mathnavi.renders.figures import STYLE, canvas, draw_map, thinned
 from mathnavi.renders.page import Drawn
 from mathnavi.renders.statistics_figures import SERIES
-from mathnavi.sim.interfaces.signals import Array
 
 COLOURS, STYLES = SERIES[:2], ("-", "--")  # of the left run and the right one
 WIDTHS = (1.8, 1.2)  # the right one is drawn over the left one

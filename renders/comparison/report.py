@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.reading.files import read_text
+from mathnavi.interfaces.writing import write_text
 from mathnavi.renders import page
 from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison
 from mathnavi.renders.comparison.runs import compare_runs
 from mathnavi.renders.comparison.studies import compare_studies, documents
 from mathnavi.renders.comparison.sweeps import compare_sweeps
 from mathnavi.renders.page import Markup
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.reading.files import read_text
-from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.records.table import Table
 
 MARK = "Written by mathnavi compare."  # by which such a page is recognised

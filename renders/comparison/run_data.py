@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.sim.interfaces.fields import flattened
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.fields import flattened
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_state_names
 
 

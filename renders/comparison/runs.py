@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, differences, differing_fields
 from mathnavi.renders.comparison.figures import run_figures
 from mathnavi.renders.comparison.run_data import ComparedRun, read_run
 from mathnavi.renders.page import number
-from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
 from mathnavi.sim.records.table import Table
 

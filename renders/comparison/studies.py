@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.reading.files import read_json
 from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, differing_fields
 from mathnavi.renders.page import UNKNOWN
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.reading.files import read_json
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.documents import StudyRecord
 from mathnavi.sim.records.table import Table

@@ -14,10 +14,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, differences, differing_fields
 from mathnavi.renders.page import UNKNOWN, Drawn
 from mathnavi.renders.statistics_figures import medians_figure, rates_figure
-from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.statistics import Band, Proportion, rate
 from mathnavi.sim.records.store import Record, Store

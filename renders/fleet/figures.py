@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.figures import (
     BOUND,
     INK,
@@ -27,7 +28,6 @@ from mathnavi.renders.fleet.shot_list import highlight
 from mathnavi.renders.flight.figures import draw_changes
 from mathnavi.renders.flight.run_data import FlightRun
 from mathnavi.renders.palette import hexadecimal
-from mathnavi.sim.interfaces.signals import Array
 
 _FEWEST_COLUMNS, _MOST_ROWS = 4, 4  # of a legend
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.errors import RunFolderError
+from mathnavi.interfaces.signals import Array, Event
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.flight.run_data import FlightRun, flight_of
 from mathnavi.renders.palette import Colour, vehicle_colour
-from mathnavi.sim.interfaces.errors import RunFolderError
-from mathnavi.sim.interfaces.signals import Array, Event
 from mathnavi.sim.metrics.fleet import arrival_time
 from mathnavi.sim.records.missions import FleetRecord, read_mission
 from mathnavi.sim.records.run_folder import CONFIG, last_at, read_fleet

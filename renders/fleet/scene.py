@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.entity import airframe_pose
 from mathnavi.renders.domes import add_domes, place_domes
 from mathnavi.renders.fleet.run_data import FleetRun
@@ -31,7 +32,6 @@ from mathnavi.renders.landscape import (
 from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import Colour, Picture, SceneElement, part_of
 from mathnavi.renders.stage import Optics, Stage, Staged, View
-from mathnavi.sim.interfaces.signals import Array
 
 ARRIVAL = Optics(38.0, 2e-3, 6.0)
 FREE = Box(0.25, 0.80, 0.17, 0.80)  # of a picture: between what is written on it

@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.errors import FieldError, RunFolderError
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.hill import Hill, hills_of, with_hills
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.models.terrain.visibility import Radar, RadarTrack
 from mathnavi.renders.logged_run import LoggedRun
-from mathnavi.sim.interfaces.errors import FieldError, RunFolderError
-from mathnavi.sim.interfaces.signals import Array, Plan
 from mathnavi.sim.records.missions import ChangingFlightRecord, RadarRecord, read_mission
 from mathnavi.sim.records.run_folder import ARRAYS, CONFIG, RunLog, read_log
 

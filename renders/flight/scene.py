@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.entity import airframe_pose
 from mathnavi.renders.domes import add_domes, place_domes
 from mathnavi.renders.flight.run_data import FlightRun, plan_arcs, trail
@@ -32,7 +33,6 @@ from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement, part_of
 from mathnavi.renders.relief import EXAGGERATION
 from mathnavi.renders.stage import Optics, Stage, Staged, View
-from mathnavi.sim.interfaces.signals import Array
 
 CHASE = Optics(45.0, 2e-4, 5.0)
 PIN = 34.0  # [pixels] at a picture 720 pixels high: height of the pins at start and target

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.flight.run_data import FlightRun
 from mathnavi.renders.palette import COLOURS, SceneElement
 from mathnavi.renders.web.charts import TRUTH, curve
@@ -18,7 +19,6 @@ from mathnavi.renders.web.landscape import (
     plan_lines,
     radar_domes,
 )
-from mathnavi.sim.interfaces.signals import Array
 
 VEHICLE, TARGET = "vehicle", "target"
 PLAN_LAYERS = {

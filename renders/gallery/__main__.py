@@ -16,8 +16,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from mathnavi.interfaces.reading.files import read_text
 from mathnavi.renders.gallery.table import HERE, README, Command, GalleryPicture, chosen, entries
-from mathnavi.sim.interfaces.reading.files import read_text
 
 ROOT = HERE.parent.parent
 MISSIONS = 0, 1  # exit codes of a command that ran, for any result of the mission or the claims

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
 
-from mathnavi.sim.interfaces.errors import ArgumentError
+from mathnavi.interfaces.errors import ArgumentError
 
 HERE = Path(__file__).resolve().parent  # of the repository, not of the links in src/mathnavi
 README = HERE / "README.md"

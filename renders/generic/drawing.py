@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from mathnavi.interfaces.checks import is_plain_name
 from mathnavi.renders.drawing import Drawing
 from mathnavi.renders.generic.board import painting
 from mathnavi.renders.generic.run_data import GenericRun, load_run
@@ -20,7 +21,6 @@ from mathnavi.renders.generic.shot_list import (
     highlight,
     shot_list,
 )
-from mathnavi.sim.interfaces.checks import is_plain_name
 from mathnavi.sim.records.run_folder import read_scene_cameras
 
 

@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.figures import STYLE, canvas, colour_of, thinned
 from mathnavi.renders.generic.run_data import GenericRun, estimates
 from mathnavi.renders.palette import SceneElement, hexadecimal, vehicle_colour
-from mathnavi.sim.interfaces.signals import Array
 
 MOST_ROWS = 12  # of charts in a figure; of more states the first ones are drawn
 WIDTH, ROW = 9.4, 1.25  # [inches]

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array, Event, Status
 from mathnavi.renders.generic.scene_data import SceneData, scene_data
-from mathnavi.sim.interfaces.signals import Array, Event, Status
 from mathnavi.sim.records.run_folder import (
     NothingToDrawError,
     RunLog,

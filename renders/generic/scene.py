@@ -11,6 +11,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.framing import Box, framing
 from mathnavi.renders.generic.run_data import GenericRun, index
 from mathnavi.renders.generic.scene_data import PATH_POINTS, reach, swept
@@ -19,7 +20,6 @@ from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement, vehicle_colour
 from mathnavi.renders.stage import HORIZON, NADIR, Optics, Stage, Staged, View
 from mathnavi.sim.engine.scene_record import FIELD, MESH
-from mathnavi.sim.interfaces.signals import Array
 
 FIELD_OF_VIEW = 36.0  # [degrees]
 FREE = Box(0.25, 0.90, 0.16, 0.84)  # of a picture, in which all that moves is

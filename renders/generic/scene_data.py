@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.interfaces.errors import RunFolderError
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.engine.scene_record import FIELD, MESH, PLANE
-from mathnavi.sim.interfaces.errors import RunFolderError
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.run_folder import SCENE
 
 MOST_SIZE = 1e7  # [m] of a shape, and of its distance

@@ -10,13 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.renders.figures import BOUND, INK, STYLE, canvas, thinned
 from mathnavi.renders.lagrangian.names import symbol, with_unit
 from mathnavi.renders.lagrangian.path_drawing import ESTIMATE, GEODESIC, REFERENCE, TRUTH, PathDrawing
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.renders.lagrangian.shot_list import slow_until
 from mathnavi.renders.lagrangian.views import chart_of
-from mathnavi.sim.interfaces.signals import Array, Integers
 
 SMALLEST = 1e-12  # that a logarithmic axis shows
 FIRST = 0.15  # of a run that is shown enlarged, where nothing is found at its start

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Status
 from mathnavi.renders.film import Frame
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.renders.lagrangian.shot_list import amount
 from mathnavi.renders.overlay import Overlay, pace
 from mathnavi.renders.palette import SceneElement
-from mathnavi.sim.interfaces.signals import Status
 from mathnavi.sim.plugin.registry import called
 
 SUBJECTS = {

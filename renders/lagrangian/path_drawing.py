@@ -7,11 +7,11 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.lagrangian.charts import MapProjection
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.renders.lagrangian.shot_list import RECENT
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
-from mathnavi.sim.interfaces.signals import Array
 
 TRUTH, ESTIMATE, REFERENCE, GEODESIC = (
     hexadecimal(COLOURS[part])

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from mathnavi.estimators.riemannian.gains import DEFAULT_BANDWIDTH, IntrinsicGains
+from mathnavi.interfaces.errors import RunFolderError
+from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.constant_curvature import hyperbolic_space, sphere
 from mathnavi.models.manifold.manifold import CutLocusError, Manifold
@@ -20,8 +22,6 @@ from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.models.mechanism.system import heavier
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.renders.logged_run import LoggedRun
-from mathnavi.sim.interfaces.errors import RunFolderError
-from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.lagrangian import VelocityErrors
 from mathnavi.sim.records.log_arrays import CRAMER_RAO
 from mathnavi.sim.records.missions import MechanismRecord, SpaceRecord, read_mission

@@ -14,6 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.mechanism.entity import build_spec
 from mathnavi.renders.framing import Box, framing
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
@@ -23,7 +24,6 @@ from mathnavi.renders.lagrangian.views import AZIMUTH, ELEVATION, azimuth
 from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement
 from mathnavi.renders.stage import Optics, Stage, Staged
-from mathnavi.sim.interfaces.signals import Array
 
 OPTICS = Optics(28.0, 0.02, 40.0)
 FREE = Box(0.12, 0.96, 0.15, 0.67)  # of a picture, in which all may move

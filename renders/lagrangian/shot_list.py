@@ -9,9 +9,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Status
 from mathnavi.renders.film import TOUR, Annotation, Shot, consecutive
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
-from mathnavi.sim.interfaces.signals import Status
 from mathnavi.sim.records.figure_names import SHORTFALL
 
 CAMERAS = ("panel", "scene")

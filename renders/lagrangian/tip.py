@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 NOSE = (0.26, 0.0, 0.0)  # [m] of the rigid body
 FARTHEST = 0.9  # of the distance of the farthest geom of the last body, beyond which geoms are its tip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.mechanism.entity import build_spec
 from mathnavi.renders.framing import Box, framing
 from mathnavi.renders.lagrangian.charts import nose
@@ -19,7 +20,6 @@ from mathnavi.renders.web.bodies import body_surfaces, ghosts, model_shapes, mot
 from mathnavi.renders.web.charts import ESTIMATE, TRUTH, curve
 from mathnavi.renders.web.elements import Camera, Chart, Layer, Lines, Mark, Motion, Surface, WebScene
 from mathnavi.renders.web.shapes import revolved
-from mathnavi.sim.interfaces.signals import Array
 
 MOST_POSES, MOST_FRAMES = 1200, 400
 MOST_COMPONENTS = 7  # of the velocity, in charts

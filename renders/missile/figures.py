@@ -9,12 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.coordinates import Coordinates
 from mathnavi.renders.figures import BOUND, GRID, INK, STYLE, canvas, thinned
 from mathnavi.renders.missile.run_data import TO_WORLD, MissileRun
 from mathnavi.renders.page import number
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
-from mathnavi.sim.interfaces.signals import Array
 
 TICKS = 16  # velocities marked along a path
 LAST = 1.0  # [s] before the closest approach: the end, as the target sees it

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
+from mathnavi.interfaces.errors import RunFolderError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.coordinates import COORDINATES, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL
 from mathnavi.models.missile.target import TargetMotion
 from mathnavi.renders.logged_run import LoggedRun
-from mathnavi.sim.interfaces.errors import RunFolderError
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.missile import Approach, attack_angles, closest_approach, references
 from mathnavi.sim.records.missile_missions import MissileRecord
 from mathnavi.sim.records.missions import read_mission

@@ -14,6 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.entity import build_spec
 from mathnavi.renders.missile.cameras import OPTICS, chase_view, side_view, target_view
 from mathnavi.renders.missile.ground import PIXELS, TILE, ground_picture
@@ -22,7 +23,6 @@ from mathnavi.renders.missile.shot_list import TO_SCALE
 from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement
 from mathnavi.renders.stage import HORIZON, NADIR, Stage, Staged
-from mathnavi.sim.interfaces.signals import Array
 
 GROUND, DRAWN = 1, 2  # geom groups
 EXTENT = 500.0  # [m]

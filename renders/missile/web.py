@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.entity import build_spec
 from mathnavi.renders.framing import Box, framing
 from mathnavi.renders.missile.run_data import MissileRun
@@ -17,7 +18,6 @@ from mathnavi.renders.web.bodies import body_surfaces, model_shapes, motions_of,
 from mathnavi.renders.web.charts import TRUTH, curve
 from mathnavi.renders.web.elements import Camera, Chart, Layer, Lines, Mark, Motion, WebScene
 from mathnavi.renders.web.landscape import chase, flown
-from mathnavi.sim.interfaces.signals import Array
 
 GROUND_GROUP = 1
 GROUND: Colour = (0.56, 0.60, 0.47)

@@ -12,11 +12,11 @@ import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.flight.run_data import plan_arcs
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement, part_of
 from mathnavi.renders.quadrotor.run_data import QuadrotorRun
 from mathnavi.renders.relief import relief
-from mathnavi.sim.interfaces.signals import Array
 
 SIZE, EDGE = 208, 18  # [pixels] at a picture 720 pixels high: of the longer side, and from the picture's edge
 SHARPER = 3  # it is drawn so many times as large

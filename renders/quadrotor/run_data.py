@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from mathnavi.interfaces.errors import ArgumentError, RunFolderError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.quadrotor.dynamics import ATTITUDE, ROTOR_COUNT, STATE_SIZE
 from mathnavi.renders.flight.run_data import FlightRun, flight_of
-from mathnavi.sim.interfaces.errors import ArgumentError, RunFolderError
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.flight import references
 from mathnavi.sim.metrics.quadrotor import point, tilts
 from mathnavi.sim.records.missions import QuadrotorRecord, read_mission

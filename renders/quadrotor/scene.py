@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.entity import airframe_pose
 from mathnavi.models.quadrotor.dynamics import ROTORS
 from mathnavi.models.quadrotor.entity import add_vehicle
@@ -28,7 +29,6 @@ from mathnavi.renders.palette import COLOURS, Picture, SceneElement, part_of
 from mathnavi.renders.quadrotor.inset import Inset
 from mathnavi.renders.quadrotor.run_data import QuadrotorRun
 from mathnavi.renders.stage import Optics, Stage, Staged, View
-from mathnavi.sim.interfaces.signals import Array
 
 CHASE = Optics(50.0, 2e-4, 5.0)
 NEAR = Following(distance=2.4, step=0.1, smoothing=0.6, clear=1.2, rise=0.42, ahead=0.7)

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array, Integers
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array, Integers
 
 FADED = 20.0  # log-likelihood below the best at which a hypothesis is as good as ruled out
 

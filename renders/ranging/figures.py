@@ -10,13 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.stats import chi2
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
 from mathnavi.renders.figures import BOUND, INK, STYLE, canvas, thinned
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.ranging.beliefs import FADED
 from mathnavi.renders.ranging.run_data import RangingRun
 from mathnavi.renders.ranging.shot_list import decided
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
 
 DRIVEN, ESTIMATE, HYPOTHESIS, READ = (

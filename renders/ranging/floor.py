@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
 from mathnavi.renders.palette import Colour, Picture
-from mathnavi.sim.interfaces.signals import Array
 
 Flags = NDArray[np.bool_]
 

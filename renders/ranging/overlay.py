@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Status
 from mathnavi.renders.film import Frame
 from mathnavi.renders.overlay import Overlay, pace
 from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.ranging.run_data import RangingRun
 from mathnavi.renders.ranging.shot_list import length
-from mathnavi.sim.interfaces.signals import Status
 from mathnavi.sim.plugin.registry import called
 
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.interfaces.errors import RunFolderError
+from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.entity import DriveName
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.renders.logged_run import LoggedRun
 from mathnavi.renders.ranging.beliefs import Beliefs, read_beliefs, shaped
-from mathnavi.sim.interfaces.errors import RunFolderError
-from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.consistency import normalised_error_squared
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
 from mathnavi.sim.records.log_arrays import CRAMER_RAO

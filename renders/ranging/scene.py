@@ -15,6 +15,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.field.arena import DRAWN_GROUP, FLOOR_GROUP, SENSOR_HEIGHT
 from mathnavi.models.unicycle.entity import FLOOR, build_spec
 from mathnavi.renders.overlay import Label
@@ -24,7 +25,6 @@ from mathnavi.renders.ranging.cameras import OPTICS, chase_view, top_view
 from mathnavi.renders.ranging.floor import OUTSIDE, extent, floor_picture, pale
 from mathnavi.renders.ranging.run_data import RangingRun
 from mathnavi.renders.stage import Stage, Staged
-from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.records.run_folder import last_at
 
 ROBOT_GROUP = 2  # of the geoms of the robot that eyes see

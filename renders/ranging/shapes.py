@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.entity import RADIUS
-from mathnavi.sim.interfaces.signals import Array
 
 _FINEST = 0.004  # [m] between two points of an ellipse
 _MOST, _LEAST = 56, 10  # points of one

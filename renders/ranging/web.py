@@ -8,6 +8,7 @@ import math
 import numpy as np
 from PIL import Image
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.arena import DRAWN_GROUP, SENSOR_HEIGHT
 from mathnavi.models.unicycle.entity import build_spec
 from mathnavi.renders.palette import COLOURS, SceneElement
@@ -20,7 +21,6 @@ from mathnavi.renders.web.bodies import body_surfaces, ghosts, model_shapes, mot
 from mathnavi.renders.web.charts import ESTIMATE, curve
 from mathnavi.renders.web.elements import Camera, Chart, Layer, Lines, Mark, Surface, WebScene
 from mathnavi.renders.web.landscape import chase, flown
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
 
 MOST_FRAMES = 500  # of rays and of what is believed

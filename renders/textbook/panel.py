@@ -16,10 +16,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.textbook.camera_and_flags import DISTANCE
 from mathnavi.renders.figures import BOUND, INK, canvas
 from mathnavi.renders.textbook.run_data import TextbookRun
-from mathnavi.sim.interfaces.signals import Array
 
 TRUTH, ESTIMATE = "#1b7fbd", "#d1372c"
 READ = "#8a97a5"

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from mathnavi.interfaces.errors import RunFolderError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
 from mathnavi.renders.logged_run import LoggedRun
-from mathnavi.sim.interfaces.errors import RunFolderError
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.missions import TextbookRecord, read_mission
 from mathnavi.sim.records.run_folder import RunLog, last_at, read_log
 

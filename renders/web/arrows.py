@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.palette import Colour
 from mathnavi.renders.web.elements import Layer, Lines
-from mathnavi.sim.interfaces.signals import Array
 
 HEAD, SPREAD = 0.22, 0.4  # of an arrow: length of its head, and half of its width in that
 

@@ -10,11 +10,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.palette import COLOURS, Colour, SceneElement
 from mathnavi.renders.web.elements import Layer, Motion, Surface
 from mathnavi.renders.web.shapes import Triangles, grid_faces, triangles
 from mathnavi.sim.engine.scene_record import FIELD, MESH, PLANE, shapes
-from mathnavi.sim.interfaces.signals import Array
 
 GHOST_OPACITY = 0.42
 GHOST_SIZE = 0.95

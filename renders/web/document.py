@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.reading.files import read_text
 from mathnavi.renders.page import Markup, text
 from mathnavi.renders.palette import hexadecimal
 from mathnavi.renders.stage import HORIZON, ZENITH
 from mathnavi.renders.web.elements import Camera, Chart, Layer, Lines, Mark, Motion, Surface, WebScene
-from mathnavi.sim.interfaces.reading.files import read_text
 
 VIEWER = Path(__file__).with_name("viewer")
 SCRIPTS = ("geometry.js", "stage.js", "charts.js", "labels.js", "player.js", "live.js")  # in this order

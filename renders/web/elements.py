@@ -13,8 +13,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.palette import COLOURS, Colour, SceneElement
-from mathnavi.sim.interfaces.signals import Array
 
 ALWAYS = ((-math.inf, math.inf),)
 MOST_POSES = 1500  # of a motion: between them the browser interpolates

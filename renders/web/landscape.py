@@ -10,6 +10,8 @@ import numpy as np
 from PIL import Image
 
 import mathnavi.models.aerial
+from mathnavi.interfaces.reading.mechanisms import read_spec
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.entity import airframe_pose
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import RadarTrack
@@ -19,8 +21,6 @@ from mathnavi.renders.relief import EXAGGERATION, relief, resampled
 from mathnavi.renders.web.bodies import body_surfaces, model_shapes
 from mathnavi.renders.web.elements import Camera, Layer, Lines, Motion, Surface
 from mathnavi.renders.web.shapes import grid_faces, revolved
-from mathnavi.sim.interfaces.reading.mechanisms import read_spec
-from mathnavi.sim.interfaces.signals import Array, Plan
 
 NODES, PIXELS = 257, 1025  # of the ground and of its picture, along the longer side
 QUALITY = 82  # of that picture, a JPEG

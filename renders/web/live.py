@@ -12,6 +12,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.entity import airframe_pose
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.flight.run_data import mission_of_record, terrain_of
@@ -26,8 +28,6 @@ from mathnavi.renders.web.landscape import airframe, chase, ground, map_cameras,
 from mathnavi.sim.engine.faults import Disturbed
 from mathnavi.sim.engine.loop import Loop
 from mathnavi.sim.engine.plant import MujocoPlant
-from mathnavi.sim.interfaces.protocols import Plant
-from mathnavi.sim.interfaces.signals import Array, Plan
 from mathnavi.sim.records.missions import ChangingFlightRecord, FleetRecord, read_mission
 from mathnavi.sim.records.run_folder import described
 

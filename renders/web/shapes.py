@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.engine.scene_record import FIELD, MESH
-from mathnavi.sim.interfaces.signals import Array
 
 AROUND, LEVELS = 24, 12  # of a round shape
 Triangles = tuple[Array, NDArray[np.int64], bool]  # (m, 3) vertices [m], (f, 3) faces, whether it is smooth

@@ -21,11 +21,11 @@ from typing import Annotated, Any, TextIO, get_type_hints
 
 import tyro
 
+from mathnavi.interfaces.checks import check_path, close_names
+from mathnavi.interfaces.errors import PluginError
+from mathnavi.interfaces.failures import failures_named
 from mathnavi.sim.commands.errors import BadInputError, bad_input, short
 from mathnavi.sim.commands.wrapping import wrapped
-from mathnavi.sim.interfaces.checks import check_path, close_names
-from mathnavi.sim.interfaces.errors import PluginError
-from mathnavi.sim.interfaces.failures import failures_named
 from mathnavi.sim.plugin.flag_names import joined, negation
 from mathnavi.sim.plugin.leaves import Leaf, leaves_of
 

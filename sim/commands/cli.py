@@ -16,12 +16,12 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
+from mathnavi.interfaces.checks import allowed_for
 from mathnavi.models.dm_control_requirement import MissingPackageError, require_dm_control
 from mathnavi.sim.commands.errors import PIPE_CLOSED, UNFORESEEN, BadInputError, one_line
 from mathnavi.sim.commands.interruption import end, exit_code, interrupted_line, interruptible
 from mathnavi.sim.commands.known import COMMANDS
 from mathnavi.sim.commands.wrapping import wrapped
-from mathnavi.sim.interfaces.checks import allowed_for
 
 USAGE = "usage: mathnavi COMMAND ...\n       mathnavi --version\n\n{}\n\nmathnavi COMMAND --help explains a command."
 _ALLOCATIONS = 200_000  # less deallocations, between two searches for garbage
@@ -44,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SystemExit as error:  # of a plug-in, or of rich, whose reader has gone: no command of ours ends so
         if isinstance(error.__context__, BrokenPipeError):
             return PIPE_CLOSED
-        from mathnavi.sim.interfaces.failures import explained
+        from mathnavi.interfaces.failures import explained
 
         print(f"mathnavi: {one_line(f'a plug-in ended the command by {explained(error)}')}", file=sys.stderr)
         return 2

@@ -12,11 +12,11 @@ from rich.console import Console
 from rich.table import Table as Printed
 from rich.text import Text
 
+from mathnavi.interfaces.checks import check_spares
+from mathnavi.interfaces.errors import FieldError
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
-from mathnavi.sim.interfaces.checks import check_spares
-from mathnavi.sim.interfaces.errors import FieldError
 
 OUT = Path("renders/out/comparison.html")
 DESCRIPTION = "Two runs, two sweeps or two studies side by side: what was requested, and what came out."

@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib.metadata import EntryPoint
 
+from mathnavi.interfaces.entry_points import named
+from mathnavi.interfaces.errors import PluginError
 from mathnavi.sim.commands.errors import BadInputError
 from mathnavi.sim.commands.known import COMMANDS
 from mathnavi.sim.commands.wrapping import wrapped
-from mathnavi.sim.interfaces.entry_points import named
-from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.plugin.flag_names import flag_of, joined, negation
 from mathnavi.sim.plugin.groups import GROUPS, installed
 from mathnavi.sim.plugin.index import COMMAND, Description, describe

@@ -27,9 +27,9 @@ from typing import IO, Annotated
 
 from annotated_types import Gt
 
+from mathnavi.interfaces.bounds import FINITE, Within
 from mathnavi.sim.commands.arguments import value_of, without
 from mathnavi.sim.commands.errors import OUT_OF_TIME
-from mathnavi.sim.interfaces.bounds import FINITE, Within
 
 FLAG = "--wall-deadline"
 PACKAGE = Path(__file__).parents[2]  # mathnavi

@@ -17,6 +17,10 @@ from rich.table import Table
 from rich.text import Text
 
 from mathnavi.estimators.stagewise.recorded_smoother import RecordedSmoother, Sample, Smoothing
+from mathnavi.interfaces.bounds import configuration
+from mathnavi.interfaces.checks import check_spares
+from mathnavi.interfaces.fields import plain
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, flags, given, parse
 from mathnavi.sim.commands.deadline import WallDeadline, watched
 from mathnavi.sim.commands.errors import BadInputError, bad_input
@@ -31,10 +35,6 @@ from mathnavi.sim.commands.wrapping import wrapped
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
-from mathnavi.sim.interfaces.bounds import configuration
-from mathnavi.sim.interfaces.checks import check_spares
-from mathnavi.sim.interfaces.fields import plain
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec, called, names
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.run_folder import ARRAYS, RunLog, read_log

@@ -103,7 +103,7 @@ def listing(kind: str, points: Sequence[EntryPoint], full: bool, verbose: bool) 
 
 def claimed_properties(points: Sequence[EntryPoint]) -> Group:
     """Return a table of the properties that each estimator claims with its default fields, with notes below it."""
-    from mathnavi.sim.interfaces.observer_properties import ObserverProperties
+    from mathnavi.interfaces.observer_properties import ObserverProperties
 
     table = Table(title=CLAIMED, title_justify="left", title_style="bold", box=None, padding=(0, 1, 0, 0))
     table.add_column("name", style="bold", no_wrap=True)

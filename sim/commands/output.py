@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
+from mathnavi.interfaces.errors import RunFolderError
 from mathnavi.sim.commands.errors import BadInputError
-from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.records.claimed_folder import ClaimedFolder, claimed
 
 

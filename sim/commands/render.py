@@ -9,12 +9,12 @@ from typing import Annotated, Literal
 
 import tyro
 
+from mathnavi.interfaces.bounds import configuration
+from mathnavi.interfaces.errors import FieldError
 from mathnavi.sim.commands import opengl
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse, with_flag
 from mathnavi.sim.commands.deadline import WallDeadline, watched
 from mathnavi.sim.commands.errors import BadInputError, bad_input
-from mathnavi.sim.interfaces.bounds import configuration
-from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.plugin.trust import trusting
 
 

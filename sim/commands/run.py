@@ -12,6 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 from rich.console import Console
 
+from mathnavi.interfaces.bounds import configuration
+from mathnavi.interfaces.checks import check_spares
+from mathnavi.interfaces.errors import FieldError, RunFolderError
+from mathnavi.interfaces.fields import flattened, plain
+from mathnavi.interfaces.input_files import run_inputs
 from mathnavi.renders.heartbeat import lines_of_progress
 from mathnavi.renders.opengl import NoOpenGLError
 from mathnavi.sim.commands.arguments import HelpPrinted, given, value_of
@@ -26,11 +31,6 @@ from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request,
 from mathnavi.sim.commands.served_address import Port, address_of, check_address
 from mathnavi.sim.commands.summary import summary_table, verdict
 from mathnavi.sim.engine.compilation import compile_ahead
-from mathnavi.sim.interfaces.bounds import configuration
-from mathnavi.sim.interfaces.checks import check_spares
-from mathnavi.sim.interfaces.errors import FieldError, RunFolderError
-from mathnavi.sim.interfaces.fields import flattened, plain
-from mathnavi.sim.interfaces.input_files import run_inputs
 from mathnavi.sim.plugin.trust import trusting, within_record
 from mathnavi.sim.records.figure_names import PLANNER_STATUS
 from mathnavi.sim.records.run_folder import SCENE, NothingToDrawError

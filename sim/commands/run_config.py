@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mathnavi.interfaces.errors import UntrustedError
+from mathnavi.interfaces.fields import flattened, instance
 from mathnavi.sim.commands.errors import BadInputError, bad_input
-from mathnavi.sim.interfaces.errors import UntrustedError
-from mathnavi.sim.interfaces.fields import flattened, instance
 from mathnavi.sim.plugin.trust import check_place, recorded_places, within_record
 from mathnavi.sim.records.documents import RunDocument
 from mathnavi.sim.records.run_folder import CONFIG, read_run_document

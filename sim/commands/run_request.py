@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mathnavi.interfaces.bounds import Seed, configuration
+from mathnavi.interfaces.errors import PluginError
+from mathnavi.interfaces.fields import flattened, plain
 from mathnavi.sim.commands import opengl
 from mathnavi.sim.commands.arguments import FlagGroup, flags, given, parse, value_of, with_flag
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.wrapping import wrapped
-from mathnavi.sim.interfaces.bounds import Seed, configuration
-from mathnavi.sim.interfaces.errors import PluginError
-from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.plugin.registry import PluginSpec, load, names, of_stranger
 
 if TYPE_CHECKING:

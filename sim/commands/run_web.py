@@ -19,6 +19,8 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.checks import check
+from mathnavi.interfaces.errors import FieldError
 from mathnavi.renders.flight.run_data import terrain_of
 from mathnavi.renders.web.document import document
 from mathnavi.renders.web.live import LiveScene
@@ -26,8 +28,6 @@ from mathnavi.renders.web.scene import read_scene
 from mathnavi.sim.commands.run_request import RunRequest
 from mathnavi.sim.commands.web_server import PageServer
 from mathnavi.sim.engine.loop import Loop
-from mathnavi.sim.interfaces.checks import check
-from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 STEP = 0.02  # [s] of the wall clock that the simulation waits at most at a time

@@ -11,6 +11,9 @@ from typing import Annotated
 from annotated_types import Interval
 from rich.console import Console
 
+from mathnavi.interfaces.bounds import MOST_TO_COMPUTE, Count, Positive, Processes, configuration
+from mathnavi.interfaces.checks import check_spares
+from mathnavi.interfaces.errors import FieldError, RunFolderError
 from mathnavi.sim.commands.arguments import HelpPrinted
 from mathnavi.sim.commands.errors import BadInputError, bad_input, worded
 from mathnavi.sim.commands.interruption import when_interrupted
@@ -19,9 +22,6 @@ from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.search_fields import SearchFields, read_space
 from mathnavi.sim.commands.search_results import SearchResults, print_results, write_pages, write_worst
-from mathnavi.sim.interfaces.bounds import MOST_TO_COMPUTE, Count, Positive, Processes, configuration
-from mathnavi.sim.interfaces.checks import check_spares
-from mathnavi.sim.interfaces.errors import FieldError, RunFolderError
 from mathnavi.sim.records.store import Store, StoreWriteError
 from mathnavi.sim.search.directed import Sampler, check_space, directed, importances
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator, NoSuchFigureError, Objective

@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from mathnavi.interfaces.bounds import LARGEST_SEED
+from mathnavi.interfaces.fields import leaf
 from mathnavi.sim.commands.arguments import given, suggestion, values_of
 from mathnavi.sim.commands.errors import BadInputError
 from mathnavi.sim.commands.run_request import RunRequest
 from mathnavi.sim.commands.variations import FieldPlaces, Variation, set_fields, trial_of
-from mathnavi.sim.interfaces.bounds import LARGEST_SEED
-from mathnavi.sim.interfaces.fields import leaf
 from mathnavi.sim.search.rare import REDRAW
 from mathnavi.sim.search.space import Choice, Dimension, Range, Values
 from mathnavi.sim.sweep.trial import Trial

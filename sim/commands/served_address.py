@@ -6,7 +6,7 @@ from typing import Annotated
 
 from annotated_types import Interval
 
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.errors import FieldError
 
 HOST, PORT = "127.0.0.1", 8765
 

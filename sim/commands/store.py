@@ -12,10 +12,10 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
+from mathnavi.interfaces.checks import check_spares
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.evidence import print_evidence, verdict
-from mathnavi.sim.interfaces.checks import check_spares
 from mathnavi.sim.records.computing_environment import difference, environment_digest
 from mathnavi.sim.records.parquet import write_parquet
 from mathnavi.sim.records.store import Record, Store, canonical_json

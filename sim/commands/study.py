@@ -15,6 +15,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from mathnavi.interfaces.bounds import Processes, configuration
+from mathnavi.interfaces.errors import FieldError, PluginError
+from mathnavi.interfaces.writing import write_text
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse, without
 from mathnavi.sim.commands.errors import BadInputError, bad_input, worded
@@ -24,9 +27,6 @@ from mathnavi.sim.commands.progress import sweep_progress
 from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import prepare
 from mathnavi.sim.commands.wrapping import wrapped
-from mathnavi.sim.interfaces.bounds import Processes, configuration
-from mathnavi.sim.interfaces.errors import FieldError, PluginError
-from mathnavi.sim.interfaces.writing import write_text
 from mathnavi.sim.plugin.registry import load, names
 from mathnavi.sim.records.claims import Claim, ledger
 from mathnavi.sim.records.files import inside

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from rich.table import Table
 from rich.text import Text
 
-from mathnavi.sim.interfaces.short_tables import value_text
-from mathnavi.sim.interfaces.signals import Event
+from mathnavi.interfaces.short_tables import value_text
+from mathnavi.interfaces.signals import Event
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, label
 
 if TYPE_CHECKING:

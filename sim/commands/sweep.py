@@ -13,6 +13,9 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from mathnavi.interfaces.bounds import LARGEST_SEED, MOST_TO_COMPUTE, Count, Positive, Processes, configuration
+from mathnavi.interfaces.checks import check_spares
+from mathnavi.interfaces.errors import FieldError
 from mathnavi.sim.commands.arguments import HelpPrinted
 from mathnavi.sim.commands.errors import BadInputError, bad_input, worded
 from mathnavi.sim.commands.evidence import print_evidence, verdict
@@ -22,9 +25,6 @@ from mathnavi.sim.commands.provenance import note_changed_files, note_origins
 from mathnavi.sim.commands.run_request import RunRequest, prepare, usage
 from mathnavi.sim.commands.served_address import Port, address_of, check_address
 from mathnavi.sim.commands.variations import listed_combinations, read_requests, read_variations, trials
-from mathnavi.sim.interfaces.bounds import LARGEST_SEED, MOST_TO_COMPUTE, Count, Positive, Processes, configuration
-from mathnavi.sim.interfaces.checks import check_spares
-from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.store import TRANSIENT, Record, Store, StoreWriteError
 from mathnavi.sim.sweep.child import RefusedError

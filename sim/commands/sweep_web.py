@@ -16,11 +16,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from urllib.parse import urlencode, urlsplit
 
+from mathnavi.interfaces.errors import FieldError
 from mathnavi.renders.page import UNKNOWN, Markup, card, document, heading, paragraph, quantity, section, table
 from mathnavi.renders.sweep_report import report
 from mathnavi.sim.commands.view_web import page_of
 from mathnavi.sim.commands.web_server import PageServer
-from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.records.figure_names import SHORTFALL, label
 from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.store import Record, Store

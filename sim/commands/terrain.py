@@ -13,6 +13,8 @@ from typing import Annotated
 import numpy as np
 import tyro
 
+from mathnavi.interfaces.checks import check_spares
+from mathnavi.interfaces.writing import write_bytes
 from mathnavi.models.terrain.dem_import import import_dem
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain, terrain_names
@@ -20,8 +22,6 @@ from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, flags, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.wrapping import wrapped
-from mathnavi.sim.interfaces.checks import check_spares
-from mathnavi.sim.interfaces.writing import write_bytes
 
 USAGE = """usage: mathnavi terrain import FILE --out FILE.npz [--fill]
                                [--crop WEST SOUTH EAST NORTH]

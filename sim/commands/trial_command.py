@@ -5,8 +5,8 @@ from __future__ import annotations
 import shlex
 from typing import Any
 
+from mathnavi.interfaces.fields import flattened, plain
 from mathnavi.sim.commands.arguments import flags
-from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.plugin.flag_names import flag_of, joined, negation
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.sweep.trial import Trial

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+from mathnavi.interfaces.fields import leaf, leaf_type, with_fields
 from mathnavi.sim.commands.arguments import fields_by_flag, given, parse, suggestion, values_of
 from mathnavi.sim.commands.errors import BadInputError
 from mathnavi.sim.commands.run_request import RunRequest, read_request
-from mathnavi.sim.interfaces.fields import leaf, leaf_type, with_fields
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.sweep.trial import Trial
 from mathnavi.sim.sweep.uniform import Uniform

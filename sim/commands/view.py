@@ -18,6 +18,7 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
+from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.run import build
@@ -25,7 +26,6 @@ from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import prepare, read_request
 from mathnavi.sim.commands.served_address import Port, address_of, check_address
 from mathnavi.sim.engine.replay import RecordedMotion
-from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_state_names
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from rich.console import Console
 
+from mathnavi.interfaces.writing import write_text
 from mathnavi.sim.commands.errors import bad_input
 from mathnavi.sim.commands.web_server import PageServer
-from mathnavi.sim.interfaces.writing import write_text
 
 
 def page_of(folder: Path, speed: float | None) -> str:

@@ -20,8 +20,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+from mathnavi.interfaces.reading.files import parsed
 from mathnavi.sim.commands.errors import BadInputError
-from mathnavi.sim.interfaces.reading.files import parsed
 
 LOCAL_NAMES = ("127.0.0.1", "localhost", "[::1]")  # by which a browser on this machine may ask
 MOST_POSTED = 65536  # [bytes]

@@ -15,12 +15,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.engine.log import AgentRecorder
-from mathnavi.sim.engine.network import Network
-from mathnavi.sim.engine.unused_readings import UnusedReadings
-from mathnavi.sim.interfaces.protocols import Coordinator, Estimator, Planner, Tracker
-from mathnavi.sim.interfaces.signals import (
+from mathnavi.interfaces.protocols import Coordinator, Estimator, Planner, Tracker
+from mathnavi.interfaces.signals import (
     Array,
     Estimate,
     Measurement,
@@ -31,6 +27,10 @@ from mathnavi.sim.interfaces.signals import (
     Status,
     where_raised,
 )
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.engine.log import AgentRecorder
+from mathnavi.sim.engine.network import Network
+from mathnavi.sim.engine.unused_readings import UnusedReadings
 
 T = TypeVar("T")
 

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mathnavi.sim.interfaces.compiled import Signature
+    from mathnavi.interfaces.compiled import Signature
 
 
 @contextmanager
@@ -57,7 +57,7 @@ def compile_ahead(*configs: object) -> None:
     modules = dict.fromkeys(name for config in configs if isinstance(name := getattr(config, "kernels", None), str))
     if not modules or (os.cpu_count() or 1) < 2:
         return
-    from mathnavi.sim.interfaces.compiled import any_missing  # numba takes a while to import
+    from mathnavi.interfaces.compiled import any_missing  # numba takes a while to import
 
     kernels = listed(modules)
     if not any_missing(kernels):

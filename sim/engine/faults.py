@@ -13,9 +13,9 @@ from typing import Protocol
 
 import numpy as np
 
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.protocols import Planner, Plant, Sensor
-from mathnavi.sim.interfaces.signals import Array, Event, Measurement, Plan, PlanRequest, Status
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.protocols import Planner, Plant, Sensor
+from mathnavi.interfaces.signals import Array, Event, Measurement, Plan, PlanRequest, Status
 
 
 def _rate(rate: float, what: str) -> float:

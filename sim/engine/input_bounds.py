@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 
 ROUND_OFF = 1e-9  # relative excess of an input that is not worth an event
 

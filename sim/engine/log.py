@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mathnavi.sim.interfaces.protocols import Plant
-from mathnavi.sim.interfaces.signals import Array, Estimate, Event, Measurement, Plan, Status
+from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.signals import Array, Estimate, Event, Measurement, Plan, Status
 
 
 @dataclass

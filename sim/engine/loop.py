@@ -19,13 +19,13 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.agent_runner import Agent, AgentRunner
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.network import IdealNetwork, Network
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.protocols import Plant
-from mathnavi.sim.interfaces.signals import Array
 
 
 def whole_ticks(period: float, dt: float, what: str) -> int:

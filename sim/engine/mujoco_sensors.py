@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import mujoco
 
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 
 _POSITION = int(mujoco.mjtStage.mjSTAGE_POS)
 _NO_SENSORS = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)

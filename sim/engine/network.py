@@ -14,11 +14,11 @@ from typing import Protocol
 
 import numpy as np
 
+from mathnavi.interfaces.bounds import NonNegative, configuration
+from mathnavi.interfaces.checks import check, check_names
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Message
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.bounds import NonNegative, configuration
-from mathnavi.sim.interfaces.checks import check, check_names
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Message
 
 Addressed = tuple[str | tuple[str, ...], Message]
 """pair of a receiver, or several receivers, and a message"""

@@ -14,10 +14,10 @@ from typing import Protocol
 
 import numpy as np
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array, Event, Measurement
 from mathnavi.sim.engine.sensing import mounted
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array, Event, Measurement
 
 _ROUND_OFF = 1e-9  # [ticks]
 
@@ -58,7 +58,7 @@ class OdeVehicle:
 
 
 class OdeMotion:
-    """State view of an ODE (``mathnavi.sim.interfaces.protocols.StateView``)."""
+    """State view of an ODE (``mathnavi.interfaces.protocols.StateView``)."""
 
     def __init__(self, law: Law) -> None:
         self._law = law
@@ -131,7 +131,7 @@ class _Vehicle:
 
 
 class OdePlant:
-    """Plant of vehicles that each obey an ODE (``mathnavi.sim.interfaces.protocols.Plant``)."""
+    """Plant of vehicles that each obey an ODE (``mathnavi.interfaces.protocols.Plant``)."""
 
     def __init__(self, vehicles: Mapping[str, OdeVehicle], dt: float, rng: np.random.Generator) -> None:
         """Build the plant at t = 0 with ticks of dt [s]; each sensor draws from its own stream, spawned from ``rng``.

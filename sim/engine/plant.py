@@ -1,7 +1,7 @@
 """Plant whose physics is MuJoCo: named vehicles in one compiled model, with their sensors.
 
 A vehicle NAME is everything in the model whose name starts with ``NAME/``: its joints are its state, (qpos, qvel), as
-in ``mathnavi.sim.interfaces.joint_states``, and its actuators, in the order of the model, its input, unless there is
+in ``mathnavi.interfaces.joint_states``, and its actuators, in the order of the model, its input, unless there is
 an actuator model in between. The plant steps the ``mujoco.MjModel`` itself and counts ticks in whole numbers, so that
 time does not drift.
 """
@@ -18,15 +18,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.joint_states import FREE, SIZES, SLIDE, quaternions, state_names, with_unit_quaternions
+from mathnavi.interfaces.protocols import ActuatorModel, Sensor
+from mathnavi.interfaces.signals import Array, Event, Measurement
 from mathnavi.sim.engine.contact_free import ContactFree
 from mathnavi.sim.engine.input_bounds import input_bound
 from mathnavi.sim.engine.loop import whole_ticks
 from mathnavi.sim.engine.mujoco_sensors import OwnSensors
 from mathnavi.sim.engine.sensing import mounted
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.joint_states import FREE, SIZES, SLIDE, quaternions, state_names, with_unit_quaternions
-from mathnavi.sim.interfaces.protocols import ActuatorModel, Sensor
-from mathnavi.sim.interfaces.signals import Array, Event, Measurement
 
 _GROUND = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_PLANE))
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)  # the whole state on which the next steps depend
@@ -59,7 +59,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class JointMotion:
-    """State view (``mathnavi.sim.interfaces.protocols.StateView``): views that follow the simulation."""
+    """State view (``mathnavi.interfaces.protocols.StateView``): views that follow the simulation."""
 
     q: Array  # (nq,) joint positions
     v: Array  # (nv,) joint velocities
@@ -142,7 +142,7 @@ class _Vehicles(dict[str, _Vehicle]):
 
 
 class MujocoPlant:
-    """Plant of vehicles in a compiled MuJoCo model (``mathnavi.sim.interfaces.protocols.Plant``).
+    """Plant of vehicles in a compiled MuJoCo model (``mathnavi.interfaces.protocols.Plant``).
 
     The model must not change from the first step on: steps far from any contact are made with a copy of it.
     """

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import OPTIMISED, Array, Estimate, Event, Measurement, Plan, PlanRequest
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.sensing import every
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Event, Measurement, Plan, PlanRequest
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class RecordedRun:
 
 
 class RecordedPlant:
-    """Plant of one vehicle's finished run (``mathnavi.sim.interfaces.protocols.Plant``)."""
+    """Plant of one vehicle's finished run (``mathnavi.interfaces.protocols.Plant``)."""
 
     def __init__(self, name: str, run: RecordedRun, dt: float, sensors: Sequence[Sensor]) -> None:
         """Build the plant at the first sample of ``run``, with ticks of dt [s] and the readings of ``sensors``.

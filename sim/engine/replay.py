@@ -10,13 +10,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.entity import airframe_pose
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.faults import Disturbed
 from mathnavi.sim.engine.plant import MujocoPlant
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.protocols import Plant
-from mathnavi.sim.interfaces.signals import Array
 
 
 class RecordedMotion:

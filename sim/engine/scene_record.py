@@ -26,11 +26,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.replay import RecordedMotion
-from mathnavi.sim.interfaces.protocols import Plant
-from mathnavi.sim.interfaces.signals import Array, Integers
 
 RATE = 60.0  # [1/s] of the poses, at most
 MOST_SAMPLES = 6000

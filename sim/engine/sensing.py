@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.protocols import Sensor
 from mathnavi.sim.engine.loop import whole_ticks
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.protocols import Sensor
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from mathnavi.sim.interfaces.signals import Measurement
+from mathnavi.interfaces.signals import Measurement
 
 _ENOUGH = 20  # readings that an estimator has received, of which it must have used at least one
 

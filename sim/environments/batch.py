@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from mujoco.batch import Batch
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.engine.faults import Disturbed
 from mathnavi.sim.engine.loop import whole_ticks
 from mathnavi.sim.engine.plant import Layout, MujocoPlant
 from mathnavi.sim.environments.episode_runner import EpisodeRunner
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
 
 
 def load(scenario: str, *, seed: int = 0, threads: int = 0, **fields: Any) -> Rollouts:

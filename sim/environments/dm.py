@@ -34,11 +34,11 @@ import dm_env
 import numpy as np
 from dm_env import specs
 
+from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.environments.episode_runner import STATUSES, EpisodeRunner, EpisodeStep, Observation, drawn_seed
 from mathnavi.sim.environments.filtering import EpisodeFilter
 from mathnavi.sim.environments.learning import LearningEpisode
-from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.task import Inputs
 

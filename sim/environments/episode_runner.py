@@ -26,13 +26,13 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.fields import with_fields
+from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.signals import Array, Estimate, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import Loop, whole_ticks
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.fields import with_fields
-from mathnavi.sim.interfaces.protocols import Plant
-from mathnavi.sim.interfaces.signals import Array, Estimate, Status
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.scenarios.assembler import Assembler, RandomStreams
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop

@@ -25,12 +25,12 @@ try:
 except ImportError as error:
     raise ImportError("Gymnasium is not installed; allowed: after pip install 'gymnasium>=1.4,<1.5'") from error
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.environments.episode_runner import STATUSES, EpisodeRunner, EpisodeStep, Observation, drawn_seed
 from mathnavi.sim.environments.filtering import EpisodeFilter
 from mathnavi.sim.environments.learning import LearningEpisode
 from mathnavi.sim.environments.rendering import FPS, RENDER_MODES, Pictures, checked_mode
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.task import Inputs
 

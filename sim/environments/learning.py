@@ -39,10 +39,10 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.loop import whole_ticks
 from mathnavi.sim.environments.episode_runner import EpisodeRunner, EpisodeStep, Observation
-from mathnavi.sim.interfaces.errors import ArgumentError
 from mathnavi.sim.scenarios.task import Inputs, Outcome
 
 END_COSTS = {

@@ -9,12 +9,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.models.aerial.entity import airframe_pose
 from mathnavi.renders.snapshots import Snapshots
 from mathnavi.renders.stage import View
 from mathnavi.sim.engine.plant import MujocoPlant
 from mathnavi.sim.environments.episode_runner import EpisodeRunner
-from mathnavi.sim.interfaces.errors import ArgumentError
 
 RENDER_MODES = ("rgb_array", "human")
 FPS = 30

@@ -31,6 +31,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from mathnavi.controllers.flight.cost_to_go import FactoredCost
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.dynamics import HULL_RADIUS
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
@@ -59,8 +61,6 @@ from mathnavi.sim.environments.vector_kernels import (
     is_violated,
     state_after,
 )
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.scenarios.flight_learning import FlightTerms, cost_at_start, cost_to_go
 from mathnavi.sim.scenarios.flight_view import components, flight_views
 from mathnavi.sim.scenarios.safe_flight import VEHICLE

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Array
 
 LAST = 0.25
 """share of a run, at its end, over which convergence is judged"""

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.visibility import RadarTrack
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.flight import deadline_left, exposure, flown_clearance
 from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, planner_share, solve_times
 

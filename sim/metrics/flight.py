@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.interfaces.signals import Array, Plan
 from mathnavi.sim.metrics.convergence import last_quarter
 from mathnavi.sim.metrics.flight_bound import flight_bound
 from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, planner_share, solve_times

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound
 from mathnavi.sim.metrics.recorded_bounds import judged_bound
 

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.manifold import CutLocusError, Manifold
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.convergence import decay_rate
 from mathnavi.sim.metrics.planning import planner_share
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from mathnavi.estimators.stagewise.model import StagewiseModel
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.mission import MissileMission
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound
 from mathnavi.sim.metrics.recorded_bounds import bound_along, judged_bound
 

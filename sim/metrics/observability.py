@@ -18,9 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.protocols import Plant
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.signals import Array
 
 
 @dataclass(frozen=True)

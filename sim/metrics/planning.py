@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mathnavi.interfaces.signals import OPTIMISED, Plan
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.interfaces.signals import OPTIMISED, Plan
 
 FAILURES = ("solver-failed", "infeasible", "raised", "not-finite", "malformed")
 NEVER_ANSWERED = "never answered with a plan"

@@ -24,8 +24,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 
 _REGULAR = 1e-12  # least eigenvalue of an information with a diagonal of ones that is inverted
 

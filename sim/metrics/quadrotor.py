@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.quadrotor.dynamics import ATTITUDE, POSITION, VELOCITY
 from mathnavi.models.quadrotor.mission import QuadrotorMission
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.flight import Bound, flight_summary, references
 
 _FULL = 1e-3  # share of a rotor's greatest thrust: nearer to a bound it counts as saturated

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.interfaces.signals import Array, Integers, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.models.unicycle.entity import RADIUS
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.engine.log import AgentRecorder, Recording
-from mathnavi.sim.interfaces.signals import Array, Integers, Status
 from mathnavi.sim.metrics.consistency import normalised_error_squared
 from mathnavi.sim.metrics.convergence import last_quarter
 from mathnavi.sim.metrics.planning import planner_share

@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from mathnavi.estimators.stagewise.model import StagewiseModel
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.kernels import sinc, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound
 from mathnavi.sim.metrics.recorded_bounds import bound_along, judged_bound
 

@@ -16,9 +16,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from mathnavi.estimators.stagewise.model import Piece, StagewiseModel, advanced
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound
 
 

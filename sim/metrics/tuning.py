@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.protocols import Estimator, EstimatorPlugin
+from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.protocols import Estimator, EstimatorPlugin
-from mathnavi.sim.interfaces.signals import Array, Measurement, Status
 
 _COUNTS = ("restarts", "refused")  # so far, in an estimate's ``extra``
 

@@ -14,8 +14,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.reading.files import MEBIBYTE, read_bytes
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.reading.files import MEBIBYTE, read_bytes
 
 PACKAGE = "mathnavi"
 FOLDERS = ("controllers", "estimators", "models", "sim")  # a result depends on these; renders draws afterwards

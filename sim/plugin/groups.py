@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib.metadata import EntryPoint
 
-from mathnavi.sim.interfaces.entry_points import PREFIX, entry_points_of
+from mathnavi.interfaces.entry_points import PREFIX, entry_points_of
 
 GROUPS = {  # by kind of plug-in
     kind: f"{PREFIX}{kind}"

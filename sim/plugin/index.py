@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
-from mathnavi.sim.interfaces.entry_points import home
-from mathnavi.sim.interfaces.reading.files import parsed, read_text
+from mathnavi.interfaces.entry_points import home
+from mathnavi.interfaces.reading.files import parsed, read_text
 from mathnavi.sim.plugin.groups import GROUPS, installed
 from mathnavi.sim.plugin.source_stamps import Plain, stamp
 

@@ -17,11 +17,11 @@ from numbers import Real
 from types import UnionType
 from typing import Any, TypeVar, get_args, get_type_hints
 
-from mathnavi.sim.interfaces.checks import allowed_for, plain_name
-from mathnavi.sim.interfaces.entry_points import named
-from mathnavi.sim.interfaces.errors import PluginError
-from mathnavi.sim.interfaces.failures import explained, failures_named
-from mathnavi.sim.interfaces.protocols import Consensus, Estimator, Planner, Sensor
+from mathnavi.interfaces.checks import allowed_for, plain_name
+from mathnavi.interfaces.entry_points import named
+from mathnavi.interfaces.errors import PluginError
+from mathnavi.interfaces.failures import explained, failures_named
+from mathnavi.interfaces.protocols import Consensus, Estimator, Planner, Sensor
 from mathnavi.sim.plugin.groups import installed
 from mathnavi.sim.plugin.trust import check_loaded
 

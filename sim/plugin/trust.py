@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
 
-from mathnavi.sim.interfaces.errors import UntrustedError
+from mathnavi.interfaces.errors import UntrustedError
 from mathnavi.sim.plugin.groups import GROUPS, installed
 
 _PLACE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_][\w.]*")

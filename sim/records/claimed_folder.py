@@ -19,8 +19,8 @@ from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from mathnavi.sim.interfaces.errors import RunFolderError
-from mathnavi.sim.interfaces.writing import naming
+from mathnavi.interfaces.errors import RunFolderError
+from mathnavi.interfaces.writing import naming
 from mathnavi.sim.records.lock import beside, locked
 
 AT_FDCWD, RENAME_EXCHANGE = -100, 2  # of Linux: linux/fcntl.h, linux/fs.h

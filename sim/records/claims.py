@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
-from mathnavi.sim.interfaces.bounds import configuration
+from mathnavi.interfaces.bounds import configuration
 
 Kind = Literal["printed", "target"]
 VERDICTS = {True: "yes", False: "no", None: "not measured"}

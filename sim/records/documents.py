@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import field
 from typing import Any
 
-from mathnavi.sim.interfaces.bounds import Seed, configuration
-from mathnavi.sim.interfaces.schema import ROOT, validated
+from mathnavi.interfaces.bounds import Seed, configuration
+from mathnavi.interfaces.schema import ROOT, validated
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, TEXTS, TRUTH_VALUES
 

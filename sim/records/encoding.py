@@ -29,9 +29,9 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.sim.interfaces.errors import ArgumentError, StoreError
-from mathnavi.sim.interfaces.reading.arrays import decoded_npz
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ArgumentError, StoreError
+from mathnavi.interfaces.reading.arrays import decoded_npz
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.plugin.groups import GROUPS, installed
 from mathnavi.sim.plugin.trust import is_trusted
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.sim.interfaces.writing import write_text
+from mathnavi.interfaces.writing import write_text
 
 
 def inside(folder: Path, path: Path) -> Path:

@@ -14,8 +14,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from mathnavi.sim.interfaces.errors import StoreError
-from mathnavi.sim.interfaces.reading.files import checked, parsed
+from mathnavi.interfaces.errors import StoreError
+from mathnavi.interfaces.reading.files import checked, parsed
 from mathnavi.sim.records.encoding import Encoded, decoded
 from mathnavi.sim.records.origins import Origin
 

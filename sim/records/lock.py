@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from mathnavi.sim.interfaces.errors import RunFolderError
-from mathnavi.sim.interfaces.writing import naming
+from mathnavi.interfaces.errors import RunFolderError
+from mathnavi.interfaces.writing import naming
 
 LONGEST = 200  # bytes of a name that the names of the files next to it repeat
 

@@ -20,8 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mathnavi.sim.interfaces.errors import RunFolderError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import RunFolderError
+from mathnavi.interfaces.signals import Array
 
 TIME, TRUTH, COMMAND = "t", "truth.x", "command.u"
 CRAMER_RAO = "cramer_rao.deviation"

@@ -1,4 +1,4 @@
-"""Records of missions in config.json, written by ``mathnavi.sim.interfaces.fields.plain``, read by ``read_mission``.
+"""Records of missions in config.json, written by ``mathnavi.interfaces.fields.plain``, read by ``read_mission``.
 
 Those of missile and robot, whose models take a while to import, are in ``missile_missions`` and ``range_missions``.
 
@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from mathnavi.sim.interfaces.fields import instance
+from mathnavi.interfaces.fields import instance
 
 Point = tuple[float, float, float]
 MissionRecord = TypeVar("MissionRecord")

@@ -16,8 +16,8 @@ from collections import Counter
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from mathnavi.sim.interfaces.errors import StoreError
-from mathnavi.sim.interfaces.reading.files import decoded
+from mathnavi.interfaces.errors import StoreError
+from mathnavi.interfaces.reading.files import decoded
 from mathnavi.sim.records.computing_environment import UNKNOWN, difference, environment_digest
 
 CREATE = """

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from mathnavi.sim.interfaces.writing import write_bytes
+from mathnavi.interfaces.writing import write_bytes
 from mathnavi.sim.records.extras import extra
 from mathnavi.sim.records.store import cell, columns_of
 

@@ -25,13 +25,13 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.errors import FieldError, RunFolderError
+from mathnavi.interfaces.reading import files
+from mathnavi.interfaces.reading.arrays import NUMBERS_AND_TEXTS, read_npz
+from mathnavi.interfaces.schema import known_fields, shortened
+from mathnavi.interfaces.signals import Array, Event, Plan, Status
+from mathnavi.interfaces.writing import write_bytes, write_text
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.interfaces.errors import FieldError, RunFolderError
-from mathnavi.sim.interfaces.reading import files
-from mathnavi.sim.interfaces.reading.arrays import NUMBERS_AND_TEXTS, read_npz
-from mathnavi.sim.interfaces.schema import known_fields, shortened
-from mathnavi.sim.interfaces.signals import Array, Event, Plan, Status
-from mathnavi.sim.interfaces.writing import write_bytes, write_text
 from mathnavi.sim.records.claimed_folder import claimed
 from mathnavi.sim.records.computing_environment import machine, versions
 from mathnavi.sim.records.documents import ArrayIndexDocument, RunDocument, check_summary

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betaincinv
 
-from mathnavi.sim.interfaces.errors import ArgumentError
+from mathnavi.interfaces.errors import ArgumentError
 
 Array = NDArray[np.float64]
 

@@ -30,12 +30,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mathnavi.sim.interfaces.checks import check_spares
-from mathnavi.sim.interfaces.errors import FieldError, StoreError
-from mathnavi.sim.interfaces.fields import flattened, plain
-from mathnavi.sim.interfaces.reading.files import checked, parsed
-from mathnavi.sim.interfaces.schema import shortened
-from mathnavi.sim.interfaces.writing import write_text
+from mathnavi.interfaces.checks import check_spares
+from mathnavi.interfaces.errors import FieldError, StoreError
+from mathnavi.interfaces.fields import flattened, plain
+from mathnavi.interfaces.reading.files import checked, parsed
+from mathnavi.interfaces.schema import shortened
+from mathnavi.interfaces.writing import write_text
 from mathnavi.sim.records.computing_environment import environment_digest
 from mathnavi.sim.records.documents import TrialParameters, check_summary
 from mathnavi.sim.records.jobs import JobRecord, add_job, job_records, job_statuses

@@ -17,8 +17,8 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SUMMARY_GROUPS, label
 from mathnavi.sim.records.statistics import Band, Proportion, rate, supported_band
 from mathnavi.sim.records.store import Record

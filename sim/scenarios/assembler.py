@@ -24,15 +24,15 @@ from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.command_filter import CommandFilter
 from mathnavi.controllers.flight.filtered_controller import filtered
+from mathnavi.interfaces.fields import plain
+from mathnavi.interfaces.input_files import named_plugins, run_inputs
+from mathnavi.interfaces.protocols import Estimator, Planner, Plant, Sensor
+from mathnavi.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.faults import Disturbed
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.network import Network
-from mathnavi.sim.interfaces.fields import plain
-from mathnavi.sim.interfaces.input_files import named_plugins, run_inputs
-from mathnavi.sim.interfaces.protocols import Estimator, Planner, Plant, Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
 from mathnavi.sim.plugin.code_version import code_version
 from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator, checked_sensors, load
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop

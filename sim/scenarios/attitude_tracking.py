@@ -13,6 +13,12 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from mathnavi.controllers.intrinsic.attitude import AttitudeReference, AttitudeTrackingConfig
+from mathnavi.interfaces.angles import Radians
+from mathnavi.interfaces.bounds import FINITE_NUMBERS, configuration
+from mathnavi.interfaces.checks import check
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.constant_curvature import sphere
 from mathnavi.models.manifold.mission import LagrangianMission
@@ -20,12 +26,6 @@ from mathnavi.models.manifold.sensors import PositionQuality
 from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.models.manifold.systems import RigidBody
 from mathnavi.models.mechanism.system import MechanismSystem
-from mathnavi.sim.interfaces.angles import Radians
-from mathnavi.sim.interfaces.bounds import FINITE_NUMBERS, configuration
-from mathnavi.sim.interfaces.checks import check
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.number_lists import NumberList
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.lagrangian import tracking_figures
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.records.missions import SpaceRecord

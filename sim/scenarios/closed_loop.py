@@ -13,18 +13,18 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal
 
+from mathnavi.interfaces.checks import allowed_for
+from mathnavi.interfaces.errors import PluginError, RunFolderError
+from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.reading.files import MOST_LINES, read_bytes
+from mathnavi.interfaces.short_tables import Row, html_table, short_table, value_text
+from mathnavi.interfaces.signals import Array, Event
+from mathnavi.interfaces.writing import write_bytes, write_text
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.compilation import compilation_timed
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import Loop, simulate
 from mathnavi.sim.engine.network import Network
-from mathnavi.sim.interfaces.checks import allowed_for
-from mathnavi.sim.interfaces.errors import PluginError, RunFolderError
-from mathnavi.sim.interfaces.protocols import Plant
-from mathnavi.sim.interfaces.reading.files import MOST_LINES, read_bytes
-from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, value_text
-from mathnavi.sim.interfaces.signals import Array, Event
-from mathnavi.sim.interfaces.writing import write_bytes, write_text
 from mathnavi.sim.metrics.planning import planner_status
 from mathnavi.sim.plugin.registry import PluginSpec, of_stranger
 from mathnavi.sim.plugin.trust import trusting

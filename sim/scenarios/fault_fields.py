@@ -21,12 +21,12 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from annotated_types import Interval, Le
 
+from mathnavi.interfaces.bounds import FINITE, Fraction, NonNegative, Positive, configuration
+from mathnavi.interfaces.protocols import Planner, Sensor
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import DeclaredGusts
 from mathnavi.models.sensor_faults import Dropout
 from mathnavi.sim.engine.faults import CorruptedPlan, Delayed, Disturbance, FailingSolver, Gusts, PositionJumps
-from mathnavi.sim.interfaces.bounds import FINITE, Fraction, NonNegative, Positive, configuration
-from mathnavi.sim.interfaces.protocols import Planner, Sensor
 
 LARGEST = 1e5  # of any field in SI units: no flight needs more, and numbers begin to overflow
 

@@ -16,10 +16,10 @@ from mathnavi.controllers.arrival.local_clock import ClockedCoordinator, LocalCl
 from mathnavi.controllers.arrival.separation import Separation
 from mathnavi.controllers.arrival.separation_rule import SeparationRule
 from mathnavi.controllers.arrival.zone import Zone
+from mathnavi.interfaces.errors import FieldError, PluginError
+from mathnavi.interfaces.protocols import Coordinator
+from mathnavi.interfaces.signals import Plan
 from mathnavi.models.fleet.graph import Graph
-from mathnavi.sim.interfaces.errors import FieldError, PluginError
-from mathnavi.sim.interfaces.protocols import Coordinator
-from mathnavi.sim.interfaces.signals import Plan
 from mathnavi.sim.plugin.registry import PluginSpec, checked_consensus, load, loadable
 from mathnavi.sim.scenarios.assembler import RandomStreams
 from mathnavi.sim.scenarios.fleet_fields import EXCHANGE_PERIOD, SimultaneousArrivalConfig

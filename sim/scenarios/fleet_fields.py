@@ -12,6 +12,19 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from annotated_types import Ge, Interval, Le
 
+from mathnavi.interfaces.bounds import (
+    THREE_FINITE_NUMBERS,
+    Each,
+    Fraction,
+    NonNegative,
+    Within,
+    configuration,
+)
+from mathnavi.interfaces.checks import check, check_names
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.fields import with_fields
+from mathnavi.interfaces.input_files import PluginName
+from mathnavi.interfaces.reading.files import parsed
 from mathnavi.models.aerial.dynamics import HULL_RADIUS
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.models.terrain.library import TerrainPlace
@@ -24,19 +37,6 @@ from mathnavi.sim.engine.network import (
     partitioned,
     within_range,
 )
-from mathnavi.sim.interfaces.bounds import (
-    THREE_FINITE_NUMBERS,
-    Each,
-    Fraction,
-    NonNegative,
-    Within,
-    configuration,
-)
-from mathnavi.sim.interfaces.checks import check, check_names
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.fields import with_fields
-from mathnavi.sim.interfaces.input_files import PluginName
-from mathnavi.sim.interfaces.reading.files import parsed
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import AerialFaults, PositiveMagnitude

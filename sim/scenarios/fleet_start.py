@@ -22,11 +22,11 @@ from mathnavi.controllers.arrival.zone import Zone, checked_start
 from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.planner import ASSURED, braking_time
+from mathnavi.interfaces.errors import MissionError, PluginError
+from mathnavi.interfaces.signals import Estimate, Message, Plan, PlanRequest
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.errors import MissionError, PluginError
-from mathnavi.sim.interfaces.signals import Estimate, Message, Plan, PlanRequest
 from mathnavi.sim.plugin.registry import checked_controller
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.assembler import Assembler, RandomStreams

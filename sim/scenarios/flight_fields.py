@@ -7,9 +7,9 @@ from typing import Annotated
 
 from annotated_types import Ge, Interval
 
+from mathnavi.interfaces.bounds import FINITE, THREE_FINITE_NUMBERS, Condition, TickRate, Within, configuration
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, HULL_RADIUS, TICK
 from mathnavi.models.terrain.library import TerrainPlace
-from mathnavi.sim.interfaces.bounds import FINITE, THREE_FINITE_NUMBERS, Condition, TickRate, Within, configuration
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, Magnitude, PositiveMagnitude
 from mathnavi.sim.scenarios.information import ChangeFields, check_target_path

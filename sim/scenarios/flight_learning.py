@@ -10,11 +10,11 @@ from functools import lru_cache
 import numpy as np
 
 from mathnavi.controllers.flight.cost_to_go import FactoredCost, factored_cost
+from mathnavi.interfaces.signals import Array, Estimate
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.sim.engine.plant import MujocoPlant
-from mathnavi.sim.interfaces.signals import Array, Estimate
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.flight_view import components, flight_views
 from mathnavi.sim.scenarios.task import Outcome

@@ -12,6 +12,9 @@ import numpy as np
 from mathnavi.controllers.flight.certificate import TrackingBound, raised_ground
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.command_filter import CommandFilter
+from mathnavi.interfaces.errors import MissionError
+from mathnavi.interfaces.protocols import Planner
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
@@ -19,9 +22,6 @@ from mathnavi.models.terrain.library import place_of
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.sim.engine.input_bounds import input_bound
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.interfaces.errors import MissionError
-from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.interfaces.signals import Array, Plan
 from mathnavi.sim.plugin.registry import PluginSpec, checked_quality
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import AerialFaults

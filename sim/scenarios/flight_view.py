@@ -17,10 +17,10 @@ import math
 
 import numpy as np
 
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.kernels import surface_at
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
 
 AHEAD = np.array([1.0, 2.0, 4.0, 8.0])  # [s]
 DISTANCES = np.array([2.0, 5.0, 12.0])  # [s] at v_max

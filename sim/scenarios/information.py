@@ -11,15 +11,15 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge
 
+from mathnavi.interfaces.bounds import FINITE, TWO_FINITE_NUMBERS, NonNegative, configuration
+from mathnavi.interfaces.checks import check
+from mathnavi.interfaces.errors import FieldError, MissionError
+from mathnavi.interfaces.signals import Array, Message
 from mathnavi.models.aerial.knowledge import RADARS, TARGET, TERRAIN
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.hill import hills_of, with_hills
 from mathnavi.models.terrain.visibility import Radar, RadarTrack
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.bounds import FINITE, TWO_FINITE_NUMBERS, NonNegative, configuration
-from mathnavi.sim.interfaces.checks import check
-from mathnavi.sim.interfaces.errors import FieldError, MissionError
-from mathnavi.sim.interfaces.signals import Array, Message
 from mathnavi.sim.records.missions import Point, RadarRecord
 
 _SOONEST = 0.1  # [s] between reports

@@ -13,18 +13,18 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Le
 
+from mathnavi.interfaces.bounds import Positive, TickRate, configuration
+from mathnavi.interfaces.checks import check
+from mathnavi.interfaces.errors import FieldError, MissionError
+from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.manifold import Manifold
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import PositionQuality
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.ode_plant import OdePlant
-from mathnavi.sim.interfaces.bounds import Positive, TickRate, configuration
-from mathnavi.sim.interfaces.checks import check
-from mathnavi.sim.interfaces.errors import FieldError, MissionError
-from mathnavi.sim.interfaces.number_lists import NumberList
-from mathnavi.sim.interfaces.protocols import Plant
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.lagrangian import VelocityErrors, errors_of, lagrangian_summary
 from mathnavi.sim.metrics.lagrangian_bound import lagrangian_bound
 from mathnavi.sim.metrics.posterior_bound import PosteriorBound

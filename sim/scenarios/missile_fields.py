@@ -10,11 +10,8 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from annotated_types import Interval, Le
 
-from mathnavi.models.missile.coordinates import Coordinates
-from mathnavi.models.missile.dynamics import TICK
-from mathnavi.sim.engine.faults import ConstantWrench, Disturbance, Gusts
-from mathnavi.sim.interfaces.angles import Degrees
-from mathnavi.sim.interfaces.bounds import (
+from mathnavi.interfaces.angles import Degrees
+from mathnavi.interfaces.bounds import (
     ANEW,
     FINITE,
     Each,
@@ -26,8 +23,11 @@ from mathnavi.sim.interfaces.bounds import (
     configuration,
     whole_ticks,
 )
-from mathnavi.sim.interfaces.checks import check
-from mathnavi.sim.interfaces.errors import FieldError, MissionError
+from mathnavi.interfaces.checks import check
+from mathnavi.interfaces.errors import FieldError, MissionError
+from mathnavi.models.missile.coordinates import Coordinates
+from mathnavi.models.missile.dynamics import TICK
+from mathnavi.sim.engine.faults import ConstantWrench, Disturbance, Gusts
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import CommonFlightFaults, Factor, Fault, LostReadings
 from mathnavi.sim.scenarios.redraw import ChanceFields

@@ -19,6 +19,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.errors import MissionError
+from mathnavi.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
 from mathnavi.models.angles import wrapped
 from mathnavi.models.missile.coordinates import COORDINATES, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL, TICK, Body
@@ -29,8 +31,6 @@ from mathnavi.models.missile.sensors import StateNoise
 from mathnavi.models.missile.target import TargetMotion
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.errors import MissionError
-from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
 from mathnavi.sim.metrics.missile import cost, missile_summary
 from mathnavi.sim.plugin.registry import PluginSpec, checked_controller
 from mathnavi.sim.records.missile_missions import MissileRecord

@@ -37,6 +37,9 @@ from mathnavi.controllers.flight.command_filter import TrackedCommandFilter
 from mathnavi.controllers.quadrotor.bound import tracking_bound
 from mathnavi.controllers.quadrotor.similarity import Similarity
 from mathnavi.controllers.quadrotor.tracker import GeometricTracker
+from mathnavi.interfaces.errors import PluginError
+from mathnavi.interfaces.protocols import Planner
+from mathnavi.interfaces.signals import Array, Plan, Status
 from mathnavi.models.aerial.mission import EstimateQuality
 from mathnavi.models.quadrotor.dynamics import POSITION, ROTOR_COUNT, ROTORS, VELOCITY
 from mathnavi.models.quadrotor.entity import REACH, RotorDrive, build_model
@@ -45,9 +48,6 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.errors import PluginError
-from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.interfaces.signals import Array, Plan, Status
 from mathnavi.sim.metrics.flight import Bound
 from mathnavi.sim.metrics.quadrotor import point, quadrotor_summary
 from mathnavi.sim.plugin.registry import PluginSpec, called, checked_quality

@@ -8,10 +8,10 @@ from typing import Annotated
 
 from annotated_types import Interval, Lt
 
+from mathnavi.interfaces.bounds import FINITE, PositiveFraction, Within, configuration
+from mathnavi.interfaces.errors import FieldError
 from mathnavi.models.quadrotor.dynamics import NOMINAL, Quadrotor
 from mathnavi.models.terrain.library import TerrainPlace
-from mathnavi.sim.interfaces.bounds import FINITE, PositiveFraction, Within, configuration
-from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.scenarios.fault_fields import AerialFaults, Factor, Magnitude, PositiveMagnitude
 from mathnavi.sim.scenarios.flight_fields import (
     DeadlineFactor,

@@ -16,6 +16,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.errors import MissionError
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.sensor_faults import Outage
 from mathnavi.models.unicycle.drives import DifferentialDrive, IdealDrive
@@ -24,9 +27,6 @@ from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.errors import MissionError
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.ranging import ranging_summary
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.records.range_missions import RangingRecord

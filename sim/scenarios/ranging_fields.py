@@ -10,12 +10,8 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Interval, Le
 
-from mathnavi.models.field.curve import BEAN, EGG, Curve, ellipse
-from mathnavi.models.unicycle.entity import RADIUS, DriveName
-from mathnavi.models.unicycle.mission import TICK
-from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
-from mathnavi.sim.interfaces.angles import Degrees, Radians, check_angle
-from mathnavi.sim.interfaces.bounds import (
+from mathnavi.interfaces.angles import Degrees, Radians, check_angle
+from mathnavi.interfaces.bounds import (
     FINITE,
     THREE_FINITE_NUMBERS,
     Condition,
@@ -26,9 +22,13 @@ from mathnavi.sim.interfaces.bounds import (
     configuration,
     whole_ticks,
 )
-from mathnavi.sim.interfaces.checks import check
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.number_lists import NumberList
+from mathnavi.interfaces.checks import check
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.models.field.curve import BEAN, EGG, Curve, ellipse
+from mathnavi.models.unicycle.entity import RADIUS, DriveName
+from mathnavi.models.unicycle.mission import TICK
+from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
 from mathnavi.sim.scenarios.fault_fields import Factor
 from mathnavi.sim.scenarios.redraw import ChanceFields
 

@@ -20,7 +20,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from mathnavi.sim.interfaces.bounds import LARGEST_SEED, Condition, Each, configuration
+from mathnavi.interfaces.bounds import LARGEST_SEED, Condition, Each, configuration
 
 BLOCK = 16  # calls; of a gust that is drawn at every control step, a quarter of a second
 _REPLACED, _CHOSEN = 2**32 - 2, 2**32 - 3  # in spawn keys, where no child that is counted ever comes

@@ -21,6 +21,8 @@ import mujoco
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.filtered_controller import FilteredTracker
+from mathnavi.interfaces.protocols import Planner
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.entity import build_model
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.sensors import AccelerationSensor
@@ -29,8 +31,6 @@ from mathnavi.models.terrain.library import load_terrain
 from mathnavi.models.terrain.visibility import RadarTrack
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.interfaces.signals import Array, Plan
 from mathnavi.sim.metrics.flight import flight_summary
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.records.missions import ChangingFlightRecord

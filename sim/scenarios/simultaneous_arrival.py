@@ -18,6 +18,7 @@ from typing import Any
 
 import mujoco
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.entity import build_model
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.sensors import AccelerationSensor
@@ -27,7 +28,6 @@ from mathnavi.models.terrain.visibility import RadarTrack
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.fleet import fleet_summary
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.records.missions import FleetRecord

@@ -15,6 +15,11 @@ import mujoco
 import numpy as np
 from annotated_types import Interval, Le
 
+from mathnavi.interfaces.bounds import FINITE, FINITE_NUMBERS, NonNegative, configuration
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.interfaces.protocols import Plant, Sensor
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import hyperbolic_space, sphere
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import PositionQuality
@@ -22,11 +27,6 @@ from mathnavi.models.manifold.systems import PointSystem, RigidBody, linear, pri
 from mathnavi.models.mechanism.entity import build_spec
 from mathnavi.sim.engine.ode_plant import OdePlant, OdeVehicle
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.bounds import FINITE, FINITE_NUMBERS, NonNegative, configuration
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.number_lists import NumberList
-from mathnavi.sim.interfaces.protocols import Plant, Sensor
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.records.missions import SpaceRecord
 from mathnavi.sim.scenarios.assembler import Assembler

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from mathnavi.sim.interfaces.signals import Array, Estimate
+from mathnavi.interfaces.signals import Array, Estimate
 
 if TYPE_CHECKING:  # it imports numba, and help and descriptions of fields do not need it
     from mathnavi.controllers.flight.command_filter import FilteredCommand

@@ -16,17 +16,17 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import Le
 
+from mathnavi.interfaces.bounds import NonNegative, Positive, TickRate, configuration
+from mathnavi.interfaces.checks import check
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.textbook.camera_and_flags import camera_and_flags
 from mathnavi.models.textbook.library import SYSTEMS
 from mathnavi.models.textbook.mission import TICK, TextbookMission
 from mathnavi.models.textbook.system import System
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.ode_plant import OdePlant, OdeVehicle
-from mathnavi.sim.interfaces.bounds import NonNegative, Positive, TickRate, configuration
-from mathnavi.sim.interfaces.checks import check
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.number_lists import NumberList
-from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.convergence import decay_rate
 from mathnavi.sim.metrics.planning import planner_share
 from mathnavi.sim.plugin.registry import PluginSpec

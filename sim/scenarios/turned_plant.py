@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.mission_frame import MissionFrame
 from mathnavi.sim.engine.faults import Disturbed
-from mathnavi.sim.interfaces.protocols import Plant
-from mathnavi.sim.interfaces.signals import Array
 
 
 class TurnedPlant(Disturbed):

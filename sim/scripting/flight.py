@@ -20,16 +20,16 @@ from numpy.typing import ArrayLike
 
 from mathnavi.controllers.flight.certificate import Certificate, TrackingBound, pass_time
 from mathnavi.controllers.flight.certified import Certified
+from mathnavi.interfaces.errors import MissionError, TerrainError
+from mathnavi.interfaces.protocols import Planner
+from mathnavi.interfaces.short_tables import Row, html_table, short_table, vector_text
+from mathnavi.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.models.aerial.dynamics import HULL_RADIUS, flow, input_at, state_at
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.errors import MissionError, TerrainError
-from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, vector_text
-from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.sim.plugin.registry import PluginSpec, checked_controller
 from mathnavi.sim.scenarios.flight_parts import check_above_ground
 from mathnavi.sim.scripting.requests import plugin, raising

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.errors import RunFolderError
+from mathnavi.interfaces.signals import Array, Estimate, Event, Plan
 from mathnavi.sim.engine.log import AgentRecorder, Recording
-from mathnavi.sim.interfaces.errors import RunFolderError
-from mathnavi.sim.interfaces.signals import Array, Estimate, Event, Plan
 from mathnavi.sim.records.figure_names import SHORTFALL
 from mathnavi.sim.records.log_arrays import CRAMER_RAO
 from mathnavi.sim.records.run_folder import read_arrays, read_record, read_state_names

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.protocols import Estimator
+from mathnavi.interfaces.short_tables import Row, html_table, short_table
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.protocols import Estimator
-from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, load
 from mathnavi.sim.scripting.requests import configured, raising
 

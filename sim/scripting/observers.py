@@ -16,6 +16,10 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.protocols import Estimator
+from mathnavi.interfaces.short_tables import Row, html_table, short_table
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import POSITION, PositionQuality
@@ -23,10 +27,6 @@ from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.models.manifold.systems import PointSystem
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.system import MechanismSystem
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.protocols import Estimator
-from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, load
 from mathnavi.sim.scripting.requests import configured, raising
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.sim.interfaces import errors
-from mathnavi.sim.interfaces.checks import allowed_for
-from mathnavi.sim.interfaces.errors import FieldError, PluginError
-from mathnavi.sim.interfaces.fields import flattened, with_fields
+from mathnavi.interfaces import errors
+from mathnavi.interfaces.checks import allowed_for
+from mathnavi.interfaces.errors import FieldError, PluginError
+from mathnavi.interfaces.fields import flattened, with_fields
 from mathnavi.sim.plugin.registry import PluginSpec, load, names
 
 KINDS = ("controllers", "estimators", "consensus")  # of plug-ins with fields

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mathnavi.interfaces.errors import FieldError, MissionError
+from mathnavi.interfaces.fields import leaf_type
+from mathnavi.interfaces.short_tables import Row, html_table, short_table, value_text
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.engine.compilation import compile_ahead
-from mathnavi.sim.interfaces.errors import FieldError, MissionError
-from mathnavi.sim.interfaces.fields import leaf_type
-from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, value_text
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec, called, names
 from mathnavi.sim.plugin.registry import load as load_plugin
 from mathnavi.sim.records.claims import Claim

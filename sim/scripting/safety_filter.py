@@ -16,10 +16,10 @@ from numpy.typing import ArrayLike
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.command_filter import CANDIDATES, CommandFilter
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
+from mathnavi.interfaces.errors import MissionError
+from mathnavi.interfaces.signals import Array, Estimate, Status
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
-from mathnavi.sim.interfaces.errors import MissionError
-from mathnavi.sim.interfaces.signals import Array, Estimate, Status
 from mathnavi.sim.scripting.flight import Terrain, ground_of, point_of
 from mathnavi.sim.scripting.requests import raising
 

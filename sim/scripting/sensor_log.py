@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mathnavi.sim.interfaces.errors import FieldError, LogError
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.reading.tables import read_columns
-from mathnavi.sim.interfaces.short_tables import html_table, short_table, vector_text
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.interfaces.errors import FieldError, LogError
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.reading.tables import read_columns
+from mathnavi.interfaces.short_tables import html_table, short_table, vector_text
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, checked_sensors, load, of_stranger
 from mathnavi.sim.scripting.requests import configured, raising
 

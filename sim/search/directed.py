@@ -17,7 +17,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from mathnavi.sim.interfaces.errors import ArgumentError
+from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator
 from mathnavi.sim.search.space import Choice, Dimension, Range, Values
 

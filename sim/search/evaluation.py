@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from mathnavi.sim.interfaces.errors import FieldError, MissionError, PluginError, TerrainError
+from mathnavi.interfaces.errors import FieldError, MissionError, PluginError, TerrainError
 from mathnavi.sim.records.figure_names import is_wall_clock
 from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.store import Record, Store

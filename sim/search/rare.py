@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mathnavi.sim.interfaces.bounds import LARGEST_SEED
-from mathnavi.sim.interfaces.errors import ArgumentError
+from mathnavi.interfaces.bounds import LARGEST_SEED
+from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.sim.scenarios.redraw import Redraw, generator
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator
 from mathnavi.sim.search.space import Dimension, Values, drawn

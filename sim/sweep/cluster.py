@@ -21,7 +21,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from mathnavi.sim.interfaces.errors import ArgumentError
+from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.sim.records.computing_environment import difference, environment
 from mathnavi.sim.sweep.child import OtherEnvironmentError, RefusedError, Worker, module_path
 from mathnavi.sim.sweep.task import Ended, Message, SweepTask

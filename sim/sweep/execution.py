@@ -16,7 +16,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from queue import Empty, SimpleQueue
 
-from mathnavi.sim.interfaces.errors import ArgumentError
+from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.sim.records.computing_environment import difference, environment_digest
 from mathnavi.sim.records.jobs import JobRecord
 from mathnavi.sim.records.origins import Elsewhere

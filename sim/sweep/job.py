@@ -14,8 +14,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from mathnavi.sim.interfaces.input_files import argument_digests
-from mathnavi.sim.interfaces.reading.files import parsed
+from mathnavi.interfaces.input_files import argument_digests
+from mathnavi.interfaces.reading.files import parsed
 from mathnavi.sim.plugin.code_version import code_version
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.computing_environment import environment, in_environment

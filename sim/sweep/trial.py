@@ -1,7 +1,7 @@
 """Trial: a scenario with its plug-ins, every field resolved, and a seed. Its key is the hash of its content.
 
 In the key, the digest of a file's content replaces the field that names the file
-(``mathnavi.sim.interfaces.input_files``), and the computing environment is part of the key.
+(``mathnavi.interfaces.input_files``), and the computing environment is part of the key.
 
 A trial may name a measure, a function at "package.module:function" that computes figures from the ``RunResult``, which
 holds the whole log. The figures are added to the summary, and the log is not kept.
@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from mathnavi.sim.interfaces.bounds import LARGEST_SEED
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.fields import leaf, plain, with_fields
-from mathnavi.sim.interfaces.input_files import Digests, declared_inputs, named_plugins, run_inputs
+from mathnavi.interfaces.bounds import LARGEST_SEED
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.fields import leaf, plain, with_fields
+from mathnavi.interfaces.input_files import Digests, declared_inputs, named_plugins, run_inputs
 from mathnavi.sim.plugin.code_version import code_version
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.records.computing_environment import environment, in_environment

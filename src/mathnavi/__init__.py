@@ -23,6 +23,19 @@ if TYPE_CHECKING:
     from mathnavi.controllers.ocp.pontryagin import check_pontryagin
     from mathnavi.controllers.ocp.problems.library import OptimalControlProblem
     from mathnavi.controllers.ocp.saved_solution import load_solution
+    from mathnavi.interfaces.errors import (
+        ArgumentError,
+        FieldError,
+        LogError,
+        MissionError,
+        PluginError,
+        ProblemError,
+        RunFolderError,
+        SolutionFileError,
+        StoreError,
+        TerrainError,
+    )
+    from mathnavi.interfaces.signals import Estimate, Measurement, Message, Plan, PlanRequest, Status
     from mathnavi.models.aerial.mission import FlightMission
     from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
     from mathnavi.models.field.curve import Curve, ellipse
@@ -40,19 +53,6 @@ if TYPE_CHECKING:
     from mathnavi.models.terrain.visibility import Radar
     from mathnavi.models.unicycle.mission import RangingMission
     from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
-    from mathnavi.sim.interfaces.errors import (
-        ArgumentError,
-        FieldError,
-        LogError,
-        MissionError,
-        PluginError,
-        ProblemError,
-        RunFolderError,
-        SolutionFileError,
-        StoreError,
-        TerrainError,
-    )
-    from mathnavi.sim.interfaces.signals import Estimate, Measurement, Message, Plan, PlanRequest, Status
     from mathnavi.sim.plugin.registry import PluginSpec
     from mathnavi.sim.scenarios.closed_loop import RunResult
     from mathnavi.sim.scripting.flight import FlightPlan, Verdict, certify, plan_flight
@@ -124,25 +124,25 @@ _PLACES = {
     "HeightField": "models.terrain.height_field",
     "Radar": "models.terrain.visibility",
     # signals, for plug-ins of one's own
-    "Estimate": "sim.interfaces.signals",
-    "Measurement": "sim.interfaces.signals",
-    "Message": "sim.interfaces.signals",
+    "Estimate": "interfaces.signals",
+    "Measurement": "interfaces.signals",
+    "Message": "interfaces.signals",
     "FlightPhase": "models.aerial.plan_status",
     "FlightStatus": "models.aerial.plan_status",
-    "Plan": "sim.interfaces.signals",
-    "PlanRequest": "sim.interfaces.signals",
-    "Status": "sim.interfaces.signals",
+    "Plan": "interfaces.signals",
+    "PlanRequest": "interfaces.signals",
+    "Status": "interfaces.signals",
     # errors, all of them ValueErrors
-    "ArgumentError": "sim.interfaces.errors",
-    "FieldError": "sim.interfaces.errors",
-    "LogError": "sim.interfaces.errors",
-    "MissionError": "sim.interfaces.errors",
-    "PluginError": "sim.interfaces.errors",
-    "ProblemError": "sim.interfaces.errors",
-    "RunFolderError": "sim.interfaces.errors",
-    "SolutionFileError": "sim.interfaces.errors",
-    "StoreError": "sim.interfaces.errors",
-    "TerrainError": "sim.interfaces.errors",
+    "ArgumentError": "interfaces.errors",
+    "FieldError": "interfaces.errors",
+    "LogError": "interfaces.errors",
+    "MissionError": "interfaces.errors",
+    "PluginError": "interfaces.errors",
+    "ProblemError": "interfaces.errors",
+    "RunFolderError": "interfaces.errors",
+    "SolutionFileError": "interfaces.errors",
+    "StoreError": "interfaces.errors",
+    "TerrainError": "interfaces.errors",
 }
 
 __all__ = [  # noqa: RUF022 (in the order of the table above)

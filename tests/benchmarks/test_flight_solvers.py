@@ -30,7 +30,7 @@ from benchmarks.flight_solvers import (
 from mathnavi.controllers.flight.problem import PlanSolution, Problem
 from mathnavi.controllers.flight.reference import InteriorPoint
 from mathnavi.controllers.flight.sqp import CondensedSqp
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 from tests.flight import mountains, save
 
 FEW = 4

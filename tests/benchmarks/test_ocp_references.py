@@ -11,7 +11,7 @@ from benchmarks.ocp_references.chains import CHAINS
 from benchmarks.ocp_references.closed_forms import CLOSED_FORMS
 from benchmarks.ocp_references.collocation import Arc, NoReferenceError, coefficients, collocate, gauss, radau
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.errors import FieldError
 
 
 def test_every_problem_has_its_computation() -> None:

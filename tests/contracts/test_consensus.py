@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.protocols import Consensus, ConsensusPlugin
+from mathnavi.interfaces.signals import Array, Message
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network
-from mathnavi.sim.interfaces.protocols import Consensus, ConsensusPlugin
-from mathnavi.sim.interfaces.signals import Array, Message
 from mathnavi.sim.plugin.registry import PluginSpec, checked_consensus, load, names
 from mathnavi.sim.studies.fleet.message_exchange import exchanged
 from tests.fleet import NAMES, Shuffled, graphs, started, starts_for

@@ -24,6 +24,9 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.ranging.observer import FEED_FORWARDS, FeedForward, RangeObserver, RangeObserverConfig
+from mathnavi.interfaces.observer_properties import ObserverProperties
+from mathnavi.interfaces.protocols import Estimator, EstimatorPlugin, StateView
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.aerial.dynamics import TICK, flow
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.manifold.attitude import nearer
@@ -49,9 +52,6 @@ from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.patterns import figure_eight
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.engine.loop import whole_ticks
-from mathnavi.sim.interfaces.observer_properties import ObserverProperties
-from mathnavi.sim.interfaces.protocols import Estimator, EstimatorPlugin, StateView
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 from tests.unicycle import STANDARD, Imagined
 
 PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.estimators")}
@@ -59,7 +59,7 @@ PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.estimator
 
 @dataclass(frozen=True)
 class Truth:
-    """A ``mathnavi.sim.interfaces.protocols.StateView``."""
+    """A ``mathnavi.interfaces.protocols.StateView``."""
 
     x: Array
     acceleration: Array

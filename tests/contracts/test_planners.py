@@ -22,6 +22,8 @@ import pytest
 import mathnavi.models.missile.dynamics
 from mathnavi.controllers.active_sensing.motion import pose_on
 from mathnavi.controllers.textbook.input_signal import DrivenMission
+from mathnavi.interfaces.protocols import ControllerPlugin, Planner
+from mathnavi.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status
 from mathnavi.models.aerial.dynamics import TICK, state_at
 from mathnavi.models.aerial.knowledge import RADARS
 from mathnavi.models.aerial.mission import FlightMission
@@ -35,8 +37,6 @@ from mathnavi.models.textbook.mission import TextbookMission
 from mathnavi.models.textbook.system import System
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.engine.loop import whole_ticks
-from mathnavi.sim.interfaces.protocols import ControllerPlugin, Planner
-from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status
 from tests import flight, quadrotor
 from tests.controllers.active_sensing import robots
 from tests.controllers.missile import flights

@@ -18,6 +18,8 @@ from hypothesis import strategies as st
 import mathnavi.models.missile.dynamics
 from mathnavi.controllers.active_sensing.motion import pose_on
 from mathnavi.controllers.textbook.input_signal import DrivenMission
+from mathnavi.interfaces.protocols import ControllerPlugin, Tracker
+from mathnavi.interfaces.signals import OPTIMISED, Array, Estimate, Plan
 from mathnavi.models.aerial.dynamics import TICK, flow, state_at
 from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission
 from mathnavi.models.manifold.mission import LagrangianMission
@@ -26,8 +28,6 @@ from mathnavi.models.quadrotor.mission import QuadrotorMission
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.engine.faults import Gusts
 from mathnavi.sim.engine.loop import whole_ticks
-from mathnavi.sim.interfaces.protocols import ControllerPlugin, Tracker
-from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Plan
 from tests import flight
 from tests.controllers.active_sensing import robots
 from tests.controllers.missile import flights

@@ -8,7 +8,7 @@ import types
 
 import pytest
 
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.errors import FieldError
 from tests.docs.test_blocks import ROOT
 
 PAGE = (ROOT / "docs" / "how-to" / "disturbance.md").read_text(encoding="utf-8")

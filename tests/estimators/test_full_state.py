@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.full_state import FullState, FullStateConfig
+from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.aerial.dynamics import TICK, flow
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import Array, Measurement, Status
 
 X = np.array([500.0, 600.0, 700.0, 30.0, -20.0, 10.0])
 

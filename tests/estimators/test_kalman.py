@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
 
 from mathnavi.estimators.kalman import AxisModel, Kalman, KalmanConfig, clipped_rms, first_covariance
+from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.aerial.dynamics import TICK, flow
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import Array, Measurement, Status
 
 OMEGA = 2.0  # [rad/s] of the tracker that closes the loop below
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.quadrotor_state import QuadrotorState
+from mathnavi.interfaces.protocols import Estimator
+from mathnavi.interfaces.signals import Measurement, Status
 from mathnavi.models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, RATE, VELOCITY, at_rest, flow
 from mathnavi.models.quadrotor.mission import QuadrotorMission, QuadrotorStateSensor
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.protocols import Estimator
-from mathnavi.sim.interfaces.signals import Measurement, Status
 from tests.quadrotor import HIGH, PERIOD, built, flight_mission, plain
 
 MISSION = QuadrotorMission(flight_mission(plain(), (50.0, 50.0), (350.0, 350.0), position_noise=0.3))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
-from mathnavi.sim.interfaces.signals import Status
+from mathnavi.interfaces.signals import Status
 
 
 def test_it_initialises_until_a_reading_is_used_and_is_lost_after_the_timeout() -> None:

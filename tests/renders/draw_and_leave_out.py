@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.renders.lagrangian.scene import MechanismScene
 from mathnavi.renders.quadrotor.scene import NEAR_GROUP
 from mathnavi.renders.ranging.run_data import RangingRun
 from mathnavi.renders.ranging.scene import ABOVE, ROBOT_GROUP, RangingScene
-from mathnavi.sim.interfaces.signals import Array
 from tests.renders.ranging.believers import ELSEWHERE
 
 NOT_DRAWN = 5  # a group of geoms that no scene shows

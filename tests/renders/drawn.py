@@ -20,11 +20,11 @@ import av
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders import opengl, video, worker
 from mathnavi.renders.film import Frame
 from mathnavi.renders.palette import Picture
 from mathnavi.renders.video import write_video
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.trust import is_trusted
 
 SCRIPT = Path(__file__).with_name("draw_and_leave_out.py")

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import Array
 
 TICK = 1.0 / 300.0
 PERIOD = 5.0 / 3.0

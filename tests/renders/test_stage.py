@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.stage import HORIZON, Optics, Stage, View
-from mathnavi.sim.interfaces.signals import Array
 from tests.renders.drawn import needs_opengl
 
 BOX = """

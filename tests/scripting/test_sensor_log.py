@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import mathnavi as mn
-from mathnavi.sim.interfaces.bounds import configuration
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.bounds import configuration
+from mathnavi.interfaces.signals import Array
 
 WALL, ANGLES, DT = mn.ellipse(3.0, 2.0), (0.0, 1.5), 0.05
 MISSION = mn.RangingMission(

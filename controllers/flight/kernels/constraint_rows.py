@@ -22,8 +22,8 @@ from mathnavi.controllers.flight.kernels.problem_data import (
     position,
 )
 from mathnavi.controllers.flight.spline import surface
-from mathnavi.sim.interfaces.compiled import inner_njit
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.compiled import inner_njit
+from mathnavi.interfaces.signals import Array
 
 INFINITY = 1e30
 """limit of a row that is not limited"""

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from mathnavi.sim.interfaces.compiled import inner_njit
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.compiled import inner_njit
+from mathnavi.interfaces.signals import Array
 
 _SMALLEST_PIVOT = 1e-6  # far below CLIMB_WEIGHT, the smallest entry of the Hessian's diagonal
 

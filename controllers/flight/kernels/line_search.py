@@ -14,8 +14,8 @@ from mathnavi.controllers.flight.kernels.problem_data import (
     ProblemData,
     QuadraticProgramme,
 )
-from mathnavi.sim.interfaces.compiled import inner_njit, njit
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.compiled import inner_njit, njit
+from mathnavi.interfaces.signals import Array
 
 _SUFFICIENT, _SHORTEST = 1e-4, 1e-3  # of the line search: share of the promised decrease, length of a step
 

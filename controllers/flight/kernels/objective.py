@@ -23,8 +23,8 @@ from mathnavi.controllers.flight.kernels.problem_data import (
 )
 from mathnavi.controllers.flight.length_to_go import length_to_go
 from mathnavi.controllers.flight.spline import surface
-from mathnavi.sim.interfaces.compiled import inner_njit, njit
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.compiled import inner_njit, njit
+from mathnavi.interfaces.signals import Array
 
 
 @njit(cache=True, nogil=True)

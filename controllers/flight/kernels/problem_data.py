@@ -15,8 +15,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from mathnavi.sim.interfaces.compiled import inner_njit
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.compiled import inner_njit
+from mathnavi.interfaces.signals import Array
 
 # Indices into Problem.packed.
 MANOEUVRE, FLOOR, SPEED, ACCELERATION, BETA, PSI, EPSILON, WIDTH, DEPTH = range(9)

@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mathnavi.interfaces.compiled import inner_njit, njit
+from mathnavi.interfaces.signals import OPTIMISED, Array, Integers
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.terrain.kernels import arc_clearance
-from mathnavi.sim.interfaces.compiled import inner_njit, njit
-from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Integers
 
 CLIMBS = (0.0, 0.5, 1.0)
 """climb rates w as fractions of the horizontal speed: stopped level, or pulled up"""

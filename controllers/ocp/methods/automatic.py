@@ -24,7 +24,7 @@ from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing
 from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.structure import linear_controls
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 _NODES, _ROUNDS = 60, 5  # of the redistribution
 _HOPELESS = (SolverOutcome.UNBOUNDED, SolverOutcome.OVERDETERMINED, SolverOutcome.NOT_FINITE)  # by any method

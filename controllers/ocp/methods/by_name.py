@@ -18,9 +18,9 @@ from mathnavi.controllers.ocp.replay import GIVEN_NODES
 from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import Options
-from mathnavi.sim.interfaces.checks import allowed_for
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.checks import allowed_for
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array
 
 Method = Literal["auto", "hp", "direct", "redistribute", "distribute", "refine"]
 """method by name. ``auto``: one that suits the problem; ``hp``: points, nodes and switching times until the replay is

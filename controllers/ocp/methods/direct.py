@@ -9,7 +9,7 @@ from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 HERMITE_SIMPSON = HermiteSimpson()
 

@@ -18,8 +18,8 @@ from mathnavi.controllers.ocp.replay import GIVEN_NODES, replayed
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import DEFAULT, Options, transcription
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array
 
 EQUIDISTRIBUTED = Equidistributed()
 

@@ -32,7 +32,7 @@ from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
 from mathnavi.controllers.ocp.structure import Structure, linear_controls, structure, without_structure
 from mathnavi.controllers.ocp.suboptimality import suboptimality
 from mathnavi.controllers.ocp.winding import unwound
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 OPTIONS = Options(tolerance=1e-11)
 """solver options, tighter than those of other methods: J is compared from round to round"""

@@ -16,7 +16,7 @@ from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.structure import Structure
 from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.variable_radau import VariableRadauIIA, alike, point_counts
-from mathnavi.sim.interfaces.signals import Array, Integers
+from mathnavi.interfaces.signals import Array, Integers
 
 TINY = 1e-9  # |J| below which its error is no longer relative
 LEAST_COUNT, MOST_COUNT = 3, 5  # points of an interval where all get one more

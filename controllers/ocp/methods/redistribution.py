@@ -17,8 +17,8 @@ from mathnavi.controllers.ocp.replay import GIVEN_NODES, replayed
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array
 
 
 def redistribute(

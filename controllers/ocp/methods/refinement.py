@@ -22,8 +22,8 @@ from mathnavi.controllers.ocp.residual import local_errors
 from mathnavi.controllers.ocp.solution import Solution, Timing
 from mathnavi.controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array
 
 REFINED = 1e-6
 """tolerance of a refinement, of local errors and of the replay"""

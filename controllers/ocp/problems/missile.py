@@ -15,9 +15,9 @@ import casadi as ca
 
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.interfaces.errors import ProblemError
 from mathnavi.models.missile.dynamics import NOMINAL, pitch_rates
 from mathnavi.models.missile.mission import CASES
-from mathnavi.sim.interfaces.errors import ProblemError
 
 
 @dataclass(frozen=True)

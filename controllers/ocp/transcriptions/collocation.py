@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Rates, integral_weights
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 
 def integration_matrix(points: tuple[float, ...]) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ from annotated_types import Ge, Le
 
 from mathnavi.controllers.ocp.transcriptions.collocation import collocated
 from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Rates, gauss_legendre
-from mathnavi.sim.interfaces.bounds import configuration
+from mathnavi.interfaces.bounds import configuration
 
 
 @configuration

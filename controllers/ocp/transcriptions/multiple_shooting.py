@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import casadi as ca
 
 from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Rates
+from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.models.runge_kutta import classical_sum, halfway
-from mathnavi.sim.interfaces.bounds import Count, configuration
 
 
 @configuration

@@ -21,7 +21,7 @@ from numpy.polynomial import Legendre
 
 from mathnavi.controllers.ocp.transcriptions.collocation import collocated
 from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Rates
-from mathnavi.sim.interfaces.bounds import configuration
+from mathnavi.interfaces.bounds import configuration
 
 
 @configuration

@@ -21,7 +21,7 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 Rates = Callable[[ca.SX, ca.SX, ca.SX], tuple[ca.SX, ca.SX]]
 """(x (nx,), u (nu,), t () [s]) -> (x' = f(x, u, t) (nx,), running cost L(x, u, t) ())"""

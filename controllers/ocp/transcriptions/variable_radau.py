@@ -23,8 +23,8 @@ from mathnavi.controllers.ocp.transcriptions.scheme import (
     integral_weights,
     weights,
 )
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array, Integers
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array, Integers
 
 
 @dataclass(frozen=True)

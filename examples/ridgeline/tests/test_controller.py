@@ -11,12 +11,12 @@ from ridgeline.controller import Roadmap, RoadmapConfig
 
 from mathnavi.controllers.flight.certificate import Certificate
 from mathnavi.controllers.flight.tracker import tracking_bound
+from mathnavi.interfaces.signals import Estimate, Message, Plan, PlanRequest
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import RADARS
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.models.terrain.visibility import Radar
-from mathnavi.sim.interfaces.signals import Estimate, Message, Plan, PlanRequest
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.flight_parts import drawn_point
 from mathnavi.sim.scenarios.safe_flight import SafeFlight

@@ -7,10 +7,10 @@ import pytest
 from ridgeline.controller import Roadmap
 from ridgeline.estimator import AlphaBetaGamma, AlphaBetaGammaConfig
 
+from mathnavi.interfaces.signals import Measurement
 from mathnavi.models.aerial.dynamics import flow
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import Measurement
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
 from mathnavi.sim.scenarios.flight_fields import FlightNoise

@@ -35,14 +35,14 @@ from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from mathnavi.controllers.flight.problem import LengthToGo, Problem
 from mathnavi.controllers.flight.sqp import CondensedSqp
 from mathnavi.controllers.flight.tracker import tracking_bound
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record

@@ -19,10 +19,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mathnavi.controllers.arrival.outlier import DELTA
+from mathnavi.interfaces.bounds import Condition, Count, Within, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Condition, Count, Within, configuration
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.fleet.message_exchange import (
     FAR,

@@ -18,6 +18,8 @@ from scipy.special import lambertw
 from mathnavi.controllers.arrival.clock import ClockConfig, ClockConsensus
 from mathnavi.controllers.arrival.laplacian import LaplacianConfig, LaplacianConsensus
 from mathnavi.controllers.arrival.maximum import MaximumConfig, MaximumConsensus
+from mathnavi.interfaces.protocols import Consensus
+from mathnavi.interfaces.signals import Array, Message
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.models.fleet.switching import Switching
 from mathnavi.sim.engine.network import (
@@ -29,8 +31,6 @@ from mathnavi.sim.engine.network import (
     Network,
     single_messages,
 )
-from mathnavi.sim.interfaces.protocols import Consensus
-from mathnavi.sim.interfaces.signals import Array, Message
 
 H = 1.0 / 60.0  # [s] of a round, where nothing else is said
 PLANNING = 5.0 / 3.0  # [s] of a planning period

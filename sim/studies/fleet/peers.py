@@ -17,9 +17,9 @@ from annotated_types import Interval
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.metrics.fleet import arrival_time
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record

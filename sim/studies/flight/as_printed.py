@@ -14,12 +14,12 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.statistics_figures import rates_figure_on
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record

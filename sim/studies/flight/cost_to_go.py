@@ -29,13 +29,13 @@ from mathnavi.controllers.flight.cost_to_go import (
     threat_density,
     trilinear_cost,
 )
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.renders.terrain_view import Track
-from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, TerrainReference

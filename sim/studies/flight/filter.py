@@ -23,13 +23,13 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.bounds import Count, Positive, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.environments.episode_runner import EpisodeRunner
 from mathnavi.sim.environments.filtering import EpisodeFilter
-from mathnavi.sim.interfaces.bounds import Count, Positive, configuration
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.statistics import rate

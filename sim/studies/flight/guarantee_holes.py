@@ -29,13 +29,13 @@ from mathnavi.controllers.flight.planner import StopAndHover
 from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from mathnavi.controllers.flight.plugin import planner as flight_planner
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
+from mathnavi.interfaces.protocols import Planner, Tracker
+from mathnavi.interfaces.signals import Array, Estimate, Event, Plan, PlanRequest
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.quadrotor.entity import REACH
 from mathnavi.models.terrain.height_field import HIGHEST, HeightField
 from mathnavi.models.terrain.hill import hills_of, with_hills
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.sim.interfaces.protocols import Planner, Tracker
-from mathnavi.sim.interfaces.signals import Array, Estimate, Event, Plan, PlanRequest
 from mathnavi.sim.scenarios.closed_loop import RunResult
 
 # Events that announce a loss, until the one that ends it.

@@ -24,15 +24,15 @@ from annotated_types import Interval
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.protocols import Planner
+from mathnavi.interfaces.signals import Plan, PlanRequest
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.statistics_figures import SERIES
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.interfaces.signals import Plan, PlanRequest
 from mathnavi.sim.metrics.flight import flown_clearance
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime

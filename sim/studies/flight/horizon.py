@@ -15,10 +15,10 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures

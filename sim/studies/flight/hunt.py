@@ -24,11 +24,11 @@ from matplotlib.figure import Figure
 
 from mathnavi.controllers.flight.certificate import TrackingBound, raised_ground
 from mathnavi.controllers.flight.tracker import tracking_bound
+from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate

@@ -18,10 +18,10 @@ import numpy as np
 from annotated_types import Interval
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.bounds import Count, Within, configuration
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, Within, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record

@@ -25,9 +25,9 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from mathnavi.controllers.flight.plugin import FlightConfig
+from mathnavi.interfaces.bounds import Count, Within, configuration
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, Within, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures

@@ -16,10 +16,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures

@@ -20,13 +20,13 @@ from matplotlib.patches import Circle
 
 from mathnavi.controllers.flight.cost_to_go import factored_cost
 from mathnavi.controllers.flight.plugin import FlightConfig
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.hill import Hill, with_hills
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.statistics import rate

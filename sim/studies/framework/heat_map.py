@@ -10,7 +10,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm, to_rgb
 from matplotlib.patches import Rectangle
 
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 GOOD, EVEN, BAD = "#0d5fa8", "#f4f1ea", "#b3202f"
 COLOURS = LinearSegmentedColormap.from_list("worth", (GOOD, "#6fb0dc", EVEN, "#f0a07c", BAD))

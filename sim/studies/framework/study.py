@@ -21,14 +21,14 @@ from typing import Any, ClassVar, Protocol, TypeVar
 import numpy as np
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.errors import ArgumentError, PluginError, TerrainError
+from mathnavi.interfaces.writing import write_together
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.renders.figures import lay_out
 from mathnavi.renders.page import number
 from mathnavi.renders.study_report import StudyPage, Table, report
 from mathnavi.renders.terrain_view import Track
-from mathnavi.sim.interfaces.errors import ArgumentError, PluginError, TerrainError
-from mathnavi.sim.interfaces.writing import write_together
 from mathnavi.sim.plugin.registry import of_stranger
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.computing_environment import environment

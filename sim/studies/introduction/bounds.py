@@ -24,6 +24,8 @@ from mathnavi.estimators.stagewise.flight import FlightModel
 from mathnavi.estimators.stagewise.missile import MissileModel
 from mathnavi.estimators.stagewise.model import StagewiseModel
 from mathnavi.estimators.stagewise.smoother import square_root
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.field.curve import ellipse
 from mathnavi.models.manifold.mission import LagrangianMission
@@ -40,8 +42,6 @@ from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQ
 from mathnavi.renders.figures import BOUND, STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.engine.log import AgentRecorder, Recording
-from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.interfaces.signals import Array, Measurement, Status
 from mathnavi.sim.metrics.flight_bound import flight_bound
 from mathnavi.sim.metrics.lagrangian_bound import lagrangian_bound
 from mathnavi.sim.metrics.missile_bound import missile_bound

@@ -33,6 +33,8 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import zoom
 
+from mathnavi.interfaces.protocols import Estimator
+from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import PositionQuality
 from mathnavi.models.mechanism.entity import build_model
@@ -40,8 +42,6 @@ from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.models.terrain.dem import write_npz
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.sim.interfaces.protocols import Estimator
-from mathnavi.sim.interfaces.signals import Array, Measurement
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.store import Store

@@ -19,6 +19,8 @@ from matplotlib.figure import Figure
 from scipy.linalg import expm
 
 from mathnavi.estimators.textbook.kazantzis_kravaris import Immersion
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.textbook.example_2_1 import EXAMPLE_2_1
 from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2, error_dynamics
 from mathnavi.models.textbook.krener_isidori import KRENER_ISIDORI
@@ -28,8 +30,6 @@ from mathnavi.models.textbook.system import System
 from mathnavi.renders.figures import BOUND, INK, STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.renders.textbook.panel import ESTIMATE, TRUTH
-from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.textbook import VEHICLE

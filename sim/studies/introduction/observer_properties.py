@@ -21,15 +21,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mathnavi.estimators.observability.region import exact_run
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.fields import instance, with_fields
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.textbook.library import SYSTEMS
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.interfaces.fields import instance, with_fields
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Proportion, rate

@@ -11,9 +11,9 @@ import numpy as np
 from annotated_types import Interval
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.bounds import Count, Within, configuration
 from mathnavi.renders.figures import BOUND, STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, Within, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.introduction.cost_measurement import (

@@ -21,11 +21,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from scipy.stats import binom
 
+from mathnavi.interfaces.bounds import Count, Within, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.compilation import compiler
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, Within, configuration
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.statistics import median_band, rate

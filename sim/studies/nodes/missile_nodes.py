@@ -36,10 +36,10 @@ from mathnavi.controllers.ocp.transcriptions.euler import Euler
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
+from mathnavi.interfaces.bounds import Count, Within, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, Within, configuration
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.studies.framework.jobs import Jobs

@@ -26,11 +26,11 @@ from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.interfaces.bounds import configuration
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.figures import STYLE, canvas
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import configuration
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.heat_map import heat_map
 from mathnavi.sim.studies.framework.study import Setup, StudyResult

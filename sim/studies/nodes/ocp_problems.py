@@ -32,9 +32,9 @@ from mathnavi.controllers.ocp.problems.library import PROBLEMS, KnownOptimum
 from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
+from mathnavi.interfaces.bounds import configuration
 from mathnavi.renders.figures import STYLE, canvas
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.studies.framework.heat_map import heat_map

@@ -32,11 +32,11 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from mathnavi.controllers.active_sensing.plugin import PATTERNS, ActiveSensing
 from mathnavi.controllers.active_sensing.policies import path
 from mathnavi.controllers.active_sensing.then_track import ReferencePath
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.ranging import RangingErrors, rms
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Band

@@ -39,12 +39,12 @@ from mathnavi.estimators.ranging.noise_kernels import WINDOW, NoiseSums, declare
 from mathnavi.estimators.ranging.particle import RangeParticleConfig
 from mathnavi.estimators.ranging.particle_clusters import Cells, clusters_of
 from mathnavi.estimators.ranging.particle_kernels import propagate, resample, weigh
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.field.kernels import WallShape
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.sim.metrics.consistency import normalised_error_squared
 from mathnavi.sim.metrics.convergence import LAST
 from mathnavi.sim.metrics.ranging import HEADING, POSITION

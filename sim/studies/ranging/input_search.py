@@ -25,11 +25,11 @@ from mathnavi.controllers.active_sensing.candidate_search import candidates
 from mathnavi.controllers.active_sensing.kernels import RangeSensors, WallTable, clearance, inverse
 from mathnavi.controllers.active_sensing.plugin import ActiveSensing, ModeName, exploration_policy
 from mathnavi.controllers.active_sensing.policies import ExplorationPolicy
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.kernels import cast_ray, range_gradient
 from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians
 from mathnavi.models.unicycle.mission import LEAST_NOISE, RangingMission
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig, WallFields
 
 WALL = WallFields().curve()

@@ -24,11 +24,11 @@ from matplotlib.ticker import NullFormatter
 from mathnavi.estimators.observability.feasible_set import feasible_set
 from mathnavi.estimators.observability.output_flow import mismatch
 from mathnavi.estimators.observability.range_outputs import RangeOutputs, motion_under, pose_difference
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.studies.framework.jobs import Jobs

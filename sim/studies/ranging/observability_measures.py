@@ -31,13 +31,13 @@ from mathnavi.estimators.observability.output_flow import equal_rates, intersect
 from mathnavi.estimators.observability.range_outputs import Input, RangeOutputs, motion_under, pose_difference
 from mathnavi.estimators.observability.range_system import range_system, ray_ends
 from mathnavi.estimators.observability.region import ConvergenceCriterion, exact_run, region_of_convergence
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import BEAN, EGG, Coefficients, Curve, ellipse
 from mathnavi.models.textbook.camera_and_flags import camera_and_flags
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.patterns import figure_eight
 from mathnavi.models.unicycle.quality import RangeQuality
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.convergence import LAST
 from mathnavi.sim.metrics.observability import EmpiricalGramian, empirical_gramian
 from mathnavi.sim.metrics.ranging import HEADING, POSITION

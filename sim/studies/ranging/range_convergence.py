@@ -19,12 +19,12 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
 
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import BEAN
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.consistency import Consistency, RootMeanSquare, consistency, root_mean_square
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime

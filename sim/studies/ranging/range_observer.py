@@ -20,13 +20,13 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from mathnavi.estimators.ranging.observer import FeedForward, RangeObserverConfig
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
 from mathnavi.renders.figures import GRID, INK, STYLE
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.ranging.shapes import outline
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.heat_map import readable_on

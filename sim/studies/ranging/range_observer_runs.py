@@ -24,12 +24,12 @@ from mathnavi.estimators.observability.region import ExactRun, exact_run
 from mathnavi.estimators.ranging.feedforward_kernels import LEAST_DENOMINATOR, rho_dot_rate, s_rate
 from mathnavi.estimators.ranging.observer import FEED_FORWARDS, RangeObserver, RangeObserverConfig
 from mathnavi.estimators.ranging.symbolic_output_flow import output_flow
+from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.angles import wrapped
 from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.patterns import circle, figure_eight
 from mathnavi.models.unicycle.quality import KnownStart, RangeQuality
-from mathnavi.sim.interfaces.signals import Array, Measurement
 from mathnavi.sim.metrics.convergence import LAST
 from mathnavi.sim.metrics.ranging import HEADING, POSITION, rms
 from mathnavi.sim.studies.ranging.observability_measures import (

@@ -13,15 +13,15 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import POSITION
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.sim.metrics.lagrangian import SETTLED, angles_to_reference
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Band, rate

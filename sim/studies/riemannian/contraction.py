@@ -18,13 +18,13 @@ from scipy.optimize import brentq
 
 from mathnavi.estimators.riemannian.contraction import SasakiMetric, largest_eigenvalue
 from mathnavi.estimators.riemannian.gains import CurvatureName, IntrinsicGains
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import sphere
 from mathnavi.models.manifold.tangent_bundle import TangentBundle, bracket
 from mathnavi.models.manifold.two_point import TwoPoint
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult

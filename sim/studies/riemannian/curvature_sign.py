@@ -18,13 +18,13 @@ from matplotlib.figure import Figure
 
 from mathnavi.estimators.riemannian.gains import CurvatureName, IntrinsicGains
 from mathnavi.estimators.riemannian.sampled import SampledIntrinsicObserver
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, hyperbolic_space, sphere
 from mathnavi.models.manifold.manifold import CutLocusError
 from mathnavi.models.manifold.systems import PointSystem, linear
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.studies.framework.jobs import Jobs

@@ -22,11 +22,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import POSITION
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.metrics.tuning import RecordedCall, recorded_calls, replayed, spread, tuned
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.claims import Claim

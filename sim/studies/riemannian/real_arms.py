@@ -15,11 +15,11 @@ import mujoco
 import numpy as np
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.protocols import Estimator
+from mathnavi.interfaces.signals import Status
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.interfaces.protocols import Estimator
-from mathnavi.sim.interfaces.signals import Status
 from mathnavi.sim.metrics.tuning import RecordedCall, spread, tuned
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.claims import Claim

@@ -27,6 +27,8 @@ from matplotlib.figure import Figure
 
 from mathnavi.estimators.riemannian.continuous import ContinuousObserver, Instant
 from mathnavi.estimators.riemannian.gains import IntrinsicGains
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, hyperbolic_space, sphere
 from mathnavi.models.manifold.mission import LagrangianMission
@@ -36,8 +38,6 @@ from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.lagrangian import VelocityErrors, errors_of
 from mathnavi.sim.metrics.tuning import RecordedCall, Tuning, recorded_calls, replayed, spread, tuned
 from mathnavi.sim.plugin.registry import load

@@ -11,11 +11,11 @@ import numpy as np
 
 from mathnavi.controllers.active_sensing.plugin import ActiveSensing
 from mathnavi.controllers.active_sensing.policies import InputSequence
+from mathnavi.interfaces.protocols import Planner, Tracker
+from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from mathnavi.models.field.curve import Curve, ellipse
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.phases import DrivePhase
-from mathnavi.sim.interfaces.protocols import Planner, Tracker
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
 
 FIELD = ellipse(3.763, math.sqrt(2.0))
 TWO = (math.radians(60.0), math.radians(-60.0))

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from mathnavi.controllers.active_sensing.belief import Belief, BeliefFromEstimates
 from mathnavi.controllers.active_sensing.candidate_search import Containment, candidates
 from mathnavi.controllers.active_sensing.criteria import ExpectedCovariance
+from mathnavi.interfaces.signals import Array, Estimate, PlanRequest, Status
 from mathnavi.models.field.curve import BEAN, EGG, Curve
 from mathnavi.models.unicycle.phases import DrivePhase
-from mathnavi.sim.interfaces.signals import Array, Estimate, PlanRequest, Status
 from tests.controllers.active_sensing.robots import FIELD, START, assert_well_formed, built, fly, knowing, mission
 
 MODES = ("active", "singular-value", "random")

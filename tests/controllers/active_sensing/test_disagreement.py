@@ -9,7 +9,7 @@ import pytest
 
 from mathnavi.controllers.active_sensing.belief import BeliefFromEstimates, Disagreement
 from mathnavi.controllers.active_sensing.motion import pose_on
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
+from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from tests.controllers.active_sensing.robots import FIELD, START, built, fly, mission, winding_path
 
 SURE = np.full(2, 0.01)

@@ -22,8 +22,8 @@ from mathnavi.controllers.active_sensing.kernels import (
     sigma_poses,
     smallest_singular_values,
 )
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import BEAN, EGG, Curve
-from mathnavi.sim.interfaces.signals import Array
 from tests.controllers.active_sensing.robots import FIELD, TWO, mission
 
 CURVES = [FIELD, EGG, BEAN]

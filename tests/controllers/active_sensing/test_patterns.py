@@ -17,7 +17,7 @@ from mathnavi.controllers.active_sensing.policies import (
     check_drivable,
     path,
 )
-from mathnavi.sim.interfaces.signals import Estimate
+from mathnavi.interfaces.signals import Estimate
 from tests.controllers.active_sensing.robots import START, built, fly, mission
 
 MODES = ("figure-eight", "circle", "straight", "still")

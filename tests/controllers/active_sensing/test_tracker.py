@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from mathnavi.controllers.active_sensing.motion import pose_on
 from mathnavi.controllers.active_sensing.policies import InputSequence
 from mathnavi.controllers.active_sensing.tracker import PathTracker
+from mathnavi.interfaces.signals import Array, Estimate, Plan
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.phases import DrivePhase
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 from tests.controllers.active_sensing.robots import START, built, mission, winding_path
 
 SPEED, BANDWIDTH = 0.5, 2.0

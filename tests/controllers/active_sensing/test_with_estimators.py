@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.field.curve import BEAN, EGG, Curve
 from mathnavi.models.unicycle.entity import RADIUS
 from mathnavi.models.unicycle.kernels import sinc, wrapped
 from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.sim.plugin.registry import load
 from tests.controllers.active_sensing.robots import FIELD, Believing, built, fly, mission
 

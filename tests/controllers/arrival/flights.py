@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.dynamics import flow, state_at
-from mathnavi.sim.interfaces.signals import Array, Plan
 
 
 def arcs(start: Array, u: Array, durations: Array, t: float = 0.0) -> Plan:

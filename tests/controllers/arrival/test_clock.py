@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mathnavi.controllers.arrival.clock import ClockConfig, ClockConsensus, ClockPayload
+from mathnavi.interfaces.signals import Array, Message
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, Network
-from mathnavi.sim.interfaces.signals import Array, Message
 from mathnavi.sim.studies.fleet.message_exchange import ClockCase, clocks_agree, exchanged
 from tests.fleet import NAMES
 

@@ -13,11 +13,11 @@ from mathnavi.controllers.arrival.separation import Separation
 from mathnavi.controllers.arrival.separation_rule import TOPIC
 from mathnavi.controllers.arrival.zone import Zone
 from mathnavi.controllers.flight.planner import ARRIVAL
+from mathnavi.interfaces.protocols import Coordinator
+from mathnavi.interfaces.signals import Message, Outbox, Plan
 from mathnavi.models.aerial.dynamics import flow
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import IdealNetwork
-from mathnavi.sim.interfaces.protocols import Coordinator
-from mathnavi.sim.interfaces.signals import Message, Outbox, Plan
 
 NAMES = ("a", "b", "c")
 H = 5.0 / 3.0

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from mathnavi.controllers.arrival.delay_check import DelayCheck, Published, joined
 from mathnavi.controllers.arrival.separation_rule import TOPIC
 from mathnavi.controllers.arrival.zone import Zone
+from mathnavi.interfaces.signals import Message, Plan
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.kernels import state_on
 from mathnavi.models.aerial.plan_distance import PlannedTrajectory
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, Network
-from mathnavi.sim.interfaces.signals import Message, Plan
 from tests.controllers.arrival.flights import hover, sampled_distances, straight, to_rest
 
 STEP, ROOM = 0.1, 9.0  # [s] between two exchanges, and [m]

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from mathnavi.controllers.arrival.estimate import ArrivalEstimate
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.dynamics import flow
 from mathnavi.models.aerial.plan_status import FlightPhase
-from mathnavi.sim.interfaces.signals import Array, Plan
 
 TARGET = np.array([1000.0, 0.0, 100.0])
 

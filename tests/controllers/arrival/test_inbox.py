@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mathnavi.controllers.arrival.inbox import ConsensusPayload, Inbox
+from mathnavi.interfaces.signals import Message
 from mathnavi.models.fleet.graph import Graph
-from mathnavi.sim.interfaces.signals import Message
 
 NODE = Graph.line(("a", "b", "c")).node("b")
 MESSAGES = [Message(0.1 * k, "ac"[k % 2], "", ConsensusPayload(float(k), 1.0)) for k in range(6)]

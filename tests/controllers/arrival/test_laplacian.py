@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from mathnavi.controllers.arrival.inbox import ConsensusPayload
 from mathnavi.controllers.arrival.laplacian import LaplacianConfig, LaplacianConsensus
 from mathnavi.controllers.arrival.outlier import DELTA, is_outlier
+from mathnavi.interfaces.signals import Array, Message
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network
-from mathnavi.sim.interfaces.signals import Array, Message
 from mathnavi.sim.studies.fleet.message_exchange import exchanged
 from tests.fleet import NAMES, graphs, laplacians, started, starts_for
 

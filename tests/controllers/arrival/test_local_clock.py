@@ -12,10 +12,10 @@ from mathnavi.controllers.arrival.maximum import Maximum, MaximumConfig
 from mathnavi.controllers.arrival.separation import Separation
 from mathnavi.controllers.arrival.separation_rule import TOPIC
 from mathnavi.controllers.arrival.zone import Zone
+from mathnavi.interfaces.signals import Message, Plan
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import single_messages
-from mathnavi.sim.interfaces.signals import Message, Plan
 
 NAMES = ("a", "b")
 GRAPH = Graph.line(NAMES)

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from mathnavi.controllers.arrival.inbox import ConsensusPayload
 from mathnavi.controllers.arrival.maximum import Maximum, MaximumConfig, MaximumConsensus
+from mathnavi.interfaces.signals import Message
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks
-from mathnavi.sim.interfaces.signals import Message
 from mathnavi.sim.studies.fleet.message_exchange import exchanged
 from tests.fleet import Shuffled, graphs, maxima, started, starts_for
 

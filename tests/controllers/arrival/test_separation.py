@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 from mathnavi.controllers.arrival.separation import Proposal, Separation, SeparationReply
 from mathnavi.controllers.arrival.separation_rule import TOPIC
 from mathnavi.controllers.arrival.zone import Zone, checked_start
+from mathnavi.interfaces.signals import Array, Message, Plan
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.plan_distance import PlannedTrajectory
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network, Partition, partitioned
-from mathnavi.sim.interfaces.signals import Array, Message, Plan
 from tests.controllers.arrival.flights import hover, sampled_distances, straight, to_rest
 
 TICK, LEAD = 0.1, 2.0  # [s] the latter at most from a proposal to its start

@@ -12,10 +12,10 @@ from scipy.optimize import minimize
 
 from mathnavi.controllers.flight.as_printed import AsPrintedConfig, AsPrintedFlight, EulerNlp, solve, steepest_sine
 from mathnavi.controllers.flight.cost_to_go import trilinear_cost
+from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from tests import flight
 
 H = 5.0 / 3.0

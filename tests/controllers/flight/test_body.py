@@ -15,13 +15,13 @@ import mathnavi as mn
 from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
 from mathnavi.controllers.flight.completion import ArcList
 from mathnavi.controllers.quadrotor.similarity import Similarity
+from mathnavi.interfaces.errors import FieldError, MissionError
+from mathnavi.interfaces.signals import Plan
 from mathnavi.models.aerial.dynamics import HULL_RADIUS, state_at
 from mathnavi.models.aerial.entity import build_model
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.errors import FieldError, MissionError
-from mathnavi.sim.interfaces.signals import Plan
 from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig
 from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
 from mathnavi.sim.scenarios.flight_parts import check_above_ground

@@ -14,10 +14,10 @@ from mathnavi.controllers.flight.certificate import Certificate, TrackingBound, 
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.completion import ArcList, complete
 from mathnavi.controllers.flight.planner import StopAndHover, complete_by
+from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from tests import flight
 
 BOUND = TrackingBound(2.0, 3.0, 1.0, 2.0)

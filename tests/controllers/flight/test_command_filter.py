@@ -11,11 +11,11 @@ import pytest
 from mathnavi.controllers.flight.certificate import Certificate
 from mathnavi.controllers.flight.command_filter import CommandFilter
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
+from mathnavi.interfaces.signals import Array, Estimate, Message, Status
 from mathnavi.models.aerial.dynamics import flow
 from mathnavi.models.aerial.knowledge import TERRAIN
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Status
 from tests.flight import at_rest, mission
 
 BANDWIDTH = 0.8

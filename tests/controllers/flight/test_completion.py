@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mathnavi.controllers.flight.completion import ArcList, complete, highest_ground
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.dynamics import flow
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import Array, Plan
 from tests import flight
 
 CLEARANCE, SPEED, ACCELERATION = 50.0, 300.0, 40.0

@@ -20,10 +20,10 @@ from mathnavi.controllers.flight.cost_to_go import (
     trilinear_cost,
 )
 from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.models.terrain.visibility import Radar
-from mathnavi.sim.interfaces.signals import Array
 from tests import flight
 
 RADAR = Radar(6500.0, 6000.0, 2500.0, 6.0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mathnavi.controllers.flight.certified import doubt
-from mathnavi.sim.interfaces.signals import Array, Estimate, Status
+from mathnavi.interfaces.signals import Array, Estimate, Status
 
 DECLARED = (2.0, 0.5)  # [m, m/s]
 

@@ -14,9 +14,9 @@ from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
 from mathnavi.controllers.flight.completion import ArcList
 from mathnavi.controllers.flight.planner import StopAndHover, complete_by
 from mathnavi.controllers.flight.plugin import FlightConfig, planner
+from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from tests import flight
 
 BOUND = TrackingBound(2.0, 3.0, 0.0, 0.0)

@@ -16,9 +16,9 @@ from mathnavi.controllers.flight.held_input import NO_LAG, HeldInput
 from mathnavi.controllers.flight.planner import StopAndHover, complete_by
 from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
+from mathnavi.interfaces.signals import OPTIMISED, Estimate, Plan, PlanRequest
 from mathnavi.models.aerial.dynamics import flow, state_at
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
-from mathnavi.sim.interfaces.signals import OPTIMISED, Estimate, Plan, PlanRequest
 from tests import flight
 
 PERIOD = 1.0 / 60.0  # [s] of the commands

@@ -23,14 +23,14 @@ from mathnavi.controllers.flight.planner import StopAndHover, complete_by
 from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.estimators.full_state import FullState, FullStateConfig
+from mathnavi.interfaces.protocols import Planner
+from mathnavi.interfaces.signals import Array, Plan, PlanRequest, Status
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.loop import simulate
-from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest, Status
 from mathnavi.sim.metrics.flight import flown_clearance
 from tests import flight
 

@@ -19,6 +19,7 @@ from mathnavi.controllers.flight.planner import StopAndHover
 from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.estimators.full_state import FullState, FullStateConfig
+from mathnavi.interfaces.signals import Estimate, Message, Plan, PlanRequest, Status
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import RADARS, TARGET, TERRAIN
 from mathnavi.models.terrain.height_field import HeightField
@@ -27,7 +28,6 @@ from mathnavi.models.terrain.visibility import Radar
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import simulate
-from mathnavi.sim.interfaces.signals import Estimate, Message, Plan, PlanRequest, Status
 from mathnavi.sim.metrics.flight import flown_clearance
 from tests import flight
 

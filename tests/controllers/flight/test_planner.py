@@ -12,10 +12,10 @@ from mathnavi.controllers.flight.planner import RecedingHorizon, Solver
 from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from mathnavi.controllers.flight.problem import PlanSolution, Problem
 from mathnavi.controllers.flight.tracker import tracking_bound
+from mathnavi.interfaces.protocols import Planner
+from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from mathnavi.models.aerial.dynamics import input_at, state_at
 from mathnavi.models.aerial.plan_status import FlightPhase
-from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from tests import flight
 
 MISSION = flight.mission()

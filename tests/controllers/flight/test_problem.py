@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mathnavi.controllers.flight.problem import POINTS_ON_MANOEUVRE, Parameters, proportional
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.dynamics import flow
-from mathnavi.sim.interfaces.signals import Array
 
 SPEED, ACCELERATION = 300.0, 40.0
 lengths_of_arcs = st.lists(st.floats(0.05, 12.0), min_size=1, max_size=12).map(tuple)

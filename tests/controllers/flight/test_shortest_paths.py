@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from mathnavi.controllers.flight.shortest_paths import distances
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 
 def by_matrix(height: Array, spacing: float, density: Array, source: int) -> Array:

@@ -25,10 +25,10 @@ from mathnavi.controllers.flight.problem import (
 )
 from mathnavi.controllers.flight.reference import InteriorPoint
 from mathnavi.controllers.flight.sqp import CondensedSqp
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.nlp_solver import NlpPlugin
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar
-from mathnavi.sim.interfaces.signals import Array
 
 SPACING, NODES = 320.0, 97
 TARGET = (26_000.0, 24_000.0)  # [m]

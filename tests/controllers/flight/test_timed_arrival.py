@@ -17,10 +17,10 @@ from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.completion import ArcList, complete
 from mathnavi.controllers.flight.planner import ARRIVAL, ASSURED, StopAndHover, braking_time
 from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
+from mathnavi.interfaces.protocols import Planner
+from mathnavi.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.plan_status import FlightPhase
-from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status
 from tests import flight
 
 MISSION = flight.mission()

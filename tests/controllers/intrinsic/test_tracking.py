@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from mathnavi.controllers.intrinsic.attitude import AttitudeReference, AttitudeTracking
 from mathnavi.controllers.intrinsic.joints import JointTracking
 from mathnavi.controllers.intrinsic.law import InverseForce, TrackingGains, wanted_force
+from mathnavi.interfaces.signals import Array, Estimate, PlanRequest, Status
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, hyperbolic_space, sphere
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.systems import PointSystem, RigidBody, linear
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.system import MechanismSystem
-from mathnavi.sim.interfaces.signals import Array, Estimate, PlanRequest, Status
 from tests.mechanisms import chain
 
 GEARED = """<mujoco><worldbody><body><joint name="hinge" axis="0 1 0"/><geom size=".1" pos=".3 0 0"/></body></worldbody>

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from mathnavi.controllers.missile.plugin import MissileConfig, MissileController
+from mathnavi.interfaces.protocols import Planner, Tracker
+from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL, Coordinates
 from mathnavi.models.missile.mission import CASES, MissileMission, Target
-from mathnavi.sim.interfaces.protocols import Planner, Tracker
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
 
 INPUT_MAX = {PLANAR: (20e3, 60e3, 3e3), SPATIAL: (20e3, 60e3, 60e3, 3e3, 3e3)}
 

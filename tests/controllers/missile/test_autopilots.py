@@ -12,10 +12,10 @@ from scipy.linalg import solve_discrete_are
 from mathnavi.controllers.missile.autopilot import Autopilot, OpenLoop
 from mathnavi.controllers.missile.feedback_linearisation import FeedbackLinearisation
 from mathnavi.controllers.missile.tvlqr import TimeVaryingLQR, gains
+from mathnavi.interfaces.signals import OPTIMISED, Array, Estimate, Plan
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL, Body
 from mathnavi.models.missile.mission import MissileMission, Target
-from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Plan
 from tests.controllers.missile.flights import deviation, first_plan, mission
 
 AUTOPILOTS: dict[str, Callable[[MissileMission], Autopilot]] = {

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Estimate, PlanRequest
 from mathnavi.models.missile.input_history import InputHistory
 from mathnavi.models.missile.mission import MissileMission
-from mathnavi.sim.interfaces.signals import Estimate, PlanRequest
 from tests.controllers.missile.flights import built, mission
 from tests.controllers.missile.test_closed_loop import ROUGH, summary
 

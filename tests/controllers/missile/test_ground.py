@@ -9,10 +9,10 @@ import pytest
 
 from mathnavi.controllers.missile.optimiser import MissileTrajectory, flown, lowest_height
 from mathnavi.controllers.missile.problem import ALLOWANCE
+from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL
 from mathnavi.models.missile.mission import MissileMission, Target
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from tests.controllers.missile.flights import built, first_plan, miss, mission
 
 

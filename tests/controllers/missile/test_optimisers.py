@@ -16,10 +16,10 @@ from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL
 from mathnavi.models.missile.dynamics import NOMINAL
 from mathnavi.models.missile.mission import CASES
-from mathnavi.sim.interfaces.signals import Array
 from tests.controllers.missile.flights import INPUT_MAX
 
 DOWN = -0.5 * math.pi

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from mathnavi.controllers.missile.optimiser import flown
 from mathnavi.controllers.missile.planes import inputs_between, joined, split
 from mathnavi.controllers.missile.shooting import Solved
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL
 from mathnavi.models.missile.dynamics import Body
-from mathnavi.sim.interfaces.signals import Array
 
 BODY = Body(axial_inertia=30.0)  # thick enough for the products of inertia to matter
 

@@ -13,12 +13,12 @@ from mathnavi.controllers.missile.optimiser import MissileTrajectory, flown
 from mathnavi.controllers.missile.planner import MissilePlanner
 from mathnavi.controllers.missile.problem import TerminalCondition
 from mathnavi.controllers.missile.shooting import Failed
+from mathnavi.interfaces.protocols import Planner
+from mathnavi.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL
 from mathnavi.models.missile.mission import MissileMission, Target
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.loop import simulate
-from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status
 from tests.controllers.missile.flights import built, deviation, miss, mission
 
 PERIOD = 0.1

@@ -10,8 +10,8 @@ import pytest
 
 from mathnavi.controllers.missile.plugin import MissileConfig, MissileController
 from mathnavi.controllers.ocp.solver import transcription
+from mathnavi.interfaces.signals import Estimate, PlanRequest
 from mathnavi.models.missile.coordinates import SPATIAL
-from mathnavi.sim.interfaces.signals import Estimate, PlanRequest
 from tests.controllers.missile.flights import built, first_plan, mission
 
 

@@ -24,7 +24,7 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
-from mathnavi.sim.interfaces.errors import ProblemError
+from mathnavi.interfaces.errors import ProblemError
 
 
 def stated() -> tuple[OptimalControlProblem, ca.SX, ca.SX]:

@@ -11,7 +11,7 @@ import casadi as ca
 import pytest
 
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
-from mathnavi.sim.interfaces.errors import ProblemError
+from mathnavi.interfaces.errors import ProblemError
 
 Constrain = Callable[[OptimalControlProblem, ca.SX, ca.SX, ca.SX], Any]
 

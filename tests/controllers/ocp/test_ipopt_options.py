@@ -10,7 +10,7 @@ import pytest
 from mathnavi.controllers.ocp.backend import Options
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.errors import FieldError
 
 
 def solved(method: str = "direct", **options: Any) -> Solution:

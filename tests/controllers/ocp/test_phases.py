@@ -14,7 +14,7 @@ import pytest
 from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.solution import SolverOutcome
-from mathnavi.sim.interfaces.errors import ProblemError
+from mathnavi.interfaces.errors import ProblemError
 
 Begin = Callable[[OptimalControlProblem], Any]
 

@@ -14,8 +14,8 @@ from mathnavi.controllers.ocp.methods.hp import hp
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
-from mathnavi.sim.interfaces.errors import ProblemError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array
 
 
 def transfer(vector: bool) -> OptimalControlProblem:

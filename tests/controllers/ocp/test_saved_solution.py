@@ -21,8 +21,8 @@ from mathnavi.controllers.ocp.saved_solution import SCHEMES, load_solution
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
 from mathnavi.controllers.ocp.transcriptions.variable_radau import VariableRadauIIA
-from mathnavi.sim.interfaces.errors import SolutionFileError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import SolutionFileError
+from mathnavi.interfaces.signals import Array
 
 
 def _problem() -> OptimalControlProblem:

@@ -22,7 +22,7 @@ from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleSh
 from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
 from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 
 def constrained() -> ProblemFunctions:

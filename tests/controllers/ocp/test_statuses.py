@@ -16,7 +16,7 @@ from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.goddard import goddard
 from mathnavi.controllers.ocp.replay import GIVEN_NODES, judged
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
-from mathnavi.sim.interfaces.errors import ProblemError
+from mathnavi.interfaces.errors import ProblemError
 
 
 def integrator(lower: float = -1.0, upper: float = 1.0) -> tuple[OptimalControlProblem, ca.SX, ca.SX]:

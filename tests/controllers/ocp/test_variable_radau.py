@@ -19,7 +19,7 @@ from mathnavi.controllers.ocp.residual import local_errors
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.variable_radau import VariableRadauIIA
-from mathnavi.sim.interfaces.errors import FieldError, ProblemError
+from mathnavi.interfaces.errors import FieldError, ProblemError
 
 COUNTS = (3, 5, 4, 6)
 

@@ -17,11 +17,11 @@ from mathnavi.controllers.peers.barrier_kernels import BarrierShape, barrier, fi
 from mathnavi.controllers.peers.commitment import least_effort, refusal
 from mathnavi.controllers.peers.faster import Faster, FasterConfig
 from mathnavi.controllers.peers.gatekeeper import Gatekeeper, GatekeeperConfig
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.protocols import Planner
+from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.models.aerial.dynamics import flow, state_at
 from mathnavi.models.aerial.plan_status import FlightPhase
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from tests import flight
 
 MISSION = flight.mission()

@@ -10,13 +10,13 @@ import pytest
 from mathnavi.controllers.flight.completion import ArcList
 from mathnavi.controllers.quadrotor.bound import AxisLoop, tracking_bound
 from mathnavi.controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
+from mathnavi.interfaces.signals import OPTIMISED, Array
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.quadrotor.dynamics import NOMINAL, Quadrotor, at_rest
 from mathnavi.models.quadrotor.entity import RotorDrive
 from mathnavi.sim.engine.faults import ConstantWrench, Gusts
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.signals import OPTIMISED, Array
 from tests.quadrotor import PERIOD, TICKS, built, estimate_of, flight_mission, flown, hovering, plain, turning
 
 CONFIG = TrackerConfig()

@@ -14,6 +14,7 @@ from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.planner import StopAndHover
 from mathnavi.controllers.quadrotor.plugin import QuadrotorConfig, QuadrotorFlight
 from mathnavi.estimators.quadrotor_state import QuadrotorState
+from mathnavi.interfaces.protocols import Plant
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import DeclaredGusts
 from mathnavi.models.quadrotor.dynamics import NOMINAL, POSITION, VELOCITY, Quadrotor
@@ -22,7 +23,6 @@ from mathnavi.models.quadrotor.mission import QuadrotorMission
 from mathnavi.sim.engine.faults import Disturbed, Gusts
 from mathnavi.sim.engine.loop import Agent, simulate
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.protocols import Plant
 from tests.quadrotor import built, flight_mission, hills
 
 

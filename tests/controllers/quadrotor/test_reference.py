@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 
 from mathnavi.controllers.quadrotor.kernels import target_at
 from mathnavi.controllers.quadrotor.reference import ReferenceFilter, deviation
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.kernels import arc_at
-from mathnavi.sim.interfaces.signals import Array, Plan
 from tests.quadrotor import HIGH, plan_of, turning
 
 OMEGA = 9.0

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mathnavi.controllers.quadrotor.similarity import Similarity, SimilarPlanner
+from mathnavi.interfaces.signals import Estimate, Message, Plan, PlanRequest, Status
 from mathnavi.models.aerial.dynamics import flow
 from mathnavi.models.terrain.visibility import Radar
-from mathnavi.sim.interfaces.signals import Estimate, Message, Plan, PlanRequest, Status
 from tests.flight import assert_well_formed
 from tests.quadrotor import flight_mission, hills, turning
 

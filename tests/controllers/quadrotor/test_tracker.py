@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 from mathnavi.controllers.quadrotor.kernels import attitude_error, attitude_of, rates_of
 from mathnavi.controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
+from mathnavi.interfaces.protocols import Tracker
+from mathnavi.interfaces.signals import Array, Estimate
 from mathnavi.models.quadrotor.dynamics import ATTITUDE, NOMINAL, RATE, VELOCITY, Quadrotor, at_rest
 from mathnavi.models.quadrotor.entity import tilt
 from mathnavi.models.quaternion import rotation
 from mathnavi.sim.engine.faults import ConstantWrench
-from mathnavi.sim.interfaces.protocols import Tracker
-from mathnavi.sim.interfaces.signals import Array, Estimate
 from tests.quadrotor import ANY_BOUND, HIGH, PERIOD, estimate_of, flown, hovering, plan_of, turning
 
 unit = st.tuples(*[st.floats(-1.0, 1.0)] * 4).map(np.array).filter(lambda q: np.linalg.norm(q) > 0.1)

@@ -8,11 +8,11 @@ import pytest
 
 from mathnavi.estimators.invariant.attitude import AttitudeIekf
 from mathnavi.estimators.velocity.extended import LagrangianEkf
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import sphere
 from mathnavi.models.manifold.systems import PointSystem, linear
 from mathnavi.models.mechanism.system import MechanismSystem
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.velocity.runs import mission_of, moving, recorded, replayed, velocity_error
 
 BALL = """<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="ball" type="ball"/>

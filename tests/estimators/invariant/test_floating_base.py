@@ -10,13 +10,13 @@ import pytest
 
 from mathnavi.estimators.invariant.floating_base import FloatingBaseIekf, FloatingBaseIekfConfig
 from mathnavi.estimators.invariant.strapdown import PLACE, SPEED
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.signals import Array, Estimate, Status
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.systems import RigidBody
 from mathnavi.models.mechanism.floating_base import FloatingBase
 from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.signals import Array, Estimate, Status
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.sweep.trial import trial
 

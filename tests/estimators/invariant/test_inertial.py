@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from mathnavi.estimators.invariant.inertial import InertialIekf, InertialIekfConfig
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3
 from mathnavi.estimators.invariant.strapdown import propagation
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.quadrotor.dynamics import NOMINAL, STATE_SIZE, VELOCITY
 from mathnavi.models.quadrotor.mission import InertialQuality, InertialSensor, QuadrotorMission
 from mathnavi.models.quaternion import rotation
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 from tests.quadrotor import HIGH, built, flight_mission, plain
 
 G = NOMINAL.gravity

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from mathnavi.estimators.invariant.lie_groups import SE2, SE23, SO3, quaternion
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.quaternion import rotation
-from mathnavi.sim.interfaces.signals import Array
 
 GROUPS = (SO3, SE2, SE23)
 groups = pytest.mark.parametrize("group", GROUPS, ids=lambda group: group.__name__)

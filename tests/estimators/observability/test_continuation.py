@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mathnavi.estimators.observability.continuation import End, Equations, trace_curve
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 
 def sphere_and_plane(radius: float, height: float) -> Equations:

@@ -13,8 +13,8 @@ from scipy.spatial import cKDTree
 from mathnavi.estimators.observability.continuation import End, TracedCurve
 from mathnavi.estimators.observability.feasible_set import FeasibleSet, feasible_set
 from mathnavi.estimators.observability.range_outputs import RangeOutputs
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
-from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.observability.fields import (
     BEAN,
     CIRCLE,

@@ -13,8 +13,8 @@ from mathnavi.estimators.observability.continuation import trace_curve
 from mathnavi.estimators.observability.feasible_set import FeasibleSet, feasible_set
 from mathnavi.estimators.observability.output_flow import equal_rates, intersection, mismatch
 from mathnavi.estimators.observability.range_outputs import RangeOutputs, motion_under, pose_difference
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
-from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.observability.fields import CIRCLE, EGG, ELLIPSE, THESIS, THESIS_START, sensors
 
 TURNING = (0.5, 0.5)

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.observability.region import ConvergenceCriterion, converges, exact_run, region_of_convergence
+from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 from tests.estimators.observability.fields import ELLIPSE
 from tests.ranging import driven, eight
 

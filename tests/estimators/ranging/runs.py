@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges
+from mathnavi.interfaces.protocols import Estimator
+from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
-from mathnavi.sim.interfaces.protocols import Estimator
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 from tests.estimators.ranging.walls import FIELD, SENSORS
 from tests.ranging import Step, driven, eight
 

@@ -9,7 +9,7 @@ import pytest
 
 from mathnavi.estimators.ranging.extended import RangeEkf
 from mathnavi.estimators.ranging.pose_filter import PoseFilterConfig
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.metrics.consistency import consistency
 from tests.estimators.ranging.runs import START, Run, estimates_of, misplaced, mission, nees, reference, steps_of
 

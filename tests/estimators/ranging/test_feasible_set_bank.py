@@ -14,10 +14,10 @@ from mathnavi.estimators.ranging.bank_kernels import Hypotheses, Scoring, condit
 from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank, FeasibleSetBankConfig
 from mathnavi.estimators.ranging.kalman_kernels import RaySensors, no_innovations
 from mathnavi.estimators.ranging.noise_kernels import WINDOW, declared_noise
+from mathnavi.interfaces.signals import Array, Estimate, Status
 from mathnavi.models.field.curve import BEAN, Curve
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
-from mathnavi.sim.interfaces.signals import Array, Estimate, Status
 from tests.estimators.ranging.runs import with_ranges
 from tests.estimators.ranging.walls import FIELD, SENSORS
 from tests.ranging import Step, driven

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 
 from mathnavi.estimators.ranging.feedforward_kernels import LEAST_DENOMINATOR, rho_dot_rate, s_rate, stay
 from mathnavi.estimators.ranging.observer import FEED_FORWARDS, FeedForward
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.kernels import integrate
-from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.walls import (
     FIELD,
     angles,

@@ -13,11 +13,11 @@ from mathnavi.estimators.ranging.extended import RangeEkf
 from mathnavi.estimators.ranging.invariant import RangeIekf
 from mathnavi.estimators.ranging.particle import RangeParticle
 from mathnavi.estimators.ranging.unscented import RangeUkf
+from mathnavi.interfaces.protocols import Estimator
+from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.field.curve import BEAN
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
-from mathnavi.sim.interfaces.protocols import Estimator
-from mathnavi.sim.interfaces.signals import Array, Measurement, Status
 from tests.estimators.ranging.runs import (
     START,
     Run,

@@ -12,10 +12,10 @@ import pytest
 from mathnavi.estimators.invariant.lie_groups import SE2
 from mathnavi.estimators.ranging.extended import RangeEkf
 from mathnavi.estimators.ranging.invariant import RangeIekf
+from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.field.curve import ellipse
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
-from mathnavi.sim.interfaces.signals import Array, Measurement
 
 WIDE = ellipse(60.0, 50.0)
 U = np.array([1.0, 0.4])

@@ -18,9 +18,9 @@ from mathnavi.estimators.ranging.kalman_kernels import (
     predict,
     step_within,
 )
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.kernels import integrate
-from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.walls import FIELD, angles, clear_pose, seeds, walls
 
 OPEN = 1e300  # a gate that refuses nothing

@@ -14,10 +14,10 @@ from mathnavi.estimators.ranging.model import (
     RangeModel,
     chi_square_gate,
 )
+from mathnavi.interfaces.signals import Measurement
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
-from mathnavi.sim.interfaces.signals import Measurement
 from tests.estimators.ranging.walls import FIELD, WALLS
 
 LIMIT = chi_square_gate(1e-4)

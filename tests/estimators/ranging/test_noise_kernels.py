@@ -17,8 +17,8 @@ from mathnavi.estimators.ranging.noise_kernels import (
     noise_of,
     remember,
 )
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 
 LONGEST, DEVIATION = 8.0, 0.1  # [m]
 

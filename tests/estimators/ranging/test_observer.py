@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.ranging.observer import FEED_FORWARDS, FeedForward, RangeObserver, RangeObserverConfig
+from mathnavi.interfaces.signals import Estimate, Measurement, Status
 from mathnavi.models.field.curve import BEAN
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
-from mathnavi.sim.interfaces.signals import Estimate, Measurement, Status
 from tests.estimators.ranging.walls import FIELD, SENSORS
 from tests.ranging import Step, driven, still
 

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 
 from mathnavi.estimators.ranging.observer_kernels import corrected, descent
 from mathnavi.estimators.ranging.symbolic_output_flow import output_flow
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
-from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.walls import (
     FIELD,
     angles,

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.ranging.particle import RangeParticle, RangeParticleConfig
+from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import OdometryQuality
-from mathnavi.sim.interfaces.signals import Array, Measurement, Status
 from tests.estimators.ranging.runs import START, Run, errors, estimates_of, mission, steps_of
 
 

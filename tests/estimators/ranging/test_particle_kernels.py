@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from mathnavi.estimators.ranging.kalman_kernels import RaySensors
 from mathnavi.estimators.ranging.particle_clusters import Cells, clusters_of, fold, kld_bound
 from mathnavi.estimators.ranging.particle_kernels import propagate, resample, resampled, weigh
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.kernels import integrate
-from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.walls import FIELD, angles, seeds, walls
 
 CELLS = Cells(0.1, 63)

@@ -11,10 +11,10 @@ import pytest
 from mathnavi.estimators.ranging.certified import RangeCertified, RangeCertifiedConfig
 from mathnavi.estimators.ranging.pose_certificate import PoseCertificate, PoseCertificateConfig
 from mathnavi.estimators.ranging.pose_certificate_kernels import distance_grid, explains
+from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.field.curve import BEAN, EGG, Curve, ellipse
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
-from mathnavi.sim.interfaces.signals import Array, Measurement
 
 FOUR, TWO = (0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi), (0.0, 0.5 * math.pi)
 U, DT = np.array([0.5, 0.5]), 0.05

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from mathnavi.estimators.ranging.range_rate import FitWindow, check_window, savitzky_golay, spread
 from mathnavi.estimators.ranging.range_rate_kernels import centre_fit, innovated, measured
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.kernels import integrate
-from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.walls import FIELD, WALLS
 
 DT = 0.01  # [s]

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mathnavi.estimators.ranging.readings import TOO_FAST, TOO_LONG, measured_input, usable_ranges
-from mathnavi.sim.interfaces.signals import Array, Measurement
+from mathnavi.interfaces.signals import Array, Measurement
 
 LONGEST = 7.5
 LIMITS, COMMAND = np.array([1.0, 2.0]), np.array([0.3, -0.2])

@@ -11,10 +11,10 @@ import pytest
 
 from mathnavi.estimators.ranging.bank_kernels import LEAST_SLIP, MOST_SLIP, no_hypotheses
 from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank, FeasibleSetBankConfig
+from mathnavi.interfaces.signals import Estimate, Status
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
-from mathnavi.sim.interfaces.signals import Estimate, Status
 from tests.estimators.ranging.runs import with_odometry, with_ranges
 from tests.estimators.ranging.walls import FIELD, SENSORS
 from tests.ranging import Step, driven

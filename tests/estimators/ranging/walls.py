@@ -7,9 +7,9 @@ import math
 import numpy as np
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import BEAN, EGG, Curve, ellipse
 from mathnavi.models.unicycle.kernels import integrate
-from mathnavi.sim.interfaces.signals import Array
 
 FIELD = ellipse(3.763, math.sqrt(2.0))
 WALLS = (FIELD, EGG, BEAN)

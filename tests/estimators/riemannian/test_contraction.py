@@ -12,11 +12,11 @@ from scipy.linalg import eigh
 from mathnavi.estimators.riemannian.continuous import rates
 from mathnavi.estimators.riemannian.contraction import SasakiMetric, largest_eigenvalue, lie_derivative, linearised
 from mathnavi.estimators.riemannian.gains import CurvatureName, IntrinsicGains
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, sphere
 from mathnavi.models.manifold.tangent_bundle import TangentBundle
 from mathnavi.models.manifold.tangent_bundle import lie_derivative as lie_derivative_of
 from mathnavi.models.manifold.two_point import TwoPoint
-from mathnavi.sim.interfaces.signals import Array
 
 WEIGHTS, STEP = (3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0), 0.005
 

@@ -11,12 +11,12 @@ import pytest
 from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.estimators.riemannian.plugin import RiemannianObserver
 from mathnavi.estimators.riemannian.sampled import SampledIntrinsicObserver
+from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import POSITION
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.names import MechanismName
 from mathnavi.models.mechanism.system import MechanismSystem, heavier
-from mathnavi.sim.interfaces.signals import Array, Measurement
 
 PERIOD, OMEGA = 1e-3, 30.0
 

@@ -10,9 +10,9 @@ import pytest
 from mathnavi.estimators.riemannian.continuous import ContinuousObserver
 from mathnavi.estimators.riemannian.gains import CurvatureName, IntrinsicGains
 from mathnavi.estimators.riemannian.sampled import SampledIntrinsicObserver
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, flat_space, hyperbolic_space, sphere
 from mathnavi.models.manifold.systems import PointSystem, linear
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.lagrangian import errors_of
 
 SPACES = [sphere(3), hyperbolic_space(2), flat_space(2)]

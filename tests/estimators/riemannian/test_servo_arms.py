@@ -11,12 +11,12 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from mathnavi.estimators.riemannian.plugin import RiemannianObserver
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import POSITION, PositionQuality
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.models.mechanism.system import MechanismSystem
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 from tests.mechanisms import chain
 
 H, BEGIN = 1e-3, 600

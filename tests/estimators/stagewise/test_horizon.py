@@ -14,8 +14,8 @@ from mathnavi.estimators.stagewise.horizon import MovingHorizon
 from mathnavi.estimators.stagewise.horizon_programme import HorizonProgramme
 from mathnavi.estimators.stagewise.model import SmootherStage
 from mathnavi.estimators.stagewise.smoother import rauch_tung_striebel
+from mathnavi.interfaces.signals import Measurement, Status
 from mathnavi.models.nlp_solver import NlpReport, SolverOutcome
-from mathnavi.sim.interfaces.signals import Measurement, Status
 from tests.estimators.stagewise.test_smoother import FLIGHT, fixes, ranged
 
 

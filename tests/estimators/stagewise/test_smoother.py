@@ -11,11 +11,11 @@ from mathnavi.estimators.stagewise.flight import FlightModel
 from mathnavi.estimators.stagewise.model import SmootherStage, advanced, residuals
 from mathnavi.estimators.stagewise.ranging import RangingModel
 from mathnavi.estimators.stagewise.smoother import batch_least_squares, rauch_tung_striebel, square_root
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
-from mathnavi.sim.interfaces.signals import Array
 from tests.unicycle import STANDARD
 
 FLIGHT = FlightMission(

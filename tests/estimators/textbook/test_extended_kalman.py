@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.textbook.extended_kalman import TextbookEkf, TextbookEkfConfig
+from mathnavi.interfaces.signals import Measurement, Status
 from mathnavi.models.textbook.camera_and_flags import camera_and_flags
 from mathnavi.models.textbook.example_2_1 import EXAMPLE_2_1
 from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2
 from mathnavi.models.textbook.krener_isidori import KRENER_ISIDORI
-from mathnavi.sim.interfaces.signals import Measurement, Status
 from tests.textbook import mission, replayed, steps
 
 CONFIG = TextbookEkfConfig()

@@ -11,6 +11,8 @@ from scipy.linalg import expm
 from mathnavi.estimators.textbook.example_2_2 import Example22, Example22Config
 from mathnavi.estimators.textbook.kazantzis_kravaris import Form, KazantzisKravaris, KazantzisKravarisConfig
 from mathnavi.estimators.textbook.output_injection import OutputInjection, OutputInjectionConfig
+from mathnavi.interfaces.observer_properties import Rate
+from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.textbook.example_2_1 import EXAMPLE_2_1
 from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2, error_dynamics
 from mathnavi.models.textbook.kazantzis_kravaris import KAZANTZIS_KRAVARIS
@@ -18,8 +20,6 @@ from mathnavi.models.textbook.krener_isidori import KRENER_ISIDORI
 from mathnavi.models.textbook.maps import of_numbers
 from mathnavi.models.textbook.power_series import solved
 from mathnavi.models.textbook.system import System
-from mathnavi.sim.interfaces.observer_properties import Rate
-from mathnavi.sim.interfaces.signals import Array, Measurement, Status
 from tests.textbook import mission, replayed, steps
 
 OSCILLATION = list(steps(KRENER_ISIDORI, 4.0))

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.velocity.momentum import MomentumObserver, MomentumObserverConfig
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.manifold.constant_curvature import sphere
 from mathnavi.models.manifold.systems import PointSystem, linear
 from mathnavi.models.mechanism.entity import build_spec
 from mathnavi.models.mechanism.system import MechanismSystem, heavier
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.signals import Array, Status
 from tests.estimators.velocity.runs import mission_of, recorded, replayed
 
 START = np.array([0.4, -0.8, 0.3, -0.5])

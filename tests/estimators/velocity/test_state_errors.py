@@ -7,8 +7,8 @@ from mathnavi.estimators.velocity.error_state import Propagation
 from mathnavi.estimators.velocity.extended import linearised
 from mathnavi.estimators.velocity.state_errors import StateErrors
 from mathnavi.estimators.velocity.unscented import Unscented
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import sphere
-from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.velocity.runs import SYSTEMS, moving
 
 

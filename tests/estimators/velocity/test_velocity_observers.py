@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.velocity.filtered_differences import FilteredDifferences, FilteredDifferencesConfig
+from mathnavi.interfaces.signals import Estimate, Measurement, Status
 from mathnavi.models.manifold.manifold import Manifold
-from mathnavi.sim.interfaces.signals import Estimate, Measurement, Status
 from mathnavi.sim.metrics.tuning import RecordedCall
 from tests.estimators.velocity.runs import (
     FILTERS,

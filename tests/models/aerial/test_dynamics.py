@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.dynamics import TICK, continuous_dynamics, discrete_dynamics, flow, input_at, state_at
 from mathnavi.models.aerial.entity import build_model
 from mathnavi.models.aerial.kernels import offset_from
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import Array, Plan
 
 SIDE = 80_000.0  # [m]
 

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.entity import GRAVITY, airframe_pose, build_model
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import Array
 
 
 @pytest.fixture(scope="module")

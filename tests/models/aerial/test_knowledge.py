@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Message
 from mathnavi.models.aerial.knowledge import RADARS, TARGET, TERRAIN, Knowledge
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar
-from mathnavi.sim.interfaces.signals import Message
 from tests import flight
 
 RADAR = Radar(5000.0, 6000.0, 900.0, 2.0)

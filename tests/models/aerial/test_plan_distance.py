@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.signals import Plan, Status
 from mathnavi.models.aerial.plan_distance import PlannedTrajectory, _least_squared, clear, clear_of_each, least_distance
-from mathnavi.sim.interfaces.signals import Plan, Status
 from tests.controllers.arrival.flights import arcs, hover, sampled_distances, straight
 
 SEEDS = st.integers(0, 2**32 - 1)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.sensors import AccelerationSensor, FullStateSensor, PositionSensor
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array
 
 SENSORS: list[Sensor] = [FullStateSensor(3.0), PositionSensor(5.0), AccelerationSensor(0.5)]
 

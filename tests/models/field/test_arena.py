@@ -10,10 +10,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.arena import DRAWN_GROUP, SENSED_GROUP, SENSOR_HEIGHT
 from mathnavi.models.field.curve import BEAN, EGG, Curve, ellipse
 from mathnavi.models.unicycle.entity import RADIUS, build_model
-from mathnavi.sim.interfaces.signals import Array
 
 ANGLES = tuple(2.0 * math.pi * k / 7 for k in range(7))
 TURNED = Curve(((0.4, 0.0, -0.3, 0.0), (2.6, 0.7, -0.9, 1.2)), "turned ellipse")

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import BEAN, EGG, Coefficients, Curve, ellipse
 from mathnavi.models.field.kernels import curve_point, curve_second_derivative, curve_tangent, range_gradient
-from mathnavi.sim.interfaces.signals import Array
 
 STANDARD = ellipse(3.763, math.sqrt(2.0))
 CURVES = {"ellipse": STANDARD, "egg": EGG, "bean": BEAN}

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, flat_space, hyperbolic_space, sphere
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import ManifoldPositionSensor, PositionQuality
 from mathnavi.models.manifold.systems import PointSystem, RigidBody, chart, linear, printed
-from mathnavi.sim.interfaces.signals import Array
 
 SPACES = [sphere(3), hyperbolic_space(2), flat_space(2)]
 spaces = pytest.mark.parametrize("space", SPACES, ids=lambda space: space.name)

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, sphere
 from mathnavi.models.manifold.two_point import TwoPoint
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.studies.riemannian.contraction import table_d_1
 from mathnavi.sim.studies.riemannian.identities import residuals
 

@@ -8,13 +8,13 @@ import mujoco
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import PositionQuality
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.floating_base import BaseImu, FloatingBase, FootSwitches, JointEncoders
 from mathnavi.models.mechanism.system import MechanismSystem
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.signals import Array
 
 BODY = """<mujoco><option timestep=".001"/><worldbody><body name="hull"><freejoint/><geom size=".1" mass="2"/>
 {site}{more}</body></worldbody><sensor>{sensors}</sensor></mujoco>"""

@@ -10,12 +10,12 @@ import mujoco
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.manifold import is_beyond
 from mathnavi.models.mechanism import kernels
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.geometry import MechanismManifold
-from mathnavi.sim.interfaces.signals import Array
 from tests.mechanisms import chain, somewhere
 
 CHAINS = ("hh", "shh", "hhhhhhh", "b", "hb", "bsb", "fhb")

@@ -9,11 +9,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.systems import RigidBody
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.names import MechanismName
 from mathnavi.models.mechanism.system import MechanismSystem, heavier
-from mathnavi.sim.interfaces.signals import Array
 from tests.mechanisms import chain, somewhere
 
 OWN: tuple[MechanismName, ...] = ("rigid-body", "cart-pendulum", "two-link", "seven-joint")

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.signals import Plan
 from mathnavi.models.missile.coordinates import COORDINATES, PLANAR, SPATIAL, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL
-from mathnavi.sim.interfaces.signals import Plan
 from tests.models.missile.test_dynamics import drawn
 
 both = pytest.mark.parametrize("coordinates", COORDINATES.values(), ids=COORDINATES)

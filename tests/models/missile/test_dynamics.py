@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.coordinates import COORDINATES, PLANAR, SPATIAL, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL, Body, pitch_dynamics
 from mathnavi.models.missile.entity import build_model
-from mathnavi.sim.interfaces.signals import Array
 
 HEAVY = Body(mass=250.0, inertia=300.0, axial_inertia=4.0, gravity=9.81)
 SIZES = {"m/s": 80.0, "rad/s": 1.5, "rad": 1.2, "m": 300.0}

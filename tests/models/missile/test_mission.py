@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from mathnavi.controllers.ocp.problems.missile import missile
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.coordinates import COORDINATES, PLANAR, SPATIAL, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL, Body
 from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, Target, running_cost
 from mathnavi.models.missile.sensors import MissileStateSensor, StateNoise
 from mathnavi.models.missile.target import TargetMotion
-from mathnavi.sim.interfaces.signals import Array
 from tests.models.missile.test_dynamics import drawn
 
 MISSION = MissileMission((120.0, 0.0, 0.0, 0.0, 0.0, -10.0), Target((700.0, 0.0, 0.0)), CASES["SM"])
@@ -22,7 +22,7 @@ MISSION = MissileMission((120.0, 0.0, 0.0, 0.0, 0.0, -10.0), Target((700.0, 0.0,
 
 @dataclass
 class Moving:
-    """A ``mathnavi.sim.interfaces.protocols.StateView``."""
+    """A ``mathnavi.interfaces.protocols.StateView``."""
 
     x: Array
     acceleration: Array

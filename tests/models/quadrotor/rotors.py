@@ -5,8 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.quadrotor.dynamics import ROTORS
-from mathnavi.sim.interfaces.signals import Array
 
 
 def rotor_thrusts(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> Array:

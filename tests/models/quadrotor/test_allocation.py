@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.quadrotor.allocation import allocated
 from mathnavi.models.quadrotor.dynamics import NOMINAL
-from mathnavi.sim.interfaces.signals import Array
 
 A, INVERSE, MOST = NOMINAL.allocation, np.linalg.inv(NOMINAL.allocation), NOMINAL.thrust_max
 

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.quadrotor.dynamics import (
     ATTITUDE,
     NOMINAL,
@@ -20,7 +21,6 @@ from mathnavi.models.quadrotor.dynamics import (
     flow,
     rigid_dynamics,
 )  # fmt: skip
-from mathnavi.sim.interfaces.signals import Array
 from tests.models.quadrotor.rotors import rotor_thrusts
 from tests.quadrotor import HIGH, built, plain
 

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.kernels import arc_clearance, height_at
-from mathnavi.sim.interfaces.compiled import njit
-from mathnavi.sim.interfaces.signals import Array
 
 SPACING = 100.0
 ROWS, COLUMNS = 7, 9

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2
 from mathnavi.models.textbook.kazantzis_kravaris import KAZANTZIS_KRAVARIS
 from mathnavi.models.textbook.krener_isidori import KRENER_ISIDORI
 from mathnavi.models.textbook.maps import inverse, of_numbers
 from mathnavi.models.textbook.power_series import PowerSeries, solved
 from mathnavi.models.textbook.system import System
-from mathnavi.sim.interfaces.signals import Array
 
 FORM = KRENER_ISIDORI.form
 POLES = (-2.0, -3.0)

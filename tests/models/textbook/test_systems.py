@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.textbook.camera_and_flags import DISTANCE, camera_and_flags
 from mathnavi.models.textbook.example_2_1 import EXAMPLE_2_1
 from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2, error_dynamics, observer
 from mathnavi.models.textbook.library import SYSTEMS
 from mathnavi.models.textbook.system import System
-from mathnavi.sim.interfaces.signals import Array
 
 EVERY = [*SYSTEMS.values(), camera_and_flags(distance_known=False)]
 NUMBER = st.floats(-2.0, 2.0)

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.drives import RIM_ACCELERATION, TRACK, WHEEL_RADIUS, inputs_of, wheel_rates
 from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.patterns import figure_eight
 from mathnavi.sim.engine.plant import MujocoPlant
-from mathnavi.sim.interfaces.signals import Array
 from tests.unicycle import plant_of
 
 

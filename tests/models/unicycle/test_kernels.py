@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, sinc, sinc_derivative, wrapped
 from mathnavi.models.unicycle.patterns import circle, figure_eight
-from mathnavi.sim.interfaces.signals import Array
 
 poses = st.tuples(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0), st.floats(-7.0, 7.0)).map(np.array)
 speeds, rates = st.floats(-2.0, 2.0), st.one_of(st.floats(-5.0, 5.0), st.floats(-1e-3, 1e-3), st.just(0.0))

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import BEAN, ellipse
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart
-from mathnavi.sim.interfaces.signals import Array
 from tests.unicycle import STANDARD
 
 SENSORS = (-0.5 * math.pi, -0.25 * math.pi)

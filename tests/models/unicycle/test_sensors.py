@@ -8,11 +8,11 @@ import math
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.protocols import StateView
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
 from mathnavi.models.unicycle.sensors import RangeSensor, WheelOdometry
-from mathnavi.sim.interfaces.protocols import StateView
-from mathnavi.sim.interfaces.signals import Array
 from tests.unicycle import STANDARD, Imagined
 
 SENSORS = (-0.5 * math.pi, -0.25 * math.pi, 0.3)

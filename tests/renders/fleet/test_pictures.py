@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import rgb_to_hsv
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import Frame
 from mathnavi.renders.fleet.drawing import drawing
@@ -18,7 +19,6 @@ from mathnavi.renders.fleet.overlay import overlay
 from mathnavi.renders.fleet.report import report
 from mathnavi.renders.fleet.run_data import FleetRun
 from mathnavi.renders.palette import VEHICLES, vehicle_colour
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.run_folder import described
 from tests.renders.drawn import differing, drawn, needs_opengl, video_pictures
 from tests.renders.reading import Page, check_stands_alone, checked_report

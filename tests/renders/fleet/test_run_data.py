@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.film import Frame
 from mathnavi.renders.fleet.drawing import drawing
 from mathnavi.renders.fleet.overlay import overlay
 from mathnavi.renders.fleet.run_data import FleetRun, load_run
 from mathnavi.renders.fleet.shot_list import CAMERAS, annotations_of, highlight, shot_list
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.run_folder import read_log
 
 

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Event
 from mathnavi.renders import figures, report
 from mathnavi.renders.child import DrawingFailedError
 from mathnavi.renders.flight.run_data import FlightRun
 from mathnavi.renders.page import inline_svg, quantity
 from mathnavi.renders.report import write_report
-from mathnavi.sim.interfaces.signals import Event
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.run_folder import described
 from tests.renders.reading import Page, check_identifiers, check_stands_alone, checked_report

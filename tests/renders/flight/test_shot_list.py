@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Event
 from mathnavi.renders.flight.drawing import drawing
 from mathnavi.renders.flight.run_data import FlightRun
 from mathnavi.renders.flight.shot_list import annotations_of, shot_list
-from mathnavi.sim.interfaces.signals import Event
 
 
 def with_log(run: FlightRun, **changes: Any) -> FlightRun:

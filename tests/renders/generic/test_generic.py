@@ -11,6 +11,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.errors import RunFolderError
+from mathnavi.interfaces.signals import Array, Estimate, Event, Plan
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.generic.run_data import GenericRun, load_run
 from mathnavi.renders.generic.shot_list import BOARD, SCENE_CAMERAS
@@ -19,8 +21,6 @@ from mathnavi.renders.video import write_still
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.engine.scene_record import scene_arrays
-from mathnavi.sim.interfaces.errors import RunFolderError
-from mathnavi.sim.interfaces.signals import Array, Estimate, Event, Plan
 from mathnavi.sim.records.run_folder import SCENE, read_scene, write_run
 from tests.renders.drawn import needs_opengl
 from tests.renders.reading import checked_report

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.attitude import Attitude, product
 from mathnavi.models.manifold.constant_curvature import hyperbolic_space, sphere
 from mathnavi.renders.lagrangian.charts import Disc, Globe, nose
-from mathnavi.sim.interfaces.signals import Array
 
 PLANE = hyperbolic_space(2)
 seeds = st.integers(0, 2**31)

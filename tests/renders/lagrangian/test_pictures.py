@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders.film import Frame
 from mathnavi.renders.lagrangian.drawing import drawing
 from mathnavi.renders.lagrangian.overlay import overlay
@@ -16,7 +17,6 @@ from mathnavi.renders.lagrangian.panel import VelocityPanel
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.video import write_still
-from mathnavi.sim.interfaces.signals import Array
 from tests.renders.drawn import differing, drawn, needs_opengl, video_pictures
 
 POINTS = ("sphere", "hyperbolic-plane")

@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import pytest
 
+from mathnavi.interfaces.signals import Event
 from mathnavi.renders.missile.drawing import drawing
 from mathnavi.renders.missile.run_data import MissileRun
 from mathnavi.renders.missile.shot_list import CAMERAS, annotations_of, closing, shot_list, verdict
-from mathnavi.sim.interfaces.signals import Event
 
 
 @pytest.mark.parametrize("direction", ["tour", *CAMERAS])

@@ -12,9 +12,9 @@ from typing import Literal
 
 import numpy as np
 
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.ranging_fields import RangingNoise

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Status
 from mathnavi.models.field.curve import BEAN
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.ranging.drawing import drawing
 from mathnavi.renders.ranging.run_data import RangingRun, load_run
-from mathnavi.sim.interfaces.signals import Status
 from tests.renders.ranging.believers import CALM, ELSEWHERE, FIRST_ERROR, LOSS, LOWEST, SILENT, START
 
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Event
 from mathnavi.renders.ranging.drawing import drawing
 from mathnavi.renders.ranging.run_data import RangingRun
 from mathnavi.renders.ranging.shot_list import (
@@ -21,7 +22,6 @@ from mathnavi.renders.ranging.shot_list import (
     shot_list,
     verdict,
 )
-from mathnavi.sim.interfaces.signals import Event
 from tests.renders.ranging.believers import LOSS, LOWEST, SILENT
 
 

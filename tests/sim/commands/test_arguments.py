@@ -10,9 +10,9 @@ from typing import Annotated, Any, Literal
 import pytest
 import tyro
 
+from mathnavi.interfaces.number_lists import NumberList
 from mathnavi.sim.commands.arguments import FlagGroup, HelpPrinted, flags, parse
 from mathnavi.sim.commands.errors import BadInputError
-from mathnavi.sim.interfaces.number_lists import NumberList
 
 
 class Colour(Enum):

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.protocols import Sensor, StateView
+from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.textbook.mission import TextbookMission
 from mathnavi.sim.commands.cli import main
-from mathnavi.sim.interfaces.protocols import Sensor, StateView
-from mathnavi.sim.interfaces.signals import Array, Measurement
 from mathnavi.sim.records.figure_names import is_wall_clock
 from mathnavi.sim.scenarios.missile_fields import MissileGuidanceConfig
 from mathnavi.sim.scenarios.missile_guidance import MissileGuidance

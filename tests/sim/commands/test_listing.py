@@ -28,7 +28,7 @@ def shown(kind: str, *points: EntryPoint, full: bool = False, verbose: bool = Fa
     [
         ("no_such_package.planner:Planner", "No module named 'no_such_package'"),
         ("mathnavi.sim.no_such_module:Planner", "No module named 'mathnavi.sim.no_such_module'"),
-        ("mathnavi.sim.interfaces.checks:Planner", "has no attribute 'Planner'"),
+        ("mathnavi.interfaces.checks:Planner", "has no attribute 'Planner'"),
     ],
 )
 def test_a_broken_plugin_is_reported_and_hides_no_other(place: str, expected: str, full: bool) -> None:

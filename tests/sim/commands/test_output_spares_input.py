@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.errors import FieldError
 from mathnavi.models.terrain.dem import write_npz
 from mathnavi.models.terrain.dem_import import import_dem
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.commands.cli import main
-from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.records.store import Record, Store
 
 Refused = Callable[..., str]

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.checks import plain_name
+from mathnavi.interfaces.errors import FieldError, TerrainError
 from mathnavi.models.terrain.dem import read_npz
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.drawing import Drawing
 from mathnavi.sim.commands.cli import main
-from mathnavi.sim.interfaces.checks import plain_name
-from mathnavi.sim.interfaces.errors import FieldError, TerrainError
 from mathnavi.sim.records.files import inside
 from mathnavi.sim.records.run_folder import RUN_FILES
 

@@ -8,9 +8,9 @@ import io
 import numpy as np
 from rich.console import Console
 
+from mathnavi.interfaces.signals import Event
 from mathnavi.sim.commands.summary import summary_table, verdict
 from mathnavi.sim.engine.log import AgentRecorder, Recording
-from mathnavi.sim.interfaces.signals import Event
 from mathnavi.sim.metrics.planning import NEVER_ANSWERED
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL
 from mathnavi.sim.scenarios.closed_loop import RunResult

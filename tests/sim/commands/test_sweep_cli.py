@@ -23,11 +23,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.bounds import LARGEST_SEED
+from mathnavi.interfaces.input_files import content_digest
 from mathnavi.models.terrain.dem import write_npz
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.commands.cli import main
-from mathnavi.sim.interfaces.bounds import LARGEST_SEED
-from mathnavi.sim.interfaces.input_files import content_digest
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.sweep import cluster
 
@@ -577,7 +577,7 @@ def test_a_table_for_which_there_is_no_room_is_refused(
     def fail(*_: object, **__: object) -> None:
         raise OSError(code, os.strerror(code), "/somewhere/.table.csv.x1y2")
 
-    monkeypatch.setattr("mathnavi.sim.interfaces.writing.os.replace", fail)
+    monkeypatch.setattr("mathnavi.interfaces.writing.os.replace", fail)
     line = refused("store", "export", str(path), "--out", "table.csv")
     assert line.startswith(f"mathnavi: --out = table.csv: {os.strerror(code)}; allowed: ")
     assert "x1y2" not in line

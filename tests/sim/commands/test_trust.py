@@ -16,10 +16,10 @@ from typing import Any
 import pytest
 
 import mathnavi as mn
+from mathnavi.interfaces.errors import RunFolderError, UntrustedError
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.report import again
 from mathnavi.sim.commands.cli import main
-from mathnavi.sim.interfaces.errors import RunFolderError, UntrustedError
 from mathnavi.sim.plugin.trust import trusting
 from tests.renders.drawn import needs_opengl
 

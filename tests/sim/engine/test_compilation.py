@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
+from mathnavi.interfaces import compiled
 from mathnavi.sim.engine import compilation
-from mathnavi.sim.interfaces import compiled
 
 
 class Process:

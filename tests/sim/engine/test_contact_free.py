@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.entity import build_model
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.engine.contact_free import ContactFree
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.signals import Array
 
 TICKS, DURATION = 5, 5.0 / 300.0  # of a step
 

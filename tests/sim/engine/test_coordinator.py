@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.protocols import Coordinator
+from mathnavi.interfaces.signals import Event, Message, Outbox, Plan
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.loop import simulate
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork
-from mathnavi.sim.interfaces.protocols import Coordinator
-from mathnavi.sim.interfaces.signals import Event, Message, Outbox, Plan
 from tests.sim.engine.test_loop import DT, PERIOD, Answers, Follows, Pair, ReadsState, there_and_stop
 
 

@@ -11,6 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.protocols import Planner, Plant
+from mathnavi.interfaces.signals import Array, Estimate, Event, Plan, PlanRequest, Status
 from mathnavi.sim.engine.faults import (
     ConstantWrench,
     CorruptedPlan,
@@ -20,8 +22,6 @@ from mathnavi.sim.engine.faults import (
     Gusts,
     PositionJumps,
 )
-from mathnavi.sim.interfaces.protocols import Planner, Plant
-from mathnavi.sim.interfaces.signals import Array, Estimate, Event, Plan, PlanRequest, Status
 from tests import flight
 
 START = flight.at_rest((0.0, 0.0, 100.0))

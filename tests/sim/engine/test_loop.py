@@ -13,13 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mathnavi.models.aerial.dynamics import state_at
-from mathnavi.models.aerial.plan_status import FlightStatus
-from mathnavi.sim.engine.agent_runner import Agent
-from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.engine.loop import Loop, simulate, whole_ticks
-from mathnavi.sim.interfaces.protocols import Plant, Sensor
-from mathnavi.sim.interfaces.signals import (
+from mathnavi.interfaces.protocols import Plant, Sensor
+from mathnavi.interfaces.signals import (
     OPTIMISED,
     Array,
     Estimate,
@@ -30,6 +25,11 @@ from mathnavi.sim.interfaces.signals import (
     PlanRequest,
     Status,
 )
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.plan_status import FlightStatus
+from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.loop import Loop, simulate, whole_ticks
 from tests import flight
 
 DT, PERIOD = 0.1, 0.5  # [s]

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.signals import Message
 from mathnavi.sim.engine.network import (
     DelayedLinks,
     IdealNetwork,
@@ -19,7 +20,6 @@ from mathnavi.sim.engine.network import (
     partitioned,
     within_range,
 )
-from mathnavi.sim.interfaces.signals import Message
 
 NAMES = ("a", "b", "c")
 

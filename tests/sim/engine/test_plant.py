@@ -9,6 +9,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.protocols import Plant, Sensor, StateView
+from mathnavi.interfaces.signals import Array, Event
 from mathnavi.models.aerial.dynamics import TICK, flow
 from mathnavi.models.aerial.entity import build_model
 from mathnavi.models.aerial.sensors import AccelerationSensor, FullStateSensor, PositionSensor
@@ -19,8 +21,6 @@ from mathnavi.models.missile.entity import build_model as build_missile
 from mathnavi.models.sensor_faults import Dropout
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.protocols import Plant, Sensor, StateView
-from mathnavi.sim.interfaces.signals import Array, Event
 
 HIGH = np.array([2000.0, 2000.0, 3000.0, 20.0, -10.0, 5.0])
 RADIUS = 0.5  # [m] of the vehicle's sphere

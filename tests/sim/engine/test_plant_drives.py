@@ -9,12 +9,12 @@ import mujoco
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.protocols import ActuatorModel, StateView
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.drives import IdealDrive
 from mathnavi.models.unicycle.entity import RADIUS, build_model, build_spec
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.protocols import ActuatorModel, StateView
-from mathnavi.sim.interfaces.signals import Array
 from tests.unicycle import STANDARD, plant_of
 
 ANGLES = (-0.5, 0.0, 2.0)

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.signals import Estimate, PlanRequest
 from mathnavi.models.textbook.sensors import OutputSensor
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
-from mathnavi.sim.interfaces.protocols import Plant
-from mathnavi.sim.interfaces.signals import Estimate, PlanRequest
 
 DT = 0.01
 ROWS = np.array([0, 3, 6, 9, 10])  # [ticks] the last step is shorter

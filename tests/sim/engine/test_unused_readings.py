@@ -11,8 +11,8 @@ import pytest
 
 import mathnavi as mn
 from mathnavi.estimators.full_state import FullState, FullStateConfig
+from mathnavi.interfaces.signals import Measurement
 from mathnavi.sim.engine.unused_readings import UnusedReadings
-from mathnavi.sim.interfaces.signals import Measurement
 from tests import flight
 
 

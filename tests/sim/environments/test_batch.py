@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.fields import with_fields
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.engine.loop import Loop
 from mathnavi.sim.environments.batch import load
-from mathnavi.sim.interfaces.fields import with_fields
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import load as plugin
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from tests.sim.environments import missions

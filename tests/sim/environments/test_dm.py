@@ -13,9 +13,9 @@ import pytest
 from dm_env import specs, test_utils
 
 from mathnavi.controllers.flight import plugin as flight_plugin
+from mathnavi.interfaces.fields import with_fields
 from mathnavi.sim.engine.loop import simulate
 from mathnavi.sim.environments.dm import Environment, load
-from mathnavi.sim.interfaces.fields import with_fields
 from mathnavi.sim.plugin.registry import load as plugin
 from tests.sim.environments import missions
 

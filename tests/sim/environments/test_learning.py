@@ -13,13 +13,13 @@ import pytest
 from dm_env import specs, test_utils
 from gymnasium.utils.env_checker import check_env
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.quadrotor.dynamics import NOMINAL
 from mathnavi.sim.engine.loop import simulate
 from mathnavi.sim.environments.dm import FilteredEnvironment, LearningEnvironment
 from mathnavi.sim.environments.episode_runner import EpisodeRunner
 from mathnavi.sim.environments.gym import LearningEnv, SafetyFilterWrapper
 from mathnavi.sim.environments.learning import LearningEpisode
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import load as plugin
 from tests.sim.environments import missions
 from tests.sim.environments.test_gym import ADVICE

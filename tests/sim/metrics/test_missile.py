@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL
 from mathnavi.models.missile.mission import CASES, MissileMission, Target
 from mathnavi.models.missile.target import TargetMotion
 from mathnavi.sim.engine.log import AgentRecorder
-from mathnavi.sim.interfaces.signals import Array, Plan
 from mathnavi.sim.metrics.missile import attack_angles, closest_approach, cost, references
 from mathnavi.sim.records.figure_names import SUMMARY_GROUPS, is_wall_clock, label
 from tests.missile import fly

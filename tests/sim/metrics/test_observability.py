@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.protocols import Plant, Sensor
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.entity import build_model
 from mathnavi.models.aerial.sensors import AccelerationSensor, FullStateSensor, PositionSensor
@@ -15,7 +16,6 @@ from mathnavi.models.sensor_faults import Dropout
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.engine.faults import Disturbed, Gusts
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.protocols import Plant, Sensor
 from mathnavi.sim.metrics.observability import EmpiricalGramian, empirical_gramian
 
 START = np.array([1000.0, 1000.0, 500.0, 10.0, -5.0, 0.0])

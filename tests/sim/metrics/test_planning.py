@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Plan, Status
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.sim.engine.log import AgentRecorder, Recording
-from mathnavi.sim.interfaces.signals import Plan, Status
 from mathnavi.sim.metrics.planning import ANSWERED_ONCE, NEVER_ANSWERED, ONLY_FALLBACK, planner_share, planner_status
 
 CHOSEN, AFTER = FlightPhase.OPTIMISED, FlightPhase.CRUISE

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.linear_noise import discretised
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound, efficiency
 
 STEPS, H_STEP = 40, 0.1

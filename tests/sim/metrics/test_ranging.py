@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Array, Estimate, Status
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.engine.log import AgentRecorder, Recording
-from mathnavi.sim.interfaces.signals import Array, Estimate, Status
 from mathnavi.sim.metrics.ranging import RangingErrors, ranging_summary, rms
 from mathnavi.sim.records.figure_names import SUMMARY_GROUPS, is_wall_clock, label
 from tests.localisation import run

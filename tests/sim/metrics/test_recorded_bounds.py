@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Array, Estimate
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import PositionQuality
@@ -21,7 +22,6 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.engine.log import AgentRecorder, Recording
-from mathnavi.sim.interfaces.signals import Array, Estimate
 from mathnavi.sim.metrics.flight_bound import flight_bound
 from mathnavi.sim.metrics.lagrangian_bound import lagrangian_bound
 from mathnavi.sim.metrics.missile_bound import missile_bound

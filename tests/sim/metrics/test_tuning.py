@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.velocity.high_gain import HighGain
-from mathnavi.sim.interfaces.signals import Measurement
+from mathnavi.interfaces.signals import Measurement
 from mathnavi.sim.metrics.tuning import RecordedCall, ReplayedErrors, Tuning, recorded_error, replayed, spread, tuned
 from tests.estimators.velocity.runs import mission_of, moving, recorded
 

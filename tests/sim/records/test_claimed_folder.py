@@ -11,8 +11,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from mathnavi.sim.interfaces.errors import RunFolderError
-from mathnavi.sim.interfaces.writing import write_bytes
+from mathnavi.interfaces.errors import RunFolderError
+from mathnavi.interfaces.writing import write_bytes
 from mathnavi.sim.records import claimed_folder
 from mathnavi.sim.records.claimed_folder import claimed
 from tests.little_room import little_room

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from mathnavi.sim.interfaces.errors import StoreError
+from mathnavi.interfaces.errors import StoreError
 from mathnavi.sim.records.encoding import Encoded, MeasuredTime, decoded, encoded
 from tests.sim.sweep.computations import Pair, Side, Walk
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.errors import RunFolderError
+from mathnavi.interfaces.signals import Array, Event
 from mathnavi.sim.engine.log import AgentRecorder, Recording
-from mathnavi.sim.interfaces.errors import RunFolderError
-from mathnavi.sim.interfaces.signals import Array, Event
 from mathnavi.sim.records.run_folder import ARRAYS, CONFIG, EVENTS, SUMMARY, read_log, read_state_names, write_run
 
 T = np.array([0.0, 0.1, 0.2])

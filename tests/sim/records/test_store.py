@@ -18,7 +18,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mathnavi.sim.interfaces.fields import plain
+from mathnavi.interfaces.fields import plain
 from mathnavi.sim.records.store import APPLICATION, SCHEMA, STATUSES, Record, Store, StoreWriteError, canonical_json
 
 

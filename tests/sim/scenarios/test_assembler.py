@@ -11,12 +11,12 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.fields import plain
+from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.signals import Array, Event
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.engine.faults import Disturbance
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.fields import plain
-from mathnavi.sim.interfaces.protocols import Plant
-from mathnavi.sim.interfaces.signals import Array, Event
 from mathnavi.sim.plugin.registry import load, names
 from mathnavi.sim.records.missions import ChangingFlightRecord, FlightRecord, QuadrotorRecord, RadarRecord, read_mission
 from mathnavi.sim.records.range_missions import RangingRecord

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.errors import MissionError
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig
 from mathnavi.sim.scenarios.fleet_start import (
     _assigned,

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from numba.core.dispatcher import Dispatcher
 
+from mathnavi.interfaces.compiled import KernelCache
 from mathnavi.sim.engine.compilation import listed
-from mathnavi.sim.interfaces.compiled import KernelCache
 from mathnavi.sim.sweep.trial import trial
 
 SHORT: dict[str, dict[str, Any]] = {

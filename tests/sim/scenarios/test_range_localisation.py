@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import BEAN
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.range_localisation import RangeLocalisation

@@ -7,7 +7,7 @@ import copy
 import numpy as np
 import pytest
 
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.errors import FieldError
 from mathnavi.sim.scenarios.assembler import RandomStreams
 from mathnavi.sim.scenarios.redraw import BLOCK, ChanceFields, Redraw, generator
 from mathnavi.sim.sweep.trial import trial

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
+from mathnavi.interfaces.protocols import Planner, Tracker
+from mathnavi.interfaces.signals import Array, Plan, PlanRequest
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.sim.interfaces.protocols import Planner, Tracker
-from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.fault_fields import AerialFaults

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.sim.interfaces.bounds import Finite, configuration
-from mathnavi.sim.interfaces.errors import FieldError, MissionError
+from mathnavi.interfaces.bounds import Finite, configuration
+from mathnavi.interfaces.errors import FieldError, MissionError
 from mathnavi.sim.scenarios.redraw import ChanceFields, generator
 from tests.sim.sweep.scenarios import Nobody
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.fields import plain
+from mathnavi.interfaces.signals import Event
 from mathnavi.models.aerial.dynamics import HULL_RADIUS
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.sim.interfaces.fields import plain
-from mathnavi.sim.interfaces.signals import Event
 from mathnavi.sim.search.space import drawn
 from mathnavi.sim.studies.flight.guarantee_holes import ANNOUNCED, clearance_in_bounds, violations
 from mathnavi.sim.studies.flight.hunt import FLEET, HOLES, QUADROTOR, SAFE_FLIGHT, UPDATES, Hole, Hunt

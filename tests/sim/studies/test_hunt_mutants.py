@@ -13,10 +13,10 @@ from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.planner import StopAndHover
 from mathnavi.controllers.flight.plugin import FlightConfig
 from mathnavi.controllers.flight.tracker import tracking_bound
+from mathnavi.interfaces.signals import Estimate, Plan, PlanRequest, Status
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.aerial.plan_status import FlightStatus
-from mathnavi.sim.interfaces.signals import Estimate, Plan, PlanRequest, Status
 from mathnavi.sim.search.space import drawn
 from mathnavi.sim.studies.flight.guarantee_holes import (
     BlindCertificate,

@@ -10,9 +10,9 @@ import pytest
 
 from mathnavi.controllers.active_sensing.candidate_search import candidates
 from mathnavi.controllers.active_sensing.kernels import PredictionHorizon, expected_covariance, inverse
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.studies.ranging.active_control import start
 from mathnavi.sim.studies.ranging.input_search import (
     NODE,

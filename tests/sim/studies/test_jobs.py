@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.errors import TerrainError
 from mathnavi.models.terrain.dem import write_npz
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.sim.interfaces.errors import TerrainError
 from mathnavi.sim.records.store import Store
 from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyError, TerrainReference

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.signals import OPTIMISED, Plan
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import OPTIMISED, Plan
 from mathnavi.sim.studies.flight import as_printed, cost_to_go, run_time, threat
 from mathnavi.sim.studies.framework import study
 

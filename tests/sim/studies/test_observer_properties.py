@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.studies.introduction.observer_properties import (
     STAYS,

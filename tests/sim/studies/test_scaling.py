@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.studies.introduction.cost_measurement import (
     CURVES,

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from mathnavi.sim.interfaces.input_files import InputFile, content_digest
+from mathnavi.interfaces.input_files import InputFile, content_digest
 
 DIGESTED: list[str] = []  # files whose digests were made
 

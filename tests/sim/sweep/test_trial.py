@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 
+from mathnavi.interfaces.bounds import LARGEST_SEED
 from mathnavi.models.terrain.dem import write_npz
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.sim.interfaces.bounds import LARGEST_SEED
 from mathnavi.sim.plugin.code_version import code_version
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.sweep.trial import Trial, keys, trial

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from mathnavi.controllers.flight.completion import ArcList
-from mathnavi.sim.interfaces.signals import OPTIMISED, Array
+from mathnavi.interfaces.signals import OPTIMISED, Array
 
 SLOWER = 0.85  # by which a leg without room is slowed down
 

@@ -17,13 +17,13 @@ from annotated_types import Interval
 
 from mathnavi.controllers.flight.certificate import Certificate, remainder
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
+from mathnavi.interfaces.bounds import NonNegative, Positive, Within, configuration
+from mathnavi.interfaces.protocols import Planner, Tracker
+from mathnavi.interfaces.signals import Array, Plan, PlanRequest, Status
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightStatus
-from mathnavi.sim.interfaces.bounds import NonNegative, Positive, Within, configuration
-from mathnavi.sim.interfaces.protocols import Planner, Tracker
-from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest, Status
 from ridgeline.blending import SLOWER, fitting, flight
 from ridgeline.roadmap import Air, Routes, lattice
 

@@ -22,12 +22,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
+from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.aerial.sensors import PositionSensor
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 FREQUENCIES = 400  # at which the corrections are looked at
 

@@ -16,10 +16,10 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.kernels import Booleans
 from mathnavi.models.terrain.visibility import Radar
-from mathnavi.sim.interfaces.signals import Array, Integers
 
 TURNING = 0.02  # of a way's length that one more corner must save
 ROUNDING = 1e-6  # [m] of a clearance

@@ -13,7 +13,7 @@ from mathnavi.controllers.ocp import problems
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.library import MISSILES, PROBLEMS, Kind, KnownOptimum
 from mathnavi.controllers.ocp.solution import SolverOutcome
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array
 
 ALL = PROBLEMS | MISSILES
 QUICK = ("brachistochrone", "van der Pol, time", "singular regulator", "Bryson-Denham, L = 0.1")  # one of each kind

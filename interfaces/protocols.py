@@ -11,8 +11,8 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
-from mathnavi.sim.interfaces.observer_properties import ObserverProperties
-from mathnavi.sim.interfaces.signals import Array, Estimate, Event, Measurement, Message, Outbox, Plan, PlanRequest
+from mathnavi.interfaces.observer_properties import ObserverProperties
+from mathnavi.interfaces.signals import Array, Estimate, Event, Measurement, Message, Outbox, Plan, PlanRequest
 
 
 class StateView(Protocol):

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 from annotated_types import GroupedMetadata
 
-from mathnavi.sim.interfaces.bounds import Condition
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.bounds import Condition
+from mathnavi.interfaces.errors import FieldError
 
 _TURNS = tuple(sorted({*range(2, 25, 2), *range(3, 25, 3)}))  # of pi / 12, to 2 pi
 _FEWEST, _MOST = 4, 17  # digits with which such an angle is written

@@ -9,7 +9,7 @@ from functools import cache
 from importlib.metadata import Distribution, EntryPoint, distributions
 from pathlib import Path
 
-from mathnavi.sim.interfaces.errors import PluginError
+from mathnavi.interfaces.errors import PluginError
 
 PREFIX = "mathnavi."  # of every group
 

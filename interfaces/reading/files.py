@@ -98,7 +98,7 @@ def parsed(text: str | bytes, where: str, error: Refusal) -> Any:
 
 def checked(kind: Any, tree: Any, where: str, error: Refusal, *, closed: bool = False) -> Any:
     """Check plain data, found at ``where``, and return it as an instance of ``kind``."""
-    from mathnavi.sim.interfaces.schema import validated  # not needed to list plug-ins
+    from mathnavi.interfaces.schema import validated  # not needed to list plug-ins
 
     try:
         return validated(kind, tree, closed=closed)

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mathnavi.sim.interfaces.errors import RunFolderError
-from mathnavi.sim.interfaces.reading import arrays
-from mathnavi.sim.interfaces.reading.arrays import decoded_npz, read_npz, read_raw
+from mathnavi.interfaces.errors import RunFolderError
+from mathnavi.interfaces.reading import arrays
+from mathnavi.interfaces.reading.arrays import decoded_npz, read_npz, read_raw
 
 
 def header(shape: str, dtype: str = "'<f8'") -> bytes:

@@ -29,7 +29,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_o
 
 from annotated_types import Ge, GroupedMetadata, Gt, Interval, Le, Lt, Predicate
 
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.errors import FieldError
 
 Made = TypeVar("Made")
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mathnavi.sim.interfaces.writing import whole_files, write_bytes, write_text, write_together
+from mathnavi.interfaces.writing import whole_files, write_bytes, write_text, write_together
 from tests.little_room import little_room
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from mathnavi.sim.interfaces.reading.arrays import MOST_BYTES
-from mathnavi.sim.interfaces.reading.files import Refusal, opened
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.reading.arrays import MOST_BYTES
+from mathnavi.interfaces.reading.files import Refusal, opened
+from mathnavi.interfaces.signals import Array
 
 MOST_PIXELS = 50_000_000
 

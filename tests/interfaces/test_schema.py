@@ -10,10 +10,10 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from mathnavi.sim.interfaces.bounds import Count, Positive, configuration
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.fields import with_fields
-from mathnavi.sim.interfaces.schema import shortened, validated
+from mathnavi.interfaces.bounds import Count, Positive, configuration
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.fields import with_fields
+from mathnavi.interfaces.schema import shortened, validated
 
 
 class Side(Enum):

@@ -10,7 +10,7 @@ from typing import Any
 
 import mujoco
 
-from mathnavi.sim.interfaces.reading.files import MEBIBYTE, Refusal, read_bytes
+from mathnavi.interfaces.reading.files import MEBIBYTE, Refusal, read_bytes
 
 MOST_MJCF = 16 * MEBIBYTE
 MOST_ELEMENTS = 25_000_000  # of a height field or a texture

@@ -16,13 +16,13 @@ from numba.core import config
 from numba.core.dispatcher import Dispatcher
 
 import mathnavi
-from mathnavi.sim.interfaces.compiled import any_missing, kernel_digest, njit
+from mathnavi.interfaces.compiled import any_missing, kernel_digest, njit
 from tests.one_name import FOLDERS
 
 ROOT = Path(mathnavi.__file__).parent
 CALLEE = """
 from typing import NamedTuple
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.interfaces.compiled import njit
 
 class Pair(NamedTuple):
     a: float
@@ -35,7 +35,7 @@ def inner(x):
     return FACTOR * x * SIGNS[0]
 """
 CALLER = """
-from mathnavi.sim.interfaces.compiled import njit
+from mathnavi.interfaces.compiled import njit
 import kernel_callee
 from kernel_callee import inner
 

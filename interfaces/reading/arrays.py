@@ -16,8 +16,8 @@ from typing import IO, Any
 import numpy as np
 from numpy.lib import format as npy
 
-from mathnavi.sim.interfaces.reading.files import MEBIBYTE, Refusal, opened, read_bytes
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.reading.files import MEBIBYTE, Refusal, opened, read_bytes
+from mathnavi.interfaces.signals import Array
 
 MOST_BYTES = 1024 * MEBIBYTE  # of all arrays of a file, uncompressed
 MOST_ARRAYS = 10_000  # of a file

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mathnavi.sim.interfaces.reading.files import MOST_LINES, Refusal, opened
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.reading.files import MOST_LINES, Refusal, opened
+from mathnavi.interfaces.signals import Array
 
 
 def read_columns(path: Path, names: Sequence[str], error: Refusal) -> Array:

@@ -14,9 +14,9 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.failures import failures_named
-from mathnavi.sim.interfaces.schema import known_fields, unknown_field, validated
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.failures import failures_named
+from mathnavi.interfaces.schema import known_fields, unknown_field, validated
 
 _PLAIN = (bool, int, float, str)
 _hints: Callable[[Any], dict[str, Any]] = cache(get_type_hints)

@@ -21,8 +21,8 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
-from mathnavi.sim.interfaces.checks import allowed_for
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.checks import allowed_for
+from mathnavi.interfaces.errors import FieldError
 
 ROOT = "$"  # the whole file, in place of a value
 _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")  # in a place: a field, the number of an item, or any key

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mathnavi.sim.interfaces.checks import check, check_names
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.checks import check, check_names
+from mathnavi.interfaces.errors import FieldError
 
 LOW, HIGH = -1.0, 2.5
 

@@ -24,8 +24,8 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.reading.files import MEBIBYTE, read_bytes
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.reading.files import MEBIBYTE, read_bytes
 
 MOST = 4096 * MEBIBYTE  # of a file that a field names
 

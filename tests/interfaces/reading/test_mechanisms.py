@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.reading import mechanisms
-from mathnavi.sim.interfaces.reading.mechanisms import read_spec
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.reading import mechanisms
+from mathnavi.interfaces.reading.mechanisms import read_spec
 
 ARM = '<mujoco>{}<worldbody><body><joint axis="0 1 0"/><geom size="0.1"/></body></worldbody></mujoco>'
 

@@ -14,7 +14,7 @@ from annotated_types import Ge, Gt, Interval, Le, Lt
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mathnavi.sim.interfaces.bounds import (
+from mathnavi.interfaces.bounds import (
     ANEW,
     FINITE,
     FINITE_NUMBERS,
@@ -36,7 +36,7 @@ from mathnavi.sim.interfaces.bounds import (
     declared,
     whole_ticks,
 )
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.errors import FieldError
 
 
 @configuration

@@ -1,4 +1,4 @@
-"""Every file is read in one place, ``mathnavi.sim.interfaces.reading``, and nowhere else."""
+"""Every file is read in one place, ``mathnavi.interfaces.reading``, and nowhere else."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import mathnavi
 from tests.one_name import FOLDERS
 
 ROOT = Path(mathnavi.__file__).parent
-READING = "sim/interfaces/reading/"
+READING = "interfaces/reading/"
 # Where a module stands that reads, and what it reads: no file of a user's, or not as a file.
 ALLOWED = {
     ("sim/records/store.py", "sqlite3.connect"),  # checks header, schema, columns and every row
-    ("sim/interfaces/compiled.py", "pickle.loads"),  # what numba compiled for this user
-    ("sim/interfaces/compiled.py", "file.read_bytes"),
+    ("interfaces/compiled.py", "pickle.loads"),  # what numba compiled for this user
+    ("interfaces/compiled.py", "file.read_bytes"),
     ("sim/sweep/serve.py", "pickle.loads"),  # what its own parent sends
     ("renders/worker.py", "json.load"),  # likewise
     ("renders/snapshots.py", "pickle.load"),
@@ -72,7 +72,7 @@ def test_files_are_read_in_one_place() -> None:
         if not str(path.relative_to(ROOT)).startswith(READING)
         for name, _ in calls(path.read_text(encoding="utf-8"))
     }
-    assert found - ALLOWED == set(), "read it with mathnavi.sim.interfaces.reading"
+    assert found - ALLOWED == set(), "read it with mathnavi.interfaces.reading"
     assert ALLOWED - found == set(), "nothing reads so any more"
 
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from mathnavi.sim.interfaces.errors import RunFolderError
-from mathnavi.sim.interfaces.reading import files
-from mathnavi.sim.interfaces.reading.files import read_bytes, read_json, read_lines, read_text
-from mathnavi.sim.interfaces.signals import Event
+from mathnavi.interfaces.errors import RunFolderError
+from mathnavi.interfaces.reading import files
+from mathnavi.interfaces.reading.files import read_bytes, read_json, read_lines, read_text
+from mathnavi.interfaces.signals import Event
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 
 import pytest
 
-from mathnavi.sim.interfaces.input_files import (
+from mathnavi.interfaces.input_files import (
     InputFile,
     PluginName,
     argument_digests,

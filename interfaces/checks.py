@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.interfaces.errors import FieldError
 
 _LONGEST_NAME, _LONGEST_PATH = 255, 4095  # [bytes] that the file systems of Linux and macOS accept
 _LONGEST_PLAIN = 100  # [bytes], which leaves room for endings

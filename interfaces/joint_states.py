@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from mathnavi.sim.interfaces.errors import ArgumentError
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 
 SLIDE, HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
 BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)

@@ -2,7 +2,7 @@
 
     python -m benchmarks.growth [--repetitions 3]
 
-The work is that of the study ``scaling`` (``mathnavi.sim.studies.introduction.cost_measurement``): a mission over the
+The work is that of the study ``scaling`` (``mathnavi.studies.introduction.cost_measurement``): a mission over the
 same ground on ever more nodes, built and flown, and 20 s of a fleet's flight. Each large size runs in turns with its
 small one. A window of a GeoTIFF is read, and a mission flown over it, beside a file that holds nothing else.
 """
@@ -33,8 +33,8 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.dem import Box, height_field
 from mathnavi.models.terrain.dem_import import import_dem
 from mathnavi.models.terrain.geotiff import read_geotiff
-from mathnavi.sim.studies.introduction.cost_measurement import CURVES, FLOWN
 from mathnavi.sim.sweep.trial import trial
+from mathnavi.studies.introduction.cost_measurement import CURVES, FLOWN
 
 SPACING = 160.0  # [m] of the file that a window is read from
 WINDOWED, WINDOW = 4097, 257  # nodes along a side, of the file and of the window

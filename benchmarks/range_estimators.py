@@ -3,7 +3,7 @@
     python -m benchmarks.range_estimators [--seconds 20] [--repetitions 7]
 
 Everyone gets the same readings of the same figure of eight, 100 a second, with two sensors and with four. What is
-compiled runs in one compiled loop (``mathnavi.sim.studies.ranging.estimator_runs``): the bank as it is flown,
+compiled runs in one compiled loop (``mathnavi.studies.ranging.estimator_runs``): the bank as it is flown,
 the bank if no hypothesis were ever dropped, one filter of it, and 1000 particles. The plug-ins are called as the loop
 calls them, reading by reading, Python included; ``range_particle`` has as many particles as it needs (KLD sampling).
 """
@@ -24,7 +24,7 @@ from benchmarks.comparison import Comparison, Ratio, alone
 from benchmarks.progress import progress
 from mathnavi.interfaces.bounds import Within, configuration
 from mathnavi.interfaces.signals import Array
-from mathnavi.sim.studies.ranging.estimator_runs import (
+from mathnavi.studies.ranging.estimator_runs import (
     ALL_ALIVE,
     BANK_LOOP,
     EKF_LOOP,

@@ -37,7 +37,7 @@ def others() -> None:
     """A missile, robots that range in every mode of active sensing, and bodies on a manifold."""
     from mathnavi.sim.scenarios.attitude_tracking import AttitudeTrackingScenario
     from mathnavi.sim.scenarios.range_localisation import RangeLocalisation
-    from mathnavi.sim.studies.ranging.active_control import FAST, MODES, TRACKS, localisation, tracking
+    from mathnavi.studies.ranging.active_control import FAST, MODES, TRACKS, localisation, tracking
     from tests.missile import fly
 
     fly(target=(200.0, 0.0, 0.0))

@@ -32,10 +32,10 @@ from mathnavi.sim.records.claims import Claim, ledger
 from mathnavi.sim.records.files import inside
 from mathnavi.sim.records.lock import locked
 from mathnavi.sim.records.store import STUDY_STORE, Store, StoreWriteError, stored_results
-from mathnavi.sim.studies.framework.study import Setup, StudyError, checked_result, first_look, on_terrain, write_result
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import LostError, check
 from mathnavi.sim.sweep.execution import available_cores
+from mathnavi.studies.framework.study import Setup, StudyError, checked_result, first_look, on_terrain, write_result
 
 ALL = "all"
 LEDGER = "CLAIMS.md"

@@ -34,7 +34,7 @@ if TYPE_CHECKING:  # these take a while to import, and no run needs them
     from matplotlib.figure import Figure
 
     from mathnavi.sim.environments.dm import Environment
-    from mathnavi.sim.studies.framework.study import StudyResult
+    from mathnavi.studies.framework.study import StudyResult
 
 Plugin = PluginSpec | str | type[Any] | None
 _PLUGINS = ("controller", "estimator")
@@ -308,7 +308,7 @@ def study(
 
     Raises PluginError for an unknown study, FieldError for a field or a value that is not allowed.
     """
-    from mathnavi.sim.studies.framework.study import Setup, checked_result, first_look, on_terrain, write_result
+    from mathnavi.studies.framework.study import Setup, checked_result, first_look, on_terrain, write_result
 
     found = load_plugin("studies", name)
     config = configured(found.quick if quick else found.Config(), fields)

@@ -9,7 +9,7 @@ import pytest
 from benchmarks.growth import SPACING, Growth, growths, windows, write_geotiff
 from mathnavi.models.terrain.dem import height_field
 from mathnavi.models.terrain.geotiff import read_geotiff
-from mathnavi.sim.studies.introduction.cost_measurement import CURVES
+from mathnavi.studies.introduction.cost_measurement import CURVES
 
 
 def test_sizes_are_those_of_the_study_and_a_cost_is_shared(monkeypatch: pytest.MonkeyPatch) -> None:

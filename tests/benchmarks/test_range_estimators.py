@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from benchmarks.range_estimators import Arguments, RangeFindings, run
-from mathnavi.sim.studies.ranging.estimator_runs import (
+from mathnavi.studies.ranging.estimator_runs import (
     ALL_ALIVE,
     BANK_LOOP,
     EKF_LOOP,

@@ -18,7 +18,7 @@ from mathnavi.interfaces.signals import Array, Message
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network
 from mathnavi.sim.plugin.registry import PluginSpec, checked_consensus, load, names
-from mathnavi.sim.studies.fleet.message_exchange import exchanged
+from mathnavi.studies.fleet.message_exchange import exchanged
 from tests.fleet import NAMES, Shuffled, graphs, started, starts_for
 
 PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.consensus")}

@@ -28,7 +28,7 @@ def brakes(patch: pytest.MonkeyPatch, *, draws: bool = False) -> None:
     from mathnavi.renders import clip, video
     from mathnavi.sim.commands import search, sweep
     from mathnavi.sim.scenarios import closed_loop
-    from mathnavi.sim.studies.framework import study
+    from mathnavi.studies.framework import study
 
     patch.setattr(closed_loop, "simulate", _short(closed_loop.simulate))
     patch.setattr(sweep, "run_trials", _stopped)

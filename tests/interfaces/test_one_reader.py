@@ -28,8 +28,8 @@ ALLOWED = {
     ("sim/commands/study.py", "Store.open"),
     ("sim/commands/sweep.py", "Store.open"),
     ("sim/scripting/runs.py", "Store.open"),
-    ("sim/studies/introduction/cost_measurement.py", "Store.open"),
-    ("sim/studies/introduction/cost_measurement.py", "_STATUS.read_text"),  # what the kernel says of this process
+    ("studies/introduction/cost_measurement.py", "Store.open"),
+    ("studies/introduction/cost_measurement.py", "_STATUS.read_text"),  # what the kernel says of this process
 }
 READERS = {
     *("load", "loads", "loadtxt", "genfromtxt", "fromfile", "memmap", "open_memmap", "read_text", "read_bytes"),

@@ -13,7 +13,7 @@ from mathnavi.controllers.arrival.clock import ClockConfig, ClockConsensus, Cloc
 from mathnavi.interfaces.signals import Array, Message
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, Network
-from mathnavi.sim.studies.fleet.message_exchange import ClockCase, clocks_agree, exchanged
+from mathnavi.studies.fleet.message_exchange import ClockCase, clocks_agree, exchanged
 from tests.fleet import NAMES
 
 PERIOD = 0.01

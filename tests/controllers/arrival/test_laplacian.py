@@ -15,7 +15,7 @@ from mathnavi.controllers.arrival.outlier import DELTA, is_outlier
 from mathnavi.interfaces.signals import Array, Message
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network
-from mathnavi.sim.studies.fleet.message_exchange import exchanged
+from mathnavi.studies.fleet.message_exchange import exchanged
 from tests.fleet import NAMES, graphs, laplacians, started, starts_for
 
 H = 1.0 / 60.0

@@ -14,7 +14,7 @@ from mathnavi.controllers.arrival.maximum import Maximum, MaximumConfig, Maximum
 from mathnavi.interfaces.signals import Message
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks
-from mathnavi.sim.studies.fleet.message_exchange import exchanged
+from mathnavi.studies.fleet.message_exchange import exchanged
 from tests.fleet import Shuffled, graphs, maxima, started, starts_for
 
 

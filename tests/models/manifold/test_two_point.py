@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, sphere
 from mathnavi.models.manifold.two_point import TwoPoint
-from mathnavi.sim.studies.riemannian.contraction import table_d_1
-from mathnavi.sim.studies.riemannian.identities import residuals
+from mathnavi.studies.riemannian.contraction import table_d_1
+from mathnavi.studies.riemannian.identities import residuals
 
 
 @settings(max_examples=25)

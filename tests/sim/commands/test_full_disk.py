@@ -26,7 +26,7 @@ from tests.little_room import little_room
 from tests.sim.sweep.test_execution import coins
 
 RUN = ("run", "textbook-observer", "--duration", "0.5")
-STUDY = ("study", "tests.sim.studies.test_study_command:Anywhere")
+STUDY = ("study", "tests.studies.test_study_command:Anywhere")
 Outcome = Callable[..., str]
 
 
@@ -92,7 +92,7 @@ def test_a_map_is_named(failed: Outcome, hills: Path) -> None:
 
 def test_the_pages_of_a_study_stay_those_of_one_study(failed: Outcome) -> None:
     assert main([*STUDY, "--out", "study"]) == 0
-    name = "study/tests.sim.studies.test_study_command.Anywhere"
+    name = "study/tests.studies.test_study_command.Anywhere"
     line = failed(1, *STUDY, "--quick", "--out", "study", size=20_000)
     assert f": {name}." in line
     assert line.endswith(": File too large\n")
@@ -173,7 +173,7 @@ def test_a_folder_that_is_in_use_is_refused(tmp_path: Path, capsys: pytest.Captu
     with claimed(tmp_path / "run"):
         assert main([*RUN, "--out", str(tmp_path / "run")]) == 2
         assert main(["render", str(tmp_path / "run")]) == 2
-    name = tmp_path / "tests.sim.studies.test_study_command.Anywhere.json"
+    name = tmp_path / "tests.studies.test_study_command.Anywhere.json"
     with locked(name, name):
         assert main([*STUDY, "--out", str(tmp_path)]) == 2
     lines = capsys.readouterr().err.splitlines()

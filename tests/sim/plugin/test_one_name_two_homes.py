@@ -21,7 +21,7 @@ TAKEN = {
     "estimators": ("full_state", "mathnavi.estimators.full_state:FullState"),
     "consensus": ("clock", "mathnavi.controllers.arrival.clock:Clock"),
     "scenarios": ("missile-guidance", "mathnavi.sim.scenarios.missile_guidance:MissileGuidance"),
-    "studies": ("noise", "mathnavi.sim.studies.flight.noise:Noise"),
+    "studies": ("noise", "mathnavi.studies.flight.noise:Noise"),
     "terrains": ("canyon", "mathnavi.models.terrain.canyon:canyon"),
     "drawings": ("ranging", "mathnavi.renders.ranging.drawing"),
 }  # names that the stranger gives, and what he installs under each

@@ -15,7 +15,7 @@ from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
 from mathnavi.sim.scenarios.fleet_fields import Clocks, Radio, SimultaneousArrivalConfig
 from mathnavi.sim.scenarios.simultaneous_arrival import SimultaneousArrival
-from mathnavi.sim.studies.fleet.arrival import swapping
+from mathnavi.studies.fleet.arrival import swapping
 from tests import flight
 
 

@@ -1,0 +1,261 @@
+"""Two rules that keep the plans of a fleet apart, on the same missions: agreement, and the delay check of RMADER.
+
+The vehicles swap places: they start on a ring above a canyon, each opposite to its own slot. Planner, certificate,
+zones and network are the same, only the rule differs. Messages are delayed by as much as in the paper (0 to 300 ms), by
+more than the delay check allows, lost, or cut off. The delay check's own time delta_DC is tuned on other seeds: of the
+values under which no two vehicles come too close at 300 ms, the one with the earliest arrival.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
+
+import matplotlib
+import numpy as np
+from annotated_types import Interval
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.renders.figures import INK, STYLE
+from mathnavi.renders.study_report import Table
+from mathnavi.sim.metrics.fleet import arrival_time
+from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.records.store import Record
+from mathnavi.sim.records.sweep_data import figures
+from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.sweep.trial import Trial, trial
+from mathnavi.studies.fleet.arrival import swapping
+from mathnavi.studies.framework.study import Setup, StudyResult
+
+GROUND = "canyon:5"
+RING, UNEVEN, HEIGHT = 250.0, 0.02, 60.0  # [m] of the starts, drawn by so large a share, and [m] above the ground
+LIMITS: Mapping[str, Any] = {
+    **{"speed_max": 15.0, "acceleration_max": 6.0, "clearance_min": 10.0, "separation": 10.0, "slot_spacing": 20.0},
+    **{"arrival_radius": 3.0, "planner.margin": 3.0},
+}
+OURS, THEIRS = "agreement", "delay_check"
+LABELS = {OURS: "agreement", THEIRS: "delay check (RMADER)"}
+COLOURS = {OURS: "#0d5fa8", THEIRS: "#d9731a"}
+CONDITIONS: Mapping[str, Mapping[str, Any]] = {
+    "300 ms": {"radio.delay": (0.3, 0.3)},
+    "delays of 0 to 3 s": {"radio.delay": (0.0, 3.0)},
+    "cut in two for 30 s": {"radio.partition": (3.0, 33.0)},
+    "no delay": {},
+    "100 ms": {"radio.delay": (0.1, 0.1)},
+    "200 ms": {"radio.delay": (0.2, 0.2)},
+    "300 ms, 30 % loss": {"radio.delay": (0.3, 0.3), "radio.loss": 0.3},
+    "300 ms, 90 % loss": {"radio.delay": (0.3, 0.3), "radio.loss": 0.9},
+}
+DECLARED = ("no delay", "100 ms", "200 ms", "300 ms")  # conditions under which the delay check has a guarantee
+TUNED_AT = "300 ms"
+CHECKS = (0.5, 0.35, 0.75, 1.0)  # [s] values of delta_DC that are tried
+TUNING_SEED = 1000  # the first of the tuning
+STANDING = 0.05  # of v_max: slower is to stand still
+
+
+@configuration
+class FleetPeersConfig:
+    """Sample sizes: missions that are flown."""
+
+    seeds: Count = 5
+    """fleets of each size, in each condition, under each rule"""
+    vehicles: Annotated[int, Interval(ge=2, le=32)] = 10
+    """number of vehicles of the smallest fleet"""
+    sizes: Annotated[int, Interval(ge=1, le=2)] = 2
+    """sizes of fleets: that one, and twice as many vehicles"""
+    conditions: Annotated[int, Interval(ge=1, le=len(CONDITIONS))] = len(CONDITIONS)
+    """number of conditions of the network"""
+    tuning: Count = 3
+    """fleets on which the delay check is tuned"""
+    checks: Annotated[int, Interval(ge=1, le=len(CHECKS))] = len(CHECKS)
+    """values of delta_DC that are tried"""
+
+
+class FleetPeers:
+    """Fleets that swap places, kept apart by agreement and by the delay check of RMADER (A.8)."""
+
+    Config = FleetPeersConfig
+    quick = FleetPeersConfig(seeds=2, sizes=1, conditions=3, tuning=1, checks=2)
+    title = "Rules of separation of fleets"
+    on_terrain = False
+
+    @staticmethod
+    def run(config: FleetPeersConfig, setup: Setup) -> StudyResult:
+        sizes = [config.vehicles * 2**k for k in range(config.sizes)]
+        checks = CHECKS[: config.checks]
+        tuned = setup.fly_groups({
+            check: [
+                fleet(sizes[0], TUNING_SEED + k, CONDITIONS[TUNED_AT], THEIRS, check) for k in range(config.tuning)
+            ]
+            for check in checks
+        })  # fmt: skip
+        check = best_check(tuned)
+        groups = setup.fly_groups({
+            (size, condition, rule): [fleet(size, seed, fields, rule, check) for seed in range(config.seeds)]
+            for size in sizes
+            for condition, fields in list(CONDITIONS.items())[: config.conditions]
+            for rule in (OURS, THEIRS)
+        })  # fmt: skip
+        rows = [_row(*key, records) for key, records in groups.items()]
+        tuning_rows = [{"delta_dc_s": value, **_figures(records)} for value, records in tuned.items()]
+        return StudyResult(
+            summary=(
+                f"{config.seeds} fleets of each size that swap places above {GROUND}, "
+                f"{sum(map(len, groups.values()))} flights in all, the same under both rules. delta_DC = {check:g} s, "
+                f"tuned on {config.tuning} other fleets at {TUNED_AT}. Standing still: slower than {STANDING:.0%} of "
+                "v_max between the start and the arrival.",
+            ),
+            rows=[*rows, *tuning_rows],
+            tables=(_table(rows), _tuning_table(tuning_rows)),
+            figure=_figure(groups),
+            caption="(a) Least distance of any two vehicles over what they are to keep; dashed, what is required. "
+            "(b) Arrival of the last vehicle.",
+            claims=[claim(groups)],
+        )
+
+
+def fleet(vehicles: int, seed: int, fields: Mapping[str, Any], rule: str, check: float) -> Trial:
+    """Trial of one fleet that swaps places; ``check`` [s] is delta_DC, which counts for the delay check alone."""
+    rings = RING * (1.0 + UNEVEN * np.random.default_rng(seed).uniform(-1.0, 1.0, vehicles))
+    fields = {**LIMITS, **swapping(GROUND, vehicles, rings, HEIGHT), **fields, "separation_rule": rule}
+    if rule == THEIRS:
+        fields["delay_check"] = check
+    return trial("simultaneous-arrival", seed, fields=fields, measure=f"{__name__}:standing")
+
+
+def standing(outcome: RunResult) -> dict[str, float]:
+    """Stops of all vehicles, and the time [s] that each stands still on average between its start and its arrival."""
+    mission, t = outcome.config["mission"], outcome.recording.t
+    stops, seconds = 0, 0.0
+    for name, vehicle in mission["vehicles"].items():
+        x = outcome.recording.truths[name]
+        arrival = arrival_time(t, x, np.array(vehicle["target"]), mission["arrival_radius"])
+        slow = np.linalg.norm(x[:, 3:6], axis=1) < STANDING * mission["speed_max"]
+        slow &= np.logical_or.accumulate(~slow)  # from when it first moves
+        slow &= ~(t >= arrival)
+        stops += int(np.count_nonzero(slow[1:] & ~slow[:-1]))
+        seconds += float(np.diff(t)[slow[:-1]].sum())
+    return {"stops": stops, "standing_s": seconds / len(mission["vehicles"])}
+
+
+def best_check(tuned: Mapping[float, Sequence[Record]]) -> float:
+    """delta_DC [s] with the earliest mean arrival of those with the fewest fleets that came too close."""
+    return min(tuned, key=lambda check: (_close(tuned[check]), _mean(tuned[check], "arrival_time_s"), check))
+
+
+def claim(groups: Mapping[tuple[int, str, str], Sequence[Record]]) -> Claim:
+    """Claim that agreement lets no vehicles come too close, whatever the network does; of the other, what happened."""
+    ours = [record for (_, _, rule), group in groups.items() for record in group if rule == OURS]
+    declared, beyond = (
+        [
+            record
+            for (_, condition, rule), group in groups.items()
+            for record in group
+            if rule == THEIRS and (condition in DECLARED) is within
+        ]
+        for within in (True, False)
+    )
+    first = [(key, group) for key, group in groups.items() if key[1] in DECLARED]
+    times = {
+        rule: _mean([record for key, group in first if key[2] == rule for record in group], "arrival_time_s")
+        for rule in (OURS, THEIRS)
+    }
+    contacts = int(figures(ours, "ground_contacts").sum())
+    return Claim(
+        "fleet.peers", "target", "Fleets that swap places keep apart, whatever the delay or the loss of messages.",
+        "A.8", "by agreement: no contact and no pair closer than the zone, whatever becomes of the messages; by the "
+        "delay check of RMADER on the same missions: as measured",
+        f"by agreement {_close(ours)} of {len(ours)} fleets too close, {contacts} contacts; by the delay check "
+        f"{_close(declared)} of {len(declared)} at delays up to 300 ms, {_close(beyond)} of {len(beyond)} at longer "
+        f"ones, loss and a cut; last arrival at delays up to 300 ms {times[OURS]:.1f} s by agreement, "
+        f"{times[THEIRS]:.1f} s by the delay check",
+        _close(ours) == 0 and contacts == 0,
+    )  # fmt: skip
+
+
+def _close(records: Sequence[Record]) -> int:
+    """Fleets in which two vehicles came closer than allowed."""
+    if not records:
+        return 0
+    return int((figures(records, "separation_min_m") < figures(records, "separation_allowed_m")).sum())
+
+
+def _mean(records: Sequence[Record], key: str) -> float:
+    """Mean of a figure; infinity if a fleet has none, as one that did not arrive has no time."""
+    values = [record.summary[key] for record in records]
+    return float("inf") if any(value is None for value in values) else float(np.mean(values))
+
+
+def _figures(records: Sequence[Record]) -> dict[str, Any]:
+    least = figures(records, "separation_min_m") / figures(records, "separation_allowed_m")
+    return {
+        "fleets": len(records),
+        "arrived": int(figures(records, "arrived").sum()),
+        "too_close": _close(records),
+        "separation_over_allowed": float(least.min()),
+        "contacts": int(figures(records, "ground_contacts").sum()),
+        "arrival_time_s": _mean(records, "arrival_time_s"),
+        "stops": float(figures(records, "stops").mean()),
+        "standing_s": float(figures(records, "standing_s").mean()),
+        "plans_adopted": float(figures(records, "plans_adopted").mean()),
+    }
+
+
+def _row(vehicles: int, condition: str, rule: str, records: Sequence[Record]) -> dict[str, Any]:
+    return {"vehicles": vehicles, "network": condition, "rule": rule, **_figures(records)}
+
+
+_HEAD = ("all arrived", "too close", "least separation over required", "contacts", "last arrival [s]",
+         "stops of a fleet", "standing [s]", "plans adopted")  # fmt: skip
+
+
+def _cells(row: Mapping[str, Any]) -> tuple[Any, ...]:
+    return (
+        f"{row['arrived']} of {row['fleets']}", row["too_close"], f"{row['separation_over_allowed']:.3f}",
+        row["contacts"], f"{row['arrival_time_s']:.1f}", f"{row['stops']:.1f}", f"{row['standing_s']:.1f}",
+        f"{row['plans_adopted']:.0f}",
+    )  # fmt: skip
+
+
+def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
+    body = [(row["vehicles"], row["network"], LABELS[row["rule"]], *_cells(row)) for row in rows]
+    return Table("Fleets that swap places", ("vehicles", "network", "rule", *_HEAD), body)
+
+
+def _tuning_table(rows: Sequence[Mapping[str, Any]]) -> Table:
+    body = [(f"{row['delta_dc_s']:g}", *_cells(row)) for row in rows]
+    return Table("The delay check, tuned on other fleets", ("delta_DC [s]", *_HEAD), body)
+
+
+def _figure(groups: Mapping[tuple[int, str, str], Sequence[Record]]) -> Figure:
+    with matplotlib.rc_context(STYLE):
+        page = Figure(figsize=(12.0, 4.6), layout="constrained")
+        left, right = page.subplots(1, 2)
+        _draw(left, groups, "separation_min_m", "(a) least separation over required", "separation_allowed_m")
+        left.axhline(1.0, color=INK, ls="--", lw=1.0)
+        _draw(right, groups, "arrival_time_s", "(b) arrival of the last [s]")
+        left.legend(loc="best", fontsize=8.0)
+    return page
+
+
+def _draw(
+    axes: Axes, groups: Mapping[tuple[int, str, str], Sequence[Record]], key: str, title: str, over: str = ""
+) -> None:
+    places = list(dict.fromkeys((condition, size) for size, condition, _ in groups))
+    drawn: set[str] = set()
+    top = 0.0
+    for (size, condition, rule), records in groups.items():
+        values = np.asarray(figures(records, key), dtype=np.float64)
+        values = values / figures(records, over) if over else values
+        x = places.index((condition, size)) + (-0.12 if rule == OURS else 0.12)
+        label = None if rule in drawn else LABELS[rule]
+        drawn.add(rule)
+        top = float(np.nanmax(np.append(values, top)))
+        axes.plot(np.full(len(values), x), values, "o", ms=5, alpha=0.75, color=COLOURS[rule], label=label)
+    axes.set_xticks(
+        range(len(places)), [f"{condition}, {size}" for condition, size in places], rotation=30, ha="right", fontsize=8
+    )
+    axes.set_ylim(0.0, 1.1 * top)
+    axes.set_title(title)

@@ -1,0 +1,179 @@
+"""The planner as printed, low over the ground: what "safe" means when it is asked at the nodes only.
+
+The thesis imposes the clearance at sampling instants, N of them a plan, and proves that a feasible sequence of plans
+never collides (Propositions A.1 to A.3). Between two instants the vehicle is somewhere, too: over every arc of every
+plan that was flown, this study takes the exact least clearance and asks whether both its ends would have shown it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.models.aerial.plan_status import FlightPhase
+from mathnavi.models.terrain.library import load_terrain
+from mathnavi.renders.figures import STYLE
+from mathnavi.renders.statistics_figures import rates_figure_on
+from mathnavi.renders.study_report import Table
+from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.records.statistics import rate
+from mathnavi.sim.records.store import Record
+from mathnavi.sim.records.sweep_data import figures
+from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.studies.framework.study import VEHICLE, Setup, StudyResult, ends, heights, track
+
+LOW = (0.5, 30.0)  # [m] above h_min at both ends of a mission
+PLANNERS = ("as_printed", "flight")
+COLOURS = {"as_printed": "#c2183b", "flight": "#1a9850"}
+
+
+@configuration
+class AsPrintedStudyConfig:
+    """Sample sizes: missions that are flown."""
+
+    seeds: Count = 60
+    """low-flying missions for each of the two planners"""
+
+
+class AsPrintedStudy:
+    """The guarantee of the thesis as printed, tested in continuous time (Propositions A.1 to A.3)."""
+
+    Config = AsPrintedStudyConfig
+    quick = AsPrintedStudyConfig(seeds=3)
+    title = "Safety as printed: clearance at the nodes only"
+
+    @staticmethod
+    def run(config: AsPrintedStudyConfig, setup: Setup) -> StudyResult:
+        trials = {
+            (planner, seed): setup.trial(
+                seed,
+                controller=planner,
+                measure="mathnavi.studies.flight.as_printed:arcs",
+                fields={"drawn_heights": LOW},
+            )
+            for planner in PLANNERS
+            for seed in range(config.seeds)
+        }
+        records = setup.fly_each(trials)
+        by_condition = {planner: [records[planner, seed] for seed in range(config.seeds)] for planner in PLANNERS}
+        rows = [_row(planner, by_condition[planner]) for planner in PLANNERS]
+        literal = rows[0]
+        crashed = [seed for seed in range(config.seeds) if records["as_printed", seed].summary["ground_contacts"]]
+        shown = setup.flown({planner: trials[planner, crashed[0] if crashed else 0] for planner in PLANNERS})
+        collisions = rate(literal["on_ground"], literal["missions"])
+        return StudyResult(
+            summary=(
+                f"{config.seeds} missions over {setup.ground.name} that begin and end {LOW[0]:g} to {LOW[1]:g} m "
+                "above h_min, no noise, no failures. The certified planner of this project flies the same missions.",
+            ),
+            rows=rows,
+            tables=(_missions(rows), _arcs(rows)),
+            figure=_figure(rows, shown),
+            caption="Height above ground on one mission; missions that came below h_min, hit the ground, or were late.",
+            claims=(
+                Claim(
+                    "A.safety-as-printed", "printed", "Feasible plans never lead to a collision.",
+                    "Propositions A.1 to A.3", "no collision, no arc below h_min",
+                    f"collisions {collisions.text()}; {literal['arcs_dipping']} of {literal['arcs']} arcs below "
+                    f"h_min with both ends above, by up to {literal['deepest_m']:.0f} m",
+                    literal["on_ground"] == literal["below"] == literal["arcs_dipping"] == 0,
+                ),
+            ),
+            tracks=[track(planner, shown[planner], COLOURS[planner]) for planner in PLANNERS],
+            places=ends(shown["as_printed"]),
+        )  # fmt: skip
+
+
+def arcs(outcome: RunResult) -> dict[str, Any]:
+    """Count optimised arcs of flown plans that dip below h_min at their ends and between them."""
+    mission = outcome.config["mission"]
+    terrain, least = load_terrain(outcome.config["terrain"]["path"]), mission["clearance_min"]
+    found = {"arcs": 0, "arcs_dipping": 0, "arcs_under_ground": 0, "deepest_m": 0.0}
+    for _, plan in outcome.recording.agents[VEHICLE].plans:
+        optimised = np.flatnonzero(plan.phase == FlightPhase.OPTIMISED)
+        if not len(optimised):
+            continue
+        x = plan.x[: optimised[-1] + 2]
+        ends_clear = x[:, 2] - terrain.height(x[:, 0], x[:, 1]) >= least - 1e-6
+        for k in optimised:
+            duration = float(plan.t[k + 1] - plan.t[k])
+            clearance = terrain.arc_clearance(x[k, :3], x[k, 3:], plan.u[k], duration)
+            found["arcs"] += 1
+            if ends_clear[k] and ends_clear[k + 1] and clearance < least - 1e-6:
+                found["arcs_dipping"] += 1
+                found["arcs_under_ground"] += clearance < 0.0
+                found["deepest_m"] = max(found["deepest_m"], least - clearance)
+    return found
+
+
+def _row(planner: str, records: Sequence[Record]) -> dict[str, Any]:
+    least = np.array([record.parameters["config"]["clearance_min"] for record in records])
+    late = figures(records, "flight_time_s") > figures(records, "deadline_s")
+    arrived = figures(records, "arrived") > 0
+    return {
+        "planner": planner,
+        "missions": len(records),
+        "below": int((figures(records, "min_clearance_m") < least).sum()),
+        "on_ground": int((figures(records, "ground_contacts") > 0).sum()),
+        "late": int((late | ~arrived).sum()),
+        "least_m": figures(records, "min_clearance_m").min(),
+        "arcs": int(figures(records, "arcs").sum()),
+        "arcs_dipping": int(figures(records, "arcs_dipping").sum()),
+        "arcs_under_ground": int(figures(records, "arcs_under_ground").sum()),
+        "deepest_m": figures(records, "deepest_m").max(),
+    }
+
+
+def _missions(rows: Sequence[dict[str, Any]]) -> Table:
+    columns = ("planner", "below h_min", "hit the ground", "late or not arrived", "least clearance")
+    cells = [
+        (
+            r["planner"], *(rate(r[key], r["missions"]).text() for key in ("below", "on_ground", "late")),
+            f"{r['least_m']:.1f} m",
+        )
+        for r in rows
+    ]  # fmt: skip
+    return Table("Missions", columns, cells)
+
+
+def _arcs(rows: Sequence[dict[str, Any]]) -> Table:
+    columns = (
+        "planner",
+        "arcs planned",
+        "below h_min between two nodes above it",
+        "under ground",
+        "deepest below h_min",
+    )
+    cells = [
+        (
+            r["planner"], str(r["arcs"]), f"{r['arcs_dipping']}", str(r["arcs_under_ground"]),
+            f"{r['deepest_m']:.1f} m",
+        )
+        for r in rows
+    ]  # fmt: skip
+    return Table("Optimised arcs of the plans that were flown", columns, cells)
+
+
+def _figure(rows: Sequence[dict[str, Any]], shown: dict[str, RunResult]) -> Figure:
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(9.4, 3.2), layout="constrained")
+        height, missions = figure.subplots(1, 2, width_ratios=(1.3, 1))
+        for planner in PLANNERS:
+            recording = shown[planner].recording
+            height.plot(
+                recording.t, np.maximum(heights(shown[planner]), 1.0), color=COLOURS[planner], label=planner, lw=1.0
+            )
+        height.axhline(50.0, ls=":", color="#5a6876", label="h_min")
+        height.set_yscale("log")
+        height.set(xlabel="time [s]", ylabel="height above ground [m]", title="One mission")
+        height.legend()
+        names = [f"{row['planner']}: {word}" for word in ("below h_min", "on the ground", "late") for row in rows]
+        rates = [rate(row[key], row["missions"]) for key in ("below", "on_ground", "late") for row in rows]
+        rates_figure_on(missions, names, rates)
+        missions.set_title("Missions")
+    return figure

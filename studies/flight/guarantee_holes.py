@@ -1,0 +1,257 @@
+"""Holes in the guarantee, for the study ``hunt``: how a mission shows one, and four controllers that have one.
+
+A mission shows a hole by a violation that no event has announced: ``violations`` has the first, and its time.
+
+The controllers lack one part of the guarantee each. They are named by their place,
+"mathnavi.studies.flight.guarantee_holes:NoClearanceCheck", and are no installed plug-ins. All else is as ``flight``
+has it: faults act on the planner, within what certifies its plans.
+
+    NoClearanceCheck    a plan is flown however low it is; the planner keeps its clearance at the nodes, softly
+    NoStartCheck        a plan is flown wherever it starts; the planner predicts its start at constant velocity
+    LatePlansFlown      a plan that is ready after its start is flown all the same, from when it is ready
+    HalvedBound         plans are certified for half the distance that the tracker can be from them
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from functools import lru_cache, partial
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from mathnavi.controllers.flight.certificate import Certificate, Refusal, TrackingBound
+from mathnavi.controllers.flight.certified import Certified
+from mathnavi.controllers.flight.planner import StopAndHover
+from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
+from mathnavi.controllers.flight.plugin import planner as flight_planner
+from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
+from mathnavi.interfaces.protocols import Planner, Tracker
+from mathnavi.interfaces.signals import Array, Estimate, Event, Plan, PlanRequest
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.quadrotor.entity import REACH
+from mathnavi.models.terrain.height_field import HIGHEST, HeightField
+from mathnavi.models.terrain.hill import hills_of, with_hills
+from mathnavi.models.terrain.library import load_terrain
+from mathnavi.sim.scenarios.closed_loop import RunResult
+
+# Events that announce a loss, until the one that ends it.
+LOSSES = {"guarantee-lost": "guarantee-regained", "separation-unguaranteed": "", "tracking-breach": "rebased"}
+DELAYS = ("deadline-lost", "deadline-moved", "missed-pass", "arrival-lost", "guarantee-lost")
+CONTACTS = ("ground-contact", "vehicle-contact")
+ANSWER = 2.0  # [s] a planning period: as long a breach of the tracking bound counts that was answered by a new plan
+ANNOUNCED = 1.0  # the margin of a mission whose violation was announced: of no interest
+
+
+def violations(outcome: RunResult) -> dict[str, Any]:
+    """A measure: the least relative margin of a mission, and its first violation.
+
+    ``relative_margin`` is the least of (clearance - h_min) / h_min, (separation - d_s) / d_s and (deadline - arrival) /
+    deadline, and ``ANNOUNCED`` where it is negative and was announced: what a search for a silent violation minimises.
+    A hill that no map shows yet cannot be announced, and counts as if it had been.
+    """
+    found = [*_clearance(outcome), *_separation(outcome), *_deadline(outcome)]
+    margin = min(share for _, share, _ in found)
+    broken = sorted((t, kind) for kind, share, t in found if share < 0.0)
+    silent = [
+        (t, kind)
+        for t, kind in broken
+        if not (_announced(kind, t, outcome.events) or (kind == "clearance" and _uncharted(outcome, t)))
+    ]
+    return {
+        "violated": bool(broken),
+        "silently_violated": bool(silent),
+        "violation": (silent or broken)[0][1] if broken else "",
+        "violation_s": (silent or broken)[0][0] if broken else None,
+        "relative_margin": ANNOUNCED if broken and not silent else margin,
+    }
+
+
+def clearance_in_bounds(outcome: RunResult) -> dict[str, Any]:
+    """A measure: the margin of clearance over the tracking bound that the controller declares."""
+    bound = outcome.config["mission"]["tracking_bound"]["vertical"]
+    return {"clearance_in_bounds": outcome.summary["clearance_margin_m"] / bound}
+
+
+def _clearance(outcome: RunResult) -> list[tuple[str, float, float]]:
+    """(kind, relative margin, time [s])."""
+    h_min = outcome.config["fields"]["clearance_min"]
+    margin = outcome.summary["clearance_margin_m"] / max(h_min, 1.0)
+    contacts = [event.t for event in outcome.events if event.kind in CONTACTS]
+    times = contacts if contacts and margin >= 0.0 else [*contacts, _lowest(outcome, h_min)]
+    return [("clearance", min(margin, -1.0) if contacts else margin, min(times))]
+
+
+def _lowest(outcome: RunResult, h_min: float) -> float:
+    """Time [s] of the first sample below ``h_min`` [m], or of the lowest one."""
+    config = outcome.config
+    reach = REACH if config["scenario"] == "quadrotor-canyon" else 0.0
+    ground = _ground(config["terrain"]["path"], tuple(map(tuple, config["fields"].get("uncharted", ()))), reach)
+    t, first, lowest = outcome.recording.t, math.inf, (math.inf, 0.0)
+    for x in outcome.recording.truths.values():
+        above = np.nan_to_num(x[:, 2] - ground.height(x[:, 0], x[:, 1]), nan=-np.inf)  # off the map
+        k = int(above.argmin())
+        lowest = min(lowest, (float(above[k]), float(t[k])))
+        if above[k] < h_min:
+            first = min(first, float(t[np.argmax(above < h_min)]))
+    return first if first < math.inf else lowest[1]
+
+
+@lru_cache(maxsize=8)
+def _ground(path: str, hills: tuple[tuple[float, ...], ...], reach: float) -> HeightField:
+    ground = with_hills(load_terrain(path), hills_of(hills))
+    return ground.inflated(reach, reach) if reach > 0.0 else ground
+
+
+def _uncharted(outcome: RunResult, t: float) -> bool:
+    """True if at ``t`` [s] there are hills that no map shows yet, and the mapped ground was kept clear of."""
+    config = outcome.config
+    fields = config["fields"]
+    if not fields.get("uncharted") or t >= fields["uncharted_time"]:
+        return False
+    ground, until = _ground(config["terrain"]["path"], (), 0.0), outcome.recording.t <= t
+    return all(
+        bool((x[until, 2] - ground.height(x[until, 0], x[until, 1]) >= fields["clearance_min"]).all())
+        for x in outcome.recording.truths.values()
+    )
+
+
+def _separation(outcome: RunResult) -> list[tuple[str, float, float]]:
+    margin = outcome.summary.get("separation_margin_m")
+    if margin is None:
+        return []
+    least = outcome.summary["separation_allowed_m"]
+    return [("separation", margin / least, _nearest(outcome.recording.t, outcome.recording.truths, least))]
+
+
+def _nearest(t: Array, truths: Mapping[str, Array], least: float) -> float:
+    """Time [s] of the first sample at which two vehicles are nearer than ``least`` [m], or nearest."""
+    distance = np.min(
+        [np.linalg.norm(a[:, :3] - b[:, :3], axis=1) for a, b in combinations(truths.values(), 2)], axis=0
+    )
+    return float(t[np.argmax(distance < least)] if (distance < least).any() else t[distance.argmin()])
+
+
+def _deadline(outcome: RunResult) -> list[tuple[str, float, float]]:
+    left, deadline = outcome.summary["deadline_left_s"], outcome.summary["deadline_s"]
+    return [] if left is None else [("deadline", left / deadline, deadline)]
+
+
+def _announced(kind: str, t: float, events: list[Event]) -> bool:
+    """True if an event before ``t`` [s] said that this was no longer guaranteed, and none since that it is."""
+    if kind == "deadline":
+        return any(event.kind in DELAYS and event.t < t for event in events)
+    for loss, end in LOSSES.items():
+        begun = max((event.t for event in events if event.kind == loss and event.t < t), default=None)
+        if begun is None:
+            continue
+        over = min((event.t for event in events if event.kind == end and event.t >= begun), default=math.inf)
+        if t <= over + (ANSWER if loss == "tracking-breach" else 0.0):
+            return True
+    return False
+
+
+# ---- controllers with a hole
+
+Parts = tuple[Planner, Tracker]
+
+
+def _certified(
+    planner: Planner,
+    mission: FlightMission,
+    tracker: CriticallyDamped,
+    *,
+    certificate: type[Certificate] = Certificate,
+    kind: type[Certified] = Certified,
+) -> Certified:
+    """The planner behind a certificate, as ``Certified.for_mission`` makes it, with the classes that are given."""
+    sound = Certificate.for_mission(mission, tracker.bound, tracker.held)
+    made = certificate(**{entry.name: getattr(sound, entry.name) for entry in dataclasses.fields(sound)})
+    fallback = partial(StopAndHover, period=planner.period)
+    worst = mission.quality.worst(mission.gust)
+    return kind(planner, fallback, made, tracker.bound, mission.deadline_factor, worst, mission.start_state)
+
+
+class BlindCertificate(Certificate):
+    """A certificate that does not ask for clearance, only for a plan over the map."""
+
+    def check_clearance(self, plan: Plan) -> Refusal | None:
+        return Certificate.check_clearance(dataclasses.replace(self, clearance_min=-HIGHEST), plan)
+
+
+class NoClearanceCheck(FlightController):
+    """Flies plans however low they are."""
+
+    certified = staticmethod(partial(_certified, certificate=BlindCertificate))  # type: ignore[assignment]
+
+
+class ConstantVelocityStart:
+    """A planner that starts from where the vehicle would be at constant velocity."""
+
+    def __init__(self, planner: Planner) -> None:
+        self.period = planner.period
+        self._planner = planner
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """The plan from the predicted start."""
+        x = request.estimate.x
+        start = np.concatenate([x[:3] + (request.t_start - request.t) * x[3:], x[3:]])
+        estimate = Estimate(request.t_start, start)
+        return self._planner.plan(dataclasses.replace(request, estimate=estimate, current=None))
+
+
+class CertifiedFromAnywhere(Certified):
+    """Certifies plans wherever they start."""
+
+    def _examined(self, plan: Plan, request: PlanRequest) -> Plan:
+        if not plan.ok:
+            return plan
+        here = Estimate(plan.t_start, plan.x[0])
+        return super()._examined(plan, dataclasses.replace(request, estimate=here, current=None))
+
+
+class NoStartCheck(FlightController):
+    """Flies plans wherever they start."""
+
+    certified = staticmethod(partial(_certified, kind=CertifiedFromAnywhere))  # type: ignore[assignment]
+
+    @staticmethod
+    def build(config: FlightConfig, mission: FlightMission) -> Parts:
+        """Return the planner of a mission, and the tracker of its plans."""
+        planner, tracker = FlightController.build(config, mission)
+        return ConstantVelocityStart(planner), tracker
+
+
+class CertifiedTooEarly(Certified):
+    """Certifies plans for when they were asked for, and has those that are late begin when they are ready."""
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """The plan, later than it was certified for if it is late."""
+        plan = super().plan(request)
+        late = plan.ready - plan.t_start if plan.ok else 0.0
+        return dataclasses.replace(plan, t=plan.t + late) if late > 0.0 else plan
+
+
+class LatePlansFlown(FlightController):
+    """Flies plans that are ready after their start."""
+
+    certified = staticmethod(partial(_certified, kind=CertifiedTooEarly))  # type: ignore[assignment]
+
+
+class HalvedBound(FlightController):
+    """Certifies plans for half of what the tracker may be beside them."""
+
+    @staticmethod
+    def build(config: FlightConfig, mission: FlightMission) -> Parts:
+        """Return the planner of a mission, and the tracker of its plans."""
+        whole = tracking_bound(config.bandwidth, mission)
+        held = None if whole.held is None else 0.5 * whole.held
+        half = TrackingBound(
+            0.5 * whole.horizontal, 0.5 * whole.vertical, 0.5 * whole.speed, 0.5 * whole.feedback, held
+        )
+        tracker = CriticallyDamped(mission.control_period, config.bandwidth, whole)
+        tracker.bound = half
+        return flight_planner(config, mission, half), tracker

@@ -1,0 +1,244 @@
+"""The observer as it comes on mechanisms as they are shipped: stiff servos, damping, limits, friction, fluid, contacts.
+
+Encoders have 14 bits, a mechanism is moved by a sine on every actuator, and the last link may be half or one and a half
+times as heavy as every estimator believes. The observer is given nothing: it tunes itself. Its rivals are tuned by a
+sweep on another run, with the load that is believed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import matplotlib
+import mujoco
+import numpy as np
+from matplotlib.figure import Figure
+
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.protocols import Estimator
+from mathnavi.interfaces.signals import Status
+from mathnavi.renders.figures import STYLE
+from mathnavi.renders.study_report import Table
+from mathnavi.sim.metrics.tuning import RecordedCall, spread, tuned
+from mathnavi.sim.plugin.registry import load
+from mathnavi.sim.records.claims import Claim
+from mathnavi.studies.framework.jobs import Jobs
+from mathnavi.studies.framework.study import Setup, StudyResult
+from mathnavi.studies.riemannian.mechanisms import (
+    BITS,
+    BUTTERWORTH,
+    COLOURS,
+    EKF,
+    HIGH_GAIN,
+    MOMENTUM,
+    OBSERVER,
+    SWEPT,
+    UKF,
+    MechanismMotion,
+    recorded,
+)
+
+TUNED_AT, SHOWN_AT, BEGIN = 2.5, 3.0, 0.5  # [rad/s], [rad/s], [s] from when on errors count
+WITHIN = 1.1  # times the error of the best rival
+NOTHING = 1e-3  # of the greatest speed, below which an error counts as none
+TWICE, PAST = 2.0, 1.0  # times the greatest speed of the last second
+SMALL = 9  # joints, up to which the Kalman filters, whose cost grows with their square, are rivals
+NAMES = (OBSERVER, BUTTERWORTH, HIGH_GAIN, MOMENTUM, EKF, UKF)
+
+
+@dataclass(frozen=True)
+class ArmCase:
+    """A mechanism with its load and how far its actuators are driven."""
+
+    mechanism: str
+    load: float = 1.0
+    amplitude: float = 1.0
+    seconds: float = 4.0
+    values: int = 15  # of a sweep, at most
+
+    @property
+    def label(self) -> str:
+        """Name in tables."""
+        name = self.mechanism.removeprefix("dm_control:")
+        load = "" if self.load == 1.0 else f", load {self.load:g}"
+        return f"{name}{load}{', into its limits' if self.amplitude > 1.0 else ''}"
+
+    def motion(self, frequency: float, load: float, seed: int) -> MechanismMotion:
+        """Motion with a sine of ``frequency`` [rad/s] on every actuator."""
+        return MechanismMotion(self.mechanism, frequency, self.seconds, load, False, seed, self.amplitude)
+
+
+CASES = (
+    *(ArmCase(arm, load) for arm in ("servo-six", "servo-seven", "servo-gripper") for load in (1.0, 1.5, 0.5)),
+    ArmCase("servo-six", amplitude=2.9),
+    *(ArmCase("swimmer", load) for load in (1.0, 1.5)),
+    *(ArmCase(f"dm_control:{name}", load) for name in ("acrobot", "manipulator", "fish") for load in (1.0, 1.5)),
+    *(ArmCase(f"dm_control:{name}", load) for name in ("humanoid",) for load in (1.0, 1.5)),
+)
+
+
+@dataclass(frozen=True)
+class ArmErrors:
+    """An estimator on a case."""
+
+    case: str
+    estimator: str
+    error: float  # [rad/s, m/s] root mean square of |qvel^ - qvel| while it is not lost
+    setting: float  # that it was tuned to; nan
+    lost: float  # share of the estimates
+    worst: float  # the largest error while OK over the greatest speed of the last second
+    peak: float  # [rad/s, m/s] the greatest speed
+    raised: str = ""
+
+
+def compared(case: ArmCase) -> list[ArmErrors]:
+    """Run the observer and its rivals over the same readings; an exception becomes part of the result."""
+    mission = recorded(case.motion(TUNED_AT, 1.0, 1))[0]
+    names = NAMES if mission.system.manifold.dimension <= SMALL else (OBSERVER, BUTTERWORTH, HIGH_GAIN, MOMENTUM)
+    return [_errors(name, case) for name in names]
+
+
+def _errors(name: str, case: ArmCase) -> ArmErrors:
+    mission, calls = recorded(case.motion(SHOWN_AT, case.load, 2))
+    rates = slice(mission.system.manifold.size, None)
+    try:
+        if name == OBSERVER:
+            plugin, setting = load("estimators", "riemannian_observer"), float("nan")
+            config = plugin.Config()
+        else:
+            called, field, grid = SWEPT[name]
+            plugin = load("estimators", called)
+            before, others = recorded(case.motion(TUNED_AT, 1.0, 1))
+            values = spread(grid, case.values)
+            found = tuned(plugin, plugin.Config(), before, others, field, values, rates, BEGIN)
+            setting, config = found.best, replace(plugin.Config(), **{field: found.best})
+        error, lost, worst, peak = _judged(plugin.build(config, mission), calls, rates)
+    except (ValueError, ArithmeticError, np.linalg.LinAlgError, mujoco.FatalError) as fault:
+        nan = float("nan")
+        return ArmErrors(case.label, name, np.inf, nan, nan, nan, nan, f"{type(fault).__name__}: {fault}")
+    return ArmErrors(case.label, name, error, setting, lost, worst, peak)
+
+
+def _judged(estimator: Estimator, calls: Sequence[RecordedCall], rates: slice) -> tuple[float, float, float, float]:
+    """Error, share of lost estimates, worst error while OK over the speed, and greatest speed, from BEGIN on."""
+    t = np.array([call.t for call in calls])
+    truth = np.array([call.truth[rates] for call in calls])
+    estimates = [estimator.update(call.t, call.measurements, call.command) for call in calls]
+    error = np.linalg.norm(np.array([estimate.x[rates] for estimate in estimates]) - truth, axis=1)
+    ok = np.array([estimate.status is Status.OK for estimate in estimates])
+    speed, window = np.linalg.norm(truth, axis=1), max(1, round(PAST / (t[1] - t[0])))
+    greatest = np.array([speed[max(0, k - window) : k + 1].max() for k in range(len(speed))])
+    late = t >= BEGIN
+    kept = error[late & ok]
+    worst = float((kept / np.maximum(greatest[late & ok], 1e-9)).max()) if len(kept) else 0.0
+    rms = float(np.sqrt(np.mean(np.square(kept)))) if len(kept) else np.inf
+    return rms, float(1.0 - ok[late].mean()), worst, float(speed.max())
+
+
+@configuration
+class RealArmsConfig:
+    """Sample sizes: runs."""
+
+    cases: Count = len(CASES)
+    """mechanisms with their loads, at most"""
+    values: Count = 8
+    """largest number of values of a sweep"""
+    seconds: Count = 4
+    """duration of a run [s]"""
+
+
+class RealArms:
+    """The observer as it comes, on arms with servos and on mechanisms with limits, fluid and contacts."""
+
+    Config = RealArmsConfig
+    quick = RealArmsConfig(cases=1, values=4, seconds=2)
+    title = "Servos, limits, fluid and contacts: the observer as it comes"
+    on_terrain = False
+
+    @staticmethod
+    def run(config: RealArmsConfig, setup: Setup) -> StudyResult:
+        """Run the study."""
+        jobs = Jobs()
+        cases = [replace(each, seconds=float(config.seconds), values=config.values) for each in CASES[: config.cases]]
+        jobs.add("cases", compared, cases)
+        found: list[list[ArmErrors]] = jobs.done(setup)["cases"]
+        return StudyResult(
+            summary=(
+                f"Encoders of {BITS} bits at 1 kHz; a sine of {SHOWN_AT:g} rad/s on every actuator. The observer has "
+                f"no setting. Rivals are tuned on another run, at {TUNED_AT:g} rad/s, with the load that is believed."
+                f" Error: root mean square of |qvel^ - qvel| from {BEGIN:g} s on, while an estimator is not lost.",
+            ),
+            rows=[
+                {"case": e.case, "estimator": e.estimator, "error": e.error, "setting": e.setting, "lost": e.lost,
+                 "worst": e.worst, "peak": e.peak, "raised": e.raised}
+                for errors in found for e in errors
+            ],
+            tables=(_table(found),),
+            figure=_figure(found),
+            caption="Error of the joint velocities on each mechanism: the observer as it comes, its rivals tuned on "
+            "another run.",
+            claims=claims(found),
+        )  # fmt: skip
+
+
+def claims(found: Sequence[Sequence[ArmErrors]]) -> list[Claim]:
+    """Evaluate the claims of the study."""
+    behind = []
+    for ours, *rivals in found:
+        best = min(rivals, key=lambda each: each.error)
+        if ours.error > max(WITHIN * best.error, NOTHING * ours.peak) or ours.raised:
+            behind.append(f"{ours.case}: {ours.error:.2g} against {best.error:.2g} ({best.estimator})")
+    ratios = [butterworth.error / ours.error for ours, butterworth, *_ in found]
+    worst = max((errors[0] for errors in found), key=lambda each: np.nan_to_num(each.worst, nan=np.inf))
+    lost = max(errors[0].lost for errors in found)
+    return [
+        Claim(
+            "real-arms.best", "target", "Untuned, the observer is as good as the best tuned filter.", "D.6",
+            f"on each mechanism within {100.0 * (WITHIN - 1.0):.0f}% of it, or under {100.0 * NOTHING:g}% of the "
+            "greatest speed",
+            f"on {len(found) - len(behind)} of {len(found)}{'; not on ' if behind else ''}{', '.join(behind)}; "
+            f"{min(ratios):.1f} to {max(ratios):.0f} times below the tuned Butterworth filter; lost for at most "
+            f"{100.0 * lost:.1f}% of a run",
+            not behind,
+        ),
+        Claim(
+            "real-arms.honest", "target", "An estimate that is far off is said to be lost.", "D.6",
+            f"never an error above {TWICE:g} times the greatest speed of the last second while its status is OK",
+            f"at most {worst.worst:.2g} times ({worst.case})",
+            bool(worst.worst <= TWICE),
+        ),
+    ]  # fmt: skip
+
+
+def _table(found: Sequence[Sequence[ArmErrors]]) -> Table:
+    rows = []
+    for errors in found:
+        by_name = {each.estimator: each for each in errors}
+        cells = [_cell(by_name[name]) if name in by_name else "-" for name in NAMES]
+        rows.append((errors[0].case, f"{errors[0].peak:.1f}", *cells, f"{100.0 * errors[0].lost:.1f}%"))
+    return Table("Error [rad/s, m/s]", ("mechanism", "peak", *NAMES, "lost"), rows)
+
+
+def _cell(e: ArmErrors) -> str:
+    if e.raised:
+        return e.raised
+    return f"{e.error:.2g}" if np.isnan(e.setting) else f"{e.error:.2g} ({e.setting:g})"
+
+
+def _figure(found: Sequence[Sequence[ArmErrors]]) -> Figure:
+    with matplotlib.rc_context(STYLE):
+        page = Figure(figsize=(10.0, 0.42 * len(found) + 2.0), layout="constrained")
+        axes = page.subplots()
+        for name, marker in zip(NAMES, "os^vDP", strict=True):
+            points = [
+                (each.error, k) for k, errors in enumerate(found) for each in errors
+                if each.estimator == name and np.isfinite(each.error) and each.error > 0.0
+            ]  # fmt: skip
+            axes.plot(*np.reshape(points, (-1, 2)).T, marker, color=COLOURS[name], label=name, ms=7)
+        axes.set_yticks(range(len(found)), [errors[0].case for errors in found])
+        axes.set_ylim(len(found) - 0.5, -0.5)
+        axes.set_xscale("log")
+        axes.set_xlabel("error of the joint velocities [rad/s, m/s]")
+        axes.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    return page

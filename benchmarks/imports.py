@@ -29,7 +29,7 @@ from benchmarks.progress import progress
 from mathnavi.interfaces.bounds import Within, configuration
 from mathnavi.interfaces.signals import Array
 
-FLIGHT = "import mathnavi.sim.commands.run, mathnavi.sim.scenarios.safe_flight, mathnavi.controllers.flight.plugin"
+FLIGHT = "import mathnavi.commands.run, mathnavi.sim.scenarios.safe_flight, mathnavi.controllers.flight.plugin"
 NOTHING = "pass"
 MOST = 12  # packages that are shown
 PREFIX = "import time:"

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from mathnavi.sim.commands.cli import main
+from mathnavi.commands.cli import main
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "examples" / "ridgeline"

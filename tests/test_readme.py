@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from mathnavi.sim.commands.cli import main
+from mathnavi.commands.cli import main
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 COMMANDS = (Path(__file__).parent.parent / "docs" / "catalogue.md").read_text(encoding="utf-8")

@@ -25,9 +25,9 @@ import tyro
 from sphinx.application import Sphinx
 from sphinx.builders.html import StandaloneHTMLBuilder
 
-from mathnavi.sim.commands import cli, opengl
-from mathnavi.sim.commands.completion import OWN
-from mathnavi.sim.commands.run_request import CommonOptions
+from mathnavi.commands import cli, opengl
+from mathnavi.commands.completion import OWN
+from mathnavi.commands.run_request import CommonOptions
 from mathnavi.sim.plugin.field_help import field_help
 from mathnavi.sim.plugin.groups import GROUPS
 from mathnavi.sim.plugin.registry import load, names

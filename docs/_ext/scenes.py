@@ -9,7 +9,7 @@ from pathlib import Path
 
 from sphinx.application import Sphinx
 
-from mathnavi.sim.commands import cli
+from mathnavi.commands import cli
 
 SCENES: dict[str, tuple[str, ...]] = {
     "flight": (

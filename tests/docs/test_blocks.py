@@ -33,7 +33,7 @@ from pathlib import Path
 
 import pytest
 
-from mathnavi.sim.commands.cli import main
+from mathnavi.commands.cli import main
 from tests.renders.drawn import needs_opengl
 
 ROOT = Path(__file__).resolve().parents[2]

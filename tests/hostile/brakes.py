@@ -25,8 +25,8 @@ def brakes(patch: pytest.MonkeyPatch, *, draws: bool = False) -> None:
 
     Unless it ``draws``, pictures are black and figures empty: what is drawn is read and checked before.
     """
+    from mathnavi.commands import search, sweep
     from mathnavi.renders import clip, video
-    from mathnavi.sim.commands import search, sweep
     from mathnavi.sim.scenarios import closed_loop
     from mathnavi.studies.framework import study
 

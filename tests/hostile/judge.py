@@ -193,7 +193,7 @@ def _within(path: str, writes: Sequence[str]) -> bool:
 
 
 def _here(case: Case, work: Path, folder: Path, draws: bool) -> tuple[str, str, str]:
-    from mathnavi.sim.commands.cli import main
+    from mathnavi.commands.cli import main
 
     modules, paths, trace, code = set(sys.modules), list(sys.path), "", ""
     scratch = Path(tempfile.mkdtemp(dir=folder.parent))

@@ -55,7 +55,7 @@ def originals(folder: Path) -> Path:
     import mujoco  # noqa: F401 - with what draws, before a command imports it without
     from dm_control import mujoco as _  # noqa: F401
 
-    from mathnavi.sim.commands.cli import main
+    from mathnavi.commands.cli import main
 
     folder.mkdir(parents=True, exist_ok=True)
     maps(folder)

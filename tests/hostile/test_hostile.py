@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mathnavi.sim.commands.known import COMMANDS
+from mathnavi.commands.known import COMMANDS
 from tests.hostile.attacks.attack import bring
 from tests.hostile.judge import Case, box, judged
 from tests.hostile.originals import originals

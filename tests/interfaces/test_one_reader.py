@@ -19,14 +19,14 @@ ALLOWED = {
     ("sim/sweep/serve.py", "pickle.loads"),  # what its own parent sends
     ("renders/worker.py", "json.load"),  # likewise
     ("renders/snapshots.py", "pickle.load"),
-    ("sim/commands/interruption.py", "open"),  # a pipe of its own
+    ("src/mathnavi/commands/interruption.py", "open"),  # a pipe of its own
     ("models/unicycle/entity.py", "mjcf.from_path"),  # parts of the package
     ("models/missile/entity.py", "mjcf.from_path"),
     ("models/aerial/entity.py", "mjcf.from_path"),
     ("models/terrain/geotiff.py", "rasterio.open"),  # it opens files itself; one format, and its size is checked
-    ("sim/commands/search.py", "Store.open"),  # the store, no file
-    ("sim/commands/study.py", "Store.open"),
-    ("sim/commands/sweep.py", "Store.open"),
+    ("src/mathnavi/commands/search.py", "Store.open"),  # the store, no file
+    ("src/mathnavi/commands/study.py", "Store.open"),
+    ("src/mathnavi/commands/sweep.py", "Store.open"),
     ("sim/scripting/runs.py", "Store.open"),
     ("studies/introduction/cost_measurement.py", "Store.open"),
     ("studies/introduction/cost_measurement.py", "_STATUS.read_text"),  # what the kernel says of this process

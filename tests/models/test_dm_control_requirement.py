@@ -12,7 +12,7 @@ import pytest
 from packaging.requirements import Requirement
 
 import mathnavi.models.dm_control_requirement as requirement
-from mathnavi.sim.commands.cli import main
+from mathnavi.commands.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
 WITHOUT = """

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from mathnavi.commands.cli import main
 from mathnavi.renders import clip
 from mathnavi.renders.clip import LAST_MOMENT, write_clip
 from mathnavi.renders.film import Frame
 from mathnavi.renders.overlay import Label, Overlay, OverlayWriter
 from mathnavi.renders.palette import Picture, SceneElement
-from mathnavi.sim.commands.cli import main
 from mathnavi.sim.scenarios.textbook import TextbookConfig, TextbookObserver
 from tests.renders.drawn import needs_opengl
 

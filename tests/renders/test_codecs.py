@@ -9,9 +9,9 @@ import av
 import numpy as np
 import pytest
 
+from mathnavi.commands.cli import main
 from mathnavi.renders import video
 from mathnavi.renders.video import ENCODERS, write_video
-from mathnavi.sim.commands.cli import main
 
 WIDTH, HEIGHT, COUNT = 128, 96, 8
 

@@ -10,6 +10,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from mathnavi.commands.arguments import FlagGroup, parse
+from mathnavi.commands.render import RenderOptions
+from mathnavi.commands.run import RunOptions
+from mathnavi.commands.run_request import read_request
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.renders import clip, optimum, video
 from mathnavi.renders.gallery import __main__ as program
@@ -23,10 +27,6 @@ from mathnavi.renders.gallery.table import (
     chosen,
     entries,
 )
-from mathnavi.sim.commands.arguments import FlagGroup, parse
-from mathnavi.sim.commands.render import RenderOptions
-from mathnavi.sim.commands.run import RunOptions
-from mathnavi.sim.commands.run_request import read_request
 from mathnavi.sim.plugin.registry import names
 
 ENTRIES = entries(README.read_text(encoding="utf-8"))

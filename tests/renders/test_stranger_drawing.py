@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from mathnavi.sim.commands.cli import main
+from mathnavi.commands.cli import main
 
 MODULE = """
 from dataclasses import replace

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mathnavi.commands.evidence import verdict
 from mathnavi.renders.sweep_report import MOST_PANELS, report, write_sweep_report
 from mathnavi.renders.terrain_view import Track
-from mathnavi.sim.commands.evidence import verdict
 from mathnavi.sim.metrics.planning import NEVER_ANSWERED
 from mathnavi.sim.records.figure_names import PLANNER_STATUS
 from mathnavi.sim.records.statistics import median_band, rate

@@ -12,9 +12,9 @@ import pytest
 from matplotlib.figure import Figure
 
 import mathnavi as mn
+from mathnavi.commands.cli import main
 from mathnavi.renders import opengl
 from mathnavi.renders.run_figure import signals_figure
-from mathnavi.sim.commands.cli import main
 from mathnavi.sim.records.store import Store
 
 FLIGHT = {"terrain": "jacksboro", "start": (3000, 4000, 900), "target": (6000, 7000, 1000)}

@@ -16,9 +16,9 @@ from typing import Any, ClassVar
 import pytest
 from matplotlib.figure import Figure
 
+from mathnavi.commands import study
+from mathnavi.commands.cli import main
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.commands import study
-from mathnavi.sim.commands.cli import main
 from mathnavi.sim.records.claims import Claim
 from mathnavi.studies.framework.study import Setup, StudyError, StudyResult
 from tests.sim.sweep.computations import Walk, walked

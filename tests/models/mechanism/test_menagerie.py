@@ -8,9 +8,9 @@ import mujoco_menagerie
 import numpy as np
 import pytest
 
+from mathnavi.commands.cli import main
 from mathnavi.models.mechanism.entity import build_model, mechanism_digest
 from mathnavi.models.mechanism.geometry import MechanismManifold
-from mathnavi.sim.commands.cli import main
 
 ROBOT = "universal_robots_ur5e"
 MJCF = """<mujoco model="arm"><compiler angle="radian" meshdir="assets" autolimits="true"/>

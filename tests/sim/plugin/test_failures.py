@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from mathnavi.commands.cli import main
 from mathnavi.models.terrain import library
-from mathnavi.sim.commands.cli import main
 
 RAISED = {
     "exit": "raise SystemExit(0)",

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from mathnavi.commands.cli import main
+from mathnavi.commands.completion import candidates
+from mathnavi.commands.listing import listing
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.models.terrain import library
-from mathnavi.sim.commands.cli import main
-from mathnavi.sim.commands.completion import candidates
-from mathnavi.sim.commands.listing import listing
 from mathnavi.sim.plugin.groups import GROUPS, installed
 from mathnavi.sim.plugin.registry import called, load, loadable, names
 

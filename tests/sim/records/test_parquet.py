@@ -9,7 +9,7 @@ from pathlib import Path
 import pyarrow.parquet
 import pytest
 
-from mathnavi.sim.commands.cli import main
+from mathnavi.commands.cli import main
 from mathnavi.sim.records.store import Store
 from tests.sim.records.test_store import record
 

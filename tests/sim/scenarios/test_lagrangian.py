@@ -10,11 +10,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from mathnavi.commands.cli import main
 from mathnavi.controllers.intrinsic.loop import ReferencePlanner
 from mathnavi.interfaces.signals import Plan, Status
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.sensors import PositionQuality
-from mathnavi.sim.commands.cli import main
 from mathnavi.sim.metrics.lagrangian import VelocityErrors, errors_of
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.scenarios.arm_velocity import ArmVelocity, ArmVelocityConfig

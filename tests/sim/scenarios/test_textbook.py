@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mathnavi.commands.cli import main
 from mathnavi.estimators.textbook.example_2_2 import Example22
 from mathnavi.estimators.textbook.kazantzis_kravaris import KazantzisKravaris
-from mathnavi.sim.commands.cli import main
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.textbook import VEHICLE, TextbookConfig, TextbookObserver

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mathnavi.commands.cli import main
 from mathnavi.interfaces.errors import RunFolderError, TerrainError
 from mathnavi.models.terrain.dem import read_npz
-from mathnavi.sim.commands.cli import main
 from mathnavi.sim.records.run_folder import ARRAYS, read_arrays
 from mathnavi.sim.records.store import Store
 from mathnavi.sim.sweep.execution import run_jobs

@@ -1,0 +1,27 @@
+"""Table of the commands by name: the module of each, and its purpose."""
+
+from __future__ import annotations
+
+COMMANDS = {
+    "list": (
+        "mathnavi.commands.listing",
+        "what is installed: controllers, estimators, consensus, scenarios, studies, terrains, drawings",
+    ),
+    "run": ("mathnavi.commands.run", "fly a scenario and write its log, summary, video and report"),
+    "sweep": (
+        "mathnavi.commands.sweep",
+        "fly a scenario over many seeds and variations, into a store that resumes",
+    ),
+    "search": (
+        "mathnavi.commands.search",
+        "search a scenario for its worst missions, or estimate how probable a rare event is",
+    ),
+    "store": ("mathnavi.commands.store", "show or export what a sweep has stored"),
+    "study": ("mathnavi.commands.study", "tables and figures of the thesis, and what holds of its claims"),
+    "estimate": ("mathnavi.commands.estimate", "run an estimator over the measurements of a finished run"),
+    "render": ("mathnavi.commands.render", "a video, a still or a clip of a run"),
+    "view": ("mathnavi.commands.view", "a run in MuJoCo's own viewer, or in a browser"),
+    "compare": ("mathnavi.commands.compare", "two runs, sweeps or studies side by side"),
+    "terrain": ("mathnavi.commands.terrain", "import an elevation model, show a map"),
+    "completion": ("mathnavi.commands.completion", "a script for bash, zsh or fish that completes what is typed"),
+}

@@ -1,0 +1,63 @@
+"""Notes on the origin of stored results: files that have changed since, other sources, another environment."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from rich.console import Console
+
+from mathnavi.commands.run_config import RunConfig
+from mathnavi.sim.records.computing_environment import difference
+from mathnavi.sim.records.origins import Elsewhere
+from mathnavi.sim.records.store import Store
+
+SHOWN = 12  # digits of a digest
+
+
+def note_origins(errors: Console, store: Store, elsewhere: Elsewhere) -> None:
+    """Print how many results come from another computing environment, if any do."""
+    for sentence in elsewhere.words(store.environments()):
+        errors.print(sentence, style="dim", highlight=False, soft_wrap=True)
+
+
+def note_changed_files(errors: Console, store: Store, named: Mapping[tuple[str, str], str]) -> None:
+    """Print which files have changed since a store took trials with them.
+
+    ``named`` holds the present digest of each file, by the name of the field and its value.
+    """
+    for (name, value), digest in named.items():
+        stored = store.input_digests(name, value)
+        if stored and digest not in stored:
+            before = " and ".join(f"{each[:SHOWN]}..." for each in sorted(stored))
+            errors.print(
+                f"{name} = {value} has changed since {sum(stored.values())} of the stored trials: its digest was "
+                f"{before} and is {digest[:SHOWN]}...; those trials are kept unchanged",
+                style="dim", highlight=False, soft_wrap=True,
+            )  # fmt: skip
+
+
+def note_environment(errors: Console, run_config: RunConfig) -> None:
+    """Print a note if a recorded run was made in another computing environment, or by another version."""
+    if other := difference(run_config.environment):
+        named = f"in another environment: {other}" if run_config.environment else "without a note of its environment"
+        errors.print(
+            f"{run_config.path.parent} was recorded {named}; results agree up to rounding, perhaps not bit for bit",
+            style="dim", highlight=False, soft_wrap=True,
+        )  # fmt: skip
+
+
+def changed_inputs(
+    run_config: RunConfig, now: Mapping[str, str], fields: Mapping[str, object], given: Sequence[str]
+) -> Iterable[str]:
+    """Return a sentence for each file whose content has changed since a run was recorded, though its field is the same.
+
+    ``now`` holds the digests by field, ``fields`` the values; files whose flags are ``given`` again may differ.
+    """
+    for name, digest in run_config.inputs.items():
+        flag = f"--{name.replace('_', '-')}"
+        same = name in now and fields.get(name) == run_config.named_fields.get(name)
+        if same and now[name] != digest and flag not in given:
+            yield (
+                f"{name} = {fields[name]} has changed since {run_config.path} was written: its digest was {digest} and "
+                f"is {now[name]}; allowed: the file as it was"
+            )

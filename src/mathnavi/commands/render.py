@@ -1,0 +1,104 @@
+"""``mathnavi render``: a video, a still or a clip of a run."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from mathnavi.commands import opengl
+from mathnavi.commands.arguments import FlagGroup, HelpPrinted, parse, with_flag
+from mathnavi.commands.deadline import WallDeadline, watched
+from mathnavi.commands.errors import BadInputError, bad_input
+from mathnavi.interfaces.bounds import configuration
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.sim.plugin.trust import trusting
+
+
+@configuration
+class RenderOptions:
+    """Flags of the command: the run to draw, and how."""
+
+    folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
+    """folder of a run; the picture is written into it"""
+    camera: str | None = None
+    """camera: of flights chase, overview, top; of fleets overview, top, arrival; of missiles chase, side, target; of
+    robots top, chase; of bodies and arms panel, scene; of others fixed, track, top, board, and those of the model"""
+    still: bool = False
+    """whether to draw a still picture instead of a video"""
+    time: float | None = None
+    """moment of the still [s]; the one with most to see if not given"""
+    codec: Literal["h264", "av1", "vp9"] | None = None
+    """codec of the video; h264 if not given; av1 and vp9 are encoded without a library under the GPL"""
+    clip: bool = False
+    """whether to draw a small clip that plays for five seconds, an animated WebP, instead of a video"""
+    begin: float | None = None
+    """beginning of the clip [s]; that of the run's highlight if not given"""
+    end: float | None = None
+    """end of the clip [s]; that of the run's highlight if not given"""
+    wall_deadline: WallDeadline | None = None
+    """limit of wall-clock time [s], after which the command is ended; none if not given"""
+    trust: bool = False
+    """whether to import code that DIR names and that is not installed; it runs with your rights"""
+
+    def __post_init__(self) -> None:
+        if self.still and self.clip:
+            raise FieldError("--clip = True; allowed: not together with --still")
+        if self.codec is not None and (self.still or self.clip):
+            raise FieldError(f"--codec = {self.codec}; allowed: only for a video, not with --still or --clip")
+        for name, value, needed in (
+            ("time", self.time, "still"),
+            ("begin", self.begin, "clip"),
+            ("end", self.end, "clip"),
+        ):
+            if value is not None and not getattr(self, needed):
+                raise FieldError(f"--{name} = {value!r}; allowed: only together with --{needed}")
+
+
+def main(argv: Sequence[str]) -> int:
+    if (code := watched("render", argv)) is not None:
+        return code
+    try:
+        (options,) = parse(
+            argv,
+            "mathnavi render",
+            "Draw a run: video.mp4, CAMERA.mp4, CAMERA.png or CAMERA.webp.",
+            FlagGroup(RenderOptions),
+        )
+    except HelpPrinted:
+        return 0
+    opengl.check_choice()
+    from mathnavi.commands.run_request import import_from_here
+    from mathnavi.renders.clip import write_clip  # the drawing modules take a while to import
+    from mathnavi.renders.film import TOUR
+    from mathnavi.renders.opengl import NoOpenGLError
+    from mathnavi.renders.video import write_still, write_video
+    from mathnavi.sim.records.claimed_folder import kept_in_place
+
+    if options.trust:  # a custom drawing
+        import_from_here()
+    film = options.folder / f"{options.camera or 'video'}.mp4"
+    try:
+        with bad_input(), trusting(options.trust), kept_in_place(options.folder):
+            if options.still:
+                path = write_still(options.folder, options.camera, t=options.time)
+            elif options.clip:
+                path = write_clip(options.folder, options.camera, begin=options.begin, end=options.end, progress=True)
+            else:
+                path = write_video(
+                    options.folder,
+                    options.camera or TOUR,
+                    path=film,
+                    progress=True,
+                    codec=options.codec or "h264",
+                )
+    except BadInputError as error:
+        raise BadInputError(with_flag(str(error), ("--camera", "--codec", "--time", "--begin", "--end"))) from error
+    except (NoOpenGLError, RuntimeError) as error:
+        print(f"mathnavi: nothing drawn: {error}", file=sys.stderr)
+        return 1
+    print(path)
+    return 0

@@ -1,0 +1,253 @@
+"""``mathnavi run``: fly a scenario, evaluate it, and write its folder."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+from rich.console import Console
+
+from mathnavi.commands.arguments import HelpPrinted, given, value_of
+from mathnavi.commands.deadline import WallDeadline, watched
+from mathnavi.commands.errors import BadInputError, bad_input, worded
+from mathnavi.commands.interruption import when_interrupted
+from mathnavi.commands.output import run_folder
+from mathnavi.commands.progress import flight_progress
+from mathnavi.commands.provenance import changed_inputs, note_environment
+from mathnavi.commands.run_config import RunConfig
+from mathnavi.commands.run_request import RunRequest, prepare, read_request, usage
+from mathnavi.commands.served_address import Port, address_of, check_address
+from mathnavi.commands.summary import summary_table, verdict
+from mathnavi.interfaces.bounds import configuration
+from mathnavi.interfaces.checks import check_spares
+from mathnavi.interfaces.errors import FieldError, RunFolderError
+from mathnavi.interfaces.fields import flattened, plain
+from mathnavi.interfaces.input_files import run_inputs
+from mathnavi.renders.heartbeat import lines_of_progress
+from mathnavi.renders.opengl import NoOpenGLError
+from mathnavi.sim.engine.compilation import compile_ahead
+from mathnavi.sim.plugin.trust import trusting, within_record
+from mathnavi.sim.records.figure_names import PLANNER_STATUS
+from mathnavi.sim.records.run_folder import SCENE, NothingToDrawError
+
+if TYPE_CHECKING:
+    from mathnavi.commands.run_web import FollowedRun
+    from mathnavi.sim.engine.loop import Loop
+    from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
+
+UNPLANNED = 3  # exit status of a run that succeeded without its planner
+
+
+@configuration
+class RunOptions:
+    """Flags of a run."""
+
+    out: Path | None = None
+    """folder of the run; renders/out/SCENARIO-seedN if not given"""
+    video: bool = False
+    """whether to draw video.mp4"""
+    codec: Literal["h264", "av1", "vp9"] | None = None
+    """codec of the video; h264 if not given; av1 and vp9 are encoded without a library under the GPL"""
+    report: bool = False
+    """whether to write report.html"""
+    from_: Annotated[Path | None, tyro.conf.arg(name="from")] = None
+    """folder of a run whose config.json is run again; other flags take precedence over it"""
+    web: bool = False
+    """whether to show the run in a browser while it is simulated, with sliders for what may change; prints the URL"""
+    host: str | None = None
+    """address of this machine at which --web serves; 127.0.0.1 if not given; the URL of any other has a token"""
+    port: Port | None = None
+    """port at which --web serves; 8765 if not given; 0 chooses a free one"""
+    wall_deadline: WallDeadline | None = None
+    """limit of wall-clock time [s], after which the command is ended; none if not given"""
+    trust: bool = False
+    """whether to import code that the folder of --from names and that is not installed; it runs with your rights"""
+
+    def __post_init__(self) -> None:
+        if self.codec is not None and not self.video:
+            raise FieldError(f"codec = {self.codec}; allowed: only together with --video")
+        check_address(self.host, self.port, web=self.web)
+
+
+def main(argv: Sequence[str]) -> int:
+    if (code := watched("run", argv)) is not None:
+        return code
+    if usage("run", argv):
+        return 0
+    prepare()
+    try:
+        source = value_of("--from", argv)
+        with trusting("--trust" in given(argv)):
+            run_config = RunConfig.read(Path(source), argv) if source is not None else None
+        request = read_request("run", argv, RunOptions, run_config)
+    except HelpPrinted:
+        return 0
+    folder = request.options.out or Path("renders/out") / f"{request.name.replace(':', '.')}-seed{request.common.seed}"
+    _check_spared(folder, Path(source) if source is not None else None, request.files)
+    errors = Console(stderr=True, markup=False)
+    with ExitStack() as served:
+        follow = served.enter_context(_followed(request)) if request.options.web else None
+        code = _run(request, run_config, folder, follow, errors)
+        if follow is not None:
+            follow.show_ended(folder)
+    return code
+
+
+def _run(
+    request: RunRequest, run_config: RunConfig | None, folder: Path, follow: FollowedRun | None, errors: Console
+) -> int:
+    """Fly, write the folder and draw; return the exit code of the command."""
+    with run_folder(folder) as claim:
+        with flight_progress(errors) as progress:
+            compile_ahead(request.config, request.controller.config, request.estimator.config)
+            closed_loop = build(request, run_config)
+            if run_config is not None:
+                note_environment(errors, run_config)
+            with request.failures("a run"):
+                if follow is None:
+                    result = fly(closed_loop, progress, lambda: build(request, run_config))
+                else:
+                    result = follow.fly(closed_loop, lambda loop, watch: fly(loop, progress, watch=watch))
+        replaced = request.options.out is None and (folder / "summary.json").exists()
+        result.write_files(claim.new)
+        removed = _stale(folder, claim.new)
+        claim.install(dropped=(*removed, SCENE))
+        when_interrupted(lambda: f"the run is in {folder}, its pictures may not be; to begin again")
+        if replaced:  # perhaps unintended: the user did not name the folder
+            gone = f", and removed its {', '.join(removed)}" if removed else ""
+            errors.print(f"replaced the run in {folder}{gone}", style="dim", soft_wrap=True, highlight=False)
+        console = Console(markup=False)
+        console.print(f"{request.name}, seed {request.common.seed}: {verdict(result)}", style="bold", highlight=False)
+        console.print(summary_table(result.summary, result.recording.events))
+        with trusting():
+            whole = _draw(request.options, folder, errors)
+    console.print(f"run     {folder}", soft_wrap=True, highlight=False)
+    for made in ("video.mp4", "report.html"):
+        if (folder / made).is_file():
+            console.print(f"{made.partition('.')[0]:8}{folder / made}", soft_wrap=True, highlight=False)
+    if not (result.success and whole):
+        return 1
+    return UNPLANNED if PLANNER_STATUS in result.summary else 0
+
+
+def _followed(request: RunRequest) -> AbstractContextManager[FollowedRun]:
+    from mathnavi.commands.run_web import followed  # what draws takes a while to import
+
+    return followed(request, *address_of(request.options.host, request.options.port))
+
+
+def _check_spared(folder: Path, source: Path | None, files: Sequence[Path]) -> None:
+    """Raise BadInputError if the run would overwrite the one that it comes from, or a file that it reads."""
+    with bad_input():
+        check_spares(folder, [] if source is None else [source], "--out")
+    for file in files:
+        if file.resolve().is_relative_to(folder.resolve()):
+            raise BadInputError(f"--out = {folder} holds {file}, which the run reads; allowed: another folder")
+
+
+def build(request: RunRequest, run_config: RunConfig | None) -> ClosedLoop:
+    """Build the closed loop of a request; BadInputError for fields that do not fit, or a file that has changed."""
+    with request.bad_input():
+        if run_config is not None:
+            _check_inputs(request, run_config)
+        with within_record(run_config.places if run_config else {}):
+            return request.build()
+
+
+def _check_inputs(request: RunRequest, run_config: RunConfig) -> None:
+    """Raise BadInputError for a file that differs from the recorded one, unless its flag is given again."""
+    configs = request.config, request.controller.config, request.estimator.config
+    prefixes = ("", "planner.", "estimator.")
+    fields = {
+        name: value
+        for config, prefix in zip(configs, prefixes, strict=True)
+        for name, value in flattened(plain(config), prefix).items()
+    }
+    for sentence in changed_inputs(run_config, run_inputs(*configs), fields, request.given):
+        raise BadInputError(sentence)
+
+
+def fly(
+    closed_loop: ClosedLoop,
+    progress: Callable[[float, float], None],
+    again: Callable[[], ClosedLoop] | None = None,
+    watch: Callable[[Loop], None] | None = None,
+) -> RunResult:
+    """Run with a bar over the simulated time; ``again`` builds the closed loop once more if necessary, and ``watch`` is
+    called with the loop after every step.
+    """
+    flying = False
+
+    def update(t: float) -> None:
+        nonlocal flying
+        flying = True
+        progress(t, closed_loop.duration)
+
+    try:
+        return closed_loop.run(update, again, watch)
+    except ValueError as error:
+        if flying:
+            raise  # the loop checks its rates before it starts; whatever comes later is a defect
+        raise BadInputError(str(error)) from error
+
+
+def _stale(folder: Path, new: Path) -> list[str]:
+    """Return the names of an earlier run's pictures and reports in a folder, which must not stay with a new run."""
+    pictures = {file.name for file in folder.glob("*") if file.suffix in {".mp4", ".png", ".webp", ".html"}}
+    if not pictures:
+        return []  # what draws takes a while to import
+    stale = _drawn(folder)
+    with trusting():  # its drawing is the one of the scenario that has been flown
+        stale |= _drawn(new)
+    return sorted(stale & pictures)
+
+
+def _drawn(folder: Path) -> set[str]:
+    """Return the names of the pictures and reports of a run like the one in a folder, if its drawing is known."""
+    from mathnavi.renders.drawing import drawing_of
+
+    try:
+        cameras = drawing_of(folder).cameras
+    except (OSError, ValueError):
+        cameras = ()
+    return {"video.mp4", "report.html", *(f"{camera}.{kind}" for camera in cameras for kind in ("mp4", "png", "webp"))}
+
+
+def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
+    """Draw the video and the report if requested; return False if one could not be written, to a full disk for example.
+
+    A run without them is still valid, and so is one in which there is nothing to draw.
+    """
+    written = True
+    if options.video:
+        from mathnavi.renders.video import write_video
+
+        try:
+            write_video(folder, progress=True, codec=options.codec or "h264")
+        except (NoOpenGLError, NothingToDrawError, RunFolderError, RuntimeError, OSError) as error:
+            print(f"mathnavi: no video: {worded(error)}", file=sys.stderr)
+            written = not isinstance(error, OSError)
+    if options.report:
+        from mathnavi.renders.report import write_report
+
+        try:
+            with _announced(errors, "writing the report"):
+                write_report(folder)
+        except (NothingToDrawError, RunFolderError, OSError) as error:
+            print(f"mathnavi: no report: {worded(error)}", file=sys.stderr)
+            written = written and not isinstance(error, OSError)
+    return written
+
+
+def _announced(errors: Console, what: str) -> AbstractContextManager[object]:
+    """Announce the work of the block: on a terminal while it lasts, elsewhere by a line before it and during it."""
+    if errors.is_terminal:
+        return errors.status(what)
+    errors.print(what, highlight=False)
+    began = time.monotonic()
+    return lines_of_progress(errors, lambda: f"{what}: {time.monotonic() - began:.0f} s")

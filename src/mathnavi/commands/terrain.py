@@ -1,0 +1,143 @@
+"""``mathnavi terrain``: import an elevation model, show a map."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+
+from mathnavi.commands.arguments import FlagGroup, HelpPrinted, flags, parse, with_flag
+from mathnavi.commands.errors import BadInputError, bad_input
+from mathnavi.commands.output import output_folder
+from mathnavi.commands.wrapping import wrapped
+from mathnavi.interfaces.checks import check_spares
+from mathnavi.interfaces.writing import write_bytes
+from mathnavi.models.terrain.dem_import import import_dem
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.library import load_terrain, terrain_names
+
+USAGE = """usage: mathnavi terrain import FILE --out FILE.npz [--fill]
+                               [--crop WEST SOUTH EAST NORTH]
+                               [--resample M] [--spacing M] [--scale M]
+       mathnavi terrain show NAME|FILE.npz [--out PNG]
+
+NAME: {}"""
+
+
+@dataclass(frozen=True)
+class TerrainImportOptions:
+    """Flags of ``terrain import``: the elevation model to import, and the map to write."""
+
+    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
+    """elevation model: .png (16 bit), .hgt, .tif, .tiff or .npz"""
+    out: Path
+    """map to write, .npz"""
+    crop: Annotated[tuple[float, float, float, float] | None, tyro.conf.arg(metavar="WEST SOUTH EAST NORTH")] = None
+    """rectangle to keep: in degrees for an .hgt or a GeoTIFF in degrees, in metres of the projection for another
+    GeoTIFF, in metres from the south-west corner for .png and .npz"""
+    fill: bool = False
+    """whether to fill voids from the heights around them, at most 100 nodes away"""
+    resample: float | None = None
+    """distance between the nodes of the map [m], bilinear; that of the file if not given"""
+    spacing: float | None = None
+    """distance between the pixels of a .png [m], which does not contain it"""
+    scale: float | None = None
+    """height of one unit [m]; needed for a .png"""
+
+
+@dataclass(frozen=True)
+class TerrainShowOptions:
+    """Flags of ``terrain show``: the map to show, and the picture to write."""
+
+    terrain: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE")]
+    """terrain: its name, or an .npz file"""
+    out: Path | None = None
+    """picture to write, .png; renders/out/NAME.png if not given"""
+
+
+def main(argv: Sequence[str]) -> int:
+    actions = {"import": _import, "show": _show}
+    if argv and argv[0] in ("-h", "--help"):
+        print(wrapped(USAGE.format(", ".join(terrain_names()))))
+        return 0
+    if not argv or argv[0] not in actions:
+        raise BadInputError(f"terrain {' '.join(argv[:1])}: not a command; allowed: {', '.join(actions)}")
+    with suppress(HelpPrinted):
+        actions[argv[0]](argv[1:])
+    return 0
+
+
+def _import(argv: Sequence[str]) -> None:
+    (options,) = parse(
+        argv, "mathnavi terrain import", "Write an elevation model as a map (.npz).", FlagGroup(TerrainImportOptions)
+    )
+    try:
+        with bad_input():
+            terrain = import_dem(
+                options.file,
+                options.out,
+                spacing=options.spacing,
+                scale=options.scale,
+                crop=options.crop,
+                fill=options.fill,
+                resample=options.resample,
+            )
+    except BadInputError as error:
+        raise BadInputError(with_flag(str(error), [flag for flag, _ in flags(TerrainImportOptions)])) from error
+    print(statistics(terrain))
+    print(f"map       {options.out}")
+
+
+def _show(argv: Sequence[str]) -> None:
+    (options,) = parse(
+        argv, "mathnavi terrain show", "Print the statistics of a map and draw it.", FlagGroup(TerrainShowOptions)
+    )
+    with bad_input():
+        terrain = load_terrain(options.terrain)
+        picture = options.out or Path("renders/out") / f"{terrain.name}.png"
+        if picture.suffix != ".png":
+            raise BadInputError(f"--out = {picture}; allowed: a name that ends in .png")
+        check_spares(picture, [options.terrain], "--out")
+    with output_folder(picture.parent), bad_input():
+        _draw(terrain, picture)
+    print(statistics(terrain))
+    print(f"picture   {picture}")
+
+
+def _draw(terrain: HeightField, path: Path) -> None:
+    from mathnavi.renders.figures import terrain_figure  # matplotlib takes a while to import
+
+    picture = io.BytesIO()
+    terrain_figure(terrain).savefig(picture, format="png", dpi=120)
+    write_bytes(path, picture.getvalue())
+
+
+def statistics(terrain: HeightField) -> str:
+    """Return name, size, heights and source of a map, one line each."""
+    rows, columns = terrain.z.shape
+    lines = {
+        "name": terrain.name,
+        "nodes": f"{rows} x {columns}, {terrain.spacing:g} m apart",
+        "size": f"{terrain.width / 1e3:.3g} km east, {terrain.depth / 1e3:.3g} km north",
+        "heights": f"{terrain.z.min():.1f} to {terrain.z.max():.1f} m",
+        "steepest": f"{steepest(terrain):.1f} degrees, of any triangle",
+        "source": terrain.source or "not stated",
+        "licence": terrain.licence or "not stated",
+        "digest": terrain.digest,
+    }
+    return "\n".join(f"{name:10}{value}" for name, value in lines.items())
+
+
+def steepest(terrain: HeightField) -> float:
+    """Return the slope [degrees] of the steepest triangle."""
+    east, north = np.diff(terrain.z, axis=1), np.diff(terrain.z, axis=0)
+    # A cell's diagonal runs from south-west to north-east: the south and east edges are one triangle
+    squares = (east[:-1] ** 2 + north[:, 1:] ** 2, east[1:] ** 2 + north[:, :-1] ** 2)
+    return math.degrees(math.atan(math.sqrt(max(float(square.max()) for square in squares)) / terrain.spacing))

@@ -1,0 +1,50 @@
+"""``mathnavi view --web`` and ``--save``: the scene of a run as a page, served or written to a file."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+
+from mathnavi.commands.errors import bad_input
+from mathnavi.commands.web_server import PageServer
+from mathnavi.interfaces.writing import write_text
+
+
+def page_of(folder: Path, speed: float | None) -> str:
+    """Return the page of the run in a folder; BadInputError if there is none that can be shown."""
+    from mathnavi.renders.web.document import document  # what draws takes a while to import
+    from mathnavi.renders.web.scene import read_scene
+
+    with bad_input():
+        return document(replace(read_scene(folder), speed=speed))
+
+
+def show(folder: Path, speed: float | None, save: Path | None, address: tuple[str, int] | None) -> int:
+    """Write the page to a file, and serve it at an address until Ctrl-C, each if requested."""
+    errors = Console(stderr=True, markup=False)
+    server = None if address is None else PageServer(*address, lambda: page)
+    try:
+        with errors.status(f"reading {folder}"):  # visible only at a terminal
+            page = page_of(folder, speed)
+        if save is not None:
+            with bad_input():
+                write_text(save, page)
+            print(save)
+        if server is not None:
+            serve(server, f"{folder}")
+    finally:
+        if server is not None:
+            server.server_close()
+    return 0
+
+
+def serve(server: PageServer, what: str) -> None:
+    """Print the address of the page, and serve it until Ctrl-C."""
+    print(f"{what} is shown at {server.url} until Ctrl-C", flush=True)
+    try:
+        server.serve_forever()
+    except KeyboardInterrupt:
+        print("", file=sys.stderr)

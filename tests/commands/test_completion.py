@@ -1,0 +1,114 @@
+"""``mathnavi completion``: its candidates are what the command line takes, and the shells show them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from mathnavi.commands.arguments import flags
+from mathnavi.commands.cli import main
+from mathnavi.commands.completion import FLOWN, OWN, SCRIPTS, candidates, flags_of, plugin
+from mathnavi.commands.known import COMMANDS
+from mathnavi.sim.plugin.index import COMMAND, Description, describe
+from mathnavi.sim.plugin.registry import load, names
+
+PLACES = sorted({place for places in OWN.values() for place in places})
+CONFIGURED = [(kind, name) for kind in ("scenarios", "controllers", "estimators", "studies") for name in names(kind)]
+MINE = """
+from dataclasses import dataclass
+
+@dataclass(frozen=True)
+class Settings:
+    gain: float = 1.0
+    fast: bool = False
+
+class Mine:
+    Config = Settings
+"""
+ASKED = {
+    "bash": """
+        eval "$(mathnavi completion bash)"
+        COMP_WORDS=({words}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1))
+        _mathnavi mathnavi; printf '%s\\n' "${{COMPREPLY[@]}}" """,
+    "zsh": """
+        function compdef() {{ }}; function compadd() {{ print -l -- "${{(@)found}}" }}
+        eval "$(mathnavi completion zsh)"
+        words=({words}); CURRENT=$#words; _mathnavi""",
+    "fish": """mathnavi completion fish | source; complete -C "{line}" """,
+}
+
+
+@pytest.mark.parametrize(("kind", "name"), CONFIGURED)
+def test_every_flag_of_a_plugin_is_completed_and_no_other(kind: str, name: str) -> None:
+    found = flags_of(plugin(kind, name), "planner")
+    assert set(found) == {flag for flag, _ in flags(load(kind, name).Config, "planner")}
+
+
+@pytest.fixture(scope="module")
+def described() -> dict[str, Description]:
+    """Index of every command's options, found by one process."""
+    return dict(zip(PLACES, describe([(COMMAND, EntryPoint(place, place, "")) for place in PLACES]), strict=True))
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_every_flag_of_a_command_is_completed_and_no_other(place: str, described: dict[str, Description]) -> None:
+    module, _, name = place.partition(":")
+    options = getattr(__import__(module, fromlist=[name]), name)
+    assert set(flags_of(described[place])) == {flag for flag, _ in flags(options)}
+
+
+def test_commands_plugins_flags_and_values_are_completed() -> None:
+    assert candidates([""]) == list(COMMANDS)
+    for command in FLOWN:
+        assert candidates([command, ""]) == list(names("scenarios"))
+    assert candidates(["study", "a"]) == ["active-control", "arrival", "as-printed-planner", "attitude", "all"]
+    assert candidates(["run", "safe-flight", "--estimator", "quad"]) == ["quadrotor_state"]
+    assert candidates(["run", "safe-flight", "--estimator", "=", "quad"]) == ["quadrotor_state"]  # as bash splits it
+    assert candidates(["run", "safe-flight", "--planner.backend", ""]) == ["condensed", "ipopt", "fatrop"]
+    assert "--planner.nodes" in candidates(["run", "safe-flight", "--planner."])
+    chosen = ["run", "safe-flight", "--controller", "as_printed", "--planner."]
+    assert set(candidates(chosen)) == {flag for flag, _ in flags(load("controllers", "as_printed").Config, "planner")}
+    assert candidates(["run", "safe-flight", "--out", ""]) == []  # a folder is for the shell to complete
+
+
+def test_the_fields_of_a_strangers_class_are_completed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "my_own_planner.py").write_text(MINE)
+    monkeypatch.chdir(tmp_path)
+    words = ["run", "safe-flight", "--controller", "my_own_planner:Mine", "--planner."]
+    assert candidates(words) == ["--planner.gain", "--planner.fast", "--planner.no-fast"]
+    assert "my_own_planner" not in sys.modules
+
+
+@pytest.mark.parametrize("words", [["no-such-command", ""], ["run", "no_such_module:Class", "--"], ["run", "x", "--"]])
+def test_what_is_not_known_has_no_candidates_and_no_traceback(words: list[str]) -> None:
+    assert candidates(words) == []
+
+
+@pytest.mark.parametrize("shell", SCRIPTS)
+def test_a_shell_completes(shell: str) -> None:
+    program = shutil.which(shell)
+    if program is None:
+        pytest.skip(f"{shell} is not installed")
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    for line, expected in (
+        ("mathnavi run safe-flight --faults.gust-r", ["--faults.gust-rms"]),
+        ("mathnavi run safe-flight --terrain ", ["canyon", "jacksboro", "plain", "tian_shan"]),
+    ):
+        words = " ".join([*line.split(), *(["''"] if line.endswith(" ") else [])])
+        script = ASKED[shell].format(words=words, line=line)
+        done = subprocess.run(
+            [program, "-c", script], capture_output=True, text=True, check=False, env=os.environ | {"PATH": path}
+        )
+        assert done.stdout.split() == expected, done.stderr
+
+
+@pytest.mark.parametrize("words", [[], ["tcsh"], ["bash", "zsh"]])
+def test_another_shell_is_refused_in_one_line(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["completion", *words]) == 2
+    assert "allowed: bash, zsh, fish" in capsys.readouterr().err

@@ -23,13 +23,13 @@ FOLDERS = ("models", "controllers", "estimators", "renders", "sim", "benchmarks"
 
 WIDTH, BOX, HEIGHT, GAP, MARGIN = 1200, 250, 46, 44, 24  # [px]
 COLUMN = {  # of the width, so that few arrows cross; a room that is not named stands in the middle
-    "commands": 0.38, "sim.scripting": 0.66, "studies": 0.5, "sim.search": 0.26, "sim.sweep": 0.26,
+    "commands": 0.38, "scripting": 0.66, "studies": 0.5, "sim.search": 0.26, "sim.sweep": 0.26,
     "sim.environments": 0.72, "renders": 0.2, "sim.scenarios": 0.62, "sim.records": 0.28, "sim.metrics": 0.52,
     "estimators": 0.13, "sim.engine": 0.4, "controllers": 0.66, "models": 0.4, "sim.plugin": 0.88,
     "interfaces": 0.52,
 }  # fmt: skip
 PURPOSE = {
-    "sim.scripting": "what `import mathnavi` declares",
+    "scripting": "what `import mathnavi` declares",
     "commands": "the command line",
     "studies": "tables and figures of the thesis",
     "sim.search": "worst missions and rare events",

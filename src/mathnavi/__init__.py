@@ -53,54 +53,54 @@ if TYPE_CHECKING:
     from mathnavi.models.terrain.visibility import Radar
     from mathnavi.models.unicycle.mission import RangingMission
     from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
+    from mathnavi.scripting.flight import FlightPlan, Verdict, certify, plan_flight
+    from mathnavi.scripting.loading import load
+    from mathnavi.scripting.localisation import PoseObserver, wall_through
+    from mathnavi.scripting.localisation import feasible_set_bank as FeasibleSetBank  # noqa: N812
+    from mathnavi.scripting.observers import IntrinsicObserver, VelocityObserver
+    from mathnavi.scripting.requests import plugin
+    from mathnavi.scripting.runs import available, make, run, study, sweep
+    from mathnavi.scripting.safety_filter import SafetyFilter
+    from mathnavi.scripting.sensor_log import EstimateHistory, SensorLog, estimate
     from mathnavi.sim.plugin.registry import PluginSpec
     from mathnavi.sim.scenarios.closed_loop import RunResult
-    from mathnavi.sim.scripting.flight import FlightPlan, Verdict, certify, plan_flight
-    from mathnavi.sim.scripting.loading import load
-    from mathnavi.sim.scripting.localisation import PoseObserver, wall_through
-    from mathnavi.sim.scripting.localisation import feasible_set_bank as FeasibleSetBank  # noqa: N812
-    from mathnavi.sim.scripting.observers import IntrinsicObserver, VelocityObserver
-    from mathnavi.sim.scripting.requests import plugin
-    from mathnavi.sim.scripting.runs import available, make, run, study, sweep
-    from mathnavi.sim.scripting.safety_filter import SafetyFilter
-    from mathnavi.sim.scripting.sensor_log import EstimateHistory, SensorLog, estimate
 
     __version__: str
 
 # Each name with its module, and with its name there where that is another one.
 _PLACES = {
     # runs of scenarios
-    "run": "sim.scripting.runs",
-    "load": "sim.scripting.loading",
-    "sweep": "sim.scripting.runs",
-    "study": "sim.scripting.runs",
-    "make": "sim.scripting.runs",
-    "plugin": "sim.scripting.requests",
-    "available": "sim.scripting.runs",
+    "run": "scripting.runs",
+    "load": "scripting.loading",
+    "sweep": "scripting.runs",
+    "study": "scripting.runs",
+    "make": "scripting.runs",
+    "plugin": "scripting.requests",
+    "available": "scripting.runs",
     "RunResult": "sim.scenarios.closed_loop",
     "PluginSpec": "sim.plugin.registry",
     # planner and certificate
-    "plan_flight": "sim.scripting.flight",
-    "certify": "sim.scripting.flight",
-    "FlightPlan": "sim.scripting.flight",
-    "Verdict": "sim.scripting.flight",
-    "SafetyFilter": "sim.scripting.safety_filter",
+    "plan_flight": "scripting.flight",
+    "certify": "scripting.flight",
+    "FlightPlan": "scripting.flight",
+    "Verdict": "scripting.flight",
+    "SafetyFilter": "scripting.safety_filter",
     # observers
-    "IntrinsicObserver": "sim.scripting.observers",
-    "VelocityObserver": "sim.scripting.observers",
+    "IntrinsicObserver": "scripting.observers",
+    "VelocityObserver": "scripting.observers",
     "Sphere": "models.manifold.constant_curvature:sphere",
     "HyperbolicSpace": "models.manifold.constant_curvature:hyperbolic_space",
     "EuclideanSpace": "models.manifold.constant_curvature:flat_space",
     "RigidBody": "models.manifold.systems",
-    "FeasibleSetBank": "sim.scripting.localisation:feasible_set_bank",
-    "PoseObserver": "sim.scripting.localisation",
+    "FeasibleSetBank": "scripting.localisation:feasible_set_bank",
+    "PoseObserver": "scripting.localisation",
     "Curve": "models.field.curve",
     "ellipse": "models.field.curve",
-    "wall_through": "sim.scripting.localisation",
+    "wall_through": "scripting.localisation",
     # estimators over one's own log
-    "estimate": "sim.scripting.sensor_log",
-    "SensorLog": "sim.scripting.sensor_log",
-    "EstimateHistory": "sim.scripting.sensor_log",
+    "estimate": "scripting.sensor_log",
+    "SensorLog": "scripting.sensor_log",
+    "EstimateHistory": "scripting.sensor_log",
     "RangingMission": "models.unicycle.mission",
     "RangeQuality": "models.unicycle.quality",
     "OdometryQuality": "models.unicycle.quality",

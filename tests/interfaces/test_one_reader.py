@@ -27,7 +27,7 @@ ALLOWED = {
     ("src/mathnavi/commands/search.py", "Store.open"),  # the store, no file
     ("src/mathnavi/commands/study.py", "Store.open"),
     ("src/mathnavi/commands/sweep.py", "Store.open"),
-    ("sim/scripting/runs.py", "Store.open"),
+    ("src/mathnavi/scripting/runs.py", "Store.open"),
     ("studies/introduction/cost_measurement.py", "Store.open"),
     ("studies/introduction/cost_measurement.py", "_STATUS.read_text"),  # what the kernel says of this process
 }

@@ -19,8 +19,8 @@ from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading.tables import read_columns
 from mathnavi.interfaces.short_tables import html_table, short_table, vector_text
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.scripting.requests import configured, raising
 from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, checked_sensors, load, of_stranger
-from mathnavi.sim.scripting.requests import configured, raising
 
 _PERIOD_FACTOR = 2.0  # between the period that an estimator is built for and the steps of a log
 

@@ -18,6 +18,7 @@ from mathnavi.interfaces.errors import FieldError, MissionError
 from mathnavi.interfaces.fields import leaf_type
 from mathnavi.interfaces.short_tables import Row, html_table, short_table, value_text
 from mathnavi.interfaces.signals import Array
+from mathnavi.scripting.requests import ScriptRequest, configured, flat, raising, request
 from mathnavi.sim.engine.compilation import compile_ahead
 from mathnavi.sim.plugin.registry import PluginSpec, called, names
 from mathnavi.sim.plugin.registry import load as load_plugin
@@ -25,7 +26,6 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult, built
-from mathnavi.sim.scripting.requests import ScriptRequest, configured, flat, raising, request
 from mathnavi.sim.sweep.execution import Progress, available_cores, run_trials
 from mathnavi.sim.sweep.trial import Trial
 from mathnavi.sim.sweep.uniform import Uniform

@@ -27,8 +27,8 @@ from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.models.manifold.systems import PointSystem
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.system import MechanismSystem
+from mathnavi.scripting.requests import configured, raising
 from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, load
-from mathnavi.sim.scripting.requests import configured, raising
 
 ANY_SPEED = 1e6  # |v|_g from which a reading would be refused as an outlier
 _CLOCK = 1e-3  # [s] the nominal period of a mission; the observers follow the steps that they are given

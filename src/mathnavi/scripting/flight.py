@@ -30,9 +30,9 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.scripting.requests import plugin, raising
 from mathnavi.sim.plugin.registry import PluginSpec, checked_controller
 from mathnavi.sim.scenarios.flight_parts import check_above_ground
-from mathnavi.sim.scripting.requests import plugin, raising
 
 Terrain = HeightField | str | Path
 _REPLANS = 100_000

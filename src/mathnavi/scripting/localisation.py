@@ -20,8 +20,8 @@ from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
+from mathnavi.scripting.requests import configured, raising
 from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, load
-from mathnavi.sim.scripting.requests import configured, raising
 
 _RESAMPLED = 2048  # points of a polygon
 

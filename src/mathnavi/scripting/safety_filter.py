@@ -1,6 +1,6 @@
 """Safety filter for any commands, on arrays: without scenario, loop and plug-in.
 
-Map frame and states as in ``mathnavi.sim.scripting.flight``; a command is an acceleration (3,) [m/s^2] that is held for
+Map frame and states as in ``mathnavi.scripting.flight``; a command is an acceleration (3,) [m/s^2] that is held for
 a period.
 """
 
@@ -20,8 +20,8 @@ from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.signals import Array, Estimate, Status
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
-from mathnavi.sim.scripting.flight import Terrain, ground_of, point_of
-from mathnavi.sim.scripting.requests import raising
+from mathnavi.scripting.flight import Terrain, ground_of, point_of
+from mathnavi.scripting.requests import raising
 
 
 class SafetyFilter:

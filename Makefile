@@ -25,7 +25,7 @@ SINCE ?= HEAD
 LOCK ?= .ci/requirements.txt
 , := ,
 
-PACKAGES := models sim controllers estimators renders
+PACKAGES := interfaces models controllers estimators sim renders studies src
 BENCHMARKS := $(wildcard benchmarks)
 DOCS := docs/_build/html
 INSTALL := .venv/bin/python .ci/install.py

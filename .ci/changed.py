@@ -15,7 +15,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 TESTS = ROOT / "tests"
-PACKAGES = ("models", "sim", "controllers", "estimators", "renders", "benchmarks")
+PACKAGES = ("interfaces", "models", "controllers", "estimators", "sim", "renders", "studies", "commands", "scripting")
+FRONT_DOOR = Path("src", "mathnavi")  # where the last two of them are
 
 
 def changed(commit: str) -> list[Path]:
@@ -33,7 +34,9 @@ def changed(commit: str) -> list[Path]:
 
 def tests_of(file: Path) -> Iterator[Path]:
     """The tests of a file of the repository."""
-    if file.suffix != ".py" or file.parts[0] not in ("tests", *PACKAGES):
+    if file.is_relative_to(FRONT_DOOR):
+        file = file.relative_to(FRONT_DOOR)
+    if file.suffix != ".py" or file.parts[0] not in ("tests", "benchmarks", *PACKAGES):
         return
     if file.name.startswith("test_"):
         if (ROOT / file).exists():

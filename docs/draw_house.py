@@ -19,7 +19,9 @@ from xml.sax.saxutils import escape
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / "docs" / "_static" / "house.svg"
-FOLDERS = ("models", "controllers", "estimators", "renders", "sim", "benchmarks")
+FOLDERS = (
+    "interfaces", "models", "controllers", "estimators", "sim", "renders", "studies", "src/mathnavi", "benchmarks",
+)  # fmt: skip
 
 WIDTH, BOX, HEIGHT, GAP, MARGIN = 1200, 250, 46, 44, 24  # [px]
 COLUMN = {  # of the width, so that few arrows cross; a room that is not named stands in the middle
@@ -51,7 +53,8 @@ PURPOSE = {
 def modules() -> dict[str, Path]:
     """Every module of the sources by its name without ``mathnavi.``, and those of the benchmarks."""
     files = (path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py")))
-    return {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path for path in files}
+    named = {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path for path in files}
+    return {name.removeprefix("src.mathnavi").removeprefix(".") or "mathnavi": path for name, path in named.items()}
 
 
 def imports(path: Path, known: Mapping[str, Path]) -> Iterator[str]:

@@ -75,7 +75,7 @@ def compile_kernels() -> None:
 def _sources() -> str:
     """Hash of the sources with kernels in them, and of the interpreter."""
     digest = hashlib.sha256(f"{sys.prefix} {sys.version}".encode())
-    for folder in ("models", "controllers", "estimators", "sim", "renders"):
+    for folder in ("models", "controllers", "estimators", "sim", "renders", "studies"):
         for file in sorted((ROOT / folder).rglob("*.py")):
             content = file.read_bytes()
             if b"njit(" in content:

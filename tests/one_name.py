@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-FOLDERS = ("controllers", "estimators", "models", "renders", "sim")
+FOLDERS = ("controllers", "estimators", "interfaces", "models", "renders", "sim", "studies")
 
 
 def bare(modules: Iterable[str]) -> list[str]:

@@ -17,7 +17,7 @@ from mathnavi.renders.drawing import Drawing
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-FOLDERS = ("models", "sim", "controllers", "estimators", "renders")
+FOLDERS = ("interfaces", "models", "controllers", "estimators", "sim", "renders", "studies")
 ENTRY_POINTS = [
     EntryPoint(name, value, group)
     for group, members in {**PROJECT["entry-points"], "console_scripts": PROJECT["scripts"]}.items()

@@ -17,7 +17,9 @@ import pytest
 from mathnavi.renders import opengl
 
 ROOT = Path(__file__).resolve().parents[1]
-FOLDERS = ("controllers", "estimators", "models", "renders", "sim")
+FOLDERS = ("controllers", "estimators", "interfaces", "models", "renders", "sim", "studies")
+FRONT_DOOR = ("commands", "scripting")
+SOURCES = ROOT / "src" / "mathnavi"
 DATA = (".xml", ".css", ".html", ".js", ".json", ".png", ".md", ".typed")
 FLIGHT = ["safe-flight", "--terrain", "jacksboro", "--start", "3000", "4000", "900", "--target", "6000", "7000", "1000"]
 
@@ -43,9 +45,9 @@ print(json.dumps({"place": mathnavi.models.__file__, "again": same, "trials": le
 def installed_files() -> Iterator[str]:
     """The package's files as the repository has them, but for what is drawn: pictures of the gallery, and outputs."""
     yield from ("__init__.py", "__main__.py", "py.typed")
-    for folder in FOLDERS:
-        for path in (ROOT / folder).rglob("*"):
-            name = path.relative_to(ROOT).as_posix()
+    for folder in (*FOLDERS, *FRONT_DOOR):
+        for path in (SOURCES / folder).rglob("*"):
+            name = path.relative_to(SOURCES).as_posix()
             drawn = name.startswith(("renders/out/", "renders/gallery/")) and path.suffix != ".py"
             if path.is_file() and path.suffix in (".py", *DATA) and (not drawn or path.name == "README.md"):
                 yield name

@@ -18,7 +18,8 @@ from sphinx.application import Sphinx
 from mathnavi.sim.plugin.field_help import beside, comments
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("models", "sim", "controllers", "estimators", "renders")
+PACKAGES = ("interfaces", "models", "controllers", "estimators", "sim", "renders", "studies", "commands", "scripting")
+SOURCES = ROOT / "src" / "mathnavi"  # where each package is, or a link to it
 HEADING = {"index": "=", "module": "-"}
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
@@ -27,7 +28,7 @@ class Module:
     """A source file: its tree, what its names mean, and the comments at the end of its lines."""
 
     def __init__(self, path: Path) -> None:
-        self.path, self.name = path, ".".join(("mathnavi", *path.relative_to(ROOT).with_suffix("").parts))
+        self.path, self.name = path, ".".join(("mathnavi", *path.relative_to(SOURCES).with_suffix("").parts))
         source = path.read_text(encoding="utf-8")
         self.tree = ast.parse(source)
         self.comments = comments(source)
@@ -180,10 +181,10 @@ def write_pages(app: Sphinx) -> None:
     folder = Path(app.srcdir) / "reference" / "api"
     pages = {}
     for package in PACKAGES:
-        for place in sorted({path.parent for path in (ROOT / package).rglob("*.py")}):
+        for place in sorted({path.parent for path in (SOURCES / package).rglob("*.py")}):
             paths = [path for path in sorted(place.glob("*.py")) if not path.stem.startswith("_")]
             if paths:
-                pages[".".join(("mathnavi", *place.relative_to(ROOT).parts))] = page(
+                pages[".".join(("mathnavi", *place.relative_to(SOURCES).parts))] = page(
                     place, [Module(path) for path in paths]
                 )
     texts = {f"{name}.rst": text for name, text in pages.items()}

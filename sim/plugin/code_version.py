@@ -18,7 +18,8 @@ from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.reading.files import MEBIBYTE, read_bytes
 
 PACKAGE = "mathnavi"
-FOLDERS = ("controllers", "estimators", "models", "sim")  # a result depends on these; renders draws afterwards
+# A result depends on these; renders, commands and scripting read it afterwards.
+FOLDERS = ("controllers", "estimators", "interfaces", "models", "sim", "studies")
 MOST_SOURCE = 1024 * MEBIBYTE  # of a file in a package
 _DIGITS = 16  # of a digest
 _IMPORT = re.compile(rb"^\s*(?:from\s+([A-Za-z_]\w*)[\w.]*\s+import\b|import\s+([^\n#;(]+))", re.MULTILINE)

@@ -36,7 +36,7 @@ def imported(source: str) -> Iterator[str]:
             yield str(node.module)
 
 
-@pytest.mark.parametrize("folder", [*FOLDERS, "benchmarks", "docs", "examples", "tests"])
+@pytest.mark.parametrize("folder", [*FOLDERS, "src", "benchmarks", "docs", "examples", "tests"])
 def test_no_source_imports_a_module_by_a_second_name(folder: str) -> None:
     sources = list((ROOT / folder).rglob("*.py"))
     assert sources

@@ -38,7 +38,7 @@ def test_a_file_that_no_test_names_has_all_tests_of_its_package(file: str) -> No
 
 def test_a_package_without_a_folder_of_tests_has_those_of_the_package_around_it() -> None:
     (folder,) = {test.parent for test in changed.tests_of(Path("studies/flight/nobodys.py"))}
-    assert (ROOT / "tests" / "sim" / "studies" / "flight").is_relative_to(folder)
+    assert (ROOT / "tests" / "studies" / "flight").is_relative_to(folder)
 
 
 def test_a_commit_that_is_not_there_is_an_error(

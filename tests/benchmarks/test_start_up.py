@@ -19,11 +19,13 @@ def test_a_command_takes_time_and_a_failure_is_no_measurement(tmp_path: Path) ->
 
 
 def test_the_code_of_the_tree_is_started_and_leaves_byte_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    commands = tmp_path / "src" / "mathnavi" / "sim" / "commands"
+    commands = tmp_path / "src" / "mathnavi" / "commands"
     commands.mkdir(parents=True)
     (commands / "cli.py").write_text("def main():\n    return 7\n", encoding="utf-8")
-    for package in (commands, *list(commands.parents)[:2]):
+    for package in (commands, commands.parent):
         (package / "__init__.py").touch()
+    call = "import sys\nfrom mathnavi.commands.cli import main\nsys.exit(main())\n"
+    (commands.parent / "__main__.py").write_text(call, encoding="utf-8")
     monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
     for state, left in (("cold", 0), ("warm", 1)):
         with pytest.raises(RuntimeError, match="exit code 7"):

@@ -23,7 +23,7 @@ from mathnavi.sim.sweep.execution import run_trials
 from mathnavi.sim.sweep.trial import Trial
 
 BOWL = "tests.sim.search.scenarios:Bowl"
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 PROGRAM = [sys.executable, "-c", "import sys; from mathnavi.commands.cli import main; sys.exit(main())"]
 OVER = ("--over", "x=-4..4", "--over", "y=-4..4")
 

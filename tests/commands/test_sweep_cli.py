@@ -32,7 +32,7 @@ from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.sweep import cluster
 
 COIN = "tests.sim.sweep.scenarios:Coin"
-ROOT = Path(__file__).parents[3]  # where tests.sim.sweep.scenarios is found
+ROOT = Path(__file__).parents[2]  # where tests.sim.sweep.scenarios is found
 PROGRAM = [sys.executable, "-c", "import sys; from mathnavi.commands.cli import main; sys.exit(main())"]
 
 Words = tuple[str, ...]

@@ -9,7 +9,7 @@ import casadi as ca
 
 from benchmarks.ocp_references.collocation import Arc, Reference, collocate, radau
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.problems import bunt as bunt_problem
+from mathnavi.controllers.ocp.problems import manuals
 from mathnavi.interfaces.signals import Array
 
 
@@ -42,9 +42,9 @@ def smooth(intervals: int, uniform: tuple[int, ...] = (20,)) -> Chain:
 
 def bunt_load(x: ca.SX, u: ca.SX, t: ca.SX) -> ca.SX:
     """Normal load at its least, L / (m g) = -4."""
-    air = bunt_problem.C1 * x[3] ** 2 + bunt_problem.C2 * x[3] + bunt_problem.C3
-    lift = bunt_problem.B1 * u[1] * air * x[1] ** 2 * bunt_problem.AREA / 2
-    return lift / (bunt_problem.MASS * bunt_problem.GRAVITY) + bunt_problem.MOST_LOAD
+    air = manuals.BUNT_C1 * x[3] ** 2 + manuals.BUNT_C2 * x[3] + manuals.BUNT_C3
+    lift = manuals.BUNT_B1 * u[1] * air * x[1] ** 2 * manuals.BUNT_AREA / 2
+    return lift / (manuals.BUNT_MASS * manuals.BUNT_GRAVITY) + manuals.BUNT_MOST_LOAD
 
 
 def rayleigh_bound(x: ca.SX, u: ca.SX, t: ca.SX) -> ca.SX:

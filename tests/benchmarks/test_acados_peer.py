@@ -11,7 +11,7 @@ from rich.console import Console
 from benchmarks import acados_peer
 from benchmarks.acados_cart_pole import CART, FORCE, GRAVITY, LENGTH, POLE
 from benchmarks.acados_wheel import FOLDER, missing
-from mathnavi.controllers.ocp.problems import cart_pole
+from mathnavi.controllers.ocp.problems import articles
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 
 
@@ -24,7 +24,8 @@ def test_it_is_left_out_with_one_line_where_it_is_not_installed(tmp_path: Path) 
 
 
 def test_the_figures_are_those_of_the_library() -> None:
-    assert (CART, POLE, LENGTH, GRAVITY) == (cart_pole.CART, cart_pole.POLE, cart_pole.LENGTH, cart_pole.GRAVITY)
+    assert (CART, POLE) == (articles.CART_MASS, articles.POLE_MASS)
+    assert (LENGTH, GRAVITY) == (articles.POLE_LENGTH, articles.GRAVITY)
     assert PROBLEMS["cart-pole"].problem().control_bounds.upper.tolist() == [FORCE]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.problems.bryson_denham import bryson_denham
+from mathnavi.controllers.ocp.problems.bryson_ho import bryson_denham
 from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.studies.nodes.monitor_comparison import (
     BOOKS,

@@ -14,38 +14,34 @@ from typing import Literal
 from mathnavi.controllers.ocp.problem import KNOWN
 from mathnavi.controllers.ocp.problem import OptimalControlProblem as OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.problems.alp_rider import alp_rider
-from mathnavi.controllers.ocp.problems.brachistochrone import brachistochrone, brachistochrone_drop
-from mathnavi.controllers.ocp.problems.bryson_denham import bryson_denham
-from mathnavi.controllers.ocp.problems.bunt import bunt
-from mathnavi.controllers.ocp.problems.cart_pole import cart_pole
-from mathnavi.controllers.ocp.problems.catalyst_mixing import catalyst_mixing
-from mathnavi.controllers.ocp.problems.container_crane import container_crane
-from mathnavi.controllers.ocp.problems.double_integrator import double_integrator_energy, double_integrator_time
-from mathnavi.controllers.ocp.problems.fishing import fishing
-from mathnavi.controllers.ocp.problems.free_flying_robot import free_flying_robot
-from mathnavi.controllers.ocp.problems.goddard import goddard
-from mathnavi.controllers.ocp.problems.hang_glider import hang_glider
-from mathnavi.controllers.ocp.problems.hanging_chain import hanging_chain
-from mathnavi.controllers.ocp.problems.hypersensitive import hypersensitive, hypersensitive_short
-from mathnavi.controllers.ocp.problems.lander import lander
-from mathnavi.controllers.ocp.problems.linear_hypersensitive import linear_hypersensitive
-from mathnavi.controllers.ocp.problems.lunar_landing import lunar_landing
-from mathnavi.controllers.ocp.problems.maximum_range import maximum_range
+from mathnavi.controllers.ocp.problems.articles import (
+    cart_pole,
+    double_integrator_energy,
+    double_integrator_time,
+    fishing,
+    linear_hypersensitive,
+    singular_regulator,
+    stirred_tank,
+    target_line,
+    van_der_pol_time,
+)
+from mathnavi.controllers.ocp.problems.betts import alp_rider, free_flying_robot, rayleigh, tumour
+from mathnavi.controllers.ocp.problems.bryson_ho import bryson_denham, maximum_range, orbit_raising, steering, zermelo
+from mathnavi.controllers.ocp.problems.cops import catalyst_mixing, goddard, hang_glider, hanging_chain, robot_arm
+from mathnavi.controllers.ocp.problems.manuals import (
+    brachistochrone,
+    brachistochrone_drop,
+    bunt,
+    container_crane,
+    hypersensitive,
+    hypersensitive_short,
+    lander,
+    lunar_landing,
+    moving_wall,
+    two_link_arm,
+    van_der_pol,
+)
 from mathnavi.controllers.ocp.problems.missile import OPTIMA, missile
-from mathnavi.controllers.ocp.problems.moving_wall import moving_wall
-from mathnavi.controllers.ocp.problems.orbit_raising import orbit_raising
-from mathnavi.controllers.ocp.problems.rayleigh import rayleigh
-from mathnavi.controllers.ocp.problems.robot_arm import robot_arm
-from mathnavi.controllers.ocp.problems.singular_regulator import singular_regulator
-from mathnavi.controllers.ocp.problems.steering import steering
-from mathnavi.controllers.ocp.problems.stirred_tank import stirred_tank
-from mathnavi.controllers.ocp.problems.target_line import target_line
-from mathnavi.controllers.ocp.problems.tumour import tumour
-from mathnavi.controllers.ocp.problems.two_link_arm import two_link_arm
-from mathnavi.controllers.ocp.problems.van_der_pol import van_der_pol
-from mathnavi.controllers.ocp.problems.van_der_pol_time import van_der_pol_time
-from mathnavi.controllers.ocp.problems.zermelo import zermelo
 
 Kind = Literal["smooth", "bang-bang", "singular", "state-constrained"]
 """kind of control: smooth; at its bounds but for instants; with a singular arc; with an arc on a path constraint"""

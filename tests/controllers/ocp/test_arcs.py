@@ -12,7 +12,7 @@ from mathnavi.controllers.ocp.distribution import Equidistributed
 from mathnavi.controllers.ocp.grid import Grid, uniform
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
-from mathnavi.controllers.ocp.problems.double_integrator import double_integrator_time
+from mathnavi.controllers.ocp.problems.articles import double_integrator_time
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 

@@ -8,8 +8,8 @@ import pytest
 
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
-from mathnavi.controllers.ocp.problems.bryson_denham import WALL, bryson_denham
-from mathnavi.controllers.ocp.problems.double_integrator import double_integrator_energy, double_integrator_time
+from mathnavi.controllers.ocp.problems.articles import double_integrator_energy, double_integrator_time
+from mathnavi.controllers.ocp.problems.bryson_ho import WALL, bryson_denham
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
 from mathnavi.controllers.ocp.transcriptions.gauss import GaussLegendre

@@ -13,9 +13,9 @@ from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.multipliers import NamedValues
 from mathnavi.controllers.ocp.pontryagin import ConditionVerdict, PontryaginCheck, check_pontryagin
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
-from mathnavi.controllers.ocp.problems.bryson_denham import bryson_denham
-from mathnavi.controllers.ocp.problems.double_integrator import double_integrator_time
-from mathnavi.controllers.ocp.problems.goddard import goddard
+from mathnavi.controllers.ocp.problems.articles import double_integrator_time
+from mathnavi.controllers.ocp.problems.bryson_ho import bryson_denham
+from mathnavi.controllers.ocp.problems.cops import goddard
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson

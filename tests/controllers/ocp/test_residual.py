@@ -7,9 +7,9 @@ import pytest
 
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.methods.redistribution import redistribute, redistributed
-from mathnavi.controllers.ocp.problems.double_integrator import double_integrator_energy
-from mathnavi.controllers.ocp.problems.hypersensitive import hypersensitive_short
+from mathnavi.controllers.ocp.problems.articles import double_integrator_energy
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
+from mathnavi.controllers.ocp.problems.manuals import hypersensitive_short
 from mathnavi.controllers.ocp.residual import RESIDUAL, cost_errors, local_errors
 from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.euler import Euler

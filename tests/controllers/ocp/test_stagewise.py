@@ -13,7 +13,7 @@ from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDi
 from mathnavi.controllers.ocp.nlp import Programme, programme
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.problems.double_integrator import double_integrator_energy
+from mathnavi.controllers.ocp.problems.articles import double_integrator_energy
 from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
 from mathnavi.controllers.ocp.transcriptions.gauss import GaussLegendre

@@ -13,7 +13,7 @@ from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.methods.gate import gated
 from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
-from mathnavi.controllers.ocp.problems.goddard import goddard
+from mathnavi.controllers.ocp.problems.cops import goddard
 from mathnavi.controllers.ocp.replay import GIVEN_NODES, judged
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
 from mathnavi.interfaces.errors import ProblemError

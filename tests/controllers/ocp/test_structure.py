@@ -11,12 +11,10 @@ from mathnavi.controllers.ocp.defects import defects
 from mathnavi.controllers.ocp.grid import uniform
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
-from mathnavi.controllers.ocp.problems.bryson_denham import bryson_denham
-from mathnavi.controllers.ocp.problems.double_integrator import double_integrator_energy, double_integrator_time
-from mathnavi.controllers.ocp.problems.free_flying_robot import free_flying_robot
-from mathnavi.controllers.ocp.problems.rayleigh import rayleigh
-from mathnavi.controllers.ocp.problems.van_der_pol import van_der_pol
-from mathnavi.controllers.ocp.problems.zermelo import zermelo
+from mathnavi.controllers.ocp.problems.articles import double_integrator_energy, double_integrator_time
+from mathnavi.controllers.ocp.problems.betts import free_flying_robot, rayleigh
+from mathnavi.controllers.ocp.problems.bryson_ho import bryson_denham, zermelo
+from mathnavi.controllers.ocp.problems.manuals import van_der_pol
 from mathnavi.controllers.ocp.replay import replayed
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.structure import Structure, linear_controls, structure, switching_constraints

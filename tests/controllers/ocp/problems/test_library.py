@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 import pkgutil
 from typing import get_args
 
@@ -19,12 +21,20 @@ ALL = PROBLEMS | MISSILES
 QUICK = ("brachistochrone", "van der Pol, time", "singular regulator", "Bryson-Denham, L = 0.1")  # one of each kind
 
 
-def test_every_problem_file_is_in_the_library() -> None:
-    files = {module.name for module in pkgutil.iter_modules(problems.__path__)} - {"library"}
+def test_every_problem_is_in_the_library() -> None:
+    modules = [
+        importlib.import_module(f"{problems.__name__}.{file.name}") for file in pkgutil.iter_modules(problems.__path__)
+    ]
+    stated = {
+        function
+        for module in modules
+        for name, function in vars(module).items()
+        if not name.startswith("_") and getattr(function, "__module__", "") == module.__name__
+        if inspect.isroutine(inspect.unwrap(function))
+    }
     used = {known.problem().name for known in ALL.values()}
     assert len(used) == len(ALL)  # no two are the same
-    made = {getattr(known.problem, "func", known.problem).__module__.rpartition(".")[2] for known in ALL.values()}
-    assert files == made
+    assert stated == {getattr(known.problem, "func", known.problem) for known in ALL.values()}
 
 
 @pytest.mark.parametrize("name", ALL)

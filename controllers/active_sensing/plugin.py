@@ -10,8 +10,9 @@ import numpy as np
 from annotated_types import Interval, Le
 
 from mathnavi.controllers.active_sensing.belief import BeliefFromEstimates
-from mathnavi.controllers.active_sensing.candidate_search import CandidateSearch, Containment
-from mathnavi.controllers.active_sensing.criteria import (
+from mathnavi.controllers.active_sensing.candidate_search import (
+    CandidateSearch,
+    Containment,
     ExpectedCovariance,
     InputCriterion,
     RandomChoice,

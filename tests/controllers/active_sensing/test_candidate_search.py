@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mathnavi.controllers.active_sensing.belief import Belief, BeliefFromEstimates
-from mathnavi.controllers.active_sensing.candidate_search import Containment, candidates
-from mathnavi.controllers.active_sensing.criteria import ExpectedCovariance
+from mathnavi.controllers.active_sensing.candidate_search import Containment, ExpectedCovariance, candidates
 from mathnavi.interfaces.signals import Array, Estimate, PlanRequest, Status
 from mathnavi.models.field.curve import BEAN, EGG, Curve
 from mathnavi.models.unicycle.phases import DrivePhase

@@ -16,8 +16,7 @@ import math
 
 import numpy as np
 
-from mathnavi.controllers.active_sensing.belief import Belief
-from mathnavi.controllers.active_sensing.motion import pose_on
+from mathnavi.controllers.active_sensing.belief import Belief, pose_on
 from mathnavi.controllers.active_sensing.planner import ExplorationPlanner
 from mathnavi.controllers.active_sensing.policies import InputSequence, Pattern, check_drivable, path, sampled
 from mathnavi.interfaces.errors import FieldError

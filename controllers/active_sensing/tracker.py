@@ -15,8 +15,7 @@ import math
 
 import numpy as np
 
-from mathnavi.controllers.active_sensing.belief import checked_pose
-from mathnavi.controllers.active_sensing.motion import mean_input, pose_on
+from mathnavi.controllers.active_sensing.belief import checked_pose, mean_input, pose_on
 from mathnavi.interfaces.signals import Array, Estimate, Plan
 from mathnavi.models.unicycle.kernels import sinc, wrapped
 from mathnavi.models.unicycle.mission import RangingMission

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 import mathnavi.models.missile.dynamics
-from mathnavi.controllers.active_sensing.motion import pose_on
+from mathnavi.controllers.active_sensing.belief import pose_on
 from mathnavi.controllers.textbook.input_signal import DrivenMission
 from mathnavi.interfaces.protocols import ControllerPlugin, Planner
 from mathnavi.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mathnavi.models.missile.dynamics
-from mathnavi.controllers.active_sensing.motion import pose_on
+from mathnavi.controllers.active_sensing.belief import pose_on
 from mathnavi.controllers.textbook.input_signal import DrivenMission
 from mathnavi.interfaces.protocols import ControllerPlugin, Tracker
 from mathnavi.interfaces.signals import OPTIMISED, Array, Estimate, Plan

@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mathnavi.controllers.active_sensing.belief import BeliefFromEstimates, Disagreement
-from mathnavi.controllers.active_sensing.motion import pose_on
+from mathnavi.controllers.active_sensing.belief import BeliefFromEstimates, Disagreement, pose_on
 from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from tests.controllers.active_sensing.robots import FIELD, START, built, fly, mission, winding_path
 

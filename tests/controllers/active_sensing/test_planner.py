@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mathnavi.controllers.active_sensing.belief import Belief, BeliefFromEstimates
-from mathnavi.controllers.active_sensing.motion import mean_input
+from mathnavi.controllers.active_sensing.belief import Belief, BeliefFromEstimates, mean_input
 from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from tests.controllers.active_sensing.robots import START, assert_well_formed, built, mission, winding_path
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mathnavi.controllers.active_sensing.motion import pose_on
+from mathnavi.controllers.active_sensing.belief import pose_on
 from mathnavi.controllers.active_sensing.policies import InputSequence
 from mathnavi.controllers.active_sensing.tracker import PathTracker
 from mathnavi.interfaces.signals import Array, Estimate, Plan

@@ -15,11 +15,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import float64, int64
 
-from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.compiled import Signature, njit
+from mathnavi.interfaces.kernel_types import ONE, TWO, TWO_READ, array, named
 from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.field.kernels import cast_ray, curve_second_derivative, curve_tangent, is_inside, range_gradient
-from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians
+from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, sinc, wrapped
 
 _HALVINGS = 20  # of the way from a pose to one that is too near to the wall
 _ROUNDING = 1e-9  # [m]
@@ -206,3 +208,20 @@ def inverse(M: Array) -> Array:
     D, E, G = a * f - c * c, b * c - a * e, a * d - b * b
     inverted: Array = np.array([[A, B, C], [B, D, E], [C, E, G]]) / (a * A + b * B + c * C)
     return inverted
+
+
+WALL = named(WallTable, TWO_READ, TWO_READ)
+SENSORS = named(RangeSensors, ONE, ONE)
+HORIZON = named(PredictionHorizon, float64, int64, float64)
+MOTION = (ONE, float64, float64, float64)  # pose, inputs and duration
+KERNELS: tuple[Signature, ...] = (
+    (expected_traces, (WALL, SENSORS, HORIZON, ONE, TWO, TWO, array(1, int64))),
+    (nodes_within, (WALL, TWO, float64, TWO, float64, int64)),
+    (sigma_poses, (WALL, ONE, TWO, float64, float64)),
+    (clearance, (WALL, float64, float64)),
+    (is_inside, (TWO_READ, TWO_READ, float64, float64)),
+    (integrate, MOTION),
+    (integrate_jacobians, MOTION),
+    (sinc, (float64,)),
+    (wrapped, (float64,)),
+)

@@ -51,7 +51,7 @@ _FASTEST = 0.2  # bandwidth times control period
 class ActiveSensingConfig:
     """Fields of ``--planner``."""
 
-    kernels: ClassVar[str] = "mathnavi.controllers.active_sensing.ahead"  # compiled before the first run
+    kernels: ClassVar[str] = "mathnavi.controllers.active_sensing.kernels"  # compiled before the first run
 
     mode: ModeName = "active"
     """exploration policy: inputs chosen by a criterion, or a pattern"""

@@ -24,6 +24,15 @@ kept, and it is stable if and only if s tau < pi / (2 lambda_n).
 An outlier (A.14) sends the average of its neighbours' values, weighted by a_lm; see ``outlier``. With links this makes
 the others' graph its Schur complement (Kron reduction), whose Laplacian is symmetric again and which is connected
 if the whole graph is: their average is kept but for the one round by which the outlier lags.
+
+Outlier detection rule (A.14): a vehicle that cannot adjust its arrival so far follows passively, and may come back.
+
+A vehicle is no outlier while (eta_d - h) / eta_m lies in [1 - delta, 1 + delta], with its own estimate eta_m, the
+agreed eta_d and the planning period h. As printed, a vehicle that agrees with all others is nevertheless one once
+eta_m < h / delta, for its own estimate has not yet been reduced by the h that eta_d is; in the last 5.6 s of a mission
+every vehicle is. So is a vehicle that has arrived (eta_m <= 0). And one vehicle whose estimate is so far off that it
+moves the average of n beyond the others' bands, by more than about n delta of theirs, makes outliers of all at once; no
+vehicle takes part any more then, and all keep their values.
 """
 
 from __future__ import annotations
@@ -34,13 +43,19 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from mathnavi.controllers.arrival.inbox import ConsensusPayload, Inbox, edge_weight
-from mathnavi.controllers.arrival.outlier import DELTA, is_outlier
 from mathnavi.interfaces.bounds import Positive, PositiveFraction, configuration
 from mathnavi.interfaces.checks import check
 from mathnavi.interfaces.protocols import Consensus
 from mathnavi.interfaces.signals import Message
 from mathnavi.models.fleet.graph import Node
 from mathnavi.models.tolerances import TIME_TOLERANCE
+
+DELTA = 0.3  # the thesis' choice
+
+
+def is_outlier(agreed: float, own: float, planning_period: float, delta: float = DELTA) -> bool:
+    """True if eta_d = ``agreed`` [s] is beyond what a vehicle with eta_m = ``own`` [s] can adjust to (A.14)."""
+    return not (own > 0.0 and (1.0 - delta) * own <= agreed - planning_period <= (1.0 + delta) * own)
 
 
 @configuration

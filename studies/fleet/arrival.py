@@ -28,7 +28,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mathnavi.controllers.arrival.outlier import is_outlier
+from mathnavi.controllers.arrival.laplacian import is_outlier
 from mathnavi.controllers.flight.certificate import Certificate
 from mathnavi.controllers.flight.planner import RecedingHorizon
 from mathnavi.controllers.flight.plugin import FlightConfig, FlightController

@@ -18,7 +18,7 @@ from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mathnavi.controllers.arrival.outlier import DELTA
+from mathnavi.controllers.arrival.laplacian import DELTA
 from mathnavi.interfaces.bounds import Condition, Count, Within, configuration
 from mathnavi.interfaces.signals import Array
 from mathnavi.renders.figures import INK, STYLE

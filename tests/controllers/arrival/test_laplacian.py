@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mathnavi.controllers.arrival.inbox import ConsensusPayload
-from mathnavi.controllers.arrival.laplacian import LaplacianConfig, LaplacianConsensus
-from mathnavi.controllers.arrival.outlier import DELTA, is_outlier
+from mathnavi.controllers.arrival.laplacian import DELTA, LaplacianConfig, LaplacianConsensus, is_outlier
 from mathnavi.interfaces.signals import Array, Message
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network

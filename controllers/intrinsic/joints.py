@@ -6,8 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
-from mathnavi.controllers.intrinsic.law import TrackingGains
-from mathnavi.controllers.intrinsic.loop import IntrinsicTracker, ReferencePlanner
+from mathnavi.controllers.intrinsic.law import IntrinsicTracker, ReferencePlanner, TrackingGains
 from mathnavi.interfaces.angles import Radians
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.errors import PluginError

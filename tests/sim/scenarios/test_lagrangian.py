@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from mathnavi.commands.cli import main
-from mathnavi.controllers.intrinsic.loop import ReferencePlanner
+from mathnavi.controllers.intrinsic.law import ReferencePlanner
 from mathnavi.interfaces.signals import Plan, Status
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.sensors import PositionQuality

@@ -6,9 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Interval
 
-from mathnavi.controllers.missile.autopilot import Autopilot, OpenLoop
-from mathnavi.controllers.missile.delay import DelayCompensation
-from mathnavi.controllers.missile.feedback_linearisation import FeedbackLinearisation
+from mathnavi.controllers.missile.autopilot import Autopilot, DelayCompensation, FeedbackLinearisation, OpenLoop
 from mathnavi.controllers.missile.optimiser import JointOptimiser, Optimiser, OptimiserWithFallback
 from mathnavi.controllers.missile.pitch_and_yaw import PitchAndYaw
 from mathnavi.controllers.missile.planes import Limits

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from mathnavi.controllers.missile.autopilot import Autopilot, OpenLoop
-from mathnavi.controllers.missile.feedback_linearisation import FeedbackLinearisation
+from mathnavi.controllers.missile.autopilot import Autopilot, FeedbackLinearisation, OpenLoop
 from mathnavi.controllers.missile.tvlqr import TimeVaryingLQR, gains
 from mathnavi.interfaces.signals import OPTIMISED, Array, Estimate, Plan
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL, Coordinates

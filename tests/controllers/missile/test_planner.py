@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mathnavi.controllers.missile.feedback_linearisation import FeedbackLinearisation
+from mathnavi.controllers.missile.autopilot import FeedbackLinearisation
 from mathnavi.controllers.missile.optimiser import MissileTrajectory, flown
 from mathnavi.controllers.missile.planner import MissilePlanner
 from mathnavi.controllers.missile.problem import TerminalCondition

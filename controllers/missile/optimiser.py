@@ -3,6 +3,17 @@
 ``JointOptimiser`` solves the flight as one problem, in the pitch plane or in space with all states at once;
 ``pitch_and_yaw`` has the one that alternates between the planes. ``OptimiserWithFallback`` tries a second one where the
 first fails.
+
+First guesses of a flight: a smooth path at constant speed, flown along its tangent.
+
+    P(s) = (1 + 2 s)(1 - s)^2 P_0 + s (1 - s)^2 D_0 + s^2 (3 - 2 s) P_1 - s^2 (1 - s) D_1,     0 <= s <= 1,
+
+Hermite's cubic from the start to the target, with tangents D along the velocity at the start and the aspect angle at
+the end. At speed U along it, theta is the angle of the tangent, w = 0, q = theta', and the inputs follow from the
+equations of motion: the missile is differentially flat in its place and attitude. The yaw plane's path is a cubic
+too, over time, and the nose follows it.
+
+The kernels of missile guidance, compiled before a run (``sim.engine.compilation``).
 """
 
 from __future__ import annotations
@@ -15,8 +26,8 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from numba import float64
 
-from mathnavi.controllers.missile.guess import TANGENTS, pitch_guess, yaw_guess
 from mathnavi.controllers.missile.planes import inputs_between, joined, split
 from mathnavi.controllers.missile.problem import (
     ALLOWANCE,
@@ -29,12 +40,95 @@ from mathnavi.controllers.missile.problem import (
 from mathnavi.controllers.missile.shooting import Failed, Shooting, Solved
 from mathnavi.controllers.ocp.backend import Backend
 from mathnavi.controllers.ocp.distribution import NodeDistribution
-from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.compiled import Signature, njit
+from mathnavi.interfaces.kernel_types import ONE, TWO, combined
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile import kernels
 from mathnavi.models.missile.coordinates import PLANAR, STEP, Coordinates
 from mathnavi.models.missile.dynamics import SPATIAL_STATES, Body
+from mathnavi.models.missile.kernels import (
+    flow,
+    from_joints,
+    inverse_dynamics,
+    joint_accelerations,
+    states_on,
+    to_joints,
+)
 from mathnavi.models.missile.mission import Case
+
+TANGENTS = (1.0, 0.5, 2.0)
+"""lengths of the tangents over the distance, in the order in which they are tried; only the first in flight, as another
+plan follows soon"""
+
+_DENSE = 400  # points of the path whose length is measured
+
+
+def pitch_guess(start: Array, terminal: TerminalCondition, body: Body, nodes: Array, tangent: float) -> Solved:
+    """Guess of the pitch plane's states (N, 6) and inputs (N - 1, 3), (F_1, F_z, I a), from a state (6,)."""
+    U, w, theta, place = start[0], start[1], start[3], start[4:]
+    speed = max(math.hypot(U, w), 1.0)
+    target = terminal.place[[0, 2]]
+    tangent_length = tangent * float(np.linalg.norm(target - place))
+    c, s = math.cos(theta), math.sin(theta)
+    velocity = np.array([U * c + w * s, w * c - U * s])
+    ends = tangent_length * np.array([velocity / speed, [math.cos(terminal.theta), -math.sin(terminal.theta)]])
+    fine = np.linspace(0.0, 1.0, _DENSE)
+    path = _hermite(fine, place, target, *ends)
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    T = max(float(length[-1]) / speed, 0.1)
+    slope = np.gradient(path, fine, axis=0)
+    angle = np.unwrap(np.arctan2(-slope[:, 1], slope[:, 0]))
+    angle += 2.0 * math.pi * round((theta - angle[0]) / (2.0 * math.pi))
+    angle += terminal.wound_to(angle[-1]).theta - angle[-1]  # rounding
+    at = np.interp(nodes * length[-1], length, fine)
+
+    x, times = np.zeros((len(nodes), 6)), nodes * T
+    x[:, 0], x[:, 3], x[:, 4:] = speed, np.interp(at, fine, angle), _hermite(at, place, target, *ends)
+    theta_rate, x[:, 2] = _rates(x[:, 3], times)
+    middle = 0.5 * (x[:-1, 3] + x[1:, 3])
+    weight, m = body.mass * body.gravity, body.mass
+    inputs = np.column_stack(
+        [
+            weight * np.sin(middle),
+            -m * theta_rate * speed - weight * np.cos(middle),
+            body.inertia * np.diff(x[:, 2]) / np.diff(times),
+        ]
+    )
+    return Solved(x, inputs, nodes, T, np.empty(0), math.nan, 0)
+
+
+def yaw_guess(start: Array, terminal: TerminalCondition, body: Body, pitch: Solved) -> Solved:
+    """Guess of the yaw plane's states (N, 4) and inputs (N - 1, 2), (F_2, I b), from ``start`` (4,)."""
+    V, _, _, y = start
+    T = pitch.duration
+    ends = np.array([[y], [terminal.after(T)[1]], [T * V], [T * terminal.velocity[1]]])
+    path = _hermite(pitch.nodes, *ends)[:, 0]
+    _, velocity = _rates(path, pitch.times)
+    psi = np.arctan2(velocity, pitch.x[:, 0])
+    _, r = _rates(psi, pitch.times)
+    d = np.diff(pitch.times)
+    inputs = np.column_stack([body.mass * np.diff(velocity) / d, body.inertia * np.diff(r) / d])
+    x = np.column_stack([velocity, r, psi, path])
+    return Solved(x, inputs, pitch.nodes, T, np.empty(0), math.nan, 0)
+
+
+def _rates(values: Array, times: Array) -> tuple[Array, Array]:
+    """Rates (N - 1,) of values (N,) between the times (N,), and (N,) at them."""
+    between = np.diff(values) / np.diff(times)
+    return between, np.interp(times, 0.5 * (times[:-1] + times[1:]), between)
+
+
+def _hermite(s: Array, start: Array, end: Array, leaving: Array, arriving: Array) -> Array:
+    """Points (n, m) of the cubic at s (n,)."""
+    t = s[:, None]
+    points: Array = (
+        (1 + 2 * t) * (1 - t) ** 2 * start
+        + t * (1 - t) ** 2 * leaving
+        + t**2 * (3 - 2 * t) * end
+        - t**2 * (1 - t) * arriving
+    )
+    return points
+
 
 SAMPLE = 0.02
 """interval [s] at which a height is sampled"""
@@ -210,3 +304,16 @@ class OptimiserWithFallback:
     @cached_property
     def _second(self) -> Optimiser:
         return self._make_second()
+
+
+NUMBERS = combined(float64, float64, float64, float64)
+KERNELS: tuple[Signature, ...] = (
+    (_flown, (ONE, ONE, TWO, NUMBERS, float64)),
+    (_lowest, (ONE, float64, ONE, NUMBERS, float64)),
+    (states_on, (ONE, TWO, TWO, ONE, NUMBERS, float64)),
+    (flow, (ONE, ONE, float64, NUMBERS, float64)),
+    (joint_accelerations, (TWO, TWO, NUMBERS)),
+    (inverse_dynamics, (TWO, TWO, NUMBERS)),
+    (from_joints, (TWO,)),
+    (to_joints, (TWO,)),
+)

@@ -28,8 +28,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.controllers.missile.guess import TANGENTS, pitch_guess, yaw_guess
-from mathnavi.controllers.missile.optimiser import ACCEPTED, MissileTrajectory, flown, lowest_height
+from mathnavi.controllers.missile.optimiser import (
+    ACCEPTED,
+    TANGENTS,
+    MissileTrajectory,
+    flown,
+    lowest_height,
+    pitch_guess,
+    yaw_guess,
+)
 from mathnavi.controllers.missile.planes import (
     Limits,
     fitted,

@@ -36,7 +36,7 @@ _HIGHEST = 100.0  # [m] of a clearance
 class MissileConfig:
     """Fields of ``--planner``."""
 
-    kernels: ClassVar[str] = "mathnavi.controllers.missile.ahead"  # compiled before the first run
+    kernels: ClassVar[str] = "mathnavi.controllers.missile.optimiser"  # compiled before the first run
 
     autopilot: AutopilotName = "feedback-linearisation"
     """autopilot that flies the plan"""

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mathnavi.controllers.missile.guess import pitch_guess
+from mathnavi.controllers.missile.optimiser import pitch_guess
 from mathnavi.controllers.missile.problem import TerminalCondition, ground_parameters, guidance_problem, weights
 from mathnavi.controllers.missile.shooting import Failed, Shooting, Solved, mean_between
 from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution

@@ -21,7 +21,7 @@ it is now: it agrees for any delay (a convex combination still), more slowly, an
 "then"`` it compares with what it was when the message was sent, as Olfati-Saber and Murray analyse it: the average is
 kept, and it is stable if and only if s tau < pi / (2 lambda_n).
 
-An outlier (A.14) sends the average of its neighbours' values, weighted by a_lm; see ``outlier``. With links this makes
+An outlier (A.14) sends the average of its neighbours' values, weighted by a_lm; see ``is_outlier``. With links this makes
 the others' graph its Schur complement (Kron reduction), whose Laplacian is symmetric again and which is connected
 if the whole graph is: their average is kept but for the one round by which the outlier lags.
 

@@ -18,7 +18,7 @@ from mathnavi.controllers.active_sensing.candidate_search import (
     RandomChoice,
     SmallestSingularValue,
 )
-from mathnavi.controllers.active_sensing.planner import ExplorationPlanner
+from mathnavi.controllers.active_sensing.planner import ExplorationPlanner, PathTracker
 from mathnavi.controllers.active_sensing.policies import (
     Circle,
     ExplorationPolicy,
@@ -30,7 +30,6 @@ from mathnavi.controllers.active_sensing.policies import (
     path,
 )
 from mathnavi.controllers.active_sensing.then_track import ReferencePath, ThenTrack
-from mathnavi.controllers.active_sensing.tracker import PathTracker
 from mathnavi.interfaces.angles import Radians
 from mathnavi.interfaces.bounds import NonNegative, Positive, Seed, Within, configuration
 from mathnavi.interfaces.errors import FieldError

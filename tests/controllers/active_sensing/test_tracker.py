@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mathnavi.controllers.active_sensing.belief import pose_on
+from mathnavi.controllers.active_sensing.planner import PathTracker
 from mathnavi.controllers.active_sensing.policies import InputSequence
-from mathnavi.controllers.active_sensing.tracker import PathTracker
 from mathnavi.interfaces.signals import Array, Estimate, Plan
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.phases import DrivePhase

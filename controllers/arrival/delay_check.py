@@ -28,8 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.controllers.arrival.separation_rule import TOPIC, objection
-from mathnavi.controllers.arrival.zone import Zone
+from mathnavi.controllers.arrival.separation_rule import TOPIC, Zone, objection
 from mathnavi.interfaces.checks import check, check_names
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.signals import Event, Message, Plan

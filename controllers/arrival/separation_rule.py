@@ -1,14 +1,99 @@
-"""The rule by which the vehicles of a fleet keep their plans apart, as a coordinator uses it."""
+"""The rule by which the vehicles of a fleet keep their plans apart, and the check of the plans that they start with.
+
+A vehicle flies within r of its plan, by a clock that is off by at most epsilon. Where one clock shows s and the other
+s', |s - s'| <= 2 epsilon: the plans, compared at the later of both, are moved against each other by 2 epsilon v_max at
+most. Vehicles are d_s apart if their plans are
+
+    D = d_s + 2 r + 2 epsilon v_max
+
+apart at equal times.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from typing import Any, Protocol
 
-from mathnavi.controllers.arrival.zone import Zone
-from mathnavi.interfaces.signals import Event, Message, Plan
-from mathnavi.models.aerial.plan_distance import PlannedTrajectory
+import numpy as np
+
+from mathnavi.interfaces.bounds import NonNegative, Positive, configuration
+from mathnavi.interfaces.checks import check_names
+from mathnavi.interfaces.errors import MissionError
+from mathnavi.interfaces.signals import Array, Event, Message, Plan
+from mathnavi.models.aerial.kernels import state_on
+from mathnavi.models.aerial.plan_distance import PlannedTrajectory, clear_of_each, least_distance
 from mathnavi.models.tolerances import TIME_TOLERANCE
+
+
+@configuration
+class Zone:
+    """Safety zone that every vehicle keeps free around itself, the same for all of a fleet."""
+
+    distance: Positive  # [m] d_s, between vehicles
+    bound: NonNegative = 0.0  # [m] r, of a vehicle from its plan
+    speed_max: NonNegative = 0.0  # [m/s] v_max
+    clock_error: NonNegative = 0.0  # [s] epsilon, of a vehicle's clock
+
+    @property
+    def required(self) -> float:
+        """Distance D [m] that plans have to keep."""
+        return self.distance + 2.0 * self.bound + 2.0 * self.clock_error * self.speed_max
+
+    def between(self, a: PlannedTrajectory, b: PlannedTrajectory) -> float:
+        """Distance D [m], with the speed of either plan where it is faster than v_max: a gust may have made it so."""
+        return float(self._at(np.maximum(a.speed, b.speed)))
+
+    def _at(self, speed: Array) -> Array:
+        """Distances D [m] of plans whose greatest speeds are these [m/s]."""
+        return self.distance + 2.0 * self.bound + 2.0 * self.clock_error * np.maximum(self.speed_max, speed)
+
+    def kept_from_each(self, plan: PlannedTrajectory, others: Sequence[PlannedTrajectory], times: Array) -> list[bool]:
+        """True, for each other plan, if it and ``plan`` are D apart over [times[k], infinity), (n,) [s]."""
+        speeds = np.maximum(plan.speed, [other.speed for other in others])
+        return clear_of_each(plan, others, self._at(speeds), times)
+
+
+def checked_start(
+    plans: Sequence[tuple[str, Plan]], slots: Mapping[str, Array], zone: Zone, t: float | None = None
+) -> dict[str, PlannedTrajectory]:
+    """Stored plan of each vehicle by its name, if a fleet may start so: the initial condition of the protocol.
+
+    ``plans`` are the names with their plans, ``slots`` (3,) [m] where each is to arrive, ``t`` [s] the start of the
+    mission, by default that of the earliest plan. Raises MissionError, naming both vehicles, the value and what is
+    allowed, for a name that is there twice, and for two vehicles whose starts, whose slots or whose plans anywhere to
+    rest and beyond are less than D apart.
+    """
+    names = check_names([name for name, _ in plans])
+    if missing := [name for name in names if name not in slots]:
+        raise MissionError(f"slots = {sorted(slots)!r}; allowed: one for every vehicle, also for {', '.join(missing)}")
+    stored: dict[str, PlannedTrajectory] = {}
+    for name, plan in plans:
+        try:
+            stored[name] = PlannedTrajectory.from_plan(plan)
+        except ValueError as error:
+            raise MissionError(f"plan of {name}: {error}") from error
+        if np.shape(slots[name]) != (3,) or not np.isfinite(slots[name]).all():
+            raise MissionError(f"slot of {name} = {slots[name]!r}; allowed: (3,) finite values")
+    if not stored:
+        return stored
+    begin = min(float(each.t[0]) for each in stored.values()) if t is None else t
+    start = {name: state_on(each.t, each.x, each.u, begin)[:3] for name, each in stored.items()}
+    for one, other in combinations(names, 2):
+        a, b = stored[one], stored[other]
+        required = zone.between(a, b)
+        for what, apart in (
+            ("starts", float(np.linalg.norm(start[one] - start[other]))),
+            ("target slots", float(np.linalg.norm(np.subtract(slots[one], slots[other])))),
+            ("stored plans", least_distance(a, b, begin)),
+        ):
+            if apart < required:
+                raise MissionError(
+                    f"{what} of {one} and {other} are {apart:.2f} m apart; allowed: >= {required:.2f} m, "
+                    f"of which {zone.distance:g} m between the vehicles"
+                )
+    return stored
+
 
 TOPIC = "separation"
 

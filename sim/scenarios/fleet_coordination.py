@@ -14,8 +14,7 @@ from mathnavi.controllers.arrival.coordinator import AssuredArrival, FleetCoordi
 from mathnavi.controllers.arrival.delay_check import DelayCheck
 from mathnavi.controllers.arrival.local_clock import ClockedCoordinator, LocalClock
 from mathnavi.controllers.arrival.separation import Separation
-from mathnavi.controllers.arrival.separation_rule import SeparationRule
-from mathnavi.controllers.arrival.zone import Zone
+from mathnavi.controllers.arrival.separation_rule import SeparationRule, Zone
 from mathnavi.interfaces.errors import FieldError, PluginError
 from mathnavi.interfaces.protocols import Coordinator
 from mathnavi.interfaces.signals import Plan

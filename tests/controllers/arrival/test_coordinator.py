@@ -10,8 +10,7 @@ import pytest
 from mathnavi.controllers.arrival.coordinator import AGREEMENT, PATIENCE, AssuredArrival, FleetCoordinator
 from mathnavi.controllers.arrival.maximum import Maximum
 from mathnavi.controllers.arrival.separation import Separation
-from mathnavi.controllers.arrival.separation_rule import TOPIC
-from mathnavi.controllers.arrival.zone import Zone
+from mathnavi.controllers.arrival.separation_rule import TOPIC, Zone
 from mathnavi.controllers.flight.planner import ARRIVAL
 from mathnavi.interfaces.protocols import Coordinator
 from mathnavi.interfaces.signals import Message, Outbox, Plan

@@ -10,8 +10,7 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from mathnavi.controllers.arrival.delay_check import DelayCheck, Published, joined
-from mathnavi.controllers.arrival.separation_rule import TOPIC
-from mathnavi.controllers.arrival.zone import Zone
+from mathnavi.controllers.arrival.separation_rule import TOPIC, Zone
 from mathnavi.interfaces.signals import Message, Plan
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.kernels import state_on

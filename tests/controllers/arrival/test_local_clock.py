@@ -10,8 +10,7 @@ from mathnavi.controllers.arrival.coordinator import FleetCoordinator
 from mathnavi.controllers.arrival.local_clock import CLOCK, ClockedCoordinator, LocalClock
 from mathnavi.controllers.arrival.maximum import Maximum, MaximumConfig
 from mathnavi.controllers.arrival.separation import Separation
-from mathnavi.controllers.arrival.separation_rule import TOPIC
-from mathnavi.controllers.arrival.zone import Zone
+from mathnavi.controllers.arrival.separation_rule import TOPIC, Zone
 from mathnavi.interfaces.signals import Message, Plan
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.fleet.graph import Graph

@@ -14,8 +14,7 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from mathnavi.controllers.arrival.separation import Proposal, Separation, SeparationReply
-from mathnavi.controllers.arrival.separation_rule import TOPIC
-from mathnavi.controllers.arrival.zone import Zone, checked_start
+from mathnavi.controllers.arrival.separation_rule import TOPIC, Zone, checked_start
 from mathnavi.interfaces.signals import Array, Message, Plan
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.plan_distance import PlannedTrajectory

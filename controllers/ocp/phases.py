@@ -26,6 +26,7 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.comparisons import Row, rows, zero_limits
+from mathnavi.controllers.ocp.diagnosis import unbounded
 from mathnavi.controllers.ocp.expressions import expression
 from mathnavi.controllers.ocp.guesses import Values
 from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_start
@@ -37,7 +38,6 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.statement import Duration, Parameter, Statement, Variable
-from mathnavi.controllers.ocp.unbounded import unbounded
 from mathnavi.interfaces.errors import ProblemError
 
 

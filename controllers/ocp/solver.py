@@ -16,11 +16,10 @@ import numpy as np
 from mathnavi.controllers.ocp.arcs import Arcs, placed, starts
 from mathnavi.controllers.ocp.backend import NumericalSolver, SolverAnswer
 from mathnavi.controllers.ocp.backend import Options as Options
+from mathnavi.controllers.ocp.diagnosis import contradiction, not_finite, unbounded
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
 from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
-from mathnavi.controllers.ocp.finite import not_finite
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths
-from mathnavi.controllers.ocp.infeasible import contradiction
 from mathnavi.controllers.ocp.layout import bounded_controls, control_variations, fractions_between, mixed_constraints
 from mathnavi.controllers.ocp.multipliers import NamedValues
 from mathnavi.controllers.ocp.nlp import at_rows, programme
@@ -28,7 +27,6 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_p
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_points
-from mathnavi.controllers.ocp.unbounded import unbounded
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
 

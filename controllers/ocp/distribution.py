@@ -14,7 +14,7 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.mesh import Mesh
+from mathnavi.controllers.ocp.grid import Mesh
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, Monitor
 from mathnavi.interfaces.bounds import Positive, Probability, configuration
 from mathnavi.interfaces.errors import ProblemError

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.mesh import Mesh
+from mathnavi.controllers.ocp.grid import Mesh
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array

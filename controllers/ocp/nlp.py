@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution
+from mathnavi.controllers.ocp.grid import Mesh
 from mathnavi.controllers.ocp.layout import (
     ProgrammeLayout,
     bounded_controls,
@@ -29,7 +30,6 @@ from mathnavi.controllers.ocp.layout import (
     mixed_constraints,
     variation,
 )
-from mathnavi.controllers.ocp.mesh import Mesh
 from mathnavi.controllers.ocp.pointwise import COLLOCATIONS, collocation_blocks
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.stagewise import Assembly, Block, NlpStage

@@ -37,8 +37,7 @@ from mathnavi.controllers.ocp.guesses import Derived, Guess, Sampled, Simulation
 from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_start
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
-from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, ProblemFunctions
-from mathnavi.controllers.ocp.problem_table import duration_row, limit_rows
+from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, ProblemFunctions, duration_row, limit_rows
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.statement import Duration, Statement

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Iterable
 
 import casadi as ca
 import numpy as np
@@ -11,10 +13,22 @@ from mathnavi.controllers.ocp.comparisons import Row
 from mathnavi.controllers.ocp.expressions import check_symbols, column
 from mathnavi.controllers.ocp.guesses import SAMPLES, Derived, integral, simulated
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.scaling import automatic_scale
 from mathnavi.controllers.ocp.statement import Statement, Variable, bounds, limits
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
+
+
+def automatic_scale(guess: Array, ends: Iterable[float], lower: float, upper: float) -> float:
+    """Scale of a variable without a stated one.
+
+    The largest magnitude among its guess (k,), its values at the start and the end, and, where both its bounds are
+    finite and nothing else differs from zero, its bounds; 1 where that is not known.
+    """
+    stated = max([*(abs(float(value)) for value in guess), *(abs(end) for end in ends)], default=0.0)
+    if stated > 0.0:
+        return stated
+    bounded = max((abs(bound) for bound in (lower, upper) if math.isfinite(bound)), default=0.0)
+    return bounded or 1.0
 
 
 def functions_of(statement: Statement) -> ProblemFunctions:

@@ -10,6 +10,7 @@ import pytest
 from mathnavi.controllers.ocp.defects import defects
 from mathnavi.controllers.ocp.grid import uniform
 from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.hp import unwound
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 from mathnavi.controllers.ocp.problems.articles import double_integrator_energy, double_integrator_time
 from mathnavi.controllers.ocp.problems.betts import free_flying_robot, rayleigh
@@ -20,7 +21,6 @@ from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.structure import Structure, linear_controls, structure, switching_constraints
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
 from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
-from mathnavi.controllers.ocp.winding import unwound
 from tests.controllers.ocp.test_arcs import to_rest
 
 RADAU = RadauIIA(3)

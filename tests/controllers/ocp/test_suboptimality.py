@@ -10,11 +10,11 @@ import pytest
 
 from mathnavi.controllers.ocp.defects import defects
 from mathnavi.controllers.ocp.grid import uniform
+from mathnavi.controllers.ocp.methods.hp import suboptimality
 from mathnavi.controllers.ocp.methods.hp_mesh import interval_errors
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import transcription
-from mathnavi.controllers.ocp.suboptimality import suboptimality
 from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 
 

@@ -9,8 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from mathnavi.controllers.ocp.grid import uniform
-from mathnavi.controllers.ocp.picard import flight
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
+from mathnavi.controllers.ocp.replay import flight
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA

@@ -14,7 +14,7 @@ An estimate that is nearer to the wall than half of the margin leaves no choice:
 from the wall. Where the position is less certain than the margin, so that the wall may be on any side, it turns on the
 spot.
 
-Criteria by which ``candidate_search`` prefers one input to another.
+**Criteria** by which ``CandidateSearch`` prefers one input to another.
 
 ``ExpectedCovariance`` minimises the trace of the covariance that is expected at the end of the horizon,
 

@@ -21,11 +21,11 @@ it is now: it agrees for any delay (a convex combination still), more slowly, an
 "then"`` it compares with what it was when the message was sent, as Olfati-Saber and Murray analyse it: the average is
 kept, and it is stable if and only if s tau < pi / (2 lambda_n).
 
-An outlier (A.14) sends the average of its neighbours' values, weighted by a_lm; see ``is_outlier``. With links this makes
-the others' graph its Schur complement (Kron reduction), whose Laplacian is symmetric again and which is connected
-if the whole graph is: their average is kept but for the one round by which the outlier lags.
+An outlier (A.14) sends the average of its neighbours' values, weighted by a_lm. With links this makes the others' graph
+its Schur complement (Kron reduction), whose Laplacian is symmetric again and which is connected if the whole graph is:
+their average is kept but for the one round by which the outlier lags.
 
-Outlier detection rule (A.14): a vehicle that cannot adjust its arrival so far follows passively, and may come back.
+**Outlier detection** (A.14): a vehicle that cannot adjust its arrival so far follows passively, and may come back.
 
 A vehicle is no outlier while (eta_d - h) / eta_m lies in [1 - delta, 1 + delta], with its own estimate eta_m, the
 agreed eta_d and the planning period h. As printed, a vehicle that agrees with all others is nevertheless one once

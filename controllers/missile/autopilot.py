@@ -4,7 +4,7 @@ A planner that plans from an estimate needs the state at which its plan will tak
 on how the autopilot acts on a deviation until then, so the autopilot predicts it: an autopilot is a tracker that
 predicts. ``OpenLoop`` has no feedback: it flies the plan's inputs, regardless of the deviation.
 
-Autopilot for thrusters with a known delay: it predicts the state at which its command will act.
+**Delay compensation**, for thrusters with a known delay: it predicts the state at which its command will act.
 
 With the declared delay delta and the inputs u that were commanded in the last delta,
 
@@ -14,7 +14,7 @@ f the declared body and d^ the disturbance of the input where the estimator obse
 this state to the plan at t + delta (a Smith predictor with the nonlinear model). The prediction's error, for a body
 that is not as declared, is seen delta later; it is filtered and added to the next predictions.
 
-Feedback linearisation: the inverse dynamics turn the missile into double integrators, one on each joint.
+**Feedback linearisation**: the inverse dynamics turn the missile into double integrators, one on each joint.
 
 With joint coordinates j (places and angles), e = j^ - j_ref and the plan's acceleration j_ref'',
 

@@ -4,7 +4,7 @@
 ``pitch_and_yaw`` has the one that alternates between the planes. ``OptimiserWithFallback`` tries a second one where the
 first fails.
 
-First guesses of a flight: a smooth path at constant speed, flown along its tangent.
+**First guesses** of a flight: a smooth path at constant speed, flown along its tangent.
 
     P(s) = (1 + 2 s)(1 - s)^2 P_0 + s (1 - s)^2 D_0 + s^2 (3 - 2 s) P_1 - s^2 (1 - s) D_1,     0 <= s <= 1,
 
@@ -12,8 +12,6 @@ Hermite's cubic from the start to the target, with tangents D along the velocity
 the end. At speed U along it, theta is the angle of the tangent, w = 0, q = theta', and the inputs follow from the
 equations of motion: the missile is differentially flat in its place and attitude. The yaw plane's path is a cubic
 too, over time, and the nose follows it.
-
-The kernels of missile guidance, compiled before a run (``sim.engine.compilation``).
 """
 
 from __future__ import annotations

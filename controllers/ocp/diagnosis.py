@@ -1,4 +1,6 @@
-"""Elastic mode: search for the constraints of an infeasible programme that cannot hold together.
+"""Reasons of a solve that failed: functions that are not finite, an unbounded problem, constraints that conflict.
+
+**Elastic mode**: search for the constraints of an infeasible programme that cannot hold together.
 
     minimise Σ w_i (s+_i + s-_i)    subject to    lower <= g(x, p) - s+ + s- <= upper,   s+, s- >= 0,
 
@@ -6,9 +8,7 @@ and the bounds on x unchanged. Rows that are violated in the solution, and rows 
 contradict each other: without any of them the violation would be less (Farkas). The equations of the dynamics weigh
 most, then the start, the path and the end.
 
-Places where the functions of a problem are not finite: the message of a solve that met NaN or infinity.
-
-Detection of an unbounded problem: a final time at a limit that was not stated, a value that ran away.
+**Unbounded problem**: a final time at a limit that was not stated, or a value that ran away.
 """
 
 from __future__ import annotations

@@ -5,10 +5,9 @@ solution is replayed from x(0) with what its actuators can do: the control as th
 its bounds. The miss at the end, the violation on the way and the cost error are reported separately, and so is the
 excess of the scheme's control over its bounds. Where a replay is ill-posed, because the linearised flow of the open
 loop grows beyond 1e4, each interval is integrated from its own node instead, and the scaled defects are added up.
-Intervals inside which all is smooth are integrated together (see ``picard``), others by an integrator with step-size
-control.
+Intervals inside which all is smooth are integrated together, others by an integrator with step-size control.
 
-Integration of a solution's saturated control on all intervals at once, by Picard's iteration on Gauss points.
+**Picard's iteration** on Gauss points integrates a solution's saturated control on all intervals at once.
 
 The rates of each interval are a polynomial through 12 Gauss points. From those of the solution itself,
 

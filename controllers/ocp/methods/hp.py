@@ -6,10 +6,9 @@ Each round solves by Radau collocation, compares every interval with its own dyn
 unknowns; a control that a bound holds is held there. A control that enters linearly and is free, on a singular arc, is
 kept from ringing by a small weight ρ on its variation about a straight line within an interval: J is at most ρ
 times that variation above its least value, and ρ falls until this is below the tolerance. The rounds end when the
-defects are small and J no longer changes or, of a smooth solution, is seen to be as good as its least value (see
-``suboptimality``).
+defects are small and J no longer changes or, of a smooth solution, is seen to be as good as its least value.
 
-Bound on the cost of a smooth solution above its least value: from the stationarity of its Hamiltonian.
+**Suboptimality**: bound on the cost of a smooth solution above its least value: from the stationarity of its Hamiltonian.
 
 Applied to the dynamics, a control u that differs by δu from the best one costs, to second order,
 
@@ -22,7 +21,7 @@ leaves out. δλ is the error of the costates, at most the sum of their own defe
 
 over the intervals. It needs a problem whose controls H_uu > 0 determines, and a solution on which no limit is active.
 
-Angles among the controls: a turn by 2π changes nothing, so neighbouring points may lie turns apart by chance.
+**Angles** among the controls: a turn by 2π changes nothing, so neighbouring points may lie turns apart by chance.
 
 A polynomial through such points winds, and what was an optimum at the points cannot be flown. Where a problem has a
 control as an angle only, its values are moved by whole turns until neighbours are less than half a turn apart.

@@ -210,6 +210,7 @@ def inverse(M: Array) -> Array:
     return inverted
 
 
+# Kernels that are compiled before a run (``sim.engine.compilation``), for arguments of these types.
 WALL = named(WallTable, TWO_READ, TWO_READ)
 SENSORS = named(RangeSensors, ONE, ONE)
 HORIZON = named(PredictionHorizon, float64, int64, float64)

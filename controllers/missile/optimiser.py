@@ -304,6 +304,7 @@ class OptimiserWithFallback:
         return self._make_second()
 
 
+# Kernels that are compiled before a run (``sim.engine.compilation``), for arguments of these types.
 NUMBERS = combined(float64, float64, float64, float64)
 KERNELS: tuple[Signature, ...] = (
     (_flown, (ONE, ONE, TWO, NUMBERS, float64)),

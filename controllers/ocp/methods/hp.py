@@ -8,7 +8,8 @@ kept from ringing by a small weight ρ on its variation about a straight line wi
 times that variation above its least value, and ρ falls until this is below the tolerance. The rounds end when the
 defects are small and J no longer changes or, of a smooth solution, is seen to be as good as its least value.
 
-**Suboptimality**: bound on the cost of a smooth solution above its least value: from the stationarity of its Hamiltonian.
+**Suboptimality**: bound on the cost of a smooth solution above its least value, from the stationarity of its
+Hamiltonian.
 
 Applied to the dynamics, a control u that differs by δu from the best one costs, to second order,
 

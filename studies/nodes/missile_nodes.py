@@ -23,10 +23,7 @@ from matplotlib.figure import Figure
 
 from mathnavi.controllers.ocp.distribution import Equidistributed, Free
 from mathnavi.controllers.ocp.indirect import solve_indirect
-from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.methods.distribution import distribute
-from mathnavi.controllers.ocp.methods.gate import worse_figures
-from mathnavi.controllers.ocp.methods.redistribution import redistribute, redistributed
+from mathnavi.controllers.ocp.methods.adaptation import distribute, redistribute, redistributed, solve, worse_figures
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, Monitor
 from mathnavi.controllers.ocp.problems.missile import OPTIMA, missile
 from mathnavi.controllers.ocp.replay import replayed

@@ -18,8 +18,7 @@ import numpy as np
 from annotated_types import Interval
 from matplotlib.figure import Figure
 
-from mathnavi.controllers.ocp.methods.direct import HERMITE_SIMPSON, solve
-from mathnavi.controllers.ocp.methods.redistribution import redistribute, redistributed
+from mathnavi.controllers.ocp.methods.adaptation import HERMITE_SIMPSON, redistribute, redistributed, solve
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
 from mathnavi.controllers.ocp.problems.library import MISSILES, PROBLEMS, KnownOptimum
 from mathnavi.controllers.ocp.residual import RESIDUAL

@@ -22,10 +22,7 @@ from annotated_types import Interval
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.methods.distribution import distribute
-from mathnavi.controllers.ocp.methods.redistribution import redistribute
-from mathnavi.controllers.ocp.methods.refinement import refine
+from mathnavi.controllers.ocp.methods.adaptation import distribute, redistribute, refine, solve
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.library import PROBLEMS, KnownOptimum

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import mathnavi as mn
-from mathnavi.controllers.ocp.methods.redistribution import redistribute
+from mathnavi.controllers.ocp.methods.adaptation import redistribute
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 
 START, TARGET = (3000.0, 4000.0, 900.0), (26000.0, 27000.0, 1200.0)

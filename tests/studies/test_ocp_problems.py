@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.studies.nodes.ocp_problems import (

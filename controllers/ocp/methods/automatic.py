@@ -15,9 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.adaptation import redistribute, solve
 from mathnavi.controllers.ocp.methods.hp import TOLERANCE, hp
-from mathnavi.controllers.ocp.methods.redistribution import redistribute
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import GIVEN_NODES
 from mathnavi.controllers.ocp.residual import RESIDUAL

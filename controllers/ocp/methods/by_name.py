@@ -6,12 +6,9 @@ from typing import Any, Literal, get_args
 
 from mathnavi.controllers.ocp.distribution import Equidistributed
 from mathnavi.controllers.ocp.grid import check_nodes
+from mathnavi.controllers.ocp.methods.adaptation import REFINED, distribute, redistribute, refine, solve
 from mathnavi.controllers.ocp.methods.automatic import automatic
-from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.methods.distribution import distribute
 from mathnavi.controllers.ocp.methods.hp import MOST_NODES, TOLERANCE, hp
-from mathnavi.controllers.ocp.methods.redistribution import redistribute
-from mathnavi.controllers.ocp.methods.refinement import REFINED, refine
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.replay import GIVEN_NODES

@@ -12,13 +12,10 @@ import numpy as np
 import pytest
 
 from mathnavi.controllers.ocp.indirect import solve_indirect
+from mathnavi.controllers.ocp.methods.adaptation import distribute, redistribute, refine, solve
 from mathnavi.controllers.ocp.methods.automatic import automatic
 from mathnavi.controllers.ocp.methods.by_name import solve_by
-from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.methods.distribution import distribute
 from mathnavi.controllers.ocp.methods.hp import hp
-from mathnavi.controllers.ocp.methods.redistribution import redistribute
-from mathnavi.controllers.ocp.methods.refinement import refine
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome

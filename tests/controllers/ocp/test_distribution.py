@@ -15,11 +15,7 @@ from mathnavi.controllers.ocp.distribution import (
     FrontLoaded,
     FunctionalMinimised,
 )
-from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.methods.distribution import distribute
-from mathnavi.controllers.ocp.methods.gate import gated, worse_figures
-from mathnavi.controllers.ocp.methods.redistribution import redistribute
-from mathnavi.controllers.ocp.methods.refinement import refine
+from mathnavi.controllers.ocp.methods.adaptation import distribute, gated, redistribute, refine, solve, worse_figures
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from mathnavi.controllers.ocp.figure import dense_times
-from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.bryson_ho import bryson_denham
 from mathnavi.controllers.ocp.solution import Solution

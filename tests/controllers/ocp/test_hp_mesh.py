@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.methods.hp import hp
 from mathnavi.controllers.ocp.methods.hp_mesh import HIGHEST_COUNT, HpMesh, IntervalErrors, _decays, meshed
 from mathnavi.controllers.ocp.problems.library import PROBLEMS

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mathnavi.controllers.ocp.indirect import solve_indirect
-from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.missile import missile
 

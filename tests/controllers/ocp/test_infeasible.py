@@ -5,8 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import pytest
 
+from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.methods.by_name import Method
-from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto

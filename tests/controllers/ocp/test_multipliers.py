@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.articles import double_integrator_energy, double_integrator_time
 from mathnavi.controllers.ocp.problems.bryson_ho import WALL, bryson_denham

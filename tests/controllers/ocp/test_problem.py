@@ -12,11 +12,8 @@ import numpy as np
 import pytest
 
 from mathnavi.controllers.ocp.distribution import Equidistributed
+from mathnavi.controllers.ocp.methods.adaptation import distribute, redistribute, refine, solve
 from mathnavi.controllers.ocp.methods.by_name import MONITORS
-from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.methods.distribution import distribute
-from mathnavi.controllers.ocp.methods.redistribution import redistribute
-from mathnavi.controllers.ocp.methods.refinement import refine
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, Monitor
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions

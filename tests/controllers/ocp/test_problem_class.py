@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.methods.hp import hp
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.methods.redistribution import redistribute, redistributed
+from mathnavi.controllers.ocp.methods.adaptation import redistribute, redistributed, solve
 from mathnavi.controllers.ocp.problems.articles import double_integrator_energy
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.problems.manuals import hypersensitive_short

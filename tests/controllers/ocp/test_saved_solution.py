@@ -14,7 +14,7 @@ import pytest
 
 import mathnavi as mn
 from mathnavi.controllers.ocp.function_tape import OF_ONE, OF_TWO, function_of, taped
-from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.saved_solution import SCHEMES, load_solution

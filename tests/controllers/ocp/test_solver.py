@@ -8,7 +8,7 @@ import pytest
 
 from mathnavi.controllers.ocp.backend import Options
 from mathnavi.controllers.ocp.grid import uniform
-from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.missile import missile

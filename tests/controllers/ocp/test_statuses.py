@@ -9,8 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.methods.gate import gated
+from mathnavi.controllers.ocp.methods.adaptation import gated, solve
 from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.cops import goddard

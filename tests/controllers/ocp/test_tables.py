@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import limit_rows, limits_text
 from mathnavi.controllers.ocp.solution import ReplayResult, Timing

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from mathnavi.controllers.ocp.grid import stretched, uniform
-from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.transcriptions.euler import Euler

@@ -9,8 +9,7 @@ import pytest
 
 from mathnavi.controllers.ocp.distribution import Equidistributed
 from mathnavi.controllers.ocp.grid import Grid
-from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.methods.distribution import distribute
+from mathnavi.controllers.ocp.methods.adaptation import distribute, solve
 from mathnavi.controllers.ocp.pontryagin import check_pontryagin
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions

@@ -1,0 +1,299 @@
+"""Methods of Paper B that adapt a grid, a call each: one solve, moved nodes, nodes inside the programme, added nodes.
+
+``solve`` is the plain method: one grid, one solve, one replay.
+
+``redistribute`` (r-refinement) solves, moves the same number of nodes to where the monitor function is large, and
+solves again. The distribution is not part of the programme, so each solve is as easy as the first, and the second
+starts from the first.
+
+``distribute`` has the nodes inside the programme, (B.1) augmented to the problem: the method of Paper B. The programme
+with free nodes is hard from a cold start. It starts from the uniform solution, interpolated on the grid that
+equidistributes that solution's own monitor function.
+
+``refine`` (h-refinement) adds nodes where the local error is, until it is small everywhere. The local error η_i of an
+interval (see ``residual``) falls with the (k + 1)-th power of the interval's width where the rates are interpolated at
+k points (after Betts, Practical Methods for Optimal Control, 4.7). Each pass hands out new nodes one by one to the
+interval with the largest predicted error, at most as many as there are intervals, because the prediction is no better
+than that.
+
+The replay gate accepts an adaptive solution only if it replays as well as the uniform one, or within tolerance. Nodes
+that the optimiser may move are moved where the transcription's error hides; J then looks better than it is. The gate
+compares what both do in the true dynamics (see ``mathnavi.controllers.ocp.replay``), figure by figure: one that is
+large on both grids, as a path violation where a constraint begins to hold, does not hide another.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mathnavi.controllers.ocp.distribution import Equidistributed, NodeDistribution
+from mathnavi.controllers.ocp.grid import Grid, check_nodes, equidistributed, split, uniform
+from mathnavi.controllers.ocp.monitors import CURVATURE, Monitor
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.replay import GIVEN_NODES, replayed
+from mathnavi.controllers.ocp.residual import local_errors
+from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome, Timing
+from mathnavi.controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
+from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array
+
+HERMITE_SIMPSON = HermiteSimpson()
+
+
+def solve(
+    problem: ProblemFunctions,
+    nodes: int | Grid,
+    *,
+    scheme: Scheme = HERMITE_SIMPSON,
+    guess: Solution | None = None,
+    parameters: Array | None = None,
+    options: Options = DEFAULT,
+    tolerance: float = GIVEN_NODES,
+) -> Solution:
+    """Solve a problem on one grid and replay the solution.
+
+    Args:
+        problem: the problem as compiled functions.
+        nodes: number N of uniform nodes, or a grid.
+        scheme: transcription of an interval.
+        guess: a solution to start from, on any grid; None for the problem's own guess.
+        parameters: (np,) values of the problem's parameters; None for the nominal ones.
+        options: solver and its own tolerance.
+        tolerance: largest miss, path violation and cost error of the replay of a solution that is called OPTIMAL.
+
+    Returns:
+        The solution with its replay; failure is in its status, CONVERGED where N nodes are too few for the tolerance.
+
+    Raises:
+        ProblemError: for fewer than two nodes, and parameters or a guess that do not fit the problem.
+    """
+    grid = nodes if isinstance(nodes, Grid) else uniform(nodes)
+    made = transcription(problem, scheme, len(grid), FIXED, options)
+    return replayed(made.solve(guess, grid, parameters), tolerance)
+
+
+WORSE = 3.0
+"""factor over the uniform solution's figure beyond which one is worse: a third fewer nodes cost that at order four"""
+
+
+def gated(adaptive: Solution, uniform: Solution, method: str, tolerance: float) -> Solution:
+    """Compare replays: the adaptive solution under its method's name, or the uniform one with the status REFUSED.
+
+    A figure of the adaptive solution's replay is refused if it is larger than the tolerance and than ``WORSE`` times
+    the uniform one's. The message says which. Both carry a replay where they are solutions at all. The time of the
+    adaptive one is the time of the answer. Where the uniform solve failed there is nothing to compare with: the
+    adaptive solution's message says so.
+    """
+    timing = adaptive.timing
+    if not uniform.solved or uniform.replay is None:
+        if not adaptive.solved:
+            return dataclasses.replace(uniform, method=method, timing=timing)
+        message = f"{adaptive.message}; not gated, for the uniform solve failed: {uniform.status.value}"
+        return dataclasses.replace(adaptive, message=message, method=method, timing=timing)
+    if not adaptive.solved or adaptive.replay is None:
+        reason = f"{method}: {adaptive.status.value} ({adaptive.message})"
+    elif worse := worse_figures(adaptive.replay, uniform.replay, tolerance):
+        reason = f"{method}: replays with a {'; a '.join(worse)}"
+    else:
+        return dataclasses.replace(adaptive, method=method, timing=timing)
+    return dataclasses.replace(uniform, status=SolverOutcome.REFUSED, message=reason, method=method, timing=timing)
+
+
+def worse_figures(adaptive: ReplayResult, uniform: ReplayResult, tolerance: float) -> list[str]:
+    """The figures by which an adaptive solution replays worse, with both values."""
+    found = []
+    for (name, own), other in zip(adaptive.figures.items(), uniform.figures.values(), strict=True):
+        if not own <= max(tolerance, WORSE * other):
+            found.append(f"{name} of {own:.3g}, uniform with {other:.3g}")
+    return found
+
+
+def redistribute(
+    problem: ProblemFunctions,
+    nodes: int,
+    monitor: Monitor = CURVATURE,
+    *,
+    rounds: int = 1,
+    scheme: Scheme = HERMITE_SIMPSON,
+    guess: Solution | None = None,
+    parameters: Array | None = None,
+    options: Options = DEFAULT,
+    tolerance: float = GIVEN_NODES,
+) -> Solution:
+    """Solve on uniform nodes, then ``rounds`` times on the grid that equidistributes a monitor function; gated.
+
+    Args:
+        problem: the problem as compiled functions.
+        nodes: N, the same in every round.
+        monitor: w, whose ``density`` is equidistributed; it needs no measure.
+        rounds: number of redistributions, at least one.
+        scheme: transcription of an interval.
+        guess: a solution to start from, on any grid; None for the problem's own guess.
+        parameters: (np,) values of the problem's parameters; None for the nominal ones.
+        options: solver and its own tolerance.
+        tolerance: largest miss, path violation and cost error of the replay of a solution that is called OPTIMAL, and
+            which the gate lets pass however good those of the uniform solution are.
+
+    Returns:
+        The solution with its replay, or the uniform one with the status REFUSED where that replays better.
+
+    Raises:
+        ProblemError: for fewer than two nodes or no round, and a monitor function that is not positive.
+    """
+    if rounds < 1:
+        raise ProblemError(f"rounds = {rounds!r}; allowed: a whole number >= 1")
+    made = transcription(problem, scheme, nodes, FIXED, options)
+    first = replayed(made.solve(guess, uniform(nodes), parameters), tolerance)
+    if not (first.solved or first.status is SolverOutcome.LIMIT):
+        return first
+    current = first  # even one that did not converge shows where the next grid has to be dense
+    for _ in range(rounds):
+        following = made.solve(current, redistributed(current, nodes, monitor), parameters)
+        spent = dataclasses.replace(following.timing, build_ms=0.0)  # it is the same programme
+        current = dataclasses.replace(following, timing=spent + current.timing)
+        if not (current.solved or current.status is SolverOutcome.LIMIT):
+            break
+    return gated(replayed(current, tolerance), first, f"redistribution, {monitor.name}", tolerance)
+
+
+def redistributed(solution: Solution, nodes: int, monitor: Monitor) -> Grid:
+    """The grid of ``nodes`` nodes between which the integral of a solution's monitor function is the same."""
+    return equidistributed(nodes, lambda tau: monitor.density(solution, tau, monitor.epsilon), solution.grid.nodes)
+
+
+EQUIDISTRIBUTED = Equidistributed()
+
+
+def distribute(
+    problem: ProblemFunctions,
+    nodes: int,
+    distribution: NodeDistribution = EQUIDISTRIBUTED,
+    *,
+    scheme: Scheme = HERMITE_SIMPSON,
+    guess: Solution | None = None,
+    parameters: Array | None = None,
+    options: Options = DEFAULT,
+    tolerance: float = GIVEN_NODES,
+) -> Solution:
+    """Solve a problem whose nodes are unknowns of the programme, (B.1), from its uniform solution; gated.
+
+    Args:
+        problem: the problem as compiled functions.
+        nodes: N.
+        distribution: functional I and constraints m of the nodes.
+        scheme: transcription of an interval.
+        guess: a solution to start from, on any grid; None for the problem's own guess.
+        parameters: (np,) values of the problem's parameters; None for the nominal ones.
+        options: solver and its own tolerance.
+        tolerance: largest miss, path violation and cost error of the replay of a solution that is called OPTIMAL, and
+            which the gate lets pass however good those of the uniform solution are.
+
+    Returns:
+        The solution with its replay, or the uniform one with the status REFUSED where that replays better.
+
+    Raises:
+        ProblemError: for fewer than two nodes, or a distribution whose nodes are not unknowns.
+    """
+    if not distribution.moving:
+        raise ProblemError(f"distribution = {distribution!r} fixes the nodes; allowed: one that moves them")
+    first = solve(
+        problem, nodes, scheme=scheme, guess=guess, parameters=parameters, options=options, tolerance=tolerance
+    )
+    if not first.solved:
+        return first
+    made = transcription(problem, scheme, nodes, distribution, options)
+    monitor = getattr(distribution, "monitor", None)
+    grid = redistributed(first, nodes, monitor) if isinstance(monitor, Monitor) else first.grid
+    second = replayed(made.solve(first, grid, parameters), tolerance)
+    second = dataclasses.replace(second, timing=second.timing + first.timing)
+    return gated(second, first, f"in the programme: {described(distribution)}", tolerance)
+
+
+def described(distribution: NodeDistribution) -> str:
+    """Name of a distribution's class, with that of its monitor function if it has one."""
+    monitor = getattr(distribution, "monitor", None)
+    return type(distribution).__name__ + (f", {monitor.name}" if isinstance(monitor, Monitor) else "")
+
+
+REFINED = 1e-6
+"""tolerance of a refinement, of local errors and of the replay"""
+
+
+def refine(
+    problem: ProblemFunctions,
+    nodes: int = 6,
+    *,
+    most_nodes: int = 60,
+    tolerance: float = REFINED,
+    scheme: Scheme = HERMITE_SIMPSON,
+    guess: Solution | None = None,
+    parameters: Array | None = None,
+    options: Options = DEFAULT,
+) -> Solution:
+    """Solve a problem, adding nodes until the local error is small; gated against as many uniform nodes.
+
+    Args:
+        problem: the problem as compiled functions.
+        nodes: number of uniform nodes to start with.
+        most_nodes: limit of the number of nodes.
+        tolerance: allowed local error η of an interval, over the states' scales, and allowed error of the replay.
+        scheme: transcription of an interval.
+        guess: a solution to start from, on any grid; None for the problem's own guess.
+        parameters: (np,) values of the problem's parameters; None for the nominal ones.
+        options: solver and tolerance.
+
+    Returns:
+        The solution with its replay; its message says whether the tolerance was reached. The uniform solution with the
+        status REFUSED where that replays better.
+
+    Raises:
+        ProblemError: for a scheme whose state has no polynomial, limits that contradict each other and a tolerance that
+            is not positive.
+    """
+    if len(scheme.points) < 2:
+        raise ProblemError(f"scheme = {scheme.name} cannot be refined; allowed: a collocation scheme")
+    check_nodes(nodes)
+    if not nodes <= check_nodes(most_nodes, "most_nodes"):
+        raise ProblemError(f"most_nodes = {most_nodes!r}; allowed: at least nodes = {nodes}")
+    if not (math.isfinite(tolerance) and tolerance > 0.0):
+        raise ProblemError(f"tolerance = {tolerance!r}; allowed: a finite value > 0")
+    grid, current, timing, errors = uniform(nodes), guess, Timing(), np.array([math.inf])
+    while True:
+        current = transcription(problem, scheme, len(grid), FIXED, options).solve(current, grid, parameters)
+        timing += current.timing
+        if not current.solved:
+            return dataclasses.replace(current, method="refinement", timing=timing)
+        errors = local_errors(current)
+        if errors.max() <= tolerance or current.nodes >= most_nodes:
+            break
+        grid = split(grid, _parts(errors, tolerance, len(scheme.points) + 1, most_nodes - len(grid)))
+    reached = "at most" if errors.max() <= tolerance else "still"
+    refined = replayed(dataclasses.replace(current, method="refinement", timing=timing), tolerance)
+    message = f"local error {reached} {errors.max():.2g} on {current.nodes} nodes; {refined.message}"
+    refined = dataclasses.replace(refined, message=message)
+    if refined.ok:
+        return refined
+    even = solve(
+        problem, refined.nodes, scheme=scheme, guess=refined, parameters=parameters, options=options,
+        tolerance=tolerance,
+    )  # fmt: skip
+    spent = even.timing.build_ms + even.timing.solve_ms + even.timing.replay_ms
+    refined = dataclasses.replace(refined, timing=refined.timing + Timing(gate_ms=spent))
+    return gated(refined, even, "refinement", tolerance) if even.solved else refined
+
+
+def _parts(errors: Array, tolerance: float, power: int, spare: int) -> list[int]:
+    """Number of parts to divide each interval into, with at most ``spare`` new nodes."""
+    parts = np.ones(len(errors))
+    for _ in range(min(spare, len(errors))):
+        predicted = errors / parts**power
+        worst = int(np.argmax(predicted))
+        if predicted[worst] <= 0.5 * tolerance:
+            break
+        parts[worst] += 1
+    return [int(k) for k in parts]

@@ -26,10 +26,12 @@ from mathnavi.controllers.ocp.layout import (
 )
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.stagewise import Block, Factors, NlpStage
-from mathnavi.controllers.ocp.transcriptions.collocation import integration_matrix
-from mathnavi.controllers.ocp.transcriptions.gauss import GaussLegendre
-from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
-from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
+from mathnavi.controllers.ocp.transcriptions.collocation import (
+    GaussLegendre,
+    LegendreGaussLobatto,
+    RadauIIA,
+    integration_matrix,
+)
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, weights
 from mathnavi.controllers.ocp.transcriptions.variable_radau import Members, VariableRadauIIA
 from mathnavi.interfaces.signals import Array, Integers

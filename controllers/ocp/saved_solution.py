@@ -19,12 +19,10 @@ from mathnavi.controllers.ocp.function_tape import function_of
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.records import RecordReader
 from mathnavi.controllers.ocp.solution import FORMAT, RECORD, Solution
+from mathnavi.controllers.ocp.transcriptions.collocation import GaussLegendre, LegendreGaussLobatto, RadauIIA
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
-from mathnavi.controllers.ocp.transcriptions.gauss import GaussLegendre
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
-from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
-from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
 from mathnavi.controllers.ocp.transcriptions.variable_radau import VariableRadauIIA, point_counts

@@ -23,7 +23,7 @@ from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR,
 from mathnavi.controllers.ocp.problems.library import MISSILES, PROBLEMS, KnownOptimum
 from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution
-from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
+from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.errors import FieldError

@@ -28,7 +28,7 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.library import PROBLEMS, KnownOptimum
 from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
-from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
+from mathnavi.controllers.ocp.transcriptions.collocation import LegendreGaussLobatto
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.renders.figures import STYLE, canvas
 from mathnavi.renders.study_report import Table

@@ -14,7 +14,7 @@ from mathnavi.controllers.ocp.defects import Defects
 from mathnavi.controllers.ocp.grid import Grid
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.structure import Structure
-from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
+from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.variable_radau import VariableRadauIIA, alike, point_counts
 from mathnavi.interfaces.signals import Array, Integers
 

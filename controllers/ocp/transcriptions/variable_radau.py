@@ -15,7 +15,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA, radau
+from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA, radau
 from mathnavi.controllers.ocp.transcriptions.scheme import (
     IntervalEquations,
     Rates,

@@ -14,7 +14,7 @@ from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 from mathnavi.controllers.ocp.problems.articles import double_integrator_time
 from mathnavi.controllers.ocp.solver import transcription
-from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
+from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
 
 NOTHING = Interval(np.empty((2, 0)), np.empty((2, 0)))  # bounds of no path constraints on two arcs
 

@@ -13,7 +13,7 @@ from mathnavi.controllers.ocp.methods.hp_mesh import HIGHEST_COUNT, HpMesh, Inte
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.structure import without_structure
-from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
+from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.variable_radau import VariableRadauIIA, point_counts
 
 NODES, ALLOWED = 41, 1e-7

@@ -9,7 +9,7 @@ from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.methods.by_name import Method
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.solution import SolverOutcome
-from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
+from mathnavi.controllers.ocp.transcriptions.collocation import LegendreGaussLobatto
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
 

@@ -13,7 +13,7 @@ from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.replay import flight
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import transcription
-from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
+from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
 
 ENDS = np.array([0.0, 1.0])
 

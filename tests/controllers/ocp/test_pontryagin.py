@@ -17,10 +17,9 @@ from mathnavi.controllers.ocp.problems.articles import double_integrator_time
 from mathnavi.controllers.ocp.problems.bryson_ho import bryson_denham
 from mathnavi.controllers.ocp.problems.cops import goddard
 from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.transcriptions.collocation import LegendreGaussLobatto, RadauIIA
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
-from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
-from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 
 SCHEMES = (HermiteSimpson(), LegendreGaussLobatto(3), RadauIIA(3))

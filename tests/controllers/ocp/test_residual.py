@@ -11,8 +11,8 @@ from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.problems.manuals import hypersensitive_short
 from mathnavi.controllers.ocp.residual import RESIDUAL, cost_errors, local_errors
 from mathnavi.controllers.ocp.solution import SolverOutcome
+from mathnavi.controllers.ocp.transcriptions.collocation import LegendreGaussLobatto
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
-from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 
 

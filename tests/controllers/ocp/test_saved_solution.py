@@ -19,7 +19,7 @@ from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.saved_solution import SCHEMES, load_solution
 from mathnavi.controllers.ocp.solution import Solution
-from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
+from mathnavi.controllers.ocp.transcriptions.collocation import LegendreGaussLobatto
 from mathnavi.controllers.ocp.transcriptions.variable_radau import VariableRadauIIA
 from mathnavi.interfaces.errors import SolutionFileError
 from mathnavi.interfaces.signals import Array

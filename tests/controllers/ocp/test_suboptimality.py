@@ -15,7 +15,7 @@ from mathnavi.controllers.ocp.methods.hp_mesh import interval_errors
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import transcription
-from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
+from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
 
 
 def solved(name: str, nodes: int = 13) -> Solution:

@@ -11,12 +11,16 @@ from mathnavi.controllers.ocp.grid import stretched, uniform
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.transcriptions.collocation import (
+    GaussLegendre,
+    LegendreGaussLobatto,
+    RadauIIA,
+    legendre_gauss_lobatto,
+    radau,
+)
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
-from mathnavi.controllers.ocp.transcriptions.gauss import GaussLegendre
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
-from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto, legendre_gauss_lobatto
-from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA, radau
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
 from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
 

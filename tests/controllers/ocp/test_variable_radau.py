@@ -16,7 +16,7 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import _integrated
 from mathnavi.controllers.ocp.residual import local_errors
 from mathnavi.controllers.ocp.solution import Solution
-from mathnavi.controllers.ocp.transcriptions.radau import RadauIIA
+from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.variable_radau import VariableRadauIIA
 from mathnavi.interfaces.errors import FieldError, ProblemError
 

@@ -16,7 +16,7 @@ from mathnavi.controllers.ocp.distribution import NodeDistribution, constants_gu
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.controllers.ocp.solver import FIXED, transcription
-from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from mathnavi.controllers.ocp.transcriptions.low_order import MultipleShooting
 from mathnavi.interfaces.signals import Array
 
 TOLERANCE = 1e-6

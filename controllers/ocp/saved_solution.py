@@ -21,10 +21,8 @@ from mathnavi.controllers.ocp.records import RecordReader
 from mathnavi.controllers.ocp.solution import FORMAT, RECORD, Solution
 from mathnavi.controllers.ocp.transcriptions.collocation import GaussLegendre, LegendreGaussLobatto, RadauIIA
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
-from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
-from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson, MultipleShooting, Trapezoid
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
-from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
 from mathnavi.controllers.ocp.transcriptions.variable_radau import VariableRadauIIA, point_counts
 from mathnavi.interfaces.errors import SolutionFileError
 from mathnavi.interfaces.reading.arrays import NUMBERS_AND_TEXTS, read_npz

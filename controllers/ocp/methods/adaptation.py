@@ -37,7 +37,7 @@ from mathnavi.controllers.ocp.replay import GIVEN_NODES, replayed
 from mathnavi.controllers.ocp.residual import local_errors
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome, Timing
 from mathnavi.controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
-from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array

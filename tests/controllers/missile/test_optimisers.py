@@ -15,7 +15,7 @@ from mathnavi.controllers.missile.shooting import Failed
 from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.problems.missile import missile
-from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from mathnavi.controllers.ocp.transcriptions.low_order import MultipleShooting
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL
 from mathnavi.models.missile.dynamics import NOMINAL

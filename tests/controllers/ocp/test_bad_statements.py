@@ -20,7 +20,7 @@ from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import transcription
-from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson
 from mathnavi.interfaces.errors import ProblemError
 
 

@@ -24,8 +24,7 @@ from mathnavi.controllers.ocp.residual import local_errors
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
-from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
-from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson, MultipleShooting
 
 
 def coasting(longest: float) -> ProblemFunctions:

@@ -15,7 +15,7 @@ from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.bryson_ho import bryson_denham
 from mathnavi.controllers.ocp.solution import Solution
-from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from mathnavi.controllers.ocp.transcriptions.low_order import MultipleShooting
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ from mathnavi.controllers.ocp.methods.by_name import Method
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.collocation import LegendreGaussLobatto
+from mathnavi.controllers.ocp.transcriptions.low_order import Trapezoid
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
-from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
 
 
 def sledge(T: float | None = 1.0) -> tuple[OptimalControlProblem, ca.SX, ca.SX, ca.SX]:

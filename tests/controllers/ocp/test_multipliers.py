@@ -13,10 +13,8 @@ from mathnavi.controllers.ocp.problems.bryson_ho import WALL, bryson_denham
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.transcriptions.collocation import GaussLegendre, LegendreGaussLobatto, RadauIIA
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
-from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
-from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson, MultipleShooting, Trapezoid
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
-from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
 
 
 @pytest.mark.parametrize(

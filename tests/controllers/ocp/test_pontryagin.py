@@ -19,7 +19,7 @@ from mathnavi.controllers.ocp.problems.cops import goddard
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.transcriptions.collocation import LegendreGaussLobatto, RadauIIA
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
-from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 
 SCHEMES = (HermiteSimpson(), LegendreGaussLobatto(3), RadauIIA(3))

@@ -19,10 +19,8 @@ from mathnavi.controllers.ocp.transcriptions.collocation import (
     radau,
 )
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
-from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
-from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson, MultipleShooting, Trapezoid
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
-from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
 
 SCHEMES = [
     Euler(),

@@ -1,23 +1,115 @@
-"""The methods of Paper B and their monitor functions by name, for a problem that is solved in one call."""
+"""The methods of Paper B and their monitor functions by name, for a problem that is solved in one call.
+
+**The default method**: hp refinement, or where that falls short the method whose solution replays better.
+
+With a given number of nodes it is one solve on that many uniform nodes. Without, hp refinement is
+tried first: it finds switches and singular arcs, adds points where the solution is smooth and ends at the tolerance.
+Where its replay is not within the tolerance, or the solver gives up, the problem is solved by Hermite-Simpson's scheme,
+whose controls are continuous, on nodes that are moved, round by round, to where the residual is; then hp refinement
+goes on from there. The best replay is returned. The message says what was chosen, and why.
+"""
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from typing import Any, Literal, get_args
+
+import numpy as np
 
 from mathnavi.controllers.ocp.distribution import Equidistributed
 from mathnavi.controllers.ocp.grid import check_nodes
 from mathnavi.controllers.ocp.methods.adaptation import REFINED, distribute, redistribute, refine, solve
-from mathnavi.controllers.ocp.methods.automatic import automatic
 from mathnavi.controllers.ocp.methods.hp import MOST_NODES, TOLERANCE, hp
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.replay import GIVEN_NODES
 from mathnavi.controllers.ocp.residual import RESIDUAL
-from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing
 from mathnavi.controllers.ocp.solver import Options
+from mathnavi.controllers.ocp.structure import linear_controls
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
+
+_NODES, _ROUNDS = 60, 5  # of the redistribution
+_HOPELESS = (SolverOutcome.UNBOUNDED, SolverOutcome.OVERDETERMINED, SolverOutcome.NOT_FINITE)  # by any method
+
+
+def automatic(
+    problem: ProblemFunctions,
+    nodes: int | None = None,
+    *,
+    guess: Solution | None = None,
+    parameters: Array | None = None,
+    tolerance: float | None = None,
+    options: Options | None = None,
+) -> Solution:
+    """Solve a problem by the method that suits it; the solution's message says which, and why.
+
+    Args:
+        problem: the problem as compiled functions.
+        nodes: number N of uniform nodes; None for as many as the tolerance needs.
+        guess: a solution to start from, on any grid; None for the problem's own guess.
+        parameters: (np,) values of the problem's parameters; None for the nominal ones.
+        tolerance: largest figures of the replay of a solution that is called OPTIMAL; None for 1e-3 on a given number
+            of nodes, and 1e-6 otherwise.
+        options: solver and its own tolerance; None for each method's own.
+
+    Returns:
+        The solution with its replay; failure is in its status.
+
+    Raises:
+        ProblemError: for fewer than two nodes, a tolerance that is not positive, and parameters or a guess that do not
+            fit the problem.
+    """
+    given: dict[str, Any] = {"guess": guess, "parameters": parameters}
+    if options is not None:
+        given["options"] = options
+    if nodes is not None:
+        within = GIVEN_NODES if tolerance is None else tolerance
+        return solve(problem, nodes, tolerance=within, **given)
+    within = TOLERANCE if tolerance is None else tolerance
+    first = hp(problem, tolerance=within, **given)
+    if first.status is SolverOutcome.OPTIMAL:
+        return _named(first, f"hp, for {_reason(problem)}: {first.message}")
+    if first.status in _HOPELESS:
+        return first
+    moved = redistribute(problem, _NODES, RESIDUAL, rounds=_ROUNDS, tolerance=within, **given)
+    found = [first, moved]
+    if moved.solved:
+        found.append(hp(problem, tolerance=within, **(given | {"guess": moved})))
+    if not any(each.solved for each in found):
+        return first
+    chosen = min(found, key=_error)
+    others = ", ".join(f"{each.method} {_shown(each)}" for each in found if each is not chosen)
+    spent = sum((each.timing for each in found), Timing())
+    return _named(dataclasses.replace(chosen, timing=spent), f"{chosen.method}, for {others}: {chosen.message}")
+
+
+def _named(solution: Solution, message: str) -> Solution:
+    return dataclasses.replace(solution, message=message)
+
+
+def _reason(problem: ProblemFunctions) -> str:
+    """Reason for hp refinement in this problem."""
+    bounded = np.isfinite(problem.control_bounds.lower) | np.isfinite(problem.control_bounds.upper)
+    linear = [name for name, is_linear in zip(problem.controls, linear_controls(problem), strict=True) if is_linear]
+    if linear:
+        return f"{', '.join(linear)} may switch or be singular"
+    if bounded.any() or len(problem.path_bounds.lower):
+        return "bounds may hold on arcs"
+    return "the solution is smooth"
+
+
+def _error(solution: Solution) -> float:
+    """Largest figure of the replay; infinite where nothing was solved."""
+    return solution.replay.error if solution.solved and solution.replay is not None else math.inf
+
+
+def _shown(solution: Solution) -> str:
+    return f"replays with {_error(solution):.2g}" if solution.solved else f"failed ({solution.status.value})"
+
 
 Method = Literal["auto", "hp", "direct", "redistribute", "distribute", "refine"]
 """method by name. ``auto``: one that suits the problem; ``hp``: points, nodes and switching times until the replay is

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mathnavi.controllers.ocp.methods.automatic import automatic
+from mathnavi.controllers.ocp.methods.by_name import automatic
 from mathnavi.controllers.ocp.methods.hp import hp
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
@@ -92,7 +92,7 @@ def test_the_choice_is_named_with_its_reason() -> None:
 
 
 def test_where_it_falls_short_the_better_replay_is_returned(monkeypatch: pytest.MonkeyPatch) -> None:
-    from mathnavi.controllers.ocp.methods import automatic as module
+    from mathnavi.controllers.ocp.methods import by_name as module
 
     def short(problem: ProblemFunctions, **options: object) -> object:
         return hp(problem, 4, tolerance=1e-6)

@@ -35,8 +35,7 @@ import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 
 from mathnavi.controllers.flight.certificate import TrackingBound
-from mathnavi.controllers.quadrotor.reference import deviation
-from mathnavi.controllers.quadrotor.tracker import LEAST_THRUST, TrackerConfig
+from mathnavi.controllers.quadrotor.tracker import LEAST_THRUST, TrackerConfig, deviation
 from mathnavi.controllers.quadrotor.turning import greatest_acceleration
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.signals import Array

@@ -41,7 +41,7 @@ def advanced(
     z: Array, breaks: Array, x: Array, u: Array, t: float, t_end: float, preview: float, bandwidth: float
 ) -> Array:
     """Reference (4, 3) at ``t_end`` [s] that was ``z`` (4, 3) at t [s], exact: see
-    ``mathnavi.controllers.quadrotor.reference``."""
+    ``mathnavi.controllers.quadrotor.tracker``."""
     w = bandwidth
     for _ in range(_STEPS):
         arc = arc_at(breaks, t + preview)

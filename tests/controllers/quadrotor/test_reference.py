@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from mathnavi.controllers.quadrotor.kernels import target_at
-from mathnavi.controllers.quadrotor.reference import ReferenceFilter, deviation
+from mathnavi.controllers.quadrotor.tracker import ReferenceFilter, deviation
 from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.kernels import arc_at

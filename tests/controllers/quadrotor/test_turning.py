@@ -7,8 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from mathnavi.controllers.quadrotor.reference import ReferenceFilter
-from mathnavi.controllers.quadrotor.tracker import TrackerConfig
+from mathnavi.controllers.quadrotor.tracker import ReferenceFilter, TrackerConfig
 from mathnavi.controllers.quadrotor.turning import greatest_acceleration, turning_peak
 from mathnavi.models.quadrotor.dynamics import NOMINAL
 from tests.quadrotor import PERIOD, plan_of

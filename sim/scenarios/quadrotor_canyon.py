@@ -11,7 +11,7 @@ reach: every part of the vehicle keeps h_min, and ``min_clearance_m`` is that of
 rotor leaves the map. MuJoCo's ground is that of the map.
 
 **The bound allows for** gusts as declared, a tenth more mass, a quarter more or less drag, and unforeseen changes of
-plans, for which a_max is reduced to what the rotors' moments permit (``mathnavi.controllers.quadrotor.turning``): some
+plans, for which a_max is reduced to what the rotors' moments permit (``mathnavi.controllers.quadrotor.bound``): some
 2.3 m/s^2 in still air, 1.9 in gusts of 0.6. It does not allow for a weaker rotor or a larger mismatch. If the tracker
 does not keep its bound, that is an event, and the planner is rebased on the estimate; if no plan is certified from
 there, the loss of the guarantee is another event.

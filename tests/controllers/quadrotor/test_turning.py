@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from mathnavi.controllers.quadrotor.bound import greatest_acceleration, turning_peak
 from mathnavi.controllers.quadrotor.tracker import ReferenceFilter, TrackerConfig
-from mathnavi.controllers.quadrotor.turning import greatest_acceleration, turning_peak
 from mathnavi.models.quadrotor.dynamics import NOMINAL
 from tests.quadrotor import PERIOD, plan_of
 

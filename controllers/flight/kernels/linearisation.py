@@ -6,8 +6,14 @@ import math
 
 import numpy as np
 
-from mathnavi.controllers.flight.kernels.constraint_rows import INFINITY, ball_rows, clearance_rows, end_rows
-from mathnavi.controllers.flight.kernels.convexity import add_curvature, convexify
+from mathnavi.controllers.flight.kernels.constraint_rows import (
+    INFINITY,
+    add_curvature,
+    ball_rows,
+    clearance_rows,
+    convexify,
+    end_rows,
+)
 from mathnavi.controllers.flight.kernels.problem_data import (
     ACCELERATION,
     APPROACH_WEIGHT,

@@ -51,7 +51,7 @@ from benchmarks.comparison import Comparison, alone
 from benchmarks.do_mpc_solver import DoMpc
 from benchmarks.progress import Report, progress
 from mathnavi.controllers.flight import plugin
-from mathnavi.controllers.flight.kernels.objective import objective
+from mathnavi.controllers.flight.kernels.problem_data import objective
 from mathnavi.controllers.flight.planner import Solver
 from mathnavi.controllers.flight.problem import PlanSolution, Problem
 from mathnavi.controllers.flight.reference import InteriorPoint

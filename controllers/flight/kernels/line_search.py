@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 
-from mathnavi.controllers.flight.kernels.objective import cost_of, end_violation
 from mathnavi.controllers.flight.kernels.problem_data import (
     ACCELERATION,
     MANOEUVRE,
     SPEED,
     ProblemData,
     QuadraticProgramme,
+    cost_of,
+    end_violation,
 )
 from mathnavi.interfaces.compiled import inner_njit, njit
 from mathnavi.interfaces.signals import Array

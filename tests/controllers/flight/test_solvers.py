@@ -13,8 +13,7 @@ from mathnavi.controllers.flight import reference, sqp
 from mathnavi.controllers.flight.cost_to_go import factored_cost
 from mathnavi.controllers.flight.kernels import problem_data
 from mathnavi.controllers.flight.kernels.linearisation import linearise
-from mathnavi.controllers.flight.kernels.objective import objective
-from mathnavi.controllers.flight.kernels.problem_data import QuadraticProgramme
+from mathnavi.controllers.flight.kernels.problem_data import QuadraticProgramme, objective
 from mathnavi.controllers.flight.problem import (
     LengthToGo,
     Parameters,

@@ -22,8 +22,7 @@ import numpy as np
 
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.certified import Certified
-from mathnavi.controllers.flight.command_filter import CommandFilter
-from mathnavi.controllers.flight.filtered_controller import filtered
+from mathnavi.controllers.flight.command_filter import CommandFilter, filtered
 from mathnavi.interfaces.fields import plain
 from mathnavi.interfaces.input_files import named_plugins, run_inputs
 from mathnavi.interfaces.protocols import Estimator, Planner, Plant, Sensor

@@ -20,7 +20,7 @@ import mujoco
 
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.certified import Certified
-from mathnavi.controllers.flight.filtered_controller import FilteredTracker
+from mathnavi.controllers.flight.command_filter import FilteredTracker
 from mathnavi.interfaces.protocols import Planner
 from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.entity import build_model

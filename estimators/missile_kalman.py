@@ -20,7 +20,7 @@ from typing import Annotated
 import casadi
 import numpy as np
 
-from mathnavi.estimators.external_prediction_ekf import external_prediction_ekf
+from mathnavi.estimators.kalman_steps import external_prediction_ekf
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
 from mathnavi.interfaces.angles import Radians
 from mathnavi.interfaces.bounds import Positive, configuration

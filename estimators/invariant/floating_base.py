@@ -25,9 +25,9 @@ import numpy as np
 from scipy.special import chdtri
 
 from mathnavi.estimators.invariant import strapdown
-from mathnavi.estimators.invariant.conditioning import condition
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
 from mathnavi.estimators.invariant.strapdown import Strapdown
+from mathnavi.estimators.kalman_steps import condition
 from mathnavi.estimators.riemannian.plugin import RiemannianObserver
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.estimators.velocity.filtered_differences import FilteredDifferences

@@ -25,9 +25,9 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri
 
-from mathnavi.estimators.invariant.conditioning import condition
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
 from mathnavi.estimators.invariant.strapdown import PLACE, SPEED, TURN, Strapdown, propagation, trusted
+from mathnavi.estimators.kalman_steps import condition
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.estimators.velocity.readings import OutlierCounter
 from mathnavi.interfaces.bounds import Positive, Probability, configuration

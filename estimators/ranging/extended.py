@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mathnavi.estimators.external_prediction_ekf import external_prediction_ekf
+from mathnavi.estimators.kalman_steps import external_prediction_ekf
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
 from mathnavi.estimators.ranging.model import STATES
 from mathnavi.estimators.ranging.pose_filter import PoseFilter, PoseFilterConfig

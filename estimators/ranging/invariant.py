@@ -21,8 +21,8 @@ import math
 
 import numpy as np
 
-from mathnavi.estimators.invariant.conditioning import condition
 from mathnavi.estimators.invariant.lie_groups import SE2
+from mathnavi.estimators.kalman_steps import condition
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
 from mathnavi.estimators.ranging.model import STATES
 from mathnavi.estimators.ranging.pose_filter import PoseFilter, PoseFilterConfig

@@ -16,7 +16,7 @@ from functools import lru_cache
 import casadi
 import numpy as np
 
-from mathnavi.estimators.external_prediction_ekf import external_prediction_ekf
+from mathnavi.estimators.kalman_steps import external_prediction_ekf
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
 from mathnavi.interfaces.bounds import Count, NonNegative, Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate

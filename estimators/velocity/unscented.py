@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Interval
 
-from mathnavi.estimators.covariance import square_root
+from mathnavi.estimators.kalman_steps import square_root
 from mathnavi.estimators.velocity.error_state import ErrorStateFilter, FilterModel, filter_properties
 from mathnavi.estimators.velocity.position_observer import PositionObserver
 from mathnavi.interfaces.bounds import FINITE, Positive, Probability, configuration

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mathnavi.estimators.covariance import square_root
+from mathnavi.estimators.kalman_steps import square_root
 
 seeds = st.integers(0, 2**32 - 1)
 

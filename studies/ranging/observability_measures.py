@@ -26,10 +26,16 @@ from numpy.typing import NDArray
 from mathnavi.estimators.observability.continuation import trace_curve
 from mathnavi.estimators.observability.feasible_set import feasible_set
 from mathnavi.estimators.observability.indistinguishable import indistinguishable_states, small_time
-from mathnavi.estimators.observability.lie_derivatives import ControlAffineSystem, codistribution, rank, singular_values
+from mathnavi.estimators.observability.lie_derivatives import (
+    ControlAffineSystem,
+    codistribution,
+    range_system,
+    rank,
+    ray_ends,
+    singular_values,
+)
 from mathnavi.estimators.observability.output_flow import equal_rates, intersection, mismatch
 from mathnavi.estimators.observability.range_outputs import Input, RangeOutputs, motion_under, pose_difference
-from mathnavi.estimators.observability.range_system import range_system, ray_ends
 from mathnavi.estimators.observability.region import ConvergenceCriterion, exact_run, region_of_convergence
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.signals import Array

@@ -10,9 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mathnavi.estimators.observability.lie_derivatives import ControlAffineSystem, codistribution, rank, singular_values
+from mathnavi.estimators.observability.lie_derivatives import (
+    ControlAffineSystem,
+    codistribution,
+    range_system,
+    rank,
+    ray_ends,
+    singular_values,
+)
 from mathnavi.estimators.observability.range_outputs import RangeOutputs
-from mathnavi.estimators.observability.range_system import range_system, ray_ends
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.textbook.camera_and_flags import camera_and_flags

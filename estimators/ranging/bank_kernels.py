@@ -31,11 +31,21 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import float64, int64
 
-from mathnavi.estimators.ranging.feasible_set_kernels import solved
-from mathnavi.estimators.ranging.kalman_kernels import Innovations, RaySensors, condition, predict
+from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, project, pushed, solved
+from mathnavi.estimators.ranging.kalman_kernels import (
+    Innovations,
+    RaySensors,
+    condition,
+    expected_ranges,
+    move,
+    predict,
+    within,
+)
 from mathnavi.estimators.ranging.noise_kernels import NoiseSums, learn_noise, noise_of, remember
-from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.compiled import Signature, njit
+from mathnavi.interfaces.kernel_types import ONE, THREE, TWO, TWO_READ, array, combined, named
 from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.field.kernels import WallShape
 from mathnavi.models.unicycle.kernels import wrapped
@@ -201,3 +211,24 @@ def drop(bank: Hypotheses, best: int, scoring: Scoring, symmetry: Symmetry) -> N
             if d[0] * w[0] + d[1] * w[1] + d[2] * w[2] < scoring.twin:
                 score[k] = math.nan
                 break
+
+
+# Kernels that are compiled before a run (``sim.engine.compilation``), for arguments of these types.
+WALL = combined(TWO_READ, TWO_READ)
+HYPOTHESES = named(Hypotheses, TWO, THREE, ONE, ONE, ONE, TWO, THREE, array(2, int64))
+SENSORS = named(RaySensors, ONE, float64, float64, float64, float64, float64)
+SUMS = named(NoiseSums, ONE, ONE)
+SCORING = named(Scoring, float64, float64, float64, float64)
+INNOVATIONS = named(Innovations, ONE, ONE, ONE, ONE)
+KERNELS: tuple[Signature, ...] = (
+    (condition_each, (HYPOTHESES, int64, ONE, WALL, SENSORS, SUMS, SCORING, INNOVATIONS)),
+    (project, (TWO, ONE, ONE, WALL, ONE, int64)),
+    (expected_ranges, (WALL, ONE, ONE)),
+    (predict_each, (HYPOTHESES, ONE, ONE, WALL, float64, ONE)),
+    (move, (ONE, ONE, WALL, float64)),
+    (drop, (HYPOTHESES, int64, SCORING, combined(int64, float64, float64))),
+    (noise_of, (SUMS,)),
+    (pushed, (TWO, TWO, WALL, float64, float64)),
+    (within, (WALL, TWO)),
+    (farthest_points, (TWO, int64, int64, float64)),
+)

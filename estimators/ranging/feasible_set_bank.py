@@ -79,7 +79,7 @@ _TWIN = 1.0  # d' P^-1 d below which two hypotheses are the same
 class FeasibleSetBankConfig:
     """Fields of the command line."""
 
-    kernels: ClassVar[str] = "mathnavi.estimators.ranging.ahead"  # compiled before the first run
+    kernels: ClassVar[str] = "mathnavi.estimators.ranging.bank_kernels"  # compiled before the first run
 
     hypotheses: CountInMemory = 16
     """largest number of hypotheses"""

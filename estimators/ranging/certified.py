@@ -10,11 +10,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mathnavi.estimators.ranging.extended import RangeEkf
 from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank
-from mathnavi.estimators.ranging.invariant import RangeIekf
 from mathnavi.estimators.ranging.model import RangeModel
 from mathnavi.estimators.ranging.pose_certificate import MOST_OTHERS, PoseCertificate, PoseCertificateConfig
+from mathnavi.estimators.ranging.pose_filter import RangeEkf, RangeIekf
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import ObserverProperties
 from mathnavi.interfaces.protocols import Estimator, Sensor

@@ -2,22 +2,47 @@
 
 State, motion and errors are those of ``kalman_kernels``. If the start is unknown a filter begins at the centre with the
 covariance of a pose that may be anywhere.
+
+**filterpy's extended Kalman filter for a robot that reads ranges**: the baseline of the other filters.
+
+It does not account for linearisation errors.
+
+**The plug-in ``range_iekf``**: the invariant extended Kalman filter on SE(2) of a robot that reads ranges.
+
+The state is the pose, an element X of SE(2), and the scale error b of the odometry. With the odometry u, held for dt,
+
+    X <- X Exp(v),   v = dt ((1 - b) u_1, 0, (1 - b) u_2),
+
+exactly. The error is left-invariant, X = X^ Exp(xi): it is expressed in the robot's own axes, as the error of the
+odometry is. So
+
+    xi <- Ad_{Exp(-v)} xi - J_r(v) dt u db + J_r(v) dt w
+
+at every pose: if b is known, the propagation of the error is exact, and its covariance does not depend on the estimate;
+a Gaussian of xi is banana-shaped in (x_1, x_2, phi). A ray reads rho_i = h_i(X) of a wall that is not invariant under
+motions, so the update is linearised about the estimate, as in ``range_ekf``. There is no other difference from that
+filter.
 """
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Self
 
 import numpy as np
 
-from mathnavi.estimators.ranging.model import FROM_WHERE, Gate, RangeModel
+from mathnavi.estimators.invariant.lie_groups import SE2
+from mathnavi.estimators.kalman_steps import condition, external_prediction_ekf
+from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
+from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.interfaces.bounds import Positive, Probability, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
+from mathnavi.models.unicycle.kernels import integrate_jacobians, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
 
@@ -95,3 +120,87 @@ class PoseFilter(ABC):
     @abstractmethod
     def _condition(self, rho: Array) -> Array:
         """Condition on the ranges rho (l,) that were read and are within the gate; return NIS and their number (2,)."""
+
+
+class RangeEkf(PoseFilter):
+    """Estimator of the pose from ranges and odometry: one extended Kalman filter."""
+
+    def __init__(self, config: PoseFilterConfig, mission: RangingMission) -> None:
+        super().__init__(config, mission)
+        self._filter = external_prediction_ekf(STATES, mission.sensors)
+        self._filter.x, self._filter.P = self._model.start()
+
+    def _pose(self) -> tuple[Array, Array]:
+        return self._filter.x[:3].copy(), self._filter.P[:3, :3]
+
+    def _predict(self, u: Array, dt: float) -> None:
+        x = self._filter.x.copy()
+        v = (1.0 - x[3]) * u
+        F, G = integrate_jacobians(x[:3], v[0], v[1], dt)
+        A, Q = np.eye(STATES), np.zeros((STATES, STATES))
+        A[:3, :3], A[:3, 3] = F, -G @ u
+        Q[:3, :3] = G * self._model.W @ G.T
+        move(x, u, self._model.wall, dt)
+        self._filter.F, self._filter.Q = A, Q
+        self._filter.predict(x)
+
+    def _condition(self, rho: Array) -> Array:
+        x, model = self._filter.x.copy(), self._model
+        h, H = expected_ranges(model.wall, x[:3], model.angles)
+        H = np.column_stack((H, np.zeros(len(h))))
+        variance = model.range_variance(h)
+        good = self._gate.passes(np.square(rho - h) / (np.einsum("ij,jk,ik->i", H, self._filter.P, H) + variance))
+        if not good.any():
+            return np.full(2, np.nan)
+        R = np.diag(variance[good])
+        self._filter.update(rho[good], lambda _: H[good], lambda _: h[good], R=R)
+        step = step_within(model.wall, x[0], x[1], *(self._filter.x - x)[:2])
+        self._filter.x = x + step * (self._filter.x - x)
+        self._filter.x[2] = wrapped(self._filter.x[2])
+        y = self._filter.y
+        return np.array([y @ self._filter.SI @ y, len(y)])
+
+
+class RangeIekf(PoseFilter):
+    """Estimator of the pose from ranges and odometry: one invariant extended Kalman filter on SE(2)."""
+
+    def __init__(self, config: PoseFilterConfig, mission: RangingMission) -> None:
+        super().__init__(config, mission)
+        self._x, P = self._model.start()
+        axes = _axes(self._x)
+        self._P = axes.T @ P @ axes  # of (xi, b)
+
+    def _pose(self) -> tuple[Array, Array]:
+        axes = _axes(self._x)[:3, :3]
+        return self._x[:3].copy(), axes @ self._P[:3, :3] @ axes.T
+
+    def _predict(self, u: Array, dt: float) -> None:
+        moved = (1.0 - self._x[3]) * dt * np.array([u[0], 0.0, u[1]])
+        G = dt * SE2.right_jacobian(moved)[:, [0, 2]]
+        A, Q = np.eye(STATES), np.zeros((STATES, STATES))
+        A[:3, :3], A[:3, 3] = SE2.adjoint(SE2.exp(-moved)), -G @ u
+        Q[:3, :3] = G * self._model.W @ G.T
+        move(self._x, u, self._model.wall, dt)
+        self._P = A @ self._P @ A.T + Q
+
+    def _condition(self, rho: Array) -> Array:
+        x, model = self._x, self._model
+        h, slope = expected_ranges(model.wall, x[:3], model.angles)
+        H = np.column_stack((slope @ _axes(x)[:3, :3], np.zeros(len(h))))
+        variance = model.range_variance(h)
+        good = self._gate.passes(np.square(rho - h) / (np.einsum("ij,jk,ik->i", H, self._P, H) + variance))
+        if not good.any():
+            return np.full(2, np.nan)
+        d, self._P, nis = condition(self._P, H[good], rho[good] - h[good], np.diag(variance[good]))
+        offset = SE2.pose(SE2.from_pose(x[:3]) @ SE2.exp(d[:3]))[:2] - x[:2]
+        step = step_within(model.wall, x[0], x[1], *offset)
+        self._x = np.array([*(x[:2] + step * offset), wrapped(x[2] + step * d[2]), x[3] + step * d[3]])
+        return np.array([nis, float(good.sum())])
+
+
+def _axes(x: Array) -> Array:
+    """Matrix (4, 4) from (xi, b) to the error of (x_1, x_2, phi, b) at x (4,), to first order."""
+    c, s = math.cos(x[2]), math.sin(x[2])
+    axes = np.eye(STATES)
+    axes[:2, :2] = [[c, -s], [s, c]]
+    return axes

@@ -1,6 +1,6 @@
 """The robot that reads ranges as a ``StagewiseModel``: its pose and the scale error of its odometry.
 
-The model of ``mathnavi.estimators.ranging.extended``.
+The model of ``mathnavi.estimators.ranging.pose_filter``.
 """
 
 from __future__ import annotations

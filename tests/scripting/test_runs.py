@@ -116,7 +116,7 @@ def test_fields_are_mappings_or_dotted_names_and_leave_the_others_as_they_are() 
 
 def test_a_plug_in_is_a_name_a_place_or_a_class() -> None:
     found = mn.plugin("range_ekf").plugin
-    assert mn.plugin("mathnavi.estimators.ranging.extended:RangeEkf").plugin is found
+    assert mn.plugin("mathnavi.estimators.ranging.pose_filter:RangeEkf").plugin is found
     assert mn.plugin(found) == mn.plugin("range_ekf")
     assert mn.plugin("laplacian").plugin.__name__ == "Laplacian"
 

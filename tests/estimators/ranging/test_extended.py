@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mathnavi.estimators.ranging.extended import RangeEkf
-from mathnavi.estimators.ranging.pose_filter import PoseFilterConfig
+from mathnavi.estimators.ranging.pose_filter import PoseFilterConfig, RangeEkf
 from mathnavi.interfaces.signals import Array
 from mathnavi.sim.metrics.consistency import consistency
 from tests.estimators.ranging.runs import START, Run, estimates_of, misplaced, mission, nees, reference, steps_of

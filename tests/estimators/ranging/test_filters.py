@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mathnavi.estimators.ranging.extended import RangeEkf
-from mathnavi.estimators.ranging.invariant import RangeIekf
 from mathnavi.estimators.ranging.particle import RangeParticle
+from mathnavi.estimators.ranging.pose_filter import RangeEkf, RangeIekf
 from mathnavi.estimators.ranging.unscented import RangeUkf
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.signals import Array, Measurement, Status

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.invariant.lie_groups import SE2
-from mathnavi.estimators.ranging.extended import RangeEkf
-from mathnavi.estimators.ranging.invariant import RangeIekf
+from mathnavi.estimators.ranging.pose_filter import RangeEkf, RangeIekf
 from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.field.curve import ellipse
 from mathnavi.models.unicycle.mission import RangingMission

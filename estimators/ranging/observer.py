@@ -7,26 +7,32 @@ dt (I + dt H)^-1 gradient. (C.5) as printed has no feed-forward and so does not 
 ``feedforward_kernels`` has three that do. Phi is the thesis' vector average: the mean of the positions that the rays
 imply. Range rates come from a window of readings, at the centre of which the observer runs (``range_rate``); from there
 the estimate is pushed forward with the inputs that odometry measured. A lost ray is replaced by that motion too.
+
+**Ranges and range rates from noisy ranges**: a Savitzky-Golay filter at the centre of a window.
+
+The output flow Q needs rho_dot. From noisy ranges, which differ by 0.1 m from one to the next, no causal filter
+estimates it well enough; the polynomial of order p that fits the 2 m + 1 readings around an instant best does, m
+periods later. The observer therefore runs at the window's centre, and its estimate is propagated from there with the
+inputs since.
+
+The fit is to the ranges themselves, or to the innovation: their difference from the ranges expected of a robot that
+moves through the window by the inputs. Within a second ranges are not a cubic of time; the innovation on the truth is
+zero, so a straight line fits it, and an estimate on the truth stays on it for any window.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Interval
+from scipy.interpolate import CubicSpline
 
 from mathnavi.estimators.ranging.feedforward_kernels import forward_manifold, forward_rho_dot, forward_s, stay
 from mathnavi.estimators.ranging.model import FROM_WHERE
-from mathnavi.estimators.ranging.observer_kernels import (
-    anchored,
-    kept_within,
-    observed,
-    pushed_forward,
-    seen_from,
-)
-from mathnavi.estimators.ranging.range_rate import FitWindow, check_window, savitzky_golay, spread
+from mathnavi.estimators.ranging.observer_kernels import anchored, kept_within, observed, pushed_forward, seen_from
 from mathnavi.estimators.ranging.range_rate_kernels import innovated, measured
 from mathnavi.estimators.ranging.readings import measured_input, usable_ranges
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
@@ -39,6 +45,82 @@ from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
+
+LONGEST_WINDOW = 1001
+HIGHEST_ORDER = 7
+_STRIDE = 5  # readings at most between two at which rays are cast
+_LEAST_NODES = 4  # of them on either side
+
+
+def check_window(window: int, order: int) -> None:
+    """Raise FieldError unless the window is an odd number of readings, and more than the polynomial needs."""
+    if not (window % 2 == 1 and 3 <= window <= LONGEST_WINDOW):
+        raise FieldError(f"window = {window!r}; allowed: an odd number of readings from 3 to {LONGEST_WINDOW}")
+    if not 1 <= order <= min(HIGHEST_ORDER, window - 1):
+        highest = min(HIGHEST_ORDER, window - 1)
+        raise FieldError(f"order = {order!r}; allowed with window = {window}: 1 to {highest}")
+
+
+@lru_cache(maxsize=16)
+def savitzky_golay(window: int, order: int) -> Array:
+    """Weights (p + 1, 2 m + 1) from readings at tau = -1, ..., 1 to the coefficients of the polynomial that fits them
+    best.
+    """
+    tau = np.linspace(-1.0, 1.0, window)
+    weights: Array = np.ascontiguousarray(np.linalg.pinv(np.vander(tau, order + 1, increasing=True)))
+    weights.flags.writeable = False
+    return weights
+
+
+@lru_cache(maxsize=16)
+def spread(window: int) -> Array:
+    """Matrix (2 m + 1, 2 k + 1) of a cubic spline: from values at 2 k + 1 readings, evenly spaced from end to end, to
+    values at all readings.
+    """
+    m = window // 2
+    stride = max(step for step in range(1, _STRIDE + 1) if step == 1 or (m % step == 0 and m >= _LEAST_NODES * step))
+    at = np.arange(-m, m + 1, stride)
+    weights: Array = np.ascontiguousarray(CubicSpline(at, np.eye(len(at)))(np.arange(-m, m + 1)))
+    weights.flags.writeable = False
+    return weights
+
+
+class FitWindow:
+    """Window of the last 2 m + 1 readings of ranges, and the inputs between them."""
+
+    def __init__(self, window: int, sensors: int) -> None:
+        self.ranges = np.full((window, sensors), np.nan)  # (2 m + 1, l) [m], the oldest first
+        self.inputs = np.zeros((window - 1, 2))  # (2 m, 2) [m/s, rad/s]
+        self.count = 0  # readings so far
+        self.half = window // 2  # m
+
+    def push(self, rho: Array, u: Array) -> None:
+        """Add a reading rho (l,) [m], NaN where a ray was lost, and the input u (2,) since the one before."""
+        self.ranges[:-1], self.ranges[-1] = self.ranges[1:], rho
+        self.inputs[:-1], self.inputs[-1] = self.inputs[1:], u
+        self.count += 1
+
+    @property
+    def has_centre(self) -> bool:
+        """True if there is a reading at the centre."""
+        return self.count > self.half
+
+    @property
+    def is_at_start(self) -> bool:
+        """True if the reading at the centre is the first."""
+        return self.count == self.half + 1
+
+    @property
+    def inputs_since(self) -> Array:
+        """Inputs (n, 2) from the centre, or from the first reading while there is none at the centre, until now."""
+        return self.inputs[len(self.inputs) - min(self.count - 1, self.half) :]
+
+    @property
+    def centre_input(self) -> Array:
+        """Mean (2,) of the inputs before and after the centre, between which it jumps."""
+        mean: Array = 0.5 * (self.inputs[self.half - 1] + self.inputs[self.half])
+        return mean
+
 
 FeedForward = Literal["none", "s", "rho_dot", "manifold"]
 Fitted = Literal["innovation", "ranges"]

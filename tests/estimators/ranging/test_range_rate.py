@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mathnavi.estimators.ranging.range_rate import FitWindow, check_window, savitzky_golay, spread
+from mathnavi.estimators.ranging.observer import FitWindow, check_window, savitzky_golay, spread
 from mathnavi.estimators.ranging.range_rate_kernels import centre_fit, innovated, measured
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve

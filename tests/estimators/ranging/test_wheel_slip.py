@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mathnavi.estimators.ranging.wheel_slip import SlipWeight
+from mathnavi.estimators.ranging.feasible_set_bank import SlipWeight
 
 DT = 0.01  # [s]
 

@@ -7,9 +7,14 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Le
 
-from mathnavi.estimators.riemannian.gains import DEFAULT_BANDWIDTH, CurvatureName, GainName, IntrinsicGains
+from mathnavi.estimators.riemannian.gains import (
+    DEFAULT_BANDWIDTH,
+    BandwidthTuning,
+    CurvatureName,
+    GainName,
+    IntrinsicGains,
+)
 from mathnavi.estimators.riemannian.sampled import SampledIntrinsicObserver
-from mathnavi.estimators.riemannian.tuning import BandwidthTuning
 from mathnavi.estimators.velocity.position_observer import PositionObserver
 from mathnavi.estimators.velocity.readings import (
     OutlierCounter,

@@ -29,8 +29,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.estimators.riemannian.gains import IntrinsicGains
-from mathnavi.estimators.riemannian.tuning import BandwidthTuning
+from mathnavi.estimators.riemannian.gains import BandwidthTuning, IntrinsicGains
 from mathnavi.estimators.velocity.poles import triple_pole_weights
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.manifold import is_beyond

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.estimators.riemannian.continuous import rates
+from mathnavi.estimators.riemannian.contraction import rates
 from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature

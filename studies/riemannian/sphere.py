@@ -25,7 +25,7 @@ from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mathnavi.estimators.riemannian.continuous import ContinuousObserver, Instant
+from mathnavi.estimators.riemannian.contraction import ContinuousObserver, Instant
 from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.interfaces.signals import Array

@@ -9,8 +9,13 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from mathnavi.estimators.riemannian.continuous import rates
-from mathnavi.estimators.riemannian.contraction import SasakiMetric, largest_eigenvalue, lie_derivative, linearised
+from mathnavi.estimators.riemannian.contraction import (
+    SasakiMetric,
+    largest_eigenvalue,
+    lie_derivative,
+    linearised,
+    rates,
+)
 from mathnavi.estimators.riemannian.gains import CurvatureName, IntrinsicGains
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, sphere

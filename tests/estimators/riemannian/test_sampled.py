@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mathnavi.estimators.riemannian.continuous import ContinuousObserver
+from mathnavi.estimators.riemannian.contraction import ContinuousObserver
 from mathnavi.estimators.riemannian.gains import CurvatureName, IntrinsicGains
 from mathnavi.estimators.riemannian.sampled import SampledIntrinsicObserver
 from mathnavi.interfaces.signals import Array

@@ -10,8 +10,7 @@ import pytest
 from mathnavi.estimators.kalman import KalmanConfig
 from mathnavi.estimators.moving_horizon import MovingHorizonConfig, MovingHorizonEstimator
 from mathnavi.estimators.stagewise.flight import FlightModel
-from mathnavi.estimators.stagewise.horizon import MovingHorizon
-from mathnavi.estimators.stagewise.horizon_programme import HorizonProgramme
+from mathnavi.estimators.stagewise.horizon import HorizonProgramme, MovingHorizon
 from mathnavi.estimators.stagewise.model import SmootherStage
 from mathnavi.estimators.stagewise.smoother import rauch_tung_striebel
 from mathnavi.interfaces.signals import Measurement, Status

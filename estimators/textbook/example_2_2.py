@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import casadi
 
-from mathnavi.estimators.textbook.law import ObserverLaw, RateOfError, check_system, identity
-from mathnavi.estimators.textbook.sampled_observer import SampledObserver
+from mathnavi.estimators.textbook.sampled_observer import (
+    ObserverLaw,
+    RateOfError,
+    SampledObserver,
+    check_system,
+    identity,
+)
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor

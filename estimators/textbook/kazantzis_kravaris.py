@@ -21,8 +21,7 @@ from typing import Literal
 import casadi
 import numpy as np
 
-from mathnavi.estimators.textbook.law import ObserverLaw, Poles, identity
-from mathnavi.estimators.textbook.sampled_observer import SampledObserver
+from mathnavi.estimators.textbook.sampled_observer import ObserverLaw, Poles, SampledObserver, identity
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor

@@ -8,8 +8,7 @@ from __future__ import annotations
 import casadi
 import numpy as np
 
-from mathnavi.estimators.textbook.law import ObserverLaw, Poles, check_system
-from mathnavi.estimators.textbook.sampled_observer import SampledObserver
+from mathnavi.estimators.textbook.sampled_observer import ObserverLaw, Poles, SampledObserver, check_system
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor

@@ -10,9 +10,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mathnavi.estimators.stagewise.model import Piece
-from mathnavi.estimators.velocity.error_state import acceleration_noise
+from mathnavi.estimators.velocity.error_state import StateErrors, acceleration_noise
 from mathnavi.estimators.velocity.readings import innovation, reading_variance, usable
-from mathnavi.estimators.velocity.state_errors import StateErrors
 from mathnavi.interfaces.signals import NOTHING, Array, Measurement
 from mathnavi.models.manifold.mission import LagrangianMission
 

@@ -3,9 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mathnavi.estimators.velocity.error_state import Propagation
+from mathnavi.estimators.velocity.error_state import Propagation, StateErrors
 from mathnavi.estimators.velocity.extended import linearised
-from mathnavi.estimators.velocity.state_errors import StateErrors
 from mathnavi.estimators.velocity.unscented import Unscented
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import sphere

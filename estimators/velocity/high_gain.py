@@ -22,9 +22,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mathnavi.estimators.velocity.gated_law import GatedLaw
 from mathnavi.estimators.velocity.poles import pole_weights
-from mathnavi.estimators.velocity.position_observer import PositionObserver
+from mathnavi.estimators.velocity.position_observer import GatedLaw, PositionObserver
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor

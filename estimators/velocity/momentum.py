@@ -23,9 +23,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from mathnavi.estimators.velocity.gated_law import GatedLaw
 from mathnavi.estimators.velocity.poles import triple_pole_weights
-from mathnavi.estimators.velocity.position_observer import PositionObserver
+from mathnavi.estimators.velocity.position_observer import GatedLaw, PositionObserver
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate

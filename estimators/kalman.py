@@ -36,8 +36,7 @@ from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
-from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission
-from mathnavi.models.aerial.sensors import PositionSensor
+from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission, PositionSensor
 from mathnavi.models.linear_noise import discretised
 from mathnavi.models.sensor_faults import longest_gap
 from mathnavi.models.tolerances import TIME_TOLERANCE

@@ -15,8 +15,7 @@ from mathnavi.interfaces.bounds import NonNegative, configuration
 from mathnavi.interfaces.protocols import StateView
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.dynamics import TICK
-from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
-from mathnavi.models.aerial.sensors import PositionSensor
+from mathnavi.models.aerial.mission import EstimateQuality, FlightMission, PositionSensor
 from mathnavi.models.quadrotor.dynamics import (
     ATTITUDE,
     NOMINAL,

@@ -24,8 +24,7 @@ from mathnavi.controllers.flight.command_filter import FilteredTracker
 from mathnavi.interfaces.protocols import Planner
 from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.entity import build_model
-from mathnavi.models.aerial.mission import FlightMission
-from mathnavi.models.aerial.sensors import AccelerationSensor
+from mathnavi.models.aerial.mission import AccelerationSensor, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.models.terrain.visibility import RadarTrack

@@ -9,7 +9,7 @@ import pytest
 
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.aerial.sensors import AccelerationSensor, FullStateSensor, PositionSensor
+from mathnavi.models.aerial.mission import AccelerationSensor, FullStateSensor, PositionSensor
 
 SENSORS: list[Sensor] = [FullStateSensor(3.0), PositionSensor(5.0), AccelerationSensor(0.5)]
 

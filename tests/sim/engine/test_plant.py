@@ -13,7 +13,7 @@ from mathnavi.interfaces.protocols import Plant, Sensor, StateView
 from mathnavi.interfaces.signals import Array, Event
 from mathnavi.models.aerial.dynamics import TICK, flow
 from mathnavi.models.aerial.entity import build_model
-from mathnavi.models.aerial.sensors import AccelerationSensor, FullStateSensor, PositionSensor
+from mathnavi.models.aerial.mission import AccelerationSensor, FullStateSensor, PositionSensor
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.mechanism.entity import build_model as build_mechanism
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL, Coordinates

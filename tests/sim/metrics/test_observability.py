@@ -11,7 +11,7 @@ import pytest
 from mathnavi.interfaces.protocols import Plant, Sensor
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.entity import build_model
-from mathnavi.models.aerial.sensors import AccelerationSensor, FullStateSensor, PositionSensor
+from mathnavi.models.aerial.mission import AccelerationSensor, FullStateSensor, PositionSensor
 from mathnavi.models.sensor_faults import Dropout
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.engine.faults import Disturbed, Gusts

@@ -25,8 +25,7 @@ from scipy.linalg import solve_discrete_lyapunov
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
-from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
-from mathnavi.models.aerial.sensors import PositionSensor
+from mathnavi.models.aerial.mission import EstimateQuality, FlightMission, PositionSensor
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 FREQUENCIES = 400  # at which the corrections are looked at

@@ -20,8 +20,7 @@ from mathnavi.controllers.arrival.laplacian import LaplacianConfig, LaplacianCon
 from mathnavi.controllers.arrival.maximum import MaximumConfig, MaximumConsensus
 from mathnavi.interfaces.protocols import Consensus
 from mathnavi.interfaces.signals import Array, Message
-from mathnavi.models.fleet.graph import Graph
-from mathnavi.models.fleet.switching import Switching
+from mathnavi.models.fleet.graph import Graph, Switching
 from mathnavi.sim.engine.network import (
     Addressed,
     DelayedLinks,

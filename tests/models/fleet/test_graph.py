@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mathnavi.models.fleet.graph import Graph
-from mathnavi.models.fleet.switching import Switching
+from mathnavi.models.fleet.graph import Graph, Switching
 from tests.fleet import NAMES, graphs
 
 ABC = ("a", "b", "c")

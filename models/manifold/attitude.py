@@ -13,11 +13,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import float64
 
-from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.compiled import Signature, njit
+from mathnavi.interfaces.kernel_types import ONE
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold import kernels
 from mathnavi.models.manifold.constant_curvature import sphere
+from mathnavi.models.manifold.kernels import distance, inner, project
 from mathnavi.models.manifold.manifold import CutLocusError, unrounded
 
 _S3 = sphere(3)
@@ -163,3 +166,16 @@ class Attitude:
             raise CutLocusError(
                 f"{p.tolist()} and {q.tolist()} are half a turn apart; allowed: attitudes nearer than that"
             )
+
+
+# Kernels that are compiled before a run (``sim.engine.compilation``), for arguments of these types.
+KERNELS: tuple[Signature, ...] = (
+    (_transported, (ONE, ONE, ONE)),
+    (_logarithm, (ONE, ONE)),
+    (_exponential, (ONE, ONE)),
+    (_curvature, (ONE, ONE)),
+    (nearer, (ONE, ONE)),
+    (distance, (float64, ONE, ONE)),
+    (inner, (float64, ONE, ONE)),
+    (project, (float64, ONE)),
+)

@@ -50,7 +50,7 @@ VEHICLE = "body"
 class AttitudeTrackingFields(LagrangianFields):
     """Fields of the scenario."""
 
-    kernels: ClassVar[str] = "mathnavi.models.manifold.ahead"  # compiled before the first run
+    kernels: ClassVar[str] = "mathnavi.models.manifold.attitude"  # compiled before the first run
 
     reading: PositionQuality = field(default_factory=lambda: PositionQuality(noise=0.005))
     """errors of the attitude readings"""

@@ -38,8 +38,7 @@ from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import POSITION
+from mathnavi.models.manifold.mission import POSITION, LagrangianMission
 from mathnavi.models.mechanism.floating_base import (
     ATTITUDE,
     FEET,

@@ -17,8 +17,7 @@ import numpy as np
 
 from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.manifold.manifold import CutLocusError, Manifold
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import POSITION
+from mathnavi.models.manifold.mission import POSITION, LagrangianMission
 
 _LASTING = 10  # readings in a row that are refused
 _TOO_FAST = 2.0  # times the system's greatest speed

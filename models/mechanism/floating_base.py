@@ -23,7 +23,7 @@ from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.joint_states import FREE
 from mathnavi.interfaces.protocols import StateView
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.manifold.sensors import ManifoldPositionSensor
+from mathnavi.models.manifold.mission import ManifoldPositionSensor
 from mathnavi.models.quaternion import rotation
 
 JOINTS, IMU, FEET = "joints", "imu", "feet"  # the names of the readings

@@ -17,8 +17,7 @@ from annotated_types import Interval
 from mathnavi.interfaces.bounds import FINITE, FINITE_NUMBERS, configuration
 from mathnavi.interfaces.number_lists import NumberList
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
 from mathnavi.models.mechanism.entity import MechanismPlace, build_model, place_of
 from mathnavi.models.mechanism.system import MechanismSystem, heavier
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup

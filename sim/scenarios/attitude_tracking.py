@@ -21,8 +21,7 @@ from mathnavi.interfaces.number_lists import NumberList
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.constant_curvature import sphere
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
 from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.models.manifold.systems import RigidBody
 from mathnavi.models.mechanism.system import MechanismSystem

@@ -20,8 +20,7 @@ from mathnavi.interfaces.number_lists import NumberList
 from mathnavi.interfaces.protocols import Plant
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.manifold import Manifold
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.ode_plant import OdePlant

@@ -21,8 +21,7 @@ from mathnavi.interfaces.number_lists import NumberList
 from mathnavi.interfaces.protocols import Plant, Sensor
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import hyperbolic_space, sphere
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
 from mathnavi.models.manifold.systems import PointSystem, RigidBody, linear, printed
 from mathnavi.models.mechanism.entity import build_spec
 from mathnavi.sim.engine.ode_plant import OdePlant, OdeVehicle

@@ -42,8 +42,7 @@ if TYPE_CHECKING:
     from mathnavi.models.manifold.constant_curvature import flat_space as EuclideanSpace  # noqa: N812
     from mathnavi.models.manifold.constant_curvature import hyperbolic_space as HyperbolicSpace  # noqa: N812
     from mathnavi.models.manifold.constant_curvature import sphere as Sphere  # noqa: N812
-    from mathnavi.models.manifold.mission import LagrangianMission
-    from mathnavi.models.manifold.sensors import PositionQuality
+    from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
     from mathnavi.models.manifold.systems import RigidBody
     from mathnavi.models.mechanism.system import MechanismSystem
     from mathnavi.models.quadrotor.mission import InertialQuality, QuadrotorMission

@@ -28,8 +28,7 @@ from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.field.curve import ellipse
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.models.missile.coordinates import PLANAR

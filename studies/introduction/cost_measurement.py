@@ -35,8 +35,7 @@ from scipy.ndimage import zoom
 
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.signals import Array, Measurement
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.models.terrain.dem import write_npz

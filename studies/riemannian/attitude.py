@@ -18,8 +18,7 @@ from mathnavi.interfaces.observer_properties import Domain, InputDependence, Obs
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.manifold.attitude import Attitude
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import POSITION
+from mathnavi.models.manifold.mission import POSITION, LagrangianMission
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.metrics.lagrangian import SETTLED, angles_to_reference

@@ -23,8 +23,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mathnavi.interfaces.bounds import Count, configuration
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import POSITION
+from mathnavi.models.manifold.mission import POSITION, LagrangianMission
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.metrics.tuning import RecordedCall, recorded_calls, replayed, spread, tuned

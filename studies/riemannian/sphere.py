@@ -31,8 +31,7 @@ from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, hyperbolic_space, sphere
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import POSITION
+from mathnavi.models.manifold.mission import POSITION, LagrangianMission
 from mathnavi.models.manifold.systems import PointSystem, chart, linear, printed
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.system import MechanismSystem

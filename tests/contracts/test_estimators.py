@@ -31,8 +31,7 @@ from mathnavi.models.aerial.dynamics import TICK, flow
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.manifold.attitude import nearer
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, hyperbolic_space
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
 from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.models.manifold.systems import PointSystem, RigidBody, linear
 from mathnavi.models.mechanism.entity import build_spec

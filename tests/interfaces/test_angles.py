@@ -18,7 +18,7 @@ from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBankConfig
 from mathnavi.interfaces.angles import Degrees, Radians, check_angle
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.errors import FieldError
-from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.mission import PositionQuality
 from mathnavi.sim.scenarios.attitude_tracking import AttitudeTrackingFields
 from mathnavi.sim.scenarios.missile_fields import MissileGuidanceConfig, MissileNoise
 from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig

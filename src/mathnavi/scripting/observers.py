@@ -21,8 +21,7 @@ from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.short_tables import Row, html_table, short_table
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import POSITION, PositionQuality
+from mathnavi.models.manifold.mission import POSITION, LagrangianMission, PositionQuality
 from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.models.manifold.systems import PointSystem
 from mathnavi.models.mechanism.entity import build_model

@@ -12,8 +12,7 @@ from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.estimators.riemannian.plugin import RiemannianObserver
 from mathnavi.estimators.riemannian.sampled import SampledIntrinsicObserver
 from mathnavi.interfaces.signals import Array, Measurement
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import POSITION
+from mathnavi.models.manifold.mission import POSITION, LagrangianMission
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.names import MechanismName
 from mathnavi.models.mechanism.system import MechanismSystem, heavier

@@ -12,8 +12,7 @@ from scipy.signal import butter, sosfilt
 
 from mathnavi.estimators.riemannian.plugin import RiemannianObserver
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import POSITION, PositionQuality
+from mathnavi.models.manifold.mission import POSITION, LagrangianMission, PositionQuality
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.models.mechanism.system import MechanismSystem

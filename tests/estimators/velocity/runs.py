@@ -17,8 +17,7 @@ from mathnavi.estimators.velocity.unscented import LagrangianUkf
 from mathnavi.interfaces.protocols import Estimator, StateView
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, flat_space, hyperbolic_space, sphere
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
 from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.models.manifold.systems import PointSystem, RigidBody, linear
 from mathnavi.sim.engine.ode_plant import OdeMotion

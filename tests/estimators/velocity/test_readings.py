@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, reading_variance
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
 from mathnavi.models.mechanism.system import MechanismSystem
 from tests.estimators.velocity.runs import mission_of, moving
 

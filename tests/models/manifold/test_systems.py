@@ -9,8 +9,7 @@ import pytest
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, flat_space, hyperbolic_space, sphere
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import ManifoldPositionSensor, PositionQuality
+from mathnavi.models.manifold.mission import LagrangianMission, ManifoldPositionSensor, PositionQuality
 from mathnavi.models.manifold.systems import PointSystem, RigidBody, chart, linear, printed
 
 SPACES = [sphere(3), hyperbolic_space(2), flat_space(2)]

@@ -10,8 +10,7 @@ import pytest
 
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.floating_base import BaseImu, FloatingBase, FootSwitches, JointEncoders
 from mathnavi.models.mechanism.system import MechanismSystem

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.mission import PositionQuality
 from mathnavi.renders.lagrangian.run_data import LagrangianRun, load_run
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.scenarios.arm_velocity import ArmVelocity

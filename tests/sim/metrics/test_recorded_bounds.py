@@ -10,8 +10,7 @@ import pytest
 
 from mathnavi.interfaces.signals import Array, Estimate
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
-from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
 from mathnavi.models.manifold.systems import RigidBody
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.system import MechanismSystem

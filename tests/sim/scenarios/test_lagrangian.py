@@ -14,7 +14,7 @@ from mathnavi.commands.cli import main
 from mathnavi.controllers.intrinsic.law import ReferencePlanner
 from mathnavi.interfaces.signals import Plan, Status
 from mathnavi.models.manifold.attitude import Attitude
-from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.mission import PositionQuality
 from mathnavi.sim.metrics.lagrangian import VelocityErrors, errors_of
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.scenarios.arm_velocity import ArmVelocity, ArmVelocityConfig

@@ -36,8 +36,7 @@ from scipy.linalg import eigh
 from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.manifold.constant_curvature import ConstantCurvature
-from mathnavi.models.manifold.two_point import TwoPoint
+from mathnavi.models.manifold.constant_curvature import ConstantCurvature, TwoPoint
 from mathnavi.models.runge_kutta import classical_step
 
 Instant = tuple[Array, Array]

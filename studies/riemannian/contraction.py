@@ -20,9 +20,8 @@ from mathnavi.estimators.riemannian.contraction import SasakiMetric, largest_eig
 from mathnavi.estimators.riemannian.gains import CurvatureName, IntrinsicGains
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.manifold.constant_curvature import sphere
+from mathnavi.models.manifold.constant_curvature import TwoPoint, sphere
 from mathnavi.models.manifold.tangent_bundle import TangentBundle, bracket
-from mathnavi.models.manifold.two_point import TwoPoint
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim

@@ -15,8 +15,7 @@ import numpy as np
 from mathnavi.estimators.riemannian.contraction import rates
 from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.manifold.constant_curvature import ConstantCurvature
-from mathnavi.models.manifold.two_point import TwoPoint
+from mathnavi.models.manifold.constant_curvature import ConstantCurvature, TwoPoint
 
 STEP = 0.01  # [-] between the points of a difference
 FINE = 0.001  # [s] likewise, along the motion of system and observer

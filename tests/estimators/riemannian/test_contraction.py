@@ -18,10 +18,9 @@ from mathnavi.estimators.riemannian.contraction import (
 )
 from mathnavi.estimators.riemannian.gains import CurvatureName, IntrinsicGains
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.manifold.constant_curvature import ConstantCurvature, sphere
+from mathnavi.models.manifold.constant_curvature import ConstantCurvature, TwoPoint, sphere
 from mathnavi.models.manifold.tangent_bundle import TangentBundle
 from mathnavi.models.manifold.tangent_bundle import lie_derivative as lie_derivative_of
-from mathnavi.models.manifold.two_point import TwoPoint
 
 WEIGHTS, STEP = (3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0), 0.005
 

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.manifold.constant_curvature import ConstantCurvature, sphere
-from mathnavi.models.manifold.two_point import TwoPoint
+from mathnavi.models.manifold.constant_curvature import ConstantCurvature, TwoPoint, sphere
 from mathnavi.studies.riemannian.contraction import table_d_1
 from mathnavi.studies.riemannian.identities import residuals
 

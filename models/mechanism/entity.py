@@ -16,29 +16,125 @@ and two with a free base:
 
     swimmer          six links in a plane, in a viscous fluid, with a torque motor on each of five hinges
     quadruped        four legs of two hinges each, with position servos, an IMU on the trunk and switches in the feet
+
+**Files that a mechanism is read from**: its MJCF, the files it includes, and every mesh, texture and height field.
+
+MuJoCo names a file in an attribute ``file``, ``filename`` or ``fileup`` and the like, of an ``<include>``, an asset, a
+``<model>`` that is attached or a ``<flexcomp>``, relative to the folder of the first file, of the including one or of
+the assets (``meshdir``, ``texturedir``, ``assetdir``), with or without the folders in the name (``strippath``). Each
+place where it may lie is tried, and each file that exists counts: with one too many results are computed again, with
+one too few old results would pass for new ones.
+
+Robots of MuJoCo Menagerie, by the package ``mujoco-menagerie`` (extra ``robots``), which fetches one on first use.
+
+It keeps them in its cache; ``MENAGERIE_CACHE_DIR`` and ``MENAGERIE_ROOT`` are its environment variables.
+
+Names of the mechanisms that come with the software.
 """
 
 from __future__ import annotations
 
+import importlib
+import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from html import unescape
 from itertools import count
+from os.path import normpath, relpath
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import dm_control
 import mujoco
 import numpy as np
 
 from mathnavi.interfaces.errors import FieldError
-from mathnavi.interfaces.input_files import InputFile
+from mathnavi.interfaces.input_files import MOST, InputFile, digest_of
 from mathnavi.interfaces.joint_states import FREE
+from mathnavi.interfaces.reading.files import read_bytes
 from mathnavi.interfaces.reading.mechanisms import read_spec
-from mathnavi.models.mechanism.files import files_digest
 from mathnavi.models.mechanism.geometry import checked
-from mathnavi.models.mechanism.menagerie import PREFIX, menagerie_file
-from mathnavi.models.mechanism.names import FloatingName, MechanismName, ServoArmName
 from mathnavi.models.vehicle_names import check_vehicle_name
+
+_NAMED = re.compile(r"""\bfile\w*\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+_FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+
+
+def files_of(mjcf: Path) -> dict[str, bytes]:
+    """Contents of an MJCF file, at "", and of every file that it names, by their paths from its folder.
+
+    Raises OSError for a file that cannot be read.
+    """
+    mjcf = Path(normpath(mjcf))
+    contents = {mjcf: read_bytes(mjcf, FieldError, MOST)}
+    texts = {mjcf: contents[mjcf].decode(errors="replace")}
+    while found := [path for path in _named(mjcf, texts) if path not in contents]:
+        for path in dict.fromkeys(found):
+            contents[path] = read_bytes(path, FieldError, MOST)
+            if contents[path].lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+                texts[path] = contents[path].decode(errors="replace")
+    return {"" if path == mjcf else Path(relpath(path, mjcf.parent)).as_posix(): contents[path] for path in contents}
+
+
+def files_digest(mjcf: Path) -> str:
+    """SHA-256 of ``files_of``: of the contents of the files, and of their relative paths."""
+    return digest_of(files_of(mjcf))
+
+
+def _named(mjcf: Path, texts: dict[Path, str]) -> Iterator[Path]:
+    """Every file that some MJCF texts may name, in each place where MuJoCo may find it."""
+    folders = list(dict.fromkeys(path.parent for path in texts))
+    assets = [name for text in texts.values() for name in _values(_FOLDER, text)]
+    places = list(dict.fromkeys([*folders, *(folder / name for folder in folders for name in assets)]))
+    for text in texts.values():
+        for name in _values(_NAMED, text):
+            for place in places:
+                for path in (place / name, place / Path(name.replace("\\", "/")).name):
+                    if path.is_file():
+                        yield Path(normpath(path))
+
+
+def _values(pattern: re.Pattern[str], text: str) -> list[str]:
+    return [unescape(one or other) for one, other in pattern.findall(text) if one or other]
+
+
+PREFIX = "menagerie:"
+
+
+def menagerie_file(mechanism: str) -> Path:
+    """MJCF file of ``menagerie:NAME``, the robot alone, or of ``menagerie:NAME/ENTRY``, another file of its folder.
+
+    Raises FieldError without the package, for a name or an entry that it does not know, and where the robot can be
+    neither found nor fetched.
+    """
+    name, _, entry = mechanism.removeprefix(PREFIX).partition("/")
+    try:
+        package = importlib.import_module("mujoco_menagerie")
+    except ImportError:
+        raise FieldError(
+            f"mechanism = {mechanism!r}; allowed with the package mujoco-menagerie: pip install 'mathnavi[robots]'"
+        ) from None
+    try:
+        robot = package.get(name)
+        return Path(robot.xml(entry or robot.default_model))
+    except (package.MenagerieError, OSError) as error:
+        reason = " ".join(str(error).split())
+        raise FieldError(
+            f"mechanism = {mechanism!r}; allowed: {PREFIX}NAME of a robot of MuJoCo Menagerie that is in the cache or "
+            f"can be fetched ({reason})"
+        ) from None
+
+
+MechanismName = Literal["rigid-body", "cart-pendulum", "two-link", "seven-joint"]
+"""names of mechanisms with a torque motor on each joint, or about each of its axes"""
+
+ServoArmName = Literal["servo-six", "servo-seven", "servo-gripper"]
+"""names of arms with stiff position servos, joint limits, damping, armature and friction, like industrial robots"""
+
+FloatingName = Literal["swimmer", "quadruped"]
+"""names of mechanisms with a free base: a planar chain of six links in a viscous fluid with a torque motor on each of
+its hinges, and a robot on four legs with position servos, an IMU and foot switches"""
+
 
 _HERE = Path(__file__).parent
 _SUITE = "dm_control:"

@@ -13,8 +13,7 @@ from mathnavi.estimators.riemannian.plugin import RiemannianObserver
 from mathnavi.estimators.riemannian.sampled import SampledIntrinsicObserver
 from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.manifold.mission import POSITION, LagrangianMission
-from mathnavi.models.mechanism.entity import build_model
-from mathnavi.models.mechanism.names import MechanismName
+from mathnavi.models.mechanism.entity import MechanismName, build_model
 from mathnavi.models.mechanism.system import MechanismSystem, heavier
 
 PERIOD, OMEGA = 1e-3, 30.0

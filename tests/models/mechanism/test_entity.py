@@ -9,8 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from mathnavi.models.mechanism.entity import build_model
-from mathnavi.models.mechanism.names import MechanismName
+from mathnavi.models.mechanism.entity import MechanismName, build_model
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 
 STRANGER = """<mujoco model="stranger"><compiler angle="degree"/><option timestep=".004" gravity="0 0 -2"/>

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mathnavi.models.mechanism.entity import build_model, mechanism_digest, place_of
-from mathnavi.models.mechanism.files import files_of
+from mathnavi.models.mechanism.entity import build_model, files_of, mechanism_digest, place_of
 
 ARM = """<mujoco>
   <compiler meshdir="parts/meshes" texturedir='parts/pictures'/>

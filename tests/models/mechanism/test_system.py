@@ -11,8 +11,7 @@ import pytest
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.systems import RigidBody
-from mathnavi.models.mechanism.entity import build_model
-from mathnavi.models.mechanism.names import MechanismName
+from mathnavi.models.mechanism.entity import MechanismName, build_model
 from mathnavi.models.mechanism.system import MechanismSystem, heavier
 from tests.mechanisms import chain, somewhere
 

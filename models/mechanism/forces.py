@@ -9,8 +9,17 @@ import numpy as np
 
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.mechanism.kernels import com_pos, com_vel, factor_m, kinematics, make_m, rne, solve_m
-from mathnavi.models.mechanism.mujoco_functions import ADDRESS, function
+from mathnavi.models.mechanism.kernels import (
+    ADDRESS,
+    com_pos,
+    com_vel,
+    factor_m,
+    function,
+    kinematics,
+    make_m,
+    rne,
+    solve_m,
+)
 
 tendon = function("mj_tendon", ADDRESS, ADDRESS)
 transmission = function("mj_transmission", ADDRESS, ADDRESS)

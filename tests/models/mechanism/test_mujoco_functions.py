@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mathnavi.models.mechanism.mujoco_functions import ADDRESS, function
+from mathnavi.models.mechanism.kernels import ADDRESS, function
 
 
 def test_a_function_that_mujoco_lacks_is_refused_where_it_is_asked_for() -> None:

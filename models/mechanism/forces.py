@@ -6,19 +6,31 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from numba import float64, int64
 
-from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.compiled import Signature, njit
+from mathnavi.interfaces.kernel_types import ONE, array, named
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.mechanism.kernels import (
     ADDRESS,
+    Mechanism,
     com_pos,
     com_vel,
+    connection,
+    curvature,
+    difference,
+    exponential,
     factor_m,
     function,
+    integrate,
     kinematics,
+    locate,
+    logarithm,
     make_m,
+    norm_at,
     rne,
     solve_m,
+    transport,
 )
 
 tendon = function("mj_tendon", ADDRESS, ADDRESS)
@@ -69,3 +81,19 @@ def acceleration(at: Actuated, q: Array, v: Array, u: Array) -> Array:
     F = np.empty(n)
     solve_m(m, d, F.ctypes.data, force.ctypes.data, 1)
     return F
+
+
+# Kernels that are compiled before a run (``sim.engine.compilation``), for arguments of these types.
+MECHANISM = named(Mechanism, int64, int64, ONE, ONE, array(1, int64))
+KERNELS: tuple[Signature, ...] = (
+    (curvature, (MECHANISM, ONE, ONE, ONE)),
+    (logarithm, (MECHANISM, ONE, ONE)),
+    (transport, (MECHANISM, ONE, ONE, ONE)),
+    (exponential, (MECHANISM, ONE, ONE)),
+    (difference, (MECHANISM, ONE, ONE)),
+    (connection, (MECHANISM, ONE, ONE)),
+    (integrate, (MECHANISM, ONE, ONE, float64)),
+    (norm_at, (MECHANISM, ONE, ONE)),
+    (locate, (MECHANISM, ONE)),
+    (acceleration, (named(Actuated, int64, int64, ONE, ONE, ONE, ONE, ONE), ONE, ONE, ONE)),
+)

@@ -44,7 +44,7 @@ VEHICLE = "mechanism"
 class ArmVelocityConfig(LagrangianFields):
     """Fields of the scenario."""
 
-    kernels: ClassVar[str] = "mathnavi.models.mechanism.ahead"  # compiled before the first run
+    kernels: ClassVar[str] = "mathnavi.models.mechanism.forces"  # compiled before the first run
 
     reading: PositionQuality = field(default_factory=lambda: PositionQuality(resolution=14))
     """errors of the encoders"""

@@ -2,6 +2,10 @@
 
 A mission is the common knowledge of all parts: the problem to optimise, the declared body, the limits of the thrusters,
 the quality of the sensors. It holds no truth of a run.
+
+**Sensors of the missile**: from its true motion, in MuJoCo's joint coordinates, to readings of the thesis' state.
+
+**True motion of a missile's target**: along straight legs, at a constant velocity on each.
 """
 
 from __future__ import annotations
@@ -13,11 +17,52 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.bounds import NonNegative, configuration
 from mathnavi.interfaces.errors import MissionError
+from mathnavi.interfaces.protocols import StateView
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.coordinates import PLANAR, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL, TICK, Body
-from mathnavi.models.missile.sensors import MissileStateSensor, StateNoise
+
+
+@configuration(prefix="full_state sensor: ")
+class StateNoise:
+    """Standard deviations of a full-state reading, independent on each axis and from reading to reading."""
+
+    position: NonNegative = 0.0  # [m]
+    velocity: NonNegative = 0.0  # [m/s] on the axes of the body frame
+    angle: NonNegative = 0.0  # [rad]
+    rate: NonNegative = 0.0  # [rad/s]
+
+    def deviations(self, coordinates: Coordinates) -> Array:
+        """Standard deviations (nx,) of the components of the state, in their units."""
+        by_unit = {"m": self.position, "m/s": self.velocity, "rad": self.angle, "rad/s": self.rate}
+        return np.array([by_unit[unit] for unit in coordinates.units])
+
+
+@dataclass(frozen=True)
+class MissileStateSensor:
+    """Sensor of the thesis' state (nx,) with Gaussian noise."""
+
+    coordinates: Coordinates
+    noise: StateNoise = field(default_factory=StateNoise)
+    rate: float | None = None  # [Hz]; None: every control step
+    name: str = "full_state"
+
+    @property
+    def size(self) -> int:
+        """Number nx of states."""
+        return self.coordinates.state_size
+
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array:
+        """Read the thesis' state (nx,) of ``motion``; ``rng`` draws the noise."""
+        x = self.coordinates.from_joints(motion.x)
+        deviations = self.noise.deviations(self.coordinates)
+        if not deviations.any():
+            return x
+        noise: Array = deviations * rng.standard_normal(len(x))
+        return x + noise
+
 
 Place = tuple[float, float, float]
 
@@ -198,3 +243,35 @@ class MissileMission:
     def full_state_quality(self, rate: float | None, timeout: float) -> Any:
         """Covariance of a reading: the estimate is not certified."""
         return self.full_state_covariance(0.0)
+
+
+@dataclass(frozen=True)
+class TargetMotion:
+    """The legs in order of time; the first is that of t = 0."""
+
+    legs: tuple[Target, ...]
+
+    @staticmethod
+    def along(place: Place, velocity: Place, changes: Sequence[tuple[float, Place]] = ()) -> TargetMotion:
+        """Motion from ``place`` (3,) [m] with ``velocity`` (3,) [m/s], Earth frame; ``changes`` hold times [s] and new
+        velocities.
+        """
+        legs = [Target(place, velocity)]
+        for t, after in sorted(changes):
+            x, y, z = legs[-1].at(t).tolist()
+            legs.append(Target((x, y, z), after, t))
+        return TargetMotion(tuple(legs))
+
+    def leg(self, t: float) -> Target:
+        """Leg at time t [s]."""
+        return [leg for leg in self.legs if leg.t <= max(t, 0.0)][-1]
+
+    def at(self, t: float | Array) -> Array:
+        """Place (3,) or (n, 3) [m] in the Earth frame at time t [s], a number or an array (n,)."""
+        if isinstance(t, np.ndarray):
+            return np.array([self.at(float(each)) for each in t]).reshape(-1, 3)
+        return self.leg(t).at(t)
+
+    def velocity(self, t: float) -> Array:
+        """Velocity (3,) [m/s] in the Earth frame at time t [s]."""
+        return np.array(self.leg(t).velocity)

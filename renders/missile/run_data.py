@@ -16,7 +16,7 @@ from mathnavi.interfaces.errors import RunFolderError
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.coordinates import COORDINATES, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL
-from mathnavi.models.missile.target import TargetMotion
+from mathnavi.models.missile.mission import TargetMotion
 from mathnavi.renders.logged_run import LoggedRun
 from mathnavi.sim.metrics.missile import Approach, attack_angles, closest_approach, references
 from mathnavi.sim.records.missile_missions import MissileRecord

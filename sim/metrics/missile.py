@@ -14,8 +14,7 @@ from scipy.optimize import minimize_scalar
 from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.missile.coordinates import Coordinates
 from mathnavi.models.missile.dynamics import Body
-from mathnavi.models.missile.mission import MissileMission
-from mathnavi.models.missile.target import TargetMotion
+from mathnavi.models.missile.mission import MissileMission, TargetMotion
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.metrics.convergence import last_quarter

@@ -25,10 +25,8 @@ from mathnavi.models.angles import wrapped
 from mathnavi.models.missile.coordinates import COORDINATES, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL, TICK, Body
 from mathnavi.models.missile.entity import build_model
-from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, Place, Target
+from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, Place, StateNoise, Target, TargetMotion
 from mathnavi.models.missile.mission_frame import MissionFrame
-from mathnavi.models.missile.sensors import StateNoise
-from mathnavi.models.missile.target import TargetMotion
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.metrics.missile import cost, missile_summary

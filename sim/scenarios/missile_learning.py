@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mathnavi.interfaces.signals import Array, Estimate
-from mathnavi.models.missile.mission import MissileMission
-from mathnavi.models.missile.target import TargetMotion
+from mathnavi.models.missile.mission import MissileMission, TargetMotion
 from mathnavi.sim.scenarios.task import Outcome
 
 

@@ -38,8 +38,7 @@ from mathnavi.models.mechanism.entity import build_spec
 from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.models.missile.coordinates import COORDINATES
 from mathnavi.models.missile.dynamics import TICK as MISSILE_TICK
-from mathnavi.models.missile.mission import CASES, MissileMission, Target
-from mathnavi.models.missile.sensors import StateNoise
+from mathnavi.models.missile.mission import CASES, MissileMission, StateNoise, Target
 from mathnavi.models.quadrotor.dynamics import rigid_dynamics
 from mathnavi.models.quadrotor.mission import InertialQuality, QuadrotorMission
 from mathnavi.models.terrain.height_field import HeightField

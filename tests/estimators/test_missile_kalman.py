@@ -12,8 +12,7 @@ from mathnavi.estimators.missile_kalman import MissileKalman, MissileKalmanConfi
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.missile.coordinates import COORDINATES, PLANAR, SPATIAL, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL
-from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, Target
-from mathnavi.models.missile.sensors import StateNoise
+from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, StateNoise, Target
 
 PERIOD = 0.004  # [s]
 NOISE = StateNoise(position=1.0, velocity=0.5, angle=0.01, rate=0.01)

@@ -12,9 +12,16 @@ from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.coordinates import COORDINATES, PLANAR, SPATIAL, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL, Body
-from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, Target, running_cost
-from mathnavi.models.missile.sensors import MissileStateSensor, StateNoise
-from mathnavi.models.missile.target import TargetMotion
+from mathnavi.models.missile.mission import (
+    CASES,
+    GustStrength,
+    MissileMission,
+    MissileStateSensor,
+    StateNoise,
+    Target,
+    TargetMotion,
+    running_cost,
+)
 from tests.models.missile.test_dynamics import drawn
 
 MISSION = MissileMission((120.0, 0.0, 0.0, 0.0, 0.0, -10.0), Target((700.0, 0.0, 0.0)), CASES["SM"])

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL
-from mathnavi.models.missile.mission import CASES, MissileMission, Target
-from mathnavi.models.missile.target import TargetMotion
+from mathnavi.models.missile.mission import CASES, MissileMission, Target, TargetMotion
 from mathnavi.sim.engine.log import AgentRecorder
 from mathnavi.sim.metrics.missile import attack_angles, closest_approach, cost, references
 from mathnavi.sim.records.figure_names import SUMMARY_GROUPS, is_wall_clock, label

@@ -15,8 +15,7 @@ from mathnavi.models.manifold.systems import RigidBody
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.models.missile.coordinates import PLANAR
-from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, Target
-from mathnavi.models.missile.sensors import StateNoise
+from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, StateNoise, Target
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import label
 
-from mathnavi.models.terrain.canyon import canyon
 from mathnavi.models.terrain.library import load_terrain, place_of
+from mathnavi.models.terrain.synthetic import canyon
 
 NUMBERS = (0, 1, 7, 123_456_789)
 made = cache(canyon)

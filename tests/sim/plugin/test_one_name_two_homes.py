@@ -22,7 +22,7 @@ TAKEN = {
     "consensus": ("clock", "mathnavi.controllers.arrival.clock:Clock"),
     "scenarios": ("missile-guidance", "mathnavi.sim.scenarios.missile_guidance:MissileGuidance"),
     "studies": ("noise", "mathnavi.studies.flight.noise:Noise"),
-    "terrains": ("canyon", "mathnavi.models.terrain.canyon:canyon"),
+    "terrains": ("canyon", "mathnavi.models.terrain.synthetic:canyon"),
     "drawings": ("ranging", "mathnavi.renders.ranging.drawing"),
 }  # names that the stranger gives, and what he installs under each
 

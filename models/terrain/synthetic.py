@@ -15,6 +15,8 @@ heights, as strata are. Floor and plateau are rough by noise whose octaves halve
 
 One generator, seeded by the number, draws everything. Heights are whole multiples of 1/64 m, so that the last bits of
 a platform's sines do not change a digest.
+
+**Level ground**: over it the height of a flight is its clearance.
 """
 
 from __future__ import annotations
@@ -29,6 +31,17 @@ from scipy.spatial import cKDTree
 from mathnavi.interfaces.errors import TerrainError
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
+
+_PLAIN_NODES, _PLAIN_SPACING = 49, 20.0  # a side of 960 m
+
+
+def plain(height: int = 100) -> HeightField:
+    """Level ground of 960 m by 960 m, ``height`` [m] above sea level."""
+    heights = np.full((_PLAIN_NODES, _PLAIN_NODES), float(height))
+    return HeightField(
+        heights, _PLAIN_SPACING, f"plain {height}", "made up by mathnavi.models.terrain.synthetic", "Apache-2.0"
+    )
+
 
 _SIDE, _SPACING = 640.0, 4.0  # [m]
 _GRAIN = 64.0  # [1/m]
@@ -116,7 +129,7 @@ def canyon(number: int = 0) -> HeightField:
         np.round(z * _GRAIN) / _GRAIN,
         _SPACING,
         f"canyon {number}",
-        "made up by mathnavi.models.terrain.canyon",
+        "made up by mathnavi.models.terrain.synthetic",
         "Apache-2.0",
     )
 

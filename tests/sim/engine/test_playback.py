@@ -9,7 +9,7 @@ import pytest
 
 from mathnavi.interfaces.protocols import Plant
 from mathnavi.interfaces.signals import Estimate, PlanRequest
-from mathnavi.models.textbook.sensors import OutputSensor
+from mathnavi.models.textbook.mission import OutputSensor
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
 
 DT = 0.01

@@ -19,8 +19,7 @@ from __future__ import annotations
 import casadi
 import numpy as np
 
-from mathnavi.models.textbook.observer_form import ObserverForm
-from mathnavi.models.textbook.system import System
+from mathnavi.models.textbook.system import ObserverForm, System
 
 MU = 1.0
 

@@ -26,8 +26,7 @@ import numpy as np
 
 from mathnavi.interfaces.errors import ArgumentError, FieldError
 from mathnavi.interfaces.signals import Array, Integers
-from mathnavi.models.textbook.observer_form import check_poles
-from mathnavi.models.textbook.system import System
+from mathnavi.models.textbook.system import System, check_poles
 
 _SINGULAR = 1e12  # condition number
 

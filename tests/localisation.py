@@ -10,9 +10,8 @@ import numpy as np
 
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Plan, PlanRequest, Status
-from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.mission import DrivePhase, RangingMission
 from mathnavi.models.unicycle.patterns import figure_eight
-from mathnavi.models.unicycle.phases import DrivePhase
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.range_localisation import RangeLocalisation

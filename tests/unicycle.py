@@ -12,9 +12,8 @@ import numpy as np
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve, ellipse
-from mathnavi.models.unicycle.drives import DifferentialDrive, IdealDrive, wheel_rates
 from mathnavi.models.unicycle.entity import FLOOR, DriveName, build_model
-from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.mission import DifferentialDrive, IdealDrive, RangingMission, wheel_rates
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 
 STANDARD = ellipse(3.763, math.sqrt(2.0))

@@ -51,8 +51,7 @@ from mathnavi.controllers.active_sensing.kernels import (
 from mathnavi.controllers.active_sensing.policies import InputSequence
 from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.unicycle.kernels import wrapped
-from mathnavi.models.unicycle.mission import LEAST_NOISE, RangingMission
-from mathnavi.models.unicycle.phases import DrivePhase
+from mathnavi.models.unicycle.mission import LEAST_NOISE, DrivePhase, RangingMission
 
 
 class InputCriterion(Protocol):

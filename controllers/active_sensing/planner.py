@@ -25,8 +25,7 @@ from mathnavi.controllers.active_sensing.belief import Belief, BeliefFromEstimat
 from mathnavi.controllers.active_sensing.policies import ExplorationPolicy
 from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.models.unicycle.kernels import sinc, wrapped
-from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.models.unicycle.phases import DrivePhase
+from mathnavi.models.unicycle.mission import DrivePhase, RangingMission
 
 
 class PathTracker:

@@ -17,8 +17,7 @@ from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.unicycle import patterns
 from mathnavi.models.unicycle.kernels import integrate
-from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.models.unicycle.phases import DrivePhase
+from mathnavi.models.unicycle.mission import DrivePhase, RangingMission
 
 _ROUNDING = 1e-9
 

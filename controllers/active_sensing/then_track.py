@@ -22,8 +22,7 @@ from mathnavi.controllers.active_sensing.policies import InputSequence, Pattern,
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.signals import Array, Plan, PlanRequest
 from mathnavi.models.unicycle.kernels import wrapped
-from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.models.unicycle.phases import DrivePhase
+from mathnavi.models.unicycle.mission import DrivePhase, RangingMission
 
 _AGAIN = 2.0  # times a limit, above which the robot explores again
 _FAR = 0.3  # [m] from the plan, beyond which the path is joined again

@@ -3,24 +3,149 @@
 A mission is the common knowledge of all parts: the wall, the directions and the quality of the sensors, the limits of
 the wheels, and the known start. It holds no truth of a run. A pose is x = (x_1, x_2, phi) [m, m, rad], an input u =
 (u_1, u_2), the speed [m/s] and the turn rate [rad/s].
+
+**Sensors of the unicycle**: MuJoCo's rangefinders and wheel encoders with the errors that a mission declares.
+
+**Drives**: they turn the inputs of a unicycle, u = (u_1 [m/s], u_2 [rad/s]), into the motion of its two driven wheels.
+
+With the wheels' radius r and their distance b apart, a wheel that does not slip turns at
+
+    omega_l = (u_1 - u_2 b / 2) / r,    omega_r = (u_1 + u_2 b / 2) / r.
+
+Both drives are ``mathnavi.interfaces.protocols.ActuatorModel``. The joints of either robot are led by x_1, x_2 and
+phi and end with the left and the right wheel.
+
+Phases of a robot's plan.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import field
-from typing import Annotated
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from mathnavi.interfaces.bounds import FINITE_NUMBERS, Condition, configuration
 from mathnavi.interfaces.errors import MissionError
+from mathnavi.interfaces.protocols import StateView
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
-from mathnavi.models.unicycle.sensors import RangeSensor, WheelOdometry
+
+
+class DrivePhase(IntEnum):
+    """Phase of an arc of a robot's plan: inputs for exploration, a turn on the spot or back, a path that is tracked."""
+
+    OPTIMISED = 0
+    MANOEUVRE = 1
+    CRUISE = 4
+
+
+WHEEL_RADIUS = 0.05  # [m] r
+TRACK = 0.22  # [m] b
+RIM_ACCELERATION = 4.0  # [m/s^2] at which a servo takes a wheel to another speed
+
+_RATES = np.array([[1.0, -0.5 * TRACK], [1.0, 0.5 * TRACK]]) / WHEEL_RADIUS  # u -> (omega_l, omega_r)
+_INPUTS = np.linalg.inv(_RATES)
+
+
+def wheel_rates(u: Array) -> Array:
+    """Rates (omega_l, omega_r) (2,) [rad/s] of the wheels under an input u (2,) [m/s, rad/s]."""
+    rates: Array = _RATES @ u
+    return rates
+
+
+def inputs_of(rates: Array) -> Array:
+    """Input u (2,) [m/s, rad/s] of wheels that turn at rates (omega_l, omega_r) (2,) [rad/s] and do not slip."""
+    u: Array = _INPUTS @ rates
+    return u
+
+
+@dataclass(frozen=True)
+class IdealDrive:
+    """Kinematic drive: over a tick the robot moves along the exact arc of its input, and the wheels turn with it."""
+
+    input_size: int = 2
+
+    def act(self, u: Array, q: Array, v: Array, control: Array, dt: float) -> None:
+        """Set the joint rates v (5,) so that over dt [s] the robot moves along the exact arc of u (2,) [m/s, rad/s]."""
+        v[:3] = (integrate(q[:3], float(u[0]), float(u[1]), dt) - q[:3]) / dt
+        v[3:] = wheel_rates(u)
+
+
+@dataclass(frozen=True)
+class DifferentialDrive:
+    """Drive with a velocity servo on each wheel; friction then moves the robot.
+
+    A servo changes its speed at a limited rate, so that a step of the input alone does not make the wheels spin.
+    """
+
+    input_size: int = 2
+
+    def act(self, u: Array, q: Array, v: Array, control: Array, dt: float) -> None:
+        """Move the servos' set rates in ``control`` (2,) [rad/s] towards those of u (2,) [m/s, rad/s] for dt [s]."""
+        step = RIM_ACCELERATION / WHEEL_RADIUS * dt
+        control += np.clip(wheel_rates(u) - control, -step, step)
+
+
+@dataclass(frozen=True)
+class RangeSensor:
+    """Ranges (l,) [m] of the rangefinders ``range_0``, ..., NaN where a ray was lost or met nothing.
+
+    Each errs by a Gaussian of variance (relative rho)^2 + absolute^2; a fraction ``outliers`` is uniform between zero
+    and ``longest`` instead, and a fraction ``dropout`` is lost. The random numbers drawn do not depend on the size of
+    the errors, so runs that differ in them only see the same noise.
+    """
+
+    size: int  # l
+    quality: RangeQuality
+    longest: float  # [m] longest range in sight
+    rate: float | None  # [Hz]; None: every control step
+    name: str = "ranges"
+    partial: ClassVar[bool] = True  # single values of a reading may be NaN
+
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array:
+        """Read the ranges (l,) [m] of ``motion``; ``rng`` draws noise, outliers and losses."""
+        quality = self.quality
+        rho = np.array([motion.sensed(f"range_{i}")[0] for i in range(self.size)])
+        rho[rho < 0.0] = np.nan  # MuJoCo's value for a ray that meets nothing
+        deviation = np.hypot(quality.relative * rho, quality.absolute)
+        reading = rho + deviation * rng.standard_normal(self.size)
+        chance, any_value = rng.random(self.size), rng.random(self.size)
+        reading = np.where(chance < quality.outliers, self.longest * any_value, reading)
+        return np.where(rng.random(self.size) < quality.dropout, np.nan, reading)
+
+
+@dataclass
+class WheelOdometry:
+    """Sensor of the mean input (u_1, u_2) (2,) [m/s, rad/s] over the last period, by wheels that do not slip.
+
+    A reading is (1 + bias) u + noise, the sign of the bias drawn once a run. The first one only notes where the wheels
+    are, so there is none. It remembers the wheels: it belongs to one vehicle and one run.
+    """
+
+    quality: OdometryQuality
+    rate: float  # [Hz]
+    name: str = "odometry"
+    size: int = 2
+    _before: Array | None = field(default=None, init=False, repr=False)  # (2,) [rad] of the wheels at the last reading
+    _bias: float = field(default=0.0, init=False, repr=False)
+
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
+        """Read the mean input (2,) [m/s, rad/s] of ``motion`` since the last reading; None for the first."""
+        wheels = np.concatenate([motion.sensed("wheel_left"), motion.sensed("wheel_right")])
+        before, self._before = self._before, wheels
+        if before is None:
+            self._bias = self.quality.bias * float(rng.choice((-1.0, 1.0)))
+            return None
+        u = (1.0 + self._bias) * inputs_of((wheels - before) * self.rate)
+        noisy: Array = u + np.array(self.quality.noise) * rng.standard_normal(2)
+        return noisy
+
 
 TICK = 0.01
 """tick [s] of the ideal robot; its motion under inputs that are held is exact at any tick"""

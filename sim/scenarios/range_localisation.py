@@ -21,9 +21,8 @@ from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.sensor_faults import Outage
-from mathnavi.models.unicycle.drives import DifferentialDrive, IdealDrive
 from mathnavi.models.unicycle.entity import FLOOR, RADIUS, DriveName, build_model
-from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.mission import DifferentialDrive, IdealDrive, RangingMission
 from mathnavi.models.unicycle.quality import KnownStart
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup

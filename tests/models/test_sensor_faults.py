@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from mathnavi.models.sensor_faults import Dropout, Outage
-from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.mission import RangeSensor, RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
-from mathnavi.models.unicycle.sensors import RangeSensor
 from tests.unicycle import STANDARD, Imagined
 
 MISSION = RangingMission(STANDARD, (-1.5, -0.8, 0.3), ranging=RangeQuality(0.05))

@@ -14,8 +14,7 @@ from mathnavi.controllers.active_sensing.policies import InputSequence
 from mathnavi.interfaces.protocols import Planner, Tracker
 from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from mathnavi.models.field.curve import Curve, ellipse
-from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.models.unicycle.phases import DrivePhase
+from mathnavi.models.unicycle.mission import DrivePhase, RangingMission
 
 FIELD = ellipse(3.763, math.sqrt(2.0))
 TWO = (math.radians(60.0), math.radians(-60.0))

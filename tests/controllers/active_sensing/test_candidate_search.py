@@ -14,7 +14,7 @@ from mathnavi.controllers.active_sensing.belief import Belief, BeliefFromEstimat
 from mathnavi.controllers.active_sensing.candidate_search import Containment, ExpectedCovariance, candidates
 from mathnavi.interfaces.signals import Array, Estimate, PlanRequest, Status
 from mathnavi.models.field.curve import BEAN, EGG, Curve
-from mathnavi.models.unicycle.phases import DrivePhase
+from mathnavi.models.unicycle.mission import DrivePhase
 from tests.controllers.active_sensing.robots import FIELD, START, assert_well_formed, built, fly, knowing, mission
 
 MODES = ("active", "singular-value", "random")

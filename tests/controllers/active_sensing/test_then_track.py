@@ -11,7 +11,7 @@ from mathnavi.controllers.active_sensing.policies import Circle, FigureEight
 from mathnavi.controllers.active_sensing.then_track import ReferencePath
 from mathnavi.interfaces.signals import Array, Estimate, Status
 from mathnavi.models.field.curve import BEAN, EGG, Curve
-from mathnavi.models.unicycle.phases import DrivePhase
+from mathnavi.models.unicycle.mission import DrivePhase
 from tests.controllers.active_sensing.robots import FIELD, START, assert_well_formed, built, fly, mission
 
 PATH = {"then": "figure-eight", "speed": 0.3}

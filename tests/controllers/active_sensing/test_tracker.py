@@ -14,8 +14,7 @@ from mathnavi.controllers.active_sensing.belief import pose_on
 from mathnavi.controllers.active_sensing.planner import PathTracker
 from mathnavi.controllers.active_sensing.policies import InputSequence
 from mathnavi.interfaces.signals import Array, Estimate, Plan
-from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.models.unicycle.phases import DrivePhase
+from mathnavi.models.unicycle.mission import DrivePhase, RangingMission
 from tests.controllers.active_sensing.robots import START, built, mission, winding_path
 
 SPEED, BANDWIDTH = 0.5, 2.0

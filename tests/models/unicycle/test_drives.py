@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.unicycle.drives import RIM_ACCELERATION, TRACK, WHEEL_RADIUS, inputs_of, wheel_rates
 from mathnavi.models.unicycle.kernels import integrate
+from mathnavi.models.unicycle.mission import RIM_ACCELERATION, TRACK, WHEEL_RADIUS, inputs_of, wheel_rates
 from mathnavi.models.unicycle.patterns import figure_eight
 from mathnavi.sim.engine.plant import MujocoPlant
 from tests.unicycle import plant_of

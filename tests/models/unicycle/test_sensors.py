@@ -10,9 +10,8 @@ import pytest
 
 from mathnavi.interfaces.protocols import StateView
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.mission import RangeSensor, RangingMission, WheelOdometry
 from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
-from mathnavi.models.unicycle.sensors import RangeSensor, WheelOdometry
 from tests.unicycle import STANDARD, Imagined
 
 SENSORS = (-0.5 * math.pi, -0.25 * math.pi, 0.3)

@@ -11,9 +11,8 @@ import pytest
 
 from mathnavi.interfaces.protocols import ActuatorModel, StateView
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.unicycle.drives import IdealDrive
 from mathnavi.models.unicycle.entity import RADIUS, build_model, build_spec
-from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.mission import IdealDrive, RangingMission
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from tests.unicycle import STANDARD, plant_of
 

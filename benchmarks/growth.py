@@ -31,8 +31,7 @@ from benchmarks.comparison import Comparison, alone
 from benchmarks.progress import progress
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.dem import Box, height_field
-from mathnavi.models.terrain.dem_import import import_dem
-from mathnavi.models.terrain.geotiff import read_geotiff
+from mathnavi.models.terrain.dem_import import import_dem, read_geotiff
 from mathnavi.sim.sweep.trial import trial
 from mathnavi.studies.introduction.cost_measurement import CURVES, FLOWN
 

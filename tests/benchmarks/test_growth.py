@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.growth import SPACING, Growth, growths, windows, write_geotiff
 from mathnavi.models.terrain.dem import height_field
-from mathnavi.models.terrain.geotiff import read_geotiff
+from mathnavi.models.terrain.dem_import import read_geotiff
 from mathnavi.studies.introduction.cost_measurement import CURVES
 
 

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-KERNELS = ("mathnavi.controllers.flight.ahead", "mathnavi.models.terrain.ahead")
+KERNELS = ("mathnavi.controllers.flight.ahead", "mathnavi.models.terrain.kernels")
 NEEDED = ("annotated-types", "numba", "numpy", "scipy")
 """what the module of the kernels imports"""
 UV = "uv>=0.13.9,<0.14"

@@ -17,9 +17,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import float64
 from numpy.typing import NDArray
 
-from mathnavi.interfaces.compiled import inner_njit, njit
+from mathnavi.interfaces.compiled import Signature, inner_njit, njit
+from mathnavi.interfaces.kernel_types import ONE, TWO, TWO_READ
 from mathnavi.interfaces.signals import Array
 
 Booleans = NDArray[np.bool_]
@@ -258,3 +260,7 @@ def sights(z: Array, spacing: float, p: Array, points: Array) -> Booleans:
     for n in range(points.shape[0]):
         result[n] = sight(z, spacing, p, points[n])
     return result
+
+
+# Kernels that are compiled before a run (``sim.engine.compilation``), for arguments of these types.
+KERNELS: tuple[Signature, ...] = ((sights, (TWO_READ, float64, ONE, TWO)),)

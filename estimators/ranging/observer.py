@@ -31,10 +31,9 @@ from annotated_types import Interval
 from scipy.interpolate import CubicSpline
 
 from mathnavi.estimators.ranging.feedforward_kernels import forward_manifold, forward_rho_dot, forward_s, stay
-from mathnavi.estimators.ranging.model import FROM_WHERE
+from mathnavi.estimators.ranging.model import FROM_WHERE, measured_input, usable_ranges
 from mathnavi.estimators.ranging.observer_kernels import anchored, kept_within, observed, pushed_forward, seen_from
 from mathnavi.estimators.ranging.range_rate_kernels import innovated, measured
-from mathnavi.estimators.ranging.readings import measured_input, usable_ranges
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.interfaces.bounds import FINITE_NUMBERS, Positive, Within, configuration
 from mathnavi.interfaces.errors import FieldError

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mathnavi.estimators.ranging.readings import TOO_FAST, TOO_LONG, measured_input, usable_ranges
+from mathnavi.estimators.ranging.model import TOO_FAST, TOO_LONG, measured_input, usable_ranges
 from mathnavi.interfaces.signals import Array, Measurement
 
 LONGEST = 7.5

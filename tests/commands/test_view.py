@@ -15,7 +15,7 @@ from mathnavi.commands.cli import main
 from mathnavi.commands.view import play, read_replay
 from mathnavi.models.aerial.entity import build_model
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.engine.replay import RecordedMotion
+from mathnavi.sim.engine.scene_record import RecordedMotion
 from tests.flight import mountains
 
 

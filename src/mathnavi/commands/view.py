@@ -25,7 +25,7 @@ from mathnavi.commands.run_config import RunConfig
 from mathnavi.commands.run_request import prepare, read_request
 from mathnavi.commands.served_address import Port, address_of, check_address
 from mathnavi.interfaces.bounds import Positive, configuration
-from mathnavi.sim.engine.replay import RecordedMotion
+from mathnavi.sim.engine.scene_record import RecordedMotion
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_state_names
 

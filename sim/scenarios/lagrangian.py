@@ -24,8 +24,7 @@ from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.ode_plant import OdePlant
-from mathnavi.sim.metrics.lagrangian import VelocityErrors, errors_of, lagrangian_summary
-from mathnavi.sim.metrics.lagrangian_bound import lagrangian_bound
+from mathnavi.sim.metrics.lagrangian import VelocityErrors, errors_of, lagrangian_bound, lagrangian_summary
 from mathnavi.sim.metrics.posterior_bound import PosteriorBound
 from mathnavi.sim.records.missions import LagrangianRecord
 from mathnavi.sim.scenarios.assembler import Assembler, VehicleStack

@@ -41,7 +41,7 @@ from mathnavi.renders.figures import BOUND, STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.metrics.flight import flight_bound
-from mathnavi.sim.metrics.lagrangian_bound import lagrangian_bound
+from mathnavi.sim.metrics.lagrangian import lagrangian_bound
 from mathnavi.sim.metrics.missile_bound import missile_bound
 from mathnavi.sim.metrics.posterior_bound import PosteriorBound
 from mathnavi.sim.metrics.ranging_bound import ranging_bound

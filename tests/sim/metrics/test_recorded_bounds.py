@@ -21,7 +21,7 @@ from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.metrics.flight import flight_bound
-from mathnavi.sim.metrics.lagrangian_bound import lagrangian_bound
+from mathnavi.sim.metrics.lagrangian import lagrangian_bound
 from mathnavi.sim.metrics.missile_bound import missile_bound
 from mathnavi.sim.metrics.posterior_bound import PosteriorBound
 from mathnavi.sim.metrics.ranging_bound import ranging_bound

@@ -42,7 +42,7 @@ from mathnavi.renders.study_report import Table
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.metrics.flight import flight_bound
 from mathnavi.sim.metrics.lagrangian import lagrangian_bound
-from mathnavi.sim.metrics.missile_bound import missile_bound
+from mathnavi.sim.metrics.missile import missile_bound
 from mathnavi.sim.metrics.posterior_bound import PosteriorBound
 from mathnavi.sim.metrics.ranging_bound import ranging_bound
 from mathnavi.sim.metrics.tuning import RecordedCall

@@ -44,7 +44,7 @@ from mathnavi.sim.metrics.flight import flight_bound
 from mathnavi.sim.metrics.lagrangian import lagrangian_bound
 from mathnavi.sim.metrics.missile import missile_bound
 from mathnavi.sim.metrics.posterior_bound import PosteriorBound
-from mathnavi.sim.metrics.ranging_bound import ranging_bound
+from mathnavi.sim.metrics.ranging import ranging_bound
 from mathnavi.sim.metrics.tuning import RecordedCall
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.claims import Claim

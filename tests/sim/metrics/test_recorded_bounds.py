@@ -24,7 +24,7 @@ from mathnavi.sim.metrics.flight import flight_bound
 from mathnavi.sim.metrics.lagrangian import lagrangian_bound
 from mathnavi.sim.metrics.missile import missile_bound
 from mathnavi.sim.metrics.posterior_bound import PosteriorBound
-from mathnavi.sim.metrics.ranging_bound import ranging_bound
+from mathnavi.sim.metrics.ranging import ranging_bound
 from mathnavi.sim.metrics.recorded_bounds import estimates_at
 from tests.unicycle import STANDARD
 

@@ -18,8 +18,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.metrics.convergence import last_quarter
 from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, planner_share, solve_times
-from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound
-from mathnavi.sim.metrics.recorded_bounds import estimates_at, judged_bound
+from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound, estimates_at, judged_bound
 
 if TYPE_CHECKING:
     from mathnavi.models.aerial.mission import FlightMission

@@ -23,8 +23,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.metrics.convergence import decay_rate
 from mathnavi.sim.metrics.planning import planner_share
-from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound
-from mathnavi.sim.metrics.recorded_bounds import bound_along, judged_bound
+from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound, bound_along, judged_bound
 
 _HELD, _JACOBIANS = 0.01, 400  # [s] for which a Jacobian is used, and the largest number of Jacobians
 

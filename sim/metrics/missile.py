@@ -23,8 +23,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.metrics.convergence import last_quarter
 from mathnavi.sim.metrics.planning import FAILURES, planner_share, solve_times
-from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound
-from mathnavi.sim.metrics.recorded_bounds import bound_along, estimates_at, judged_bound
+from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound, bound_along, estimates_at, judged_bound
 
 
 def missile_bound(recording: Recording, name: str, mission: MissileMission) -> PosteriorBound:

@@ -27,8 +27,7 @@ from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.metrics.consistency import normalised_error_squared
 from mathnavi.sim.metrics.convergence import last_quarter
 from mathnavi.sim.metrics.planning import planner_share
-from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound
-from mathnavi.sim.metrics.recorded_bounds import bound_along, judged_bound
+from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound, bound_along, judged_bound
 
 
 def ranging_bound(recording: Recording, name: str, mission: RangingMission) -> PosteriorBound:

@@ -23,9 +23,8 @@ from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.metrics.flight import flight_bound
 from mathnavi.sim.metrics.lagrangian import lagrangian_bound
 from mathnavi.sim.metrics.missile import missile_bound
-from mathnavi.sim.metrics.posterior_bound import PosteriorBound
+from mathnavi.sim.metrics.posterior_bound import PosteriorBound, estimates_at
 from mathnavi.sim.metrics.ranging import ranging_bound
-from mathnavi.sim.metrics.recorded_bounds import estimates_at
 from tests.unicycle import STANDARD
 
 NOISY = RangeQuality(0.02, 0.01)

@@ -6,12 +6,16 @@
     PARENT/.NAME.old     the former folder, for a moment, on file systems that cannot exchange two folders
 
 The next process that claims the folder removes or restores what a killed process has left of these.
+
+Locks that end with the process that holds them, so that a killed process leaves nothing locked.
 """
 
 from __future__ import annotations
 
 import ctypes
 import errno
+import fcntl
+import hashlib
 import os
 import shutil
 from collections.abc import Collection, Iterator
@@ -21,7 +25,49 @@ from pathlib import Path
 
 from mathnavi.interfaces.errors import RunFolderError
 from mathnavi.interfaces.writing import naming
-from mathnavi.sim.records.lock import beside, locked
+
+LONGEST = 200  # bytes of a name that the names of the files next to it repeat
+
+
+def beside(place: Path, ending: str) -> Path:
+    """Return the hidden path ``.NAME.ending`` next to a file or a folder, with a name that is not too long."""
+    name = place.name
+    if len(os.fsencode(name)) > LONGEST:
+        name = hashlib.sha256(os.fsencode(name)).hexdigest()
+    return place.with_name(f".{name}.{ending}")
+
+
+@contextmanager
+def locked(place: Path, shown: Path) -> Iterator[None]:
+    """Lock a file or a folder, which need not exist, by a temporary file next to it.
+
+    Raises RunFolderError, which calls it ``shown``, if another process has locked it, and OSError if a lock is not
+    possible.
+    """
+    path = beside(place, "lock")
+    while True:
+        with naming(shown):
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(descriptor)
+            raise RunFolderError(
+                f"{shown} is in use: another process is writing it; allowed: another one, or after its end"
+            ) from None
+        except BaseException:
+            os.close(descriptor)
+            raise
+        with suppress(FileNotFoundError):
+            if os.path.samestat(os.fstat(descriptor), os.stat(path)):
+                break
+        os.close(descriptor)  # the process that held it has removed it meanwhile
+    try:
+        yield
+    finally:
+        path.unlink(missing_ok=True)
+        os.close(descriptor)
+
 
 AT_FDCWD, RENAME_EXCHANGE = -100, 2  # of Linux: linux/fcntl.h, linux/fs.h
 NO_EXCHANGE = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EXDEV)  # file systems that cannot

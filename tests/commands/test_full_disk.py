@@ -17,8 +17,7 @@ import pytest
 
 from mathnavi.commands.cli import main
 from mathnavi.renders import video
-from mathnavi.sim.records.claimed_folder import claimed
-from mathnavi.sim.records.lock import locked
+from mathnavi.sim.records.claimed_folder import claimed, locked
 from mathnavi.sim.records.run_folder import RUN_FILES
 from mathnavi.sim.records.store import Store
 from mathnavi.sim.sweep.execution import run_trials

@@ -28,9 +28,9 @@ from mathnavi.interfaces.errors import FieldError, PluginError
 from mathnavi.interfaces.writing import write_text
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.plugin.registry import load, names
+from mathnavi.sim.records.claimed_folder import locked
 from mathnavi.sim.records.claims import Claim, ledger
 from mathnavi.sim.records.files import inside
-from mathnavi.sim.records.lock import locked
 from mathnavi.sim.records.store import STUDY_STORE, Store, StoreWriteError, stored_results
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import LostError, check

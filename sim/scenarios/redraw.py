@@ -8,7 +8,7 @@ after the other. Since the choice of replaced blocks does not depend on their co
     P(block' | block) = (1 - share) delta(block' - block) + share P(block'),
 
 one redraw with a seed drawn at random is a transition that is reversible with respect to the distribution of
-independent runs: the kernel of multilevel splitting (``mathnavi.sim.search.splitting``). Without a redraw the streams
+independent runs: the kernel of multilevel splitting (``mathnavi.sim.search.rare``). Without a redraw the streams
 are numpy's own, not divided.
 """
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from mathnavi.sim.search.splitting import mean_interval, split
+from mathnavi.sim.search.rare import mean_interval, split
 
 Vector = np.ndarray
 SIZE = 20

@@ -31,7 +31,7 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.renders.figures import STYLE, canvas
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
-from mathnavi.studies.framework.heat_map import heat_map
+from mathnavi.studies.framework.drawing import heat_map
 from mathnavi.studies.framework.study import Setup, StudyResult
 from mathnavi.studies.nodes.missile_nodes import control_error
 

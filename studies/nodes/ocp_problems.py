@@ -34,7 +34,7 @@ from mathnavi.renders.figures import STYLE, canvas
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
-from mathnavi.studies.framework.heat_map import heat_map
+from mathnavi.studies.framework.drawing import heat_map
 from mathnavi.studies.framework.study import Setup, StudyResult
 from mathnavi.studies.nodes import ocp_collection
 

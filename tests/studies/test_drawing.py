@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from mathnavi.studies.framework.drawing import paths_on_map
-from mathnavi.studies.framework.heat_map import DARK, LIGHT, heat_map, readable_on
+from mathnavi.studies.framework.drawing import DARK, LIGHT, heat_map, paths_on_map, readable_on
 from mathnavi.studies.framework.study import VEHICLE
 from tests.flight import mountains
 

@@ -46,8 +46,7 @@ from mathnavi.studies.fleet.message_exchange import (
     rate_on,
     with_outlier,
 )
-from mathnavi.studies.framework.jobs import Jobs
-from mathnavi.studies.framework.study import Setup, StudyResult
+from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 
 WITHIN = 0.05  # of lambda_2
 KEPT = 0.02  # of how far an outlier that takes part would move the agreement

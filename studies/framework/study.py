@@ -5,6 +5,8 @@ look, a ``title``, and a static ``run(config, setup)``. It flies its missions th
 else through ``Setup.compute``, so each result is stored as it ends and a study that was interrupted goes on where it
 stopped. It is done on a terrain unless it declares
 ``on_terrain = False``; then it is done once, whatever terrains the others are done on.
+
+Computations of several kinds, asked for by key and done by one pool of workers.
 """
 
 from __future__ import annotations
@@ -42,6 +44,25 @@ from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.sweep.execution import Progress, run_jobs, run_trials
 from mathnavi.sim.sweep.job import Job, job
 from mathnavi.sim.sweep.trial import Trial, trial
+
+
+class Jobs:
+    """Computations by key, so that one pool of workers does them all."""
+
+    def __init__(self) -> None:
+        self._jobs: list[tuple[Any, Job]] = []
+
+    def add(self, key: Any, function: Callable[..., Any], arguments: Iterable[Any], **named: Any) -> None:
+        """Ask for a module-level function of each argument; ``named`` are passed on with every one of them."""
+        self._jobs += [(key, call(function, argument, **named)) for argument in arguments]
+
+    def done(self, setup: Setup) -> dict[Any, list[Any]]:
+        """The results by key, in the order in which they were asked for; StudyError as for ``Setup.perform``."""
+        results: dict[Any, list[Any]] = {}
+        for (key, _), result in zip(self._jobs, setup.perform([each for _, each in self._jobs]), strict=True):
+            results.setdefault(key, []).append(result)
+        return results
+
 
 VEHICLE = "vehicle"
 Key = TypeVar("Key")

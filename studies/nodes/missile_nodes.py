@@ -38,8 +38,7 @@ from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
-from mathnavi.studies.framework.jobs import Jobs
-from mathnavi.studies.framework.study import Setup, StudyResult
+from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 
 NODES = (10, 15, 20, 25, 30, 35, 40, 50)
 SCHEMES: tuple[Scheme, ...] = (Euler(), Trapezoid(), HermiteSimpson())

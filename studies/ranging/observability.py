@@ -31,8 +31,7 @@ from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
-from mathnavi.studies.framework.jobs import Jobs
-from mathnavi.studies.framework.study import Setup, StudyResult
+from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 from mathnavi.studies.ranging.observability_measures import (
     FAMILIES,
     FIRST_ESTIMATES,

@@ -32,8 +32,7 @@ from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.sweep.trial import Trial, trial
-from mathnavi.studies.framework.jobs import Jobs
-from mathnavi.studies.framework.study import Setup, StudyResult
+from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 from mathnavi.studies.ranging.estimator_runs import (
     ALL_ALIVE,
     BANK,

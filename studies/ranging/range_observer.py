@@ -30,8 +30,7 @@ from mathnavi.renders.study_report import Table
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
 from mathnavi.sim.records.claims import Claim
 from mathnavi.studies.framework.drawing import readable_on
-from mathnavi.studies.framework.jobs import Jobs
-from mathnavi.studies.framework.study import Setup, StudyResult
+from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 from mathnavi.studies.ranging.observability_measures import SENSORS, STANDARD, THESIS_START
 from mathnavi.studies.ranging.range_observer_runs import (
     DRIVES,

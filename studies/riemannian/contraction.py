@@ -25,8 +25,7 @@ from mathnavi.models.manifold.tangent_bundle import TangentBundle, bracket
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
-from mathnavi.studies.framework.jobs import Jobs
-from mathnavi.studies.framework.study import Setup, StudyResult
+from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 
 A_AND_B = 3.0
 SHOWN: tuple[CurvatureName, ...] = ("minus-one", "none", "plus-one")

@@ -27,8 +27,7 @@ from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Proportion, rate
-from mathnavi.studies.framework.jobs import Jobs
-from mathnavi.studies.framework.study import Setup, StudyResult
+from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 
 SPEEDS = {"H^2": (0.5, 1.0, 2.0), "S^3": (1.0, 2.0, 4.0)}  # of v0 / omega
 JUDGED = {"H^2": 1.0, "S^3": 4.0}  # where the target asks

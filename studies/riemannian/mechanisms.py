@@ -32,8 +32,7 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.scenarios.arm_velocity import VEHICLE, ArmVelocityConfig, believed
 from mathnavi.sim.sweep.trial import trial
-from mathnavi.studies.framework.jobs import Jobs
-from mathnavi.studies.framework.study import Setup, StudyResult
+from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 
 BITS, OMEGA = 14, 30.0
 BEGIN = 1.0  # [s] from when on errors count

@@ -23,8 +23,7 @@ from mathnavi.renders.study_report import Table
 from mathnavi.sim.metrics.tuning import RecordedCall, spread, tuned
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.claims import Claim
-from mathnavi.studies.framework.jobs import Jobs
-from mathnavi.studies.framework.study import Setup, StudyResult
+from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 from mathnavi.studies.riemannian.mechanisms import (
     BITS,
     BUTTERWORTH,

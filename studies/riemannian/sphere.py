@@ -46,8 +46,7 @@ from mathnavi.sim.scenarios.arm_velocity import VEHICLE as MECHANISM
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.sphere_observer import VEHICLE, config_mission, rigid_body_plant
 from mathnavi.sim.sweep.trial import Trial, trial
-from mathnavi.studies.framework.jobs import Jobs
-from mathnavi.studies.framework.study import Setup, StudyResult, median
+from mathnavi.studies.framework.study import Jobs, Setup, StudyResult, median
 from mathnavi.studies.riemannian.identities import residuals
 
 SPACES = ("S^3", "H^2")

@@ -18,8 +18,7 @@ from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.records.store import Store
 from mathnavi.sim.sweep.execution import Progress
 from mathnavi.sim.sweep.trial import trial
-from mathnavi.studies.framework.jobs import Jobs
-from mathnavi.studies.framework.study import Setup, StudyError, TerrainReference
+from mathnavi.studies.framework.study import Jobs, Setup, StudyError, TerrainReference
 from tests.sim.sweep.computations import Walk, mishap, returned, walked
 from tests.sim.sweep.test_jobs import stored
 

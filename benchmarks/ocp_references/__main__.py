@@ -5,25 +5,103 @@
 A problem with a solution on paper is computed from that and by collocation with Radau IIA, any other by Radau IIA and
 by Gauss and Legendre, whose points and degrees differ. Exit code 1 unless both agree to 1e-7, and the library with
 them, relative to the optimum's distance from its origin.
+
+Optima that are known on paper, or but for a quadrature or a root.
 """
 
 from __future__ import annotations
 
+import math
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 import tyro
 from rich.console import Console
 from rich.table import Table
+from scipy.integrate import quad
+from scipy.optimize import brentq
 
 from benchmarks.comparison import WIDTH
 from benchmarks.ocp_references.chains import CHAINS
-from benchmarks.ocp_references.closed_forms import CLOSED_FORMS
 from benchmarks.ocp_references.collocation import gauss, radau
 from mathnavi.controllers.ocp.problems.library import MISSILES, PROBLEMS, KnownOptimum
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import FieldError
+
+
+def cycloid(across: float, drop: float, gravity: float) -> float:
+    """Time of the brachistochrone x = a (φ - sin φ), y = a (1 - cos φ): φ sqrt(a / g)."""
+    phi = brentq(lambda p: across * (1.0 - math.cos(p)) - drop * (p - math.sin(p)), 0.1, 6.2, xtol=1e-14)
+    return float(phi * math.sqrt(drop / (1.0 - math.cos(phi)) / gravity))
+
+
+def boundary_layers(start: float, end: float) -> float:
+    """The hypersensitive problem over a long time: S(start, -1) + S(end, 1), S(a, ±1) = ∫_0^a x sqrt(x^4 + 1) ± x^3."""
+
+    def layer(a: float, sign: float) -> float:
+        return float(quad(lambda x: x * math.sqrt(x**4 + 1.0) + sign * x**3, 0.0, a, epsabs=1e-13)[0])
+
+    return layer(start, -1.0) + layer(end, 1.0)
+
+
+def linear_layers(start: float, end: float, duration: float) -> float:
+    """The linear hypersensitive problem: x = A e^(√2 t) + B e^(-√2 t), J = -(λ x) / 2 between its ends, u = -λ."""
+    s = math.sqrt(2.0)
+    A, B = np.linalg.solve(
+        [[math.exp(-s * duration), 1.0], [1.0, math.exp(-s * duration)]], [start, end]
+    )  # A belongs to e^(√2 (t - T))
+    decay = math.exp(-s * duration)
+    u_start = (1.0 + s) * A * decay + (1.0 - s) * B
+    u_end = (1.0 + s) * A + (1.0 - s) * B * decay
+    return float((u_end * end - u_start * start) / 2.0)
+
+
+def resting_on_the_wall(wall: float) -> float:
+    """Bryson and Denham's problem for walls up to 1/6: 4 / (9 L)."""
+    return 4.0 / (9.0 * wall)
+
+
+def fall_and_brake(height: float, speed: float, gravity: float, thrust: float) -> float:
+    """Fuel of a soft landing that falls and then brakes: thrust times the time of braking from the speed at the switch.
+
+    v_s^2 = v^2 + 2 g (h - h_s) and v_s^2 = 2 (F - g) h_s.
+    """
+    switch = math.sqrt((thrust - gravity) / thrust * (speed**2 + 2.0 * gravity * height))
+    return thrust * switch / (thrust - gravity)
+
+
+def catenary(length: float, start: float, end: float) -> float:
+    """Energy ∫ x ds of a chain x = c + a cosh((t - b) / a) over a distance of 1."""
+    a = brentq(
+        lambda a: 2.0 * a * math.sinh(0.5 / a) - math.sqrt(length**2 - (end - start) ** 2), 0.05, 10.0, xtol=1e-15
+    )
+    b = 0.5 - a * math.atanh((end - start) / length)
+    c = start - a * math.cosh(-b / a)
+    energy, _ = quad(lambda t: (c + a * math.cosh((t - b) / a)) * math.cosh((t - b) / a), 0.0, 1.0, epsabs=1e-13)
+    return float(energy)
+
+
+CLOSED_FORMS: dict[str, Callable[[], float]] = {
+    "brachistochrone": lambda: cycloid(2.0, 2.0, 9.8),
+    "brachistochrone, g = 9.81": lambda: cycloid(2.0, 2.0, 9.81),
+    "brachistochrone, drop": lambda: cycloid(10.0, 5.0, 9.80665),
+    "Bryson-Denham": lambda: resting_on_the_wall(1.0 / 9.0),
+    "Bryson-Denham, L = 0.1": lambda: resting_on_the_wall(0.1),
+    "hypersensitive": lambda: boundary_layers(1.0, 1.5),
+    "hypersensitive, short": lambda: boundary_layers(1.5, 1.0),
+    "linear hypersensitive": lambda: linear_layers(1.5, 1.0, 10.0),
+    "double integrator, energy": lambda: 6.0,
+    "double integrator, energy, v(T) free": lambda: 1.5,
+    "double integrator, time": lambda: 2.0 * math.sqrt(3.0),
+    "target line": lambda: 3.0 / 14.0,
+    "lunar landing": lambda: fall_and_brake(10.0, -2.0, 1.5, 3.0),
+    "hanging chain": lambda: catenary(4.0, 1.0, 3.0),
+}
+"""the quantity that is compared, by the problem's name"""
+
 
 AGREEMENT = 1e-7
 KNOWN = PROBLEMS | MISSILES

@@ -6,9 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from benchmarks.ocp_references.__main__ import AGREEMENT, KNOWN, Agreement, Arguments, agreement, main
+from benchmarks.ocp_references.__main__ import AGREEMENT, CLOSED_FORMS, KNOWN, Agreement, Arguments, agreement, main
 from benchmarks.ocp_references.chains import CHAINS
-from benchmarks.ocp_references.closed_forms import CLOSED_FORMS
 from benchmarks.ocp_references.collocation import Arc, NoReferenceError, coefficients, collocate, gauss, radau
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.interfaces.errors import FieldError

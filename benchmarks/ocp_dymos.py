@@ -21,8 +21,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from benchmarks.ocp_statement import End, control_limits, ends, finite, limits
-from benchmarks.ocp_trajectory import Trajectory
+from benchmarks.ocp_trajectory import End, Trajectory, control_limits, ends, finite, limits
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 ORDER, SEGMENTS, REFINEMENTS = 3, 8, 10  # of the first grid, and how often it may be refined

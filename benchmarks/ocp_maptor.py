@@ -17,8 +17,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from benchmarks.ocp_statement import control_limits, ends, guess, limits
-from benchmarks.ocp_trajectory import Trajectory
+from benchmarks.ocp_trajectory import Trajectory, control_limits, ends, guess, limits
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 
 MESH = (8, 8, 8)  # degrees of the first mesh, and

@@ -14,8 +14,7 @@ from rich.console import Console
 from benchmarks import ocp_ours
 from benchmarks.ocp_attempts import MODULES, Attempt, attempts, level
 from benchmarks.ocp_peers import OURS, SMALL, Arguments, Entry, PeerFindings
-from benchmarks.ocp_statement import ends
-from benchmarks.ocp_trajectory import Trajectory, judge
+from benchmarks.ocp_trajectory import Trajectory, ends, judge
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 

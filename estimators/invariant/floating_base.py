@@ -30,7 +30,7 @@ from mathnavi.estimators.invariant.strapdown import Strapdown
 from mathnavi.estimators.kalman_steps import condition
 from mathnavi.estimators.riemannian.plugin import RiemannianObserver
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
-from mathnavi.estimators.velocity.differences import FilteredDifferences
+from mathnavi.estimators.velocity.filtered_differences import FilteredDifferences
 from mathnavi.estimators.velocity.momentum import MomentumObserver
 from mathnavi.estimators.velocity.position_observer import PositionObserver
 from mathnavi.interfaces.bounds import Positive, Probability, configuration

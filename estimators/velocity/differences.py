@@ -6,8 +6,6 @@ where y_k - y_{k-1} are the coordinates of y_k about y_{k-1}. If readings are mi
 that were read, and the filter gets w once for each of its periods. It filters the components of the vector as stored:
 ambient ones on a curved space, since those in a frame would jump with the frame; v is their tangent part. The position
 is the newest reading, extrapolated with v, at most over the time after which the estimate is lost.
-
-**The plug-in ``filtered_differences``**: the velocity without a model, see ``differences``.
 """
 
 from __future__ import annotations
@@ -17,12 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.signal import butter, sosfilt
 
-from mathnavi.estimators.velocity.position_observer import PositionObserver
 from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
-from mathnavi.interfaces.bounds import NonNegative, Positive, configuration
-from mathnavi.interfaces.errors import FieldError
-from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import NOTHING, Array
 from mathnavi.models.manifold.mission import LagrangianMission
 
@@ -83,47 +76,3 @@ class Differences:
         out, self._memory = sosfilt(self._sos, np.tile(w, (periods, 1)), axis=0, zi=self._memory)
         last: Array = out[-1]
         return last
-
-
-@configuration
-class FilteredDifferencesConfig:
-    """Fields of ``--estimator``."""
-
-    cutoff: NonNegative = 20.0
-    """frequency at which the filter's gain is 1 / sqrt(2); 0 for unfiltered differences [Hz]"""
-    timeout: Positive = 0.5
-    """time without a reading after which the estimate is lost [s]"""
-
-
-class FilteredDifferences:
-    """Estimator of the velocity by differences of readings through a low-pass."""
-
-    Config = FilteredDifferencesConfig
-
-    @staticmethod
-    def build(config: FilteredDifferencesConfig, mission: LagrangianMission) -> PositionObserver:
-        """Build the estimator of one run.
-
-        Raises FieldError for a cutoff that is not below half the rate of the readings.
-        """
-        most = 0.5 / mission.period
-        if config.cutoff >= most:
-            raise FieldError(f"cutoff = {config.cutoff!r}; allowed: below half the rate of readings, {most:g} Hz")
-        return PositionObserver(Differences(config.cutoff, config.timeout, mission), mission, config.timeout)
-
-    @staticmethod
-    def sensors(config: FilteredDifferencesConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
-        """Sensors that the system has to carry for this estimator."""
-        return (mission.sensor,)
-
-    @staticmethod
-    def quality(config: FilteredDifferencesConfig, mission: LagrangianMission) -> None:
-        """Return None: no plan is certified from these estimates."""
-
-    @staticmethod
-    def properties(config: FilteredDifferencesConfig) -> ObserverProperties:
-        """Properties of the observer (Table 2.1): it lags by half a period and by the lag of the filter."""
-        return ObserverProperties(
-            Domain.NONE, Rate.NONE, InputDependence.NON_UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
-            stays_on_truth=False, note="without noise the error of v is its lag times the acceleration",
-        )  # fmt: skip

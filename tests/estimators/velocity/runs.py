@@ -10,8 +10,8 @@ import numpy as np
 
 from mathnavi.estimators.invariant.attitude import AttitudeIekf
 from mathnavi.estimators.riemannian.plugin import RiemannianObserver
-from mathnavi.estimators.velocity.differences import FilteredDifferences
 from mathnavi.estimators.velocity.extended import LagrangianEkf
+from mathnavi.estimators.velocity.filtered_differences import FilteredDifferences
 from mathnavi.estimators.velocity.high_gain import HighGain
 from mathnavi.estimators.velocity.unscented import LagrangianUkf
 from mathnavi.interfaces.protocols import Estimator, StateView

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mathnavi.estimators.velocity.differences import FilteredDifferences, FilteredDifferencesConfig
+from mathnavi.estimators.velocity.filtered_differences import FilteredDifferences, FilteredDifferencesConfig
 from mathnavi.interfaces.signals import Estimate, Measurement, Status
 from mathnavi.models.manifold.manifold import Manifold
 from mathnavi.sim.metrics.tuning import RecordedCall

@@ -23,8 +23,10 @@ from mathnavi.interfaces.joint_states import FREE, SIZES, SLIDE, quaternions, st
 from mathnavi.interfaces.protocols import ActuatorModel, Sensor
 from mathnavi.interfaces.signals import Array, Event, Measurement
 from mathnavi.sim.engine.contact_free import ContactFree
+from mathnavi.sim.engine.input_bounds import input_bound
 from mathnavi.sim.engine.loop import whole_ticks
-from mathnavi.sim.engine.sensing import OwnSensors, input_bound, mounted
+from mathnavi.sim.engine.mujoco_sensors import OwnSensors
+from mathnavi.sim.engine.sensing import mounted
 
 _GROUND = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_PLANE))
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)  # the whole state on which the next steps depend

@@ -38,9 +38,10 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.faults import Disturbed
+from mathnavi.sim.engine.input_bounds import ROUND_OFF
 from mathnavi.sim.engine.loop import whole_ticks
 from mathnavi.sim.engine.plant import MujocoPlant
-from mathnavi.sim.engine.sensing import ROUND_OFF, mounted
+from mathnavi.sim.engine.sensing import mounted
 from mathnavi.sim.environments.episode_runner import EpisodeRunner, Observation, drawn_seed
 from mathnavi.sim.environments.gym import LearningEnv
 from mathnavi.sim.environments.learning import END_COSTS

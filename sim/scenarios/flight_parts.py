@@ -20,8 +20,8 @@ from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import place_of
 from mathnavi.models.terrain.visibility import Radar
+from mathnavi.sim.engine.input_bounds import input_bound
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.engine.sensing import input_bound
 from mathnavi.sim.plugin.registry import PluginSpec, checked_quality
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import AerialFaults

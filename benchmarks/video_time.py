@@ -33,7 +33,7 @@ from benchmarks.mission_cost import MISSION, missions
 from benchmarks.progress import progress
 from mathnavi.interfaces.bounds import Within, configuration
 from mathnavi.interfaces.signals import Array
-from mathnavi.renders import opengl
+from mathnavi.models import opengl
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import TOUR
 from mathnavi.renders.video import FPS, write_video

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import warnings
 
-import mujoco  # noqa: F401 - before dm_control imports it without OpenGL: it is for ``renders.opengl`` to do that
+import mujoco  # noqa: F401 - before dm_control imports it without OpenGL: it is for ``models.opengl`` to do that
 
 from mathnavi.models.dm_control_requirement import require_dm_control
-from mathnavi.models.without_opengl import without_opengl
+from mathnavi.models.opengl import without_opengl
 
 require_dm_control()
 with without_opengl(), warnings.catch_warnings():

@@ -1,6 +1,6 @@
 """Domes of radars over the two worlds of ``mathnavi.renders.landscape``, at their places and while they are on.
 
-Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.models.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Place of a camera from which what matters fills the free part of a picture.
 
-Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.models.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations

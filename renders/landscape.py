@@ -4,7 +4,7 @@ One world is the true one, for cameras near a vehicle; in the other, for the ove
 above the lowest ground are multiplied by ``relief.EXAGGERATION``. On a map of 82 km nothing could be seen at its
 true size, so airframes are drawn at a size in shares of the picture.
 
-Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.models.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations

@@ -17,7 +17,8 @@ from typing import Any, Protocol
 
 from mathnavi.interfaces.signals import Event
 from mathnavi.interfaces.writing import write_text
-from mathnavi.renders import figures, opengl, page
+from mathnavi.models import opengl
+from mathnavi.renders import figures, page
 from mathnavi.renders.child import DrawingFailedError
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.page import Drawn, Markup, quantity

@@ -1,5 +1,5 @@
 """Pictures of a MuJoCo model in any of its states, drawn by a child process (for the reason, see
-``mathnavi.renders.opengl``).
+``mathnavi.models.opengl``).
 
 parent -> child     the pickled pair ("model", MjModel) or ("state", (state, readings, camera))
 child -> parent     for each state a picture, height x width x 3 bytes
@@ -18,8 +18,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mathnavi.models.opengl import NoOpenGLError, environment
 from mathnavi.renders.child import child_command, last_line
-from mathnavi.renders.opengl import NoOpenGLError, environment
 from mathnavi.renders.palette import Picture
 from mathnavi.renders.stage import View
 

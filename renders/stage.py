@@ -1,6 +1,6 @@
 """Base of every scene over MuJoCo's renderer: a camera, lines of a width in pixels, places in the picture.
 
-Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.models.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.writing import naming, whole_files, write_bytes
-from mathnavi.renders import opengl
+from mathnavi.models import opengl
 from mathnavi.renders.child import DrawingFailedError, child_command, last_line
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import TOUR, Frame, checked_camera

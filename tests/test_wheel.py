@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from mathnavi.renders import opengl
+from mathnavi.models import opengl
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("controllers", "estimators", "interfaces", "models", "renders", "sim", "studies")

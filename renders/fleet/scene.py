@@ -2,7 +2,7 @@
 
 Vehicles, lines and slots are drawn at a size in pixels, over the two worlds of ``mathnavi.renders.landscape``.
 
-Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.models.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations

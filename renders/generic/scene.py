@@ -1,6 +1,6 @@
 """A recorded scene drawn by MuJoCo: its shapes where they were, the paths, the plans ahead, ghosts of the estimates.
 
-Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.models.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations

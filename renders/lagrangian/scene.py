@@ -3,7 +3,7 @@
 The model is the one that moved. The ghost is where the estimate has it, its errors drawn larger than they are. The
 arrows are those of one point, the tip of the last body; of a body on a ball joint they are its rate of turning.
 
-Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.models.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Views of a missile: next to it, from the side of its whole path, next to its target.
 
-Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.models.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations

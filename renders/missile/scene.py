@@ -3,7 +3,7 @@
 The model is the one that was flown, with a sky, a light and a ground to look at. From the side the whole path is in the
 picture, and the missile, the target and the force are drawn larger than they are.
 
-Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.models.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ above.
 The world is the true one, heights and all. In the chase view the vehicle is the model that flew, in its attitude, its
 rotors turning far more slowly than they do; from afar an airframe stands for it that can be seen.
 
-Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.models.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Views of a robot in its field: from above, the whole field in sight, and from behind it at a slant.
 
-Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.models.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations

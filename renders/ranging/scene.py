@@ -4,7 +4,7 @@ The model is the one that was driven, with a floor, a light and walls to look at
 the robot: the estimate with its standard deviations, the hypotheses the paler the less they explain, and outlined the
 poses from which the robot would read the same.
 
-Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.models.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ Gymnasium does not discover plug-ins by itself: a package registers its environm
 
 from importlib.util import find_spec
 
-from mathnavi.renders.opengl import import_mujoco
+from mathnavi.models.opengl import import_mujoco
 
 import_mujoco()
 

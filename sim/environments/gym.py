@@ -10,7 +10,7 @@ observations and rewards are those of ``mathnavi.sim.environments.dm``, ``termin
 ``clearance`` [m] of the true state if there is something to touch, and the kinds of the ``events`` of the step.
 
 ``render_mode="rgb_array"`` draws a picture when ``render`` is called, "human" shows a window from the first step on
-(``mathnavi.sim.environments.rendering``).
+(``mathnavi.sim.environments.pictures``).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.sim.environments.episode_runner import STATUSES, EpisodeRunner, EpisodeStep, Observation, drawn_seed
 from mathnavi.sim.environments.filtering import EpisodeFilter
 from mathnavi.sim.environments.learning import LearningEpisode
-from mathnavi.sim.environments.rendering import FPS, RENDER_MODES, Pictures, checked_mode
+from mathnavi.sim.environments.pictures import FPS, RENDER_MODES, checked_mode, pictures
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.task import Inputs
 
@@ -53,7 +53,7 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
         Raises ValueError for names that are unknown, fields that are wrong, and a scenario with nothing to command.
         """
         self.render_mode = checked_mode(render_mode)
-        self._pictures = Pictures()
+        self._pictures = pictures()
         self.episode = EpisodeRunner(scenario, seed, estimator, fields)
         """mission, run in one episode after the other"""
         self.action_space = self.space_of(self.episode.inputs)

@@ -10,6 +10,7 @@ GROUPS = {  # by kind of plug-in
     kind: f"{PREFIX}{kind}"
     for kind in ("controllers", "estimators", "consensus", "scenarios", "studies", "terrains", "drawings")
 }
+PICTURES = f"{PREFIX}pictures"  # what draws the episodes of an environment; there is one, and nobody names it
 
 
 def installed(kind: str) -> list[EntryPoint]:

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import PluginError, RunFolderError
 from mathnavi.interfaces.protocols import Plant
 from mathnavi.interfaces.reading.files import MOST_LINES, read_bytes
-from mathnavi.interfaces.short_tables import Row, html_table, short_table, value_text
 from mathnavi.interfaces.signals import Array, Event
-from mathnavi.interfaces.writing import write_bytes, write_text
+from mathnavi.interfaces.writing import write_bytes
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.compilation import compilation_timed
 from mathnavi.sim.engine.log import Recording
@@ -27,17 +22,12 @@ from mathnavi.sim.engine.loop import Loop, simulate
 from mathnavi.sim.engine.network import Network
 from mathnavi.sim.metrics.planning import planner_status
 from mathnavi.sim.plugin.registry import PluginSpec, of_stranger
-from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.claimed_folder import claimed
-from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, label
+from mathnavi.sim.records.figure_names import PLANNER_STATUS
 from mathnavi.sim.records.run_folder import RECORDED, write_run, write_run_files
 from mathnavi.sim.scenarios.task import Task
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 REHEARSED = 3  # planning periods, in which most kernels of a run are called
-SHOWN = 12  # figures of a summary in a short table
 
 
 def _scene(plant: Plant, recording: Recording) -> dict[str, Array] | None:
@@ -58,7 +48,6 @@ class RunResult:
     config: dict[str, Any]  # content of config.json: scenario, seed, every field, the plug-ins
     success: bool
     folder: Path | None = None  # folder that it was read from or saved in
-    trusted: bool = True  # whether its own drawing, which may be any code, may run; False for one read from a folder
     scene: Callable[[], dict[str, Array] | None] | None = None  # makes the arrays of its scene, if it is drawn by them
 
     @cached_property
@@ -111,83 +100,6 @@ class RunResult:
                 claim.install(dropped=RECORDED)
         object.__setattr__(self, "folder", target)
         return target
-
-    def plot(self) -> Figure:
-        """Figure of the run: the map of a flight, the field of a robot, or a velocity with its estimate."""
-        from mathnavi.renders.run_figure import run_figure  # matplotlib takes a while to import
-
-        with self._in_folder() as folder:
-            return run_figure(folder)
-
-    def video(
-        self,
-        path: str | Path,
-        camera: str = "tour",
-        *,
-        progress: bool = False,
-        codec: Literal["h264", "av1", "vp9"] = "h264",
-        **options: int,
-    ) -> Path:
-        """Write an MP4 and return its path; ``options`` are ``width``, ``height`` [pixels] and ``fps`` [1/s].
-
-        Raises ValueError for a camera that the run does not have, RuntimeError without OpenGL.
-        """
-        from mathnavi.renders.video import write_video
-
-        with self._in_folder() as folder:
-            return write_video(folder, camera, path=Path(path), progress=progress, codec=codec, **options)
-
-    def report(self, path: str | Path) -> Path:
-        """Write the run as one HTML page that needs no network, and return its path."""
-        from mathnavi.renders.drawing import drawing_of
-
-        with self._in_folder() as folder:
-            drawing = drawing_of(folder)
-            text = str(drawing.page(drawing.load_run(folder)))
-        if self.folder is None:  # the command that flies the run again names the folder it will be saved in
-            text = text.replace(str(folder), "FOLDER")
-        write_text(Path(path), text)
-        return Path(path)
-
-    @contextmanager
-    def _in_folder(self) -> Iterator[Path]:
-        """Folder of the run, to be drawn; a temporary one if it was not saved yet."""
-        with trusting(self.trusted), ExitStack() as stack:
-            if self.folder is not None:
-                yield self.folder
-                return
-            scratch = Path(stack.enter_context(TemporaryDirectory()))
-            self.write_files(scratch)
-            yield scratch
-
-    def _table(self) -> tuple[str, list[Row]]:
-        shortfall = self.summary.get(SHORTFALL)
-        ended = "mission succeeded" if self.success else "mission FAILED"
-        title = f"{self.config['scenario']}, seed {self.config['seed']}: {ended}{f': {shortfall}' * bool(shortfall)}"
-        if status := self.summary.get(PLANNER_STATUS):
-            title += f"; but the planner {status}"
-        grouped = [key for keys in SUMMARY_GROUPS.values() for key in keys if key in self.summary]
-        own = [
-            key
-            for key in self.summary
-            if key not in grouped and key not in (SHORTFALL, PLANNER_STATUS, "seed", "version")
-        ]
-        rows = [
-            (name, value_text(self.summary[key]), unit)
-            for key in [*grouped, *own][:SHOWN]
-            for name, unit in (label(key),)
-        ]
-        return title, [*rows, ("control steps", str(len(self.t)), ""), ("events", str(len(self.events)), "")]
-
-    def __repr__(self) -> str:
-        return short_table(*self._table())
-
-    def _repr_html_(self) -> str:
-        """The table and the figure, for a notebook."""
-        picture = io.BytesIO()
-        self.plot().savefig(picture, format="png", dpi=80)
-        image = base64.b64encode(picture.getvalue()).decode()
-        return f"{html_table(*self._table())}<img src='data:image/png;base64,{image}'>"
 
 
 @dataclass(frozen=True)

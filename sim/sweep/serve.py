@@ -30,7 +30,7 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.renders.opengl import import_mujoco
+from mathnavi.models.opengl import import_mujoco
 from mathnavi.sim.engine.compilation import compilation_reported
 from mathnavi.sim.sweep.task import Ended, SweepTask
 

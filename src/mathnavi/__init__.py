@@ -58,11 +58,11 @@ if TYPE_CHECKING:
     from mathnavi.scripting.localisation import feasible_set_bank as FeasibleSetBank  # noqa: N812
     from mathnavi.scripting.observers import IntrinsicObserver, VelocityObserver
     from mathnavi.scripting.requests import plugin
+    from mathnavi.scripting.run_result import RunResult
     from mathnavi.scripting.runs import available, make, run, study, sweep
     from mathnavi.scripting.safety_filter import SafetyFilter
     from mathnavi.scripting.sensor_log import EstimateHistory, SensorLog, estimate
     from mathnavi.sim.plugin.registry import PluginSpec
-    from mathnavi.sim.scenarios.closed_loop import RunResult
 
     __version__: str
 
@@ -76,7 +76,7 @@ _PLACES = {
     "make": "scripting.runs",
     "plugin": "scripting.requests",
     "available": "scripting.runs",
-    "RunResult": "sim.scenarios.closed_loop",
+    "RunResult": "scripting.run_result",
     "PluginSpec": "sim.plugin.registry",
     # planner and certificate
     "plan_flight": "scripting.flight",
@@ -225,7 +225,7 @@ if not TYPE_CHECKING:  # else a name that is not there would be taken for one th
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         if "mujoco" not in sys.modules:  # which loads OpenGL when it is imported
             from mathnavi.models.dm_control_requirement import require_dm_control
-            from mathnavi.renders.opengl import import_mujoco
+            from mathnavi.models.opengl import import_mujoco
 
             require_dm_control()
             import_mujoco()

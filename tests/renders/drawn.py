@@ -21,7 +21,8 @@ import numpy as np
 import pytest
 
 from mathnavi.interfaces.signals import Array
-from mathnavi.renders import opengl, video, worker
+from mathnavi.models import opengl
+from mathnavi.renders import video, worker
 from mathnavi.renders.film import Frame
 from mathnavi.renders.palette import Picture
 from mathnavi.renders.video import write_video

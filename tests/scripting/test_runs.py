@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 import mathnavi as mn
 from mathnavi.commands.cli import main
-from mathnavi.renders import opengl
+from mathnavi.models import opengl
 from mathnavi.renders.run_figure import signals_figure
 from mathnavi.sim.records.store import Store
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 
 from mathnavi.commands.errors import BadInputError
-from mathnavi.renders import opengl
+from mathnavi.models import opengl
 
 BACKENDS = ("osmesa", "egl", "glfw")
 

@@ -72,9 +72,9 @@ def main(argv: Sequence[str]) -> int:
         return 0
     opengl.check_choice()
     from mathnavi.commands.run_request import import_from_here
+    from mathnavi.models.opengl import NoOpenGLError
     from mathnavi.renders.clip import write_clip  # the drawing modules take a while to import
     from mathnavi.renders.film import TOUR
-    from mathnavi.renders.opengl import NoOpenGLError
     from mathnavi.renders.video import write_still, write_video
     from mathnavi.sim.records.claimed_folder import kept_in_place
 

@@ -28,8 +28,8 @@ from mathnavi.interfaces.checks import check_spares
 from mathnavi.interfaces.errors import FieldError, RunFolderError
 from mathnavi.interfaces.fields import flattened, plain
 from mathnavi.interfaces.input_files import run_inputs
+from mathnavi.models.opengl import NoOpenGLError
 from mathnavi.renders.heartbeat import lines_of_progress
-from mathnavi.renders.opengl import NoOpenGLError
 from mathnavi.sim.engine.compilation import compile_ahead
 from mathnavi.sim.plugin.trust import trusting, within_record
 from mathnavi.sim.records.figure_names import PLANNER_STATUS

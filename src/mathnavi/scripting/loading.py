@@ -10,11 +10,11 @@ import numpy as np
 
 from mathnavi.interfaces.errors import RunFolderError
 from mathnavi.interfaces.signals import Array, Estimate, Event, Plan
+from mathnavi.scripting.run_result import RunResult
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.records.figure_names import SHORTFALL
 from mathnavi.sim.records.log_arrays import CRAMER_RAO
 from mathnavi.sim.records.run_folder import read_arrays, read_record, read_state_names
-from mathnavi.sim.scenarios.closed_loop import RunResult
 
 _TRUTH = "truth.x"
 _OF_ESTIMATES, _OF_READINGS = "estimate.", "measurement."
@@ -35,7 +35,7 @@ def load(folder: str | Path, *, trust: bool = False) -> RunResult:
         recording = _recording(arrays, list(events), states, summary)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RunFolderError(f"{str(folder)!r} is not the folder of a run: {error}") from error
-    return RunResult(recording, summary, config, SHORTFALL not in summary, Path(folder), trust)
+    return RunResult(recording, summary, config, SHORTFALL not in summary, Path(folder), trusted=trust)
 
 
 def _recording(

@@ -19,13 +19,14 @@ from mathnavi.interfaces.fields import leaf_type
 from mathnavi.interfaces.short_tables import Row, html_table, short_table, value_text
 from mathnavi.interfaces.signals import Array
 from mathnavi.scripting.requests import ScriptRequest, configured, flat, raising, request
+from mathnavi.scripting.run_result import RunResult
 from mathnavi.sim.engine.compilation import compile_ahead
 from mathnavi.sim.plugin.registry import PluginSpec, called, names
 from mathnavi.sim.plugin.registry import load as load_plugin
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.records.store import Record, Store
-from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult, built
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, built
 from mathnavi.sim.sweep.execution import Progress, available_cores, run_trials
 from mathnavi.sim.sweep.trial import Trial
 from mathnavi.sim.sweep.uniform import Uniform
@@ -65,7 +66,7 @@ def run(
             return built(scenario, asked.scenario, asked.config, _seed(seed), asked.controller, asked.estimator)
 
     compile_ahead(asked.config, asked.controller.config, asked.estimator.config)
-    return build().run(progress, build)
+    return RunResult.of(build().run(progress, build))
 
 
 def make(scenario: str, *, seed: int = 0, estimator: Plugin = None, **fields: Any) -> Environment:

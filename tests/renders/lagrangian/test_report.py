@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mathnavi.renders import opengl
+from mathnavi.models import opengl
 from mathnavi.renders.lagrangian import figures
 from mathnavi.renders.lagrangian.names import with_unit
 from mathnavi.renders.lagrangian.report import report

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mathnavi.renders import opengl
+from mathnavi.models import opengl
 from mathnavi.renders.missile import figures
 from mathnavi.renders.missile.ground import PIXELS, ground_picture
 from mathnavi.renders.missile.report import report

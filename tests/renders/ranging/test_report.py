@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from mathnavi.models import opengl
 from mathnavi.models.field.curve import ellipse
-from mathnavi.renders import opengl
 from mathnavi.renders.ranging import figures
 from mathnavi.renders.ranging.field_figure import field_figure
 from mathnavi.renders.ranging.report import report

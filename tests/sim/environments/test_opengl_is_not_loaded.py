@@ -13,8 +13,8 @@ from importlib.util import find_spec
 
 import pytest
 
-from mathnavi.renders import opengl
-from mathnavi.renders.opengl import available
+from mathnavi.models import opengl
+from mathnavi.models.opengl import available
 
 LIBRARIES = ("OSMesa", "libLLVM", "libgallium", "libEGL", "libGL.", "libGLX")
 FLOWN = """

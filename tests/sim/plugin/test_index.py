@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from mathnavi.sim.plugin import index
-from mathnavi.sim.plugin.groups import GROUPS, installed
+from mathnavi.sim.plugin.groups import GROUPS, PICTURES, installed
 from mathnavi.sim.plugin.index import COMMAND, Description, describe, imported
 
 POINTS = [(kind, point) for kind in GROUPS for point in installed(kind)]
@@ -207,4 +207,4 @@ def test_two_processes_may_make_it_at_once(wanted: Describe, tmp_path: Path) -> 
 
 
 def test_the_groups_are_those_that_are_installed() -> None:
-    assert {group for group in entry_points().groups if group.startswith("mathnavi.")} == set(GROUPS.values())
+    assert {group for group in entry_points().groups if group.startswith("mathnavi.")} == {*GROUPS.values(), PICTURES}

@@ -1,5 +1,7 @@
-"""Pictures of an episode at its present state: MuJoCo's scene, with a camera that follows, or the states of an ODE over
-time."""
+"""Pictures of an episode of an environment: MuJoCo's scene from a following camera, or the states of an ODE over time.
+
+The environments find ``EpisodePictures`` by its entry point.
+"""
 
 from __future__ import annotations
 
@@ -7,32 +9,20 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.models.aerial.entity import airframe_pose
 from mathnavi.renders.snapshots import Snapshots
 from mathnavi.renders.stage import View
 from mathnavi.sim.engine.plant import MujocoPlant
 from mathnavi.sim.environments.episode_runner import EpisodeRunner
+from mathnavi.sim.environments.pictures import FPS, Pixels
 
-RENDER_MODES = ("rgb_array", "human")
-FPS = 30
 WIDTH, HEIGHT = 640, 480  # [pixels]
 _DISTANCE = 9.0  # of the camera, in sizes of the vehicle
 _AZIMUTH, _ELEVATION = 35.0, -18.0  # [degrees]
 
-Pixels = NDArray[np.uint8]
 
-
-def checked_mode(render_mode: str | None) -> str | None:
-    """Return the render mode; ArgumentError for an unknown one."""
-    if render_mode is not None and render_mode not in RENDER_MODES:
-        raise ArgumentError(f"render_mode = {render_mode!r}; allowed: {', '.join(RENDER_MODES)}, or None")
-    return render_mode
-
-
-class Pictures:
+class EpisodePictures:
     """Renderer of episodes, which keeps its resources from one picture to the next."""
 
     def __init__(self) -> None:

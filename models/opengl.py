@@ -3,7 +3,7 @@
 OpenGL is loaded only when something is drawn: Mesa brings an LLVM with it, and a process that loads another one
 later, as PyTorch's optimisers do with Triton's, ends in a segmentation fault. MuJoCo and PyOpenGL read the choice once,
 when they are first imported, and MuJoCo loads the library then; so ``import_mujoco`` imports it without OpenGL, and
-pictures are drawn by child processes started in ``environment()``.
+pictures are drawn by child processes started in ``environment()``. dm_control reads the choice at its first import too.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import importlib
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
-
-from mathnavi.models.without_opengl import without_opengl
 
 HOW_TO_INSTALL = (
     "found no OpenGL that draws without a screen: install OSMesa (Debian, Ubuntu: apt-get install libosmesa6) "
@@ -70,6 +70,20 @@ def environment() -> dict[str, str]:
         raise NoOpenGLError(HOW_TO_INSTALL)
     inherited = {name: value for name, value in os.environ.items() if name != "PYOPENGL_PLATFORM"}
     return inherited | {"MUJOCO_GL": backend}
+
+
+@contextmanager
+def without_opengl() -> Iterator[None]:
+    """Set MUJOCO_GL to forbid rendering within the context, and restore it afterwards."""
+    chosen = os.environ.get("MUJOCO_GL")
+    os.environ["MUJOCO_GL"] = "disable"
+    try:
+        yield
+    finally:
+        if chosen is None:
+            del os.environ["MUJOCO_GL"]
+        else:
+            os.environ["MUJOCO_GL"] = chosen
 
 
 def import_mujoco() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mathnavi.renders import opengl
+from mathnavi.models import opengl
 
 
 def test_users_choice_is_respected(monkeypatch: pytest.MonkeyPatch) -> None:

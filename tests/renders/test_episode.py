@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from mathnavi.renders.opengl import NoOpenGLError, environment
+from mathnavi.models.opengl import NoOpenGLError, environment
 from mathnavi.renders.snapshots import Snapshots
 from mathnavi.renders.stage import View
 from mathnavi.sim.engine.plant import MujocoPlant

@@ -4,9 +4,9 @@
     python docs/draw_house.py --check   exits with 1 if the committed picture is not what the code says
 
 A floor is a top-level folder; the highest is ``src/mathnavi``, the front door. pyproject.toml has their order and the
-rooms inside some of them. An arrow leads from a floor, or from a room of one, to another that it imports from; it is left out
-where other arrows lead there too. Imports inside functions and for type checkers count. Circles of modules are counted
-below, those of the benchmarks among them.
+rooms inside some of them. An arrow leads from a floor, or from a room of one, to another that it imports from; it is
+left out where other arrows lead there too. Imports inside functions and for type checkers count. Circles of modules are
+counted below, those of the benchmarks among them.
 """
 
 from __future__ import annotations

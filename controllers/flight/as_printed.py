@@ -90,7 +90,7 @@ class AsPrintedFlight:
     """The planner of the thesis as printed, for comparison; it carries no certificate."""
 
     Config = AsPrintedConfig
-    certified = False  # its plans are flown as printed, without a certificate
+    certifier = None  # its plans are flown as printed, without a certificate
 
     @staticmethod
     def build(config: AsPrintedConfig, mission: FlightMission) -> tuple[Planner, Tracker]:

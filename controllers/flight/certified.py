@@ -42,6 +42,9 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
+Certifier = Callable[[Planner, FlightMission, Any], Planner]
+"""function (planner, mission, tracker) -> planner whose plans may be flown"""
+
 _ROUNDING = 1e-3  # share of a declared deviation, and [m, m/s]
 
 

@@ -104,7 +104,6 @@ class FlightController:
     """Receding horizon with a safety manoeuvre behind every plan, optimised on line and certified."""
 
     Config = FlightConfig
-    certified = True  # the scenario flies only what a certificate accepts
 
     @staticmethod
     def build(config: FlightConfig, mission: FlightMission) -> tuple[Planner, Tracker]:

@@ -56,7 +56,7 @@ class FasterFlight:
     """FASTER's rule, a peer: a whole and a safe trajectory, the safe one always as fallback."""
 
     Config = FasterConfig
-    certified = False  # by its own rule
+    certifier = None  # it has its own rule
 
     @staticmethod
     def build(config: FasterConfig, mission: FlightMission) -> tuple[Planner, Tracker]:

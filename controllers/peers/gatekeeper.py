@@ -57,7 +57,7 @@ class GatekeeperFlight:
     """Gatekeeper, a peer: the nominal plan for as long as a backup manoeuvre behind it is safe."""
 
     Config = GatekeeperConfig
-    certified = False  # by its own rule
+    certifier = None  # it has its own rule
 
     @staticmethod
     def build(config: GatekeeperConfig, mission: FlightMission) -> tuple[Planner, Tracker]:

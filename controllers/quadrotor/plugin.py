@@ -36,7 +36,6 @@ class QuadrotorFlight:
     """Receding horizon over a double integrator, certified for the quadrotor that follows it."""
 
     Config = QuadrotorConfig
-    certified = True
 
     @staticmethod
     def build(config: QuadrotorConfig, mission: QuadrotorMission) -> tuple[Planner, Tracker]:

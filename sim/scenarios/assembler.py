@@ -3,8 +3,7 @@
     plug-ins        the scenario's defaults if none are given, checked against the mission
     random streams  one for each source of chance, in the order that the scenario lists
     faults          of every group of faults in the configuration, around planner, sensors and plant
-    certificate     around the planner of a flight, unless its plug-in declares ``certified = False``, or a function
-                    in the place of ``Certified.for_mission``
+    assurance       around planner and tracker, if the scenario passes one: a certificate, for example
     record          config.json: enough to build the same loop again, and to draw its run
 
 The scenario supplies the rest: its mission, vehicle, referee, metrics and task.
@@ -16,18 +15,14 @@ import dataclasses
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from mathnavi.controllers.flight.certificate import TrackingBound
-from mathnavi.controllers.flight.certified import Certified
-from mathnavi.controllers.flight.command_filter import CommandFilter, filtered
 from mathnavi.interfaces.fields import plain
 from mathnavi.interfaces.input_files import named_plugins, run_inputs
 from mathnavi.interfaces.protocols import Estimator, Planner, Plant, Sensor
-from mathnavi.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
-from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.interfaces.signals import Array, Message
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.faults import Disturbed
 from mathnavi.sim.engine.log import Recording
@@ -71,6 +66,19 @@ class RandomStreams:
     def split(self, name: str, count: int) -> list[RandomStreams]:
         """Streams for each of ``count`` vehicles, whose ``name`` is a child of the common stream ``name``."""
         return [RandomStreams(child, given={name: child}) for child in self[name].spawn(count)]
+
+
+class Assurance(Protocol):
+    """Run-time assurance of one vehicle: what stands between its planner and its actuators."""
+
+    @property
+    def bound(self) -> type:
+        """Type of the bound that the tracker states."""
+        ...
+
+    def around(self, planner: Planner, tracker: Any) -> tuple[Planner, Any]:
+        """Return planner and tracker with this assurance."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -122,35 +130,18 @@ class Assembler:
 
     # ---- what a vehicle flies with
 
-    def stack(self, mission: Any, *others: Sensor, certified_flight: FlightMission | None = None) -> VehicleStack:
+    def stack(self, mission: Any, *others: Sensor, assurance: Assurance | None = None) -> VehicleStack:
         """Autonomy stack of a vehicle, with its faults; ``others`` are sensors in addition to those of the estimator.
 
-        With ``certified_flight``, the mission of a point mass, every plan is certified before it is flown, unless the
-        controller declares otherwise; with the field ``filter`` every command is filtered instead. PluginError for a
-        plug-in that does not fit the mission, and for a tracker that states no ``TrackingBound`` where plans are
-        certified.
+        ``assurance`` is put around the faulty planner and the tracker. PluginError for a plug-in that does not fit the
+        mission, and for a tracker without the bound that the assurance needs.
         """
-        bound = None if certified_flight is None else TrackingBound
-        raw, tracker = checked_controller(self.controller, mission, bound)
+        raw, tracker = checked_controller(self.controller, mission, None if assurance is None else assurance.bound)
         estimator = self.observer(mission)
         planner, sensors = self.with_planner_faults(raw), self.sensors(mission, *others)
-        if certified_flight is not None and getattr(self.config, "filter", False):
-            planner, tracker = filtered(planner, tracker, CommandFilter.for_mission(certified_flight))
-        elif certified_flight is not None and (certified := getattr(self.controller.plugin, "certified", True)):
-            certify = certified if callable(certified) else Certified.for_mission
-            planner = certify(planner, certified_flight, tracker)
+        if assurance is not None:
+            planner, tracker = assurance.around(planner, tracker)
         return VehicleStack(sensors, estimator, planner, tracker, self.asked(mission))
-
-    @property
-    def guaranteed(self) -> bool:
-        """True if plans are certified or commands filtered; a controller may declare that it is not certified."""
-        return bool(getattr(self.config, "filter", False) or getattr(self.controller.plugin, "certified", True))
-
-    def first_plan(self, mission: Any, flight: FlightMission) -> Plan:
-        """First plan by the certified planner, also for a controller that declares no certificate."""
-        planner, tracker = checked_controller(self.controller, mission, TrackingBound)
-        request = PlanRequest(0.0, 0.0, Estimate(0.0, flight.start_state), None)
-        return Certified.for_mission(planner, flight, tracker).plan(request)
 
     def observer(self, mission: Any) -> Estimator:
         """Estimator alone; raises PluginError if it does not fit the mission."""

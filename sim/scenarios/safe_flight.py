@@ -2,7 +2,7 @@
 
     sensors -> estimator -> Certified(faults(planner)) -> tracker -> MuJoCo
 
-Every plan of any planner is certified before it is flown, unless its plug-in declares ``certified = False`` (the
+Every plan of any planner is certified before it is flown, unless its plug-in declares ``certifier = None`` (the
 planner of the thesis as printed does, for comparison). With ``filter`` every command is filtered instead, and plans are
 not certified.
 """
@@ -35,6 +35,7 @@ from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.records.missions import ChangingFlightRecord
 from mathnavi.sim.scenarios.assembler import Assembler
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
+from mathnavi.sim.scenarios.flight_assurance import FlightAssurance, first_plan
 from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
 from mathnavi.sim.scenarios.flight_learning import HOLD, FlightTerms
 from mathnavi.sim.scenarios.flight_parts import (
@@ -86,7 +87,8 @@ class SafeFlight:
             2.0 * flight.deadline + flight.track.ends, mission.deadline_factor, mission.speed_max, _LONGEST,
         )  # fmt: skip
 
-        stack = parts.stack(mission, AccelerationSensor(), certified_flight=mission)
+        assurance = FlightAssurance.for_mission(parts, mission)
+        stack = parts.stack(mission, AccelerationSensor(), assurance=assurance)
         setup = VehicleSetup(mission.start_state, stack.sensors, mission.acceleration_max)
         model = _model(flight.mission.terrain, mission.acceleration_max)
         body = MujocoPlant(model, {VEHICLE: setup}, parts.streams["sensing"])
@@ -99,7 +101,7 @@ class SafeFlight:
             {VEHICLE: stack.agent(messages=messages)},
             duration,
             partial(finished, flight, body),
-            partial(summarise, flight, stack.planner, stack.tracker, parts.guaranteed, seed),
+            partial(summarise, flight, stack.planner, stack.tracker, assurance.guaranteed, seed),
             mission=_record(config, flight, stack.tracker.bound),
             resolved=dataclasses.replace(config, terrain=terrain["path"], start=mission.start, target=mission.target),
             terrain=terrain,
@@ -162,14 +164,14 @@ def _mission(config: SafeFlightConfig, parts: Assembler) -> tuple[FlightMission,
     charted = load_terrain(config.terrain)
     bare = mission_but_ends(config, charted, parts.estimator, config.radars_at(0.0, charted))
 
-    def first_plan(start: tuple[float, float, float], target: tuple[float, float, float]) -> Plan:
+    def planned(start: tuple[float, float, float], target: tuple[float, float, float]) -> Plan:
         mission = dataclasses.replace(bare, start=start, target=target)
-        return parts.first_plan(mission, mission)
+        return first_plan(parts, mission, mission)
 
     def draw() -> tuple[float, float, float]:
         return drawn_point(bare, config.drawn_heights, parts.streams["draws"])
 
-    start, target, first = certified_ends(config, bare, draw, first_plan, _DRAWS)
+    start, target, first = certified_ends(config, bare, draw, planned, _DRAWS)
     return dataclasses.replace(bare, start=start, target=target), first
 
 

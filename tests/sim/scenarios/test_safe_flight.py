@@ -429,7 +429,7 @@ class Diving:
     class Config:
         """Nothing to configure."""
 
-    certified = False
+    certifier = None
 
     @staticmethod
     def build(config: Config, mission: FlightMission) -> tuple[Planner, Tracker]:

@@ -1,0 +1,64 @@
+"""Run-time assurance of a flight: the certificate, or the filter, between its planner and its actuators.
+
+A controller may declare ``certifier``: a function in the place of ``Certified.for_mission``, or None for plans that are
+flown without a certificate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from mathnavi.controllers.flight.certificate import TrackingBound
+from mathnavi.controllers.flight.certified import Certified, Certifier
+from mathnavi.controllers.flight.command_filter import CommandFilter
+from mathnavi.controllers.flight.filtered_controller import filtered
+from mathnavi.interfaces.errors import PluginError
+from mathnavi.interfaces.protocols import Planner
+from mathnavi.interfaces.signals import Estimate, Plan, PlanRequest
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.sim.plugin.registry import PluginSpec, called, checked_controller
+from mathnavi.sim.scenarios.assembler import Assembler
+
+
+@dataclass(frozen=True)
+class FlightAssurance:
+    """Assurance of one vehicle: every plan is certified before it is flown, or every command filtered instead."""
+
+    mission: FlightMission  # of a point mass
+    certifier: Certifier | None  # None: plans are flown as they come
+    filtered: bool
+    bound: ClassVar[type] = TrackingBound  # that the tracker states
+
+    @staticmethod
+    def for_mission(parts: Assembler, mission: FlightMission) -> FlightAssurance:
+        """Assurance that the scenario's field ``filter`` and the controller's ``certifier`` ask for."""
+        return FlightAssurance(mission, _certifier(parts.controller), getattr(parts.config, "filter", False))
+
+    @property
+    def guaranteed(self) -> bool:
+        """True if plans are certified or commands filtered."""
+        return self.filtered or self.certifier is not None
+
+    def around(self, planner: Planner, tracker: Any) -> tuple[Planner, Any]:
+        """Planner and tracker with this assurance; MissionError if the tracking bound leaves nothing to fly with."""
+        if self.filtered:
+            return filtered(planner, tracker, CommandFilter.for_mission(self.mission))
+        return (planner if self.certifier is None else self.certifier(planner, self.mission, tracker)), tracker
+
+
+def first_plan(parts: Assembler, mission: Any, flight: FlightMission) -> Plan:
+    """First plan by the certified planner, also for a controller that declares no certificate."""
+    planner, tracker = checked_controller(parts.controller, mission, TrackingBound)
+    request = PlanRequest(0.0, 0.0, Estimate(0.0, flight.start_state), None)
+    return Certified.for_mission(planner, flight, tracker).plan(request)
+
+
+def _certifier(controller: PluginSpec) -> Certifier | None:
+    declared: Certifier | None = getattr(controller.plugin, "certifier", Certified.for_mission)
+    if declared is not None and not callable(declared):
+        raise PluginError(
+            f"controllers: {called('controllers', controller.name)!r}: certifier = {declared!r}; allowed: None, or a "
+            "function (planner, mission, tracker) -> planner"
+        )
+    return declared

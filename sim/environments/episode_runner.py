@@ -97,7 +97,7 @@ class EpisodeRunner:
                 "around it"
             )
         first = self._built(seed)
-        self._task = _task(scenario, first)
+        self._task, self._terms = _commanded(scenario, first)
         self._config = dataclasses.replace(self._config, **self._task.mission)
         self.mission: dict[str, Any] = first.config["mission"]
         """mission of the scenario, as in a run's config.json"""
@@ -171,7 +171,8 @@ class EpisodeRunner:
         """Begin a new episode, with new components."""
         closed_loop = self._built(seed)
         self._loop = Loop(closed_loop.plant, closed_loop.agents, closed_loop.duration, closed_loop.network)
-        self._closed_loop, self._task = closed_loop, _task(self._scenario, closed_loop)
+        self._closed_loop = closed_loop
+        self._task, self._terms = _commanded(self._scenario, closed_loop)
         self._loop.observe()
         self._finished = bool(closed_loop.finished(self._loop.t, self._loop.truths))
         self._sample = self._sampled()
@@ -200,8 +201,8 @@ class EpisodeRunner:
             if self._finished or loop.over:
                 break
         over = loop.over and not self._finished
-        if over and self.outcome is None and self._task.learning is not None:
-            self.outcome = self._task.learning.at_deadline
+        if over and self.outcome is None and self._terms is not None:
+            self.outcome = self._terms.at_deadline
         return EpisodeStep(self._observation(), 0.0 - cost, self._finished, over, self.info(events))
 
     def advance(self, commands: Mapping[str, Array]) -> float:
@@ -218,7 +219,7 @@ class EpisodeRunner:
 
     def _referee(self) -> None:
         """Set the outcome once the mission has ended; a vehicle that arrives past its deadline is late."""
-        terms = self._task.learning
+        terms = self._terms
         if terms is None or self.outcome is not None:
             return
         self.outcome = terms.outcome(self._loop.t, self._loop.truths)
@@ -229,7 +230,7 @@ class EpisodeRunner:
         """Return information besides the observation: the "outcome", "" while the mission goes on; the "clearance" [m]
         of the true state, if there is something to touch; and the kinds of the "events" from number ``since`` on.
         """
-        loop, terms = self._loop, self._task.learning
+        loop, terms = self._loop, self._terms
         info: dict[str, Any] = {
             "outcome": "" if self.outcome is None else self.outcome.value,
             "events": tuple(event.kind for event in loop.recording.events[since:]),
@@ -260,11 +261,11 @@ class EpisodeRunner:
     @property
     def terms(self) -> LearningTerms:
         """Return the learning terms of the present episode; ArgumentError for a scenario that defines none."""
-        if self._task.learning is None:
+        if self._terms is None:
             raise ArgumentError(
                 f"scenario = {self._scenario!r} defines no learning terms; allowed: one whose Task has learning"
             )
-        return self._task.learning
+        return self._terms
 
     def _built(self, seed: int) -> ClosedLoop:
         """Build new components."""
@@ -346,7 +347,8 @@ class EpisodeRunner:
         return self.rows([_covariance(self._sample.estimates[name]) for name in self.names])
 
 
-def _task(scenario: str, closed_loop: ClosedLoop) -> Task:
+def _commanded(scenario: str, closed_loop: ClosedLoop) -> tuple[Task, LearningTerms | None]:
+    """Return the task of a closed loop, and a learner's terms of one episode of it."""
     if closed_loop.task is None:
         raise ArgumentError(f"scenario = {scenario!r} defines no stage cost; allowed: one whose ClosedLoop has a task")
     if idle := [name for name, inputs in closed_loop.task.inputs.items() if not inputs.names]:
@@ -354,7 +356,7 @@ def _task(scenario: str, closed_loop: ClosedLoop) -> Task:
             f"scenario = {scenario!r}: {idle[0]!r} has no actuators, so there is nothing to command; allowed: one with "
             "inputs"
         )
-    return closed_loop.task
+    return closed_loop.task, None if closed_loop.task.learning is None else closed_loop.task.learning()
 
 
 def _steps_per_command(scenario: str, closed_loop: ClosedLoop) -> int:

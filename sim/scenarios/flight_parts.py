@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -247,7 +248,9 @@ def flight_task(
 
     commanded = dict.fromkeys(names, inputs)
     largest = len(names) * (acceleration_max**2 + float(beta))
-    return Task(commanded, cost, mission=mission, filters=filters, proposals=commanded, learning=terms(largest))
+    return Task(
+        commanded, cost, mission=mission, filters=filters, proposals=commanded, learning=partial(terms, largest)
+    )
 
 
 def terrain_record(terrain: HeightField, name_or_path: str, **others: Any) -> dict[str, Any]:

@@ -104,7 +104,9 @@ def observed_loop(parts: Assembler, case: LagrangianCase) -> ClosedLoop:
         partial(summarise, case, parts.config, parts.seed),
         mission=case.record,
         resolved=case.resolved,
-        task=Task({case.vehicle: inputs}, case.cost or _velocity_cost(case), learning=_terms(case, parts.config)),
+        task=Task(
+            {case.vehicle: inputs}, case.cost or _velocity_cost(case), learning=partial(_terms, case, parts.config)
+        ),
     )
 
 

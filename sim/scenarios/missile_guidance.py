@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
 from typing import Any
 
@@ -85,7 +85,7 @@ class MissileGuidance:
             PassedTarget(mission, target).finished,
             partial(summarise, config, mission, target, first, seed),
             mission=_record(config, mission, target, frame),
-            task=_task(mission, MissileTerms(mission, VEHICLE, target, config.miss_allowed, duration)),
+            task=_task(mission, partial(MissileTerms, mission, VEHICLE, target, config.miss_allowed, duration)),
         )
 
     @staticmethod
@@ -248,7 +248,7 @@ def _duration(config: MissileGuidanceConfig, first: Plan) -> float:
     return duration
 
 
-def _task(mission: MissileMission, terms: MissileTerms) -> Task:
+def _task(mission: MissileMission, terms: Callable[[], MissileTerms]) -> Task:
     """Task of commanding the thrusters: L is the running cost of the mission's case (B.4), integrated by trapezia."""
     coordinates, limits = mission.coordinates, np.array(mission.input_max)
     units = {"F": "N", "M": "N m", "N": "N m"}

@@ -54,6 +54,7 @@ from mathnavi.sim.plugin.registry import PluginSpec, called, checked_quality
 from mathnavi.sim.records.missions import Point, QuadrotorRecord
 from mathnavi.sim.scenarios.assembler import Assembler, VehicleStack
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
+from mathnavi.sim.scenarios.flight_assurance import FlightAssurance, first_plan
 from mathnavi.sim.scenarios.flight_learning import FlightTerms
 from mathnavi.sim.scenarios.flight_parts import (
     bare_mission,
@@ -105,7 +106,8 @@ class QuadrotorCanyon:
         mission, first = _mission(config, terrain, parts)
         deadline = config.deadline_factor * first.t_end
 
-        stack = parts.stack(mission, certified_flight=mission.flight)
+        assurance = FlightAssurance.for_mission(parts, mission.flight)
+        stack = parts.stack(mission, assurance=assurance)
         vehicle = config.mismatch.vehicle
         setup = VehicleSetup(mission.start_state, stack.sensors, drive=RotorDrive(vehicle))
         model = _model(terrain, config.mismatch)
@@ -125,7 +127,7 @@ class QuadrotorCanyon:
             {VEHICLE: stack.agent(ROTOR_COUNT)},
             duration,
             partial(finished, flight, body),
-            partial(summarise, flight, stack.planner, stack.tracker.bound, parts.guaranteed, seed),
+            partial(summarise, flight, stack.planner, stack.tracker.bound, assurance.guaranteed, seed),
             mission=_record(mission, stack.tracker.bound),
             resolved=dataclasses.replace(config, terrain=place["path"], start=start, target=target),
             terrain=place,
@@ -185,14 +187,14 @@ def _mission(config: QuadrotorCanyonConfig, terrain: HeightField, parts: Assembl
     def between(start: Point, target: Point) -> QuadrotorMission:
         return dataclasses.replace(bare, flight=dataclasses.replace(bare.flight, start=start, target=target))
 
-    def first_plan(start: Point, target: Point) -> Plan:
+    def planned(start: Point, target: Point) -> Plan:
         mission = between(start, target)
-        return parts.first_plan(mission, mission.flight)
+        return first_plan(parts, mission, mission.flight)
 
     def draw() -> Point:
         return _drawn(config, terrain, parts.streams["draws"])
 
-    start, target, first = certified_ends(config, bare.flight, draw, first_plan, _DRAWS)
+    start, target, first = certified_ends(config, bare.flight, draw, planned, _DRAWS)
     return between(start, target), first
 
 
@@ -248,8 +250,8 @@ def _task(flight: TrueQuadrotorFlight, body: MujocoPlant, controller: PluginSpec
     accelerations = tuple(f"acceleration_{axis} [m/s^2]" for axis in "xyz")
     proposals = Inputs.within(accelerations, mission.flight.acceleration_max)
     strongest = ROTOR_COUNT * mission.vehicle.thrust_max / mission.vehicle.mass  # [m/s^2]
-    terms = FlightTerms(
-        {VEHICLE: mission.flight}, mission.flight.terrain, body, partial(arrived, flight), strongest**2 + own,
+    terms = partial(
+        FlightTerms, {VEHICLE: mission.flight}, mission.flight.terrain, body, partial(arrived, flight), strongest**2 + own,
         flight.deadline, HOLD, VELOCITY.start, OBSERVED,
     )  # fmt: skip
     return Task({VEHICLE: inputs}, cost, OBSERVED, ends, filters, {VEHICLE: proposals}, terms)

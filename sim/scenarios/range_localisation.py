@@ -126,7 +126,7 @@ def _task(mission: RangingMission, body: MujocoPlant, duration: float) -> Task:
     def to_wall(truths: Mapping[str, Array]) -> float:
         return curve.distance(truths[VEHICLE][:2]) - RADIUS
 
-    terms = Endurance(across**2 + math.pi**2, duration, ends, to_wall)
+    terms = partial(Endurance, across**2 + math.pi**2, duration, ends, to_wall)
     return Task({VEHICLE: Inputs.within(("u_1 [m/s]", "u_2 [rad/s]"), limits)}, error, learning=terms)
 
 

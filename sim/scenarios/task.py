@@ -168,7 +168,7 @@ class Task:
     mission: Mapping[str, Any] = field(default_factory=dict)  # fields with the drawn values of the mission
     filters: Callable[[], Mapping[str, ProposalFilter]] | None = None  # makes a filter for each vehicle
     proposals: Mapping[str, Inputs] = field(default_factory=dict)  # inputs of these filters, by vehicle
-    learning: LearningTerms | None = None  # None: no learner's terms are stated
+    learning: Callable[[], LearningTerms] | None = None  # makes the terms of an episode; None: none are stated
 
 
 def squared_error(vehicle: str, error: Callable[[Array, Array], Array]) -> StageCost:

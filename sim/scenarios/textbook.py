@@ -123,7 +123,7 @@ class TextbookObserver:
         # L = |x^ - x|^2, the error of Definition 2.2, whose root mean square a run is evaluated by.
         cost = squared_error(VEHICLE, config.observed.difference)
         largest = _FARTHEST**2 * max(1.0, float(np.square(config.start_state).sum()))
-        terms = Endurance(largest, config.duration, partial(_ends, plant))
+        terms = partial(Endurance, largest, config.duration, partial(_ends, plant))
         return parts.closed_loop(
             parts.disturbed(plant, stack.planner.period, mass=1.0),
             {VEHICLE: stack.agent(len(config.observed.inputs))},

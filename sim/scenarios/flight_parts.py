@@ -247,10 +247,8 @@ def flight_task(
         return {name: CommandFilter.for_mission(flight) for name, flight in flights.items()}
 
     commanded = dict.fromkeys(names, inputs)
-    largest = len(names) * (acceleration_max**2 + float(beta))
-    return Task(
-        commanded, cost, mission=mission, filters=filters, proposals=commanded, learning=partial(terms, largest)
-    )
+    learning = partial(terms, len(names) * (acceleration_max**2 + float(beta)))
+    return Task(commanded, cost, mission=mission, filters=filters, proposals=commanded, learning=learning)
 
 
 def terrain_record(terrain: HeightField, name_or_path: str, **others: Any) -> dict[str, Any]:

@@ -251,8 +251,8 @@ def _task(flight: TrueQuadrotorFlight, body: MujocoPlant, controller: PluginSpec
     proposals = Inputs.within(accelerations, mission.flight.acceleration_max)
     strongest = ROTOR_COUNT * mission.vehicle.thrust_max / mission.vehicle.mass  # [m/s^2]
     terms = partial(
-        FlightTerms, {VEHICLE: mission.flight}, mission.flight.terrain, body, partial(arrived, flight), strongest**2 + own,
-        flight.deadline, HOLD, VELOCITY.start, OBSERVED,
+        FlightTerms, {VEHICLE: mission.flight}, mission.flight.terrain, body, partial(arrived, flight),
+        strongest**2 + own, flight.deadline, HOLD, VELOCITY.start, OBSERVED,
     )  # fmt: skip
     return Task({VEHICLE: inputs}, cost, OBSERVED, ends, filters, {VEHICLE: proposals}, terms)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from mathnavi.controllers.flight.certificate import TrackingBound
+from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
 from mathnavi.controllers.flight.certified import Certified, Certifier
 from mathnavi.controllers.flight.command_filter import CommandFilter
 from mathnavi.controllers.flight.filtered_controller import filtered
@@ -17,8 +17,12 @@ from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.protocols import Planner
 from mathnavi.interfaces.signals import Estimate, Plan, PlanRequest
 from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.aerial.plan_status import FlightStatus
 from mathnavi.sim.plugin.registry import PluginSpec, called, checked_controller
+from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.assembler import Assembler
+
+_ROUNDING = 1e-3  # [m] of a clearance
 
 
 @dataclass(frozen=True)
@@ -47,11 +51,31 @@ class FlightAssurance:
         return (planner if self.certifier is None else self.certifier(planner, self.mission, tracker)), tracker
 
 
-def first_plan(parts: Assembler, mission: Any, flight: FlightMission) -> Plan:
-    """First plan by the certified planner, also for a controller that declares no certificate."""
-    planner, tracker = checked_controller(parts.controller, mission, TrackingBound)
-    request = PlanRequest(0.0, 0.0, Estimate(0.0, flight.start_state), None)
-    return Certified.for_mission(planner, flight, tracker).plan(request)
+class FirstPlans:
+    """First plans by the certified planner of missions that differ in start and target alone, also for a controller
+    that declares no certificate.
+
+    A start below the least clearance of a mission before, with its tracking bound, is refused before a planner is
+    built: no plan from there would be certified.
+    """
+
+    def __init__(self, parts: Assembler) -> None:
+        self._parts = parts
+        self._certificate: Certificate | None = None
+
+    def plan(self, mission: Any, flight: FlightMission) -> Plan:
+        """Return the first plan of a mission whose flight is that of a point mass; a failure if none is certified."""
+        if self._certificate is not None and _too_low(self._certificate, flight.start):
+            return Plan.failure(FlightStatus.LOW_CLEARANCE, f"the start {flight.start!r} is too low")
+        planner, tracker = checked_controller(self._parts.controller, mission, TrackingBound)
+        self._certificate = Certificate.for_mission(flight, tracker.bound)
+        request = PlanRequest(0.0, 0.0, Estimate(0.0, flight.start_state), None)
+        return Certified.for_mission(planner, flight, tracker).plan(request)
+
+
+def _too_low(certificate: Certificate, start: Point) -> bool:
+    x, y, z = start
+    return z - float(certificate.terrain.height(x, y)) < certificate.clearance_min - _ROUNDING
 
 
 def _certifier(controller: PluginSpec) -> Certifier | None:

@@ -54,7 +54,7 @@ from mathnavi.sim.plugin.registry import PluginSpec, called, checked_quality
 from mathnavi.sim.records.missions import Point, QuadrotorRecord
 from mathnavi.sim.scenarios.assembler import Assembler, VehicleStack
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
-from mathnavi.sim.scenarios.flight_assurance import FlightAssurance, first_plan
+from mathnavi.sim.scenarios.flight_assurance import FirstPlans, FlightAssurance
 from mathnavi.sim.scenarios.flight_learning import FlightTerms
 from mathnavi.sim.scenarios.flight_parts import (
     bare_mission,
@@ -187,14 +187,16 @@ def _mission(config: QuadrotorCanyonConfig, terrain: HeightField, parts: Assembl
     def between(start: Point, target: Point) -> QuadrotorMission:
         return dataclasses.replace(bare, flight=dataclasses.replace(bare.flight, start=start, target=target))
 
-    def planned(start: Point, target: Point) -> Plan:
+    plans = FirstPlans(parts)
+
+    def first_plan(start: Point, target: Point) -> Plan:
         mission = between(start, target)
-        return first_plan(parts, mission, mission.flight)
+        return plans.plan(mission, mission.flight)
 
     def draw() -> Point:
         return _drawn(config, terrain, parts.streams["draws"])
 
-    start, target, first = certified_ends(config, bare.flight, draw, planned, _DRAWS)
+    start, target, first = certified_ends(config, bare.flight, draw, first_plan, _DRAWS)
     return between(start, target), first
 
 

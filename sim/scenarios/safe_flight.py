@@ -35,7 +35,7 @@ from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.records.missions import ChangingFlightRecord
 from mathnavi.sim.scenarios.assembler import Assembler
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
-from mathnavi.sim.scenarios.flight_assurance import FlightAssurance, first_plan
+from mathnavi.sim.scenarios.flight_assurance import FirstPlans, FlightAssurance
 from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
 from mathnavi.sim.scenarios.flight_learning import HOLD, FlightTerms
 from mathnavi.sim.scenarios.flight_parts import (
@@ -164,14 +164,16 @@ def _mission(config: SafeFlightConfig, parts: Assembler) -> tuple[FlightMission,
     charted = load_terrain(config.terrain)
     bare = mission_but_ends(config, charted, parts.estimator, config.radars_at(0.0, charted))
 
-    def planned(start: tuple[float, float, float], target: tuple[float, float, float]) -> Plan:
+    plans = FirstPlans(parts)
+
+    def first_plan(start: tuple[float, float, float], target: tuple[float, float, float]) -> Plan:
         mission = dataclasses.replace(bare, start=start, target=target)
-        return first_plan(parts, mission, mission)
+        return plans.plan(mission, mission)
 
     def draw() -> tuple[float, float, float]:
         return drawn_point(bare, config.drawn_heights, parts.streams["draws"])
 
-    start, target, first = certified_ends(config, bare, draw, planned, _DRAWS)
+    start, target, first = certified_ends(config, bare, draw, first_plan, _DRAWS)
     return dataclasses.replace(bare, start=start, target=target), first
 
 

@@ -291,5 +291,5 @@ class ConsensusPlugin(Protocol):
 
     @staticmethod
     def build(config: Any, mission: Any) -> Consensus:
-        """Build the protocol of one vehicle for one run; ``mission``, a ``Node``, is what it may know of its fleet."""
+        """Build the protocol of one vehicle for one run; ``mission`` is a ``Neighbourhood``, its knowledge of the fleet."""
         ...

@@ -50,8 +50,10 @@ def started(parts: Mapping[str, Consensus], starts: Sequence[float] | Array) -> 
 
 
 def laplacians(graph: Graph, config: LaplacianConfig) -> dict[str, Consensus]:
-    return {name: LaplacianConsensus(config, graph.node(name)) for name in graph.names}
+    return {name: LaplacianConsensus(config, graph.neighbourhood(name)) for name in graph.names}
 
 
 def maxima(graph: Graph, deadline: float) -> dict[str, Consensus]:
-    return {name: MaximumConsensus(MaximumConfig(), graph.node(name, deadline=deadline)) for name in graph.names}
+    return {
+        name: MaximumConsensus(MaximumConfig(), graph.neighbourhood(name, deadline=deadline)) for name in graph.names
+    }

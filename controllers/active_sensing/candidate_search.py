@@ -67,10 +67,10 @@ class ExpectedCovariance:
 
     def __init__(self, mission: RangingMission, horizon: float, nodes: int) -> None:
         absolute = float(np.hypot(mission.ranging.absolute, LEAST_NOISE))
-        node = horizon / nodes
+        spacing = horizon / nodes
         self._wall = WallTable(mission.curve.table, mission.curve.polyline)
         self._sensors = RangeSensors(mission.alpha, np.array([mission.ranging.relative, absolute]))
-        self._horizon = PredictionHorizon(node, nodes, node / mission.period * (1.0 - mission.ranging.dropout))
+        self._horizon = PredictionHorizon(spacing, nodes, spacing / mission.period * (1.0 - mission.ranging.dropout))
 
     def best(self, belief: Belief, inputs: Array, held: Integers) -> tuple[int, float]:
         traces = expected_traces(self._wall, self._sensors, self._horizon, belief.pose, belief.covariance, inputs, held)
@@ -109,12 +109,12 @@ _STEP = 0.01  # [m] between points whose clearances are compared
 
 
 class CandidateSearch:
-    """Holds the preferred input for up to ``nodes`` nodes of ``node`` [s] each."""
+    """Holds the preferred input for up to ``nodes`` nodes of ``spacing`` [s] each."""
 
     def __init__(
-        self, criterion: InputCriterion, containment: Containment, mission: RangingMission, node: float
+        self, criterion: InputCriterion, containment: Containment, mission: RangingMission, spacing: float
     ) -> None:
-        self._criterion, self._containment, self._node = criterion, containment, node
+        self._criterion, self._containment, self._spacing = criterion, containment, spacing
         self._inputs = candidates(mission)
 
     def choose(self, t: float, belief: Belief) -> InputSequence:
@@ -127,7 +127,7 @@ class CandidateSearch:
         held = containment.admissible_nodes(belief, self._inputs)
         inputs, held = self._inputs[held > 0], held[held > 0]
         k, score = self._criterion.best(belief, inputs, held)
-        return InputSequence(np.array([self._node * held[k]]), inputs[k : k + 1], cost=score)
+        return InputSequence(np.array([self._spacing * held[k]]), inputs[k : k + 1], cost=score)
 
 
 class Containment:

@@ -44,7 +44,7 @@ class RangeSensors(NamedTuple):
 class PredictionHorizon(NamedTuple):
     """Nodes of a prediction."""
 
-    node: float  # [s] h
+    spacing: float  # [s] h
     nodes: int  # N
     readings: float  # h / dt, of each sensor between two nodes
 
@@ -59,12 +59,12 @@ def expected_covariance(
     """
     coefficients, polyline = wall
     angles, noise = sensors
-    node, nodes, readings = horizon
+    spacing, nodes, readings = horizon
     x, F, information = pose, np.eye(3), inverse(P)
     for j in range(nodes):
         u_1, u_2 = (u[0], u[1]) if j < held else (0.0, 0.0)
-        step, _ = integrate_jacobians(x, u_1, u_2, node)
-        F, x = step @ F, integrate(x, u_1, u_2, node)
+        step, _ = integrate_jacobians(x, u_1, u_2, spacing)
+        F, x = step @ F, integrate(x, u_1, u_2, spacing)
         for i in range(len(angles)):
             beta = x[2] + angles[i]
             rho, s = cast_ray(coefficients, polyline, x[0], x[1], beta)
@@ -140,8 +140,9 @@ def range_rate_gradient(coefficients: Array, s: float, rho: float, beta: float, 
 
 
 @njit(cache=True, nogil=True)
-def nodes_within(wall: WallTable, poses: Array, margin: float, inputs: Array, node: float, nodes: int) -> Integers:
-    """Number (m,) of ``nodes``, ``node`` [s] apart, for which ``inputs`` (m, 2) may be held from all ``poses`` (n, 3).
+def nodes_within(wall: WallTable, poses: Array, margin: float, inputs: Array, spacing: float, nodes: int) -> Integers:
+    """Number (m,) of ``nodes``, ``spacing`` [s] apart, for which ``inputs`` (m, 2) may be held from all ``poses``
+    (n, 3).
 
     None of these comes nearer to the wall than ``margin`` [m], or than it is where it is nearer already.
     """
@@ -153,7 +154,7 @@ def nodes_within(wall: WallTable, poses: Array, margin: float, inputs: Array, no
         for i in range(len(poses)):
             x = poses[i]
             for j in range(kept[m]):
-                x = integrate(x, inputs[m, 0], inputs[m, 1], node)
+                x = integrate(x, inputs[m, 0], inputs[m, 1], spacing)
                 if clearance(wall, x[0], x[1]) < least[i]:
                     kept[m] = j
                     break

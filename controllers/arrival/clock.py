@@ -33,7 +33,7 @@ from mathnavi.interfaces.bounds import NonNegative, Positive, configuration
 from mathnavi.interfaces.checks import check
 from mathnavi.interfaces.protocols import Consensus
 from mathnavi.interfaces.signals import Message
-from mathnavi.models.fleet.graph import Node
+from mathnavi.models.fleet.graph import Neighbourhood
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 
@@ -65,7 +65,7 @@ class Clock:
     within_starts = False  # corrections make up for the clocks' differences
 
     @staticmethod
-    def build(config: ClockConfig, mission: Node) -> Consensus:
+    def build(config: ClockConfig, mission: Neighbourhood) -> Consensus:
         """Return the consensus of one vehicle, to be called with the times of that vehicle's clock."""
         return ClockConsensus(config, mission)
 
@@ -107,10 +107,10 @@ class _Link:
 class ClockConsensus:
     """One vehicle's correction x_m."""
 
-    def __init__(self, config: ClockConfig, node: Node) -> None:
+    def __init__(self, config: ClockConfig, neighbourhood: Neighbourhood) -> None:
         self.period = config.period
-        self._config, self._node = config, node
-        self._inbox = Inbox(node, ClockPayload.sound, config.apart)
+        self._config, self._neighbourhood = config, neighbourhood
+        self._inbox = Inbox(neighbourhood, ClockPayload.sound, config.apart)
         self._unusable: Counter[str] = Counter()
         self._correction = self._rate = 0.0
         self._stamps: dict[str, tuple[float, float]] = {}  # of each neighbour's last message: sent, taken
@@ -156,7 +156,7 @@ class ClockConsensus:
             self._correction += self._rate * min(max(t - self._last, 0.0), self._config.memory)
             self._integrate(t)
         self._last = t
-        return ClockPayload(self._correction, self._rate, self._node.valency, dict(self._stamps))
+        return ClockPayload(self._correction, self._rate, self._neighbourhood.valency, dict(self._stamps))
 
     def _compare(self, t: float, message: Message) -> None:
         """Update the lead [s] of a neighbour's clock, if the neighbour has answered a message of this vehicle."""
@@ -166,9 +166,9 @@ class ClockConsensus:
             self._unusable["late"] += 1
             return
         self._stamps[name] = (message.t, t)
-        if self._node.name not in payload.taken:
+        if self._neighbourhood.name not in payload.taken:
             return
-        sent, taken = payload.taken[self._node.name]
+        sent, taken = payload.taken[self._neighbourhood.name]
         round_trip = (t - sent) - (message.t - taken)
         if not -TIME_TOLERANCE <= round_trip <= self._config.memory:
             self._unusable["round trip"] += 1
@@ -191,9 +191,9 @@ class ClockConsensus:
         for name, link in sorted(self._links.items()):
             if not self._recent(link, t):
                 continue
-            known = (self._node.valency, link.payload.valency)
-            weight = edge_weight(self._node.weights[name], self._config.scaling * self.period, *known)
+            known = (self._neighbourhood.valency, link.payload.valency)
+            weight = edge_weight(self._neighbourhood.weights[name], self._config.scaling * self.period, *known)
             self._correction += weight * (link.payload.correction + link.theta - correction)
             if link.rate is not None:
-                weight = edge_weight(self._node.weights[name], self._config.rate_scaling * self.period, *known)
+                weight = edge_weight(self._neighbourhood.weights[name], self._config.rate_scaling * self.period, *known)
                 self._rate += weight * (link.payload.rate + link.rate - rate)

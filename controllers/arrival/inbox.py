@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mathnavi.interfaces.signals import Message
-from mathnavi.models.fleet.graph import Node
+from mathnavi.models.fleet.graph import Neighbourhood
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 
@@ -45,10 +45,10 @@ def edge_weight(weight: float, amount: float, own: float, others: float) -> floa
 class Inbox:
     """Inbox of one vehicle."""
 
-    def __init__(self, node: Node, sound: Callable[[Any], bool], ahead: float = 0.0) -> None:
+    def __init__(self, neighbourhood: Neighbourhood, sound: Callable[[Any], bool], ahead: float = 0.0) -> None:
         """``sound`` returns True for a usable payload; a sender's clock may lead this vehicle's by ``ahead`` [s]."""
         self.refused: Counter[str] = Counter()
-        self._node, self._sound, self._ahead = node, sound, ahead
+        self._neighbourhood, self._sound, self._ahead = neighbourhood, sound, ahead
         self._since = -math.inf
         self._heard: dict[str, Message] = {}
 
@@ -88,7 +88,7 @@ class Inbox:
 
     def _objection(self, t: float, message: Message) -> str:
         last = self._heard.get(message.sender)
-        if message.sender not in self._node.weights:
+        if message.sender not in self._neighbourhood.weights:
             return "stranger"
         if message.t > t + self._ahead + TIME_TOLERANCE:
             return "from the future"

@@ -47,7 +47,7 @@ from mathnavi.interfaces.bounds import Positive, PositiveFraction, configuration
 from mathnavi.interfaces.checks import check
 from mathnavi.interfaces.protocols import Consensus
 from mathnavi.interfaces.signals import Message
-from mathnavi.models.fleet.graph import Node
+from mathnavi.models.fleet.graph import Neighbourhood
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 DELTA = 0.3  # the thesis' choice
@@ -84,7 +84,7 @@ class Laplacian:
     within_starts = True
 
     @staticmethod
-    def build(config: LaplacianConfig, mission: Node) -> Consensus:
+    def build(config: LaplacianConfig, mission: Neighbourhood) -> Consensus:
         """Return the consensus of one vehicle."""
         return LaplacianConsensus(config, mission)
 
@@ -92,10 +92,10 @@ class Laplacian:
 class LaplacianConsensus:
     """One vehicle's state eta_m."""
 
-    def __init__(self, config: LaplacianConfig, node: Node) -> None:
+    def __init__(self, config: LaplacianConfig, neighbourhood: Neighbourhood) -> None:
         self.period = config.period
-        self._config, self._node = config, node
-        self._inbox = Inbox(node, ConsensusPayload.sound, 2.0 * node.clock_error)
+        self._config, self._neighbourhood = config, neighbourhood
+        self._inbox = Inbox(neighbourhood, ConsensusPayload.sound, 2.0 * neighbourhood.clock_error)
         self._value = self._own = math.nan
         self._begun = 0.0  # [s] the planning period
         self._outlier = True  # until it has a value to contribute
@@ -128,7 +128,7 @@ class LaplacianConsensus:
         value = float(value)
         judged = math.isfinite(self._own) and math.isfinite(self._value)
         agreed, own = self._value - self._begun, self._own - self._begun
-        beyond = judged and is_outlier(agreed, own, self._node.planning_period, self._config.delta)
+        beyond = judged and is_outlier(agreed, own, self._neighbourhood.planning_period, self._config.delta)
         self._outlier = beyond or not math.isfinite(value)
         self._own, self._begun = value, now
         if not self._outlier:
@@ -150,13 +150,13 @@ class LaplacianConsensus:
             self._value = value if math.isfinite(value) else self._value
         self._remember(t)
         silent = self._outlier and not heard  # what it holds comes from before the start
-        return ConsensusPayload(None if silent else self._value, self._node.valency, self._outlier)
+        return ConsensusPayload(None if silent else self._value, self._neighbourhood.valency, self._outlier)
 
     def _last_heard(self, t: float) -> list[tuple[float, float, float, float]]:
         """Return, for each neighbour that sent a value within memory, a_lm, eta_l, d_l, and when it was sent [s]."""
         oldest = t - self._config.memory - TIME_TOLERANCE
         return [
-            (self._node.weights[name], message.payload.value, message.payload.valency, message.t)
+            (self._neighbourhood.weights[name], message.payload.value, message.payload.valency, message.t)
             for name, message in sorted(self._inbox.heard.items())  # sums independent of the order of messages
             if message.t >= oldest and message.payload.value is not None
         ]
@@ -167,7 +167,7 @@ class LaplacianConsensus:
 
     def _integrated(self, heard: Sequence[tuple[float, float, float, float]]) -> float:
         amount = self._config.scaling * self.period
-        moved = [(edge_weight(a, amount, self._node.valency, d), value, sent) for a, value, d, sent in heard]
+        moved = [(edge_weight(a, amount, self._neighbourhood.valency, d), value, sent) for a, value, d, sent in heard]
         if self._config.own == "then":
             return self._value + sum(w * (value - self._at(sent)) for w, value, sent in moved)
         kept = 1.0 - sum(w for w, *_ in moved)

@@ -18,7 +18,7 @@ from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.protocols import Consensus
 from mathnavi.interfaces.signals import Message
-from mathnavi.models.fleet.graph import Node
+from mathnavi.models.fleet.graph import Neighbourhood
 
 
 @configuration
@@ -37,7 +37,7 @@ class Maximum:
     only_rises = True  # a later time that one vehicle communicates becomes the agreed one
 
     @staticmethod
-    def build(config: MaximumConfig, mission: Node) -> Consensus:
+    def build(config: MaximumConfig, mission: Neighbourhood) -> Consensus:
         """Return the consensus of one vehicle; MissionError for a deadline that is NaN."""
         if math.isnan(mission.deadline):
             raise MissionError(f"deadline = {mission.deadline!r}; allowed: a number")
@@ -47,10 +47,10 @@ class Maximum:
 class MaximumConsensus:
     """The largest number that one vehicle knows of."""
 
-    def __init__(self, config: MaximumConfig, node: Node) -> None:
+    def __init__(self, config: MaximumConfig, neighbourhood: Neighbourhood) -> None:
         self.period = config.period
-        self._node = node
-        self._inbox = Inbox(node, ConsensusPayload.sound, 2.0 * node.clock_error)
+        self._neighbourhood = neighbourhood
+        self._inbox = Inbox(neighbourhood, ConsensusPayload.sound, 2.0 * neighbourhood.clock_error)
         self._beyond = 0  # numbers received above D
         self._largest: float | None = None
         self._own = math.nan
@@ -60,12 +60,12 @@ class MaximumConsensus:
         """Agreed number; D where nothing is agreed and its own number is above it."""
         if self._largest is not None:
             return self._largest
-        return self._node.deadline if self._own > self._node.deadline else math.nan
+        return self._neighbourhood.deadline if self._own > self._neighbourhood.deadline else math.nan
 
     @property
     def outlier(self) -> bool:
         """True if the vehicle only follows: its own number is above D, or it has none."""
-        return not (math.isfinite(self._own) and self._own <= self._node.deadline)
+        return not (math.isfinite(self._own) and self._own <= self._neighbourhood.deadline)
 
     @property
     def refused(self) -> Mapping[str, int]:
@@ -82,11 +82,11 @@ class MaximumConsensus:
         """Exchange one round at t [s]: take what was ``received``, return the payload to send."""
         for message in self._inbox.take(t, received):
             payload: ConsensusPayload = message.payload
-            if payload.value is not None and payload.value > self._node.deadline:
+            if payload.value is not None and payload.value > self._neighbourhood.deadline:
                 self._beyond += 1
             elif payload.value is not None:
                 self._rise(payload.value)
-        return ConsensusPayload(self._largest, self._node.valency, self.outlier)
+        return ConsensusPayload(self._largest, self._neighbourhood.valency, self.outlier)
 
     def _rise(self, value: float) -> None:
         self._largest = value if self._largest is None else max(self._largest, value)

@@ -20,6 +20,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.controllers.ocp.derivative_assembly import Assembly, Block, NlpStage
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution
 from mathnavi.controllers.ocp.grid import Mesh
 from mathnavi.controllers.ocp.layout import (
@@ -32,7 +33,6 @@ from mathnavi.controllers.ocp.layout import (
 )
 from mathnavi.controllers.ocp.pointwise import COLLOCATIONS, collocation_blocks
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.stagewise import Assembly, Block, NlpStage
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, weights
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array, Integers

@@ -17,6 +17,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
+from mathnavi.controllers.ocp.derivative_assembly import Block, Factors, NlpStage
 from mathnavi.controllers.ocp.layout import (
     ProgrammeLayout,
     bounded_controls,
@@ -25,7 +26,6 @@ from mathnavi.controllers.ocp.layout import (
     variation,
 )
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.stagewise import Block, Factors, NlpStage
 from mathnavi.controllers.ocp.transcriptions.collocation import (
     GaussLegendre,
     LegendreGaussLobatto,

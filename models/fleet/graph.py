@@ -28,7 +28,7 @@ from mathnavi.interfaces.signals import Array
 
 
 @dataclass(frozen=True)
-class Node:
+class Neighbourhood:
     """Vehicle of a fleet, with its knowledge of those that it communicates with."""
 
     name: str
@@ -188,13 +188,13 @@ class Graph:
         row = self._row(name)
         return tuple(other for other, weight in zip(self.names, row, strict=True) if weight > 0.0)
 
-    def node(self, name: str, planning_period: float = 5.0 / 3.0, deadline: float = math.inf) -> Node:
-        """Node of a vehicle: its knowledge of the graph.
+    def neighbourhood(self, name: str, planning_period: float = 5.0 / 3.0, deadline: float = math.inf) -> Neighbourhood:
+        """Neighbourhood of a vehicle: its knowledge of the graph.
 
         Raises FieldError for an unknown name.
         """
         row = zip(self.names, self._row(name).tolist(), strict=True)
-        return Node(name, {other: weight for other, weight in row if weight > 0.0}, planning_period, deadline)
+        return Neighbourhood(name, {other: weight for other, weight in row if weight > 0.0}, planning_period, deadline)
 
     def linked(self, sender: str, receiver: str, t: float) -> bool:
         """True if one vehicle hears the other, for ``mathnavi.sim.engine.network.Linked``; t [s] does not matter."""
@@ -275,9 +275,9 @@ class Switching:
         self.union.checked_connected()
         return self
 
-    def node(self, name: str, planning_period: float = 5.0 / 3.0, deadline: float = math.inf) -> Node:
-        """Node of a vehicle: its knowledge of all edges that exist at some time."""
-        return self.union.node(name, planning_period, deadline)
+    def neighbourhood(self, name: str, planning_period: float = 5.0 / 3.0, deadline: float = math.inf) -> Neighbourhood:
+        """Neighbourhood of a vehicle: its knowledge of all edges that exist at some time."""
+        return self.union.neighbourhood(name, planning_period, deadline)
 
     def linked(self, sender: str, receiver: str, t: float) -> bool:
         """True if one vehicle hears the other at t [s], for ``mathnavi.sim.engine.network.Linked``."""

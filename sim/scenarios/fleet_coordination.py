@@ -54,7 +54,7 @@ def coordinators(
             float(ticking.uniform(-config.clocks.drift, config.clocks.drift)),
         )
         memory = max(_SHORTEST_MEMORY, 4.0 * EXCHANGE_PERIOD + 2.0 * config.radio.delay[1])
-        clocks = ClockConsensus(ClockConfig(period=EXCHANGE_PERIOD, memory=memory), graph.node(name))
+        clocks = ClockConsensus(ClockConfig(period=EXCHANGE_PERIOD, memory=memory), graph.neighbourhood(name))
         made[name] = ClockedCoordinator(
             name, clock, clocks, graph.neighbours(name), config.clocks.settling, config.clocks.error, talker
         )
@@ -109,13 +109,13 @@ def _talker(
     ahead: float,
 ) -> FleetCoordinator:
     """Coordinator of one vehicle, whose clock is ``ahead`` [s] of the simulation's time."""
-    node: Any = dataclasses.replace(
-        graph.node(name, vehicle.planner.period, deadline + ahead), clock_error=zone.clock_error
+    neighbourhood: Any = dataclasses.replace(
+        graph.neighbourhood(name, vehicle.planner.period, deadline + ahead), clock_error=zone.clock_error
     )
     # To defer is to request a later time of all; an average does not follow.
     follows = getattr(consensus.plugin, "only_rises", False)
     assured = AssuredArrival(vehicle.assured + ahead, vehicle.estimate.arrives, vehicle.braking) if follows else None
     return FleetCoordinator(
-        rule(stored), checked_consensus(consensus, node), graph.neighbours(name), vehicle.estimate,
+        rule(stored), checked_consensus(consensus, neighbourhood), graph.neighbours(name), vehicle.estimate,
         vehicle.planner.period, EXCHANGE_PERIOD, assured,
     )  # fmt: skip

@@ -11,8 +11,7 @@ from typing import Any, ClassVar
 
 from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
 from mathnavi.controllers.flight.certified import Certified, Certifier
-from mathnavi.controllers.flight.command_filter import CommandFilter
-from mathnavi.controllers.flight.filtered_controller import filtered
+from mathnavi.controllers.flight.command_filter import CommandFilter, filtered
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.protocols import Planner
 from mathnavi.interfaces.signals import Estimate, Plan, PlanRequest

@@ -86,7 +86,7 @@ def exchanged(
 def laplacians(graph: Graph | Switching, starts: Sequence[float] | Array, **fields: Any) -> dict[str, Consensus]:
     """A vehicle each with the Laplacian protocol, started."""
     config = LaplacianConfig(**fields)
-    parts: dict[str, Consensus] = {name: LaplacianConsensus(config, graph.node(name)) for name in graph.names}
+    parts: dict[str, Consensus] = {name: LaplacianConsensus(config, graph.neighbourhood(name)) for name in graph.names}
     for part, start in zip(parts.values(), starts, strict=True):
         part.start(float(start))
     return parts
@@ -168,7 +168,9 @@ def rate_on(case: RateCase) -> RateFound:
 
 
 def _rounds_to_maximum(graph: Graph, rng: np.random.Generator) -> int:
-    parts: dict[str, Consensus] = {name: MaximumConsensus(MaximumConfig(), graph.node(name)) for name in graph.names}
+    parts: dict[str, Consensus] = {
+        name: MaximumConsensus(MaximumConfig(), graph.neighbourhood(name)) for name in graph.names
+    }
     starts = rng.uniform(50.0, 150.0, len(parts))
     for part, start in zip(parts.values(), starts, strict=True):
         part.start(float(start))
@@ -340,7 +342,7 @@ def clocks_agree(case: ClockCase) -> ClockFound:
         for name, offset, drift in zip(graph.names, offsets, drifts, strict=True)
     }
     config = ClockConfig(period=period, scaling=25.0, rate_scaling=case.rate_scaling, baseline=1.0)
-    parts: dict[str, Consensus] = {name: ClockConsensus(config, graph.node(name)) for name in graph.names}
+    parts: dict[str, Consensus] = {name: ClockConsensus(config, graph.neighbourhood(name)) for name in graph.names}
     network = _EachWay(IdealNetwork(graph.names), case, rng)
     values = exchanged(parts, graph, network, round(seconds / period), clocks=clocks)
     shown = np.array([clocks[name](seconds) for name in graph.names])
@@ -387,7 +389,7 @@ def with_outlier(case: OutlierCase) -> OutlierFound:
     config = LaplacianConfig(scaling=60.0, period=period, memory=1.5 * period, delta=delta)
     far = 220.0
     starts = 100.0 + np.random.default_rng(5).uniform(-10.0, 10.0, n)
-    parts = {name: LaplacianConsensus(config, graph.node(name)) for name in graph.names}
+    parts = {name: LaplacianConsensus(config, graph.neighbourhood(name)) for name in graph.names}
     network = IdealNetwork(graph.names)
     found: list[tuple[Array, bool, float, float, float, float]] = []
     for step in range(case.steps):

@@ -32,7 +32,7 @@ def plugin(request: pytest.FixtureRequest) -> type[ConsensusPlugin]:
 
 
 def built(plugin: type[ConsensusPlugin], graph: Graph) -> dict[str, Consensus]:
-    return {name: checked_consensus(PluginSpec.with_fields(plugin), graph.node(name)) for name in graph.names}
+    return {name: checked_consensus(PluginSpec.with_fields(plugin), graph.neighbourhood(name)) for name in graph.names}
 
 
 def outbox(plugin: type[ConsensusPlugin], graph: Graph, starts: Array, network: Network, rounds: int) -> Array:

@@ -22,7 +22,7 @@ PERIOD = 0.01
 def corrected(graph: Graph, offsets: Array, rates: Array, network: Network, seconds: float, **fields: float) -> Array:
     """Final times of the corrected clocks (n,) [s]."""
     config = ClockConfig(period=PERIOD, **fields)
-    parts = {name: ClockConsensus(config, graph.node(name)) for name in graph.names}
+    parts = {name: ClockConsensus(config, graph.neighbourhood(name)) for name in graph.names}
     clocks = {
         name: (lambda t, o=float(o), r=float(r): t * (1.0 + r) + o)
         for name, o, r in zip(graph.names, offsets, rates, strict=True)
@@ -64,7 +64,7 @@ def test_agreeing_on_rates_takes_the_drift_out() -> None:
 
 
 def test_a_round_trip_that_took_too_long_or_came_before_it_was_sent_is_not_used() -> None:
-    part = ClockConsensus(ClockConfig(memory=0.25), Graph.line(("a", "b")).node("a"))
+    part = ClockConsensus(ClockConfig(memory=0.25), Graph.line(("a", "b")).neighbourhood("a"))
     part.exchange(10.0, [])
     for k, (sent, taken) in enumerate([(9.0, 10.04), (10.0, 9.9)]):
         t = 10.05 + 0.01 * k
@@ -76,7 +76,7 @@ def test_a_round_trip_that_took_too_long_or_came_before_it_was_sent_is_not_used(
 
 
 def test_a_clock_that_is_further_off_than_clocks_are_is_not_followed() -> None:
-    part = ClockConsensus(ClockConfig(apart=60.0), Graph.line(("a", "b")).node("a"))
+    part = ClockConsensus(ClockConfig(apart=60.0), Graph.line(("a", "b")).neighbourhood("a"))
     part.exchange(1000.0, [])
     payload = ClockPayload(0.0, 0.0, 1.0, {"a": (1000.0, 1000.0)})
     part.exchange(1000.1, [Message(1061.0, "b", "", payload)])

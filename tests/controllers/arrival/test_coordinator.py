@@ -46,7 +46,7 @@ class Fleet:
         for name, one in zip(NAMES, rng.spawn(3), strict=True):
             peers = [other for other in NAMES if other != name]
             separation = Separation(name, peers, Zone(200.0), self.stored[name], one)
-            consensus = Maximum.build(Maximum.Config(period=ROUND), graph.node(name, H, deadline))
+            consensus = Maximum.build(Maximum.Config(period=ROUND), graph.neighbourhood(name, H, deadline))
             self.coordinators[name] = FleetCoordinator(
                 separation,
                 consensus,

@@ -79,7 +79,7 @@ def test_compared_with_itself_then_it_keeps_the_average_and_is_unstable_beyond_t
 
 
 def test_a_neighbour_that_falls_silent_is_forgotten() -> None:
-    part = LaplacianConsensus(LaplacianConfig(memory=0.1), Graph.line(("a", "b")).node("a"))
+    part = LaplacianConsensus(LaplacianConfig(memory=0.1), Graph.line(("a", "b")).neighbourhood("a"))
     part.start(0.0)
     part.exchange(0.0, [])
     moved = []
@@ -105,10 +105,10 @@ def test_a_second_start_forgets_what_was_said_before() -> None:
 
 @given(st.floats(10.0, 300.0), st.floats(0.5, 2.0), st.floats(0.0, 1000.0))
 def test_who_is_an_outlier_does_not_depend_on_where_the_clock_begins(own: float, ratio: float, now: float) -> None:
-    node = Graph.line(("a", "b")).node("a", planning_period=1.0)
+    neighbourhood = Graph.line(("a", "b")).neighbourhood("a", planning_period=1.0)
     found = []
     for zero in (0.0, now):
-        part = LaplacianConsensus(LaplacianConfig(scaling=1e6), node)
+        part = LaplacianConsensus(LaplacianConfig(scaling=1e6), neighbourhood)
         part.start(zero + own, zero)
         part.exchange(zero, [])
         for k in range(1, 40):
@@ -125,7 +125,7 @@ LINE = Graph.line(NAMES[:5])
 def periods(owns: list[list[float]], rounds: int = 900) -> tuple[Array, dict[str, LaplacianConsensus]]:
     """Values of the vehicles on a line after each planning period (k, 5)."""
     config = LaplacianConfig(period=1.0 / 600.0, scaling=100.0)
-    parts = {name: LaplacianConsensus(config, LINE.node(name)) for name in LINE.names}
+    parts = {name: LaplacianConsensus(config, LINE.neighbourhood(name)) for name in LINE.names}
     network, ends = IdealNetwork(LINE.names), []
     for k, own in enumerate(owns):
         started(parts, own)

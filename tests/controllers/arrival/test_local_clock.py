@@ -32,10 +32,10 @@ def clocked(name: str, place: float, settling: float) -> ClockedCoordinator:
     def coordinator(stored: Plan, ahead: float) -> FleetCoordinator:
         other = [each for each in NAMES if each != name]
         separation = Separation(name, other, Zone(10.0, clock_error=0.1), stored, np.random.default_rng(0))
-        consensus = Maximum.build(MaximumConfig(period=PERIOD), GRAPH.node(name))
+        consensus = Maximum.build(MaximumConfig(period=PERIOD), GRAPH.neighbourhood(name))
         return FleetCoordinator(separation, consensus, other, lambda plan, t: plan.t_end, 1.0, PERIOD)
 
-    consensus = ClockConsensus(ClockConfig(period=PERIOD), GRAPH.node(name))
+    consensus = ClockConsensus(ClockConfig(period=PERIOD), GRAPH.neighbourhood(name))
     made = ClockedCoordinator(
         name, LocalClock(OFFSETS[name]), consensus, [n for n in NAMES if n != name], settling, 0.1, coordinator
     )

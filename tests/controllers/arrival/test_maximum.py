@@ -55,7 +55,7 @@ def test_a_vehicle_above_the_deadline_is_an_outlier_that_moves_nobody_and_comes_
 
 
 def test_it_says_that_it_is_an_outlier() -> None:
-    part = MaximumConsensus(MaximumConfig(), Graph.line(("a", "b")).node("a", deadline=100.0))
+    part = MaximumConsensus(MaximumConfig(), Graph.line(("a", "b")).neighbourhood("a", deadline=100.0))
     part.start(101.0)
     assert part.exchange(0.0, []) == ConsensusPayload(None, 1.0, outlier=True)
     part.start(99.0)
@@ -65,7 +65,7 @@ def test_it_says_that_it_is_an_outlier() -> None:
 
 
 def test_a_value_above_the_deadline_is_refused_and_counted() -> None:
-    part = MaximumConsensus(MaximumConfig(), Graph.line(("a", "b")).node("a", deadline=100.0))
+    part = MaximumConsensus(MaximumConfig(), Graph.line(("a", "b")).neighbourhood("a", deadline=100.0))
     part.start(80.0)
     part.exchange(1.0, [Message(0.5, "b", "", ConsensusPayload(100.5, 1.0))])
     assert part.value == 80.0
@@ -74,4 +74,4 @@ def test_a_value_above_the_deadline_is_refused_and_counted() -> None:
 
 def test_a_deadline_that_is_none_is_refused() -> None:
     with pytest.raises(ValueError, match="deadline = nan"):
-        Maximum.build(MaximumConfig(), Graph.line(("a", "b")).node("a", deadline=math.nan))
+        Maximum.build(MaximumConfig(), Graph.line(("a", "b")).neighbourhood("a", deadline=math.nan))

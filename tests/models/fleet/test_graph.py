@@ -61,9 +61,12 @@ def test_the_named_graphs_have_the_eigenvalues_of_the_textbooks() -> None:
 
 def test_a_vehicle_knows_its_own_links_only() -> None:
     graph = Graph.from_edges(ABC, {("a", "b"): 2.0, ("c", "b"): 0.5})
-    assert graph.node("b", 2.0, 90.0).weights == {"a": 2.0, "c": 0.5}
-    assert graph.node("b").valency == 2.5
-    assert (graph.node("b", 2.0, 90.0).planning_period, graph.node("b", 2.0, 90.0).deadline) == (2.0, 90.0)
+    assert graph.neighbourhood("b", 2.0, 90.0).weights == {"a": 2.0, "c": 0.5}
+    assert graph.neighbourhood("b").valency == 2.5
+    assert (graph.neighbourhood("b", 2.0, 90.0).planning_period, graph.neighbourhood("b", 2.0, 90.0).deadline) == (
+        2.0,
+        90.0,
+    )
     assert graph.linked("b", "c", 0.0)
     assert not graph.linked("a", "c", 0.0)
     assert not graph.linked("a", "z", 0.0)
@@ -128,7 +131,7 @@ def test_each_graph_of_a_switching_one_holds_from_its_own_time_on() -> None:
     assert switching.linked("a", "b", 1.5)
     assert not switching.linked("a", "b", 2.5)
     assert switching.names == ABC
-    assert switching.node("b").weights == {"a": 2.0, "c": 1.0}
+    assert switching.neighbourhood("b").weights == {"a": 2.0, "c": 1.0}
 
 
 def test_a_switching_graph_is_connected_where_its_union_is() -> None:

@@ -291,5 +291,5 @@ class ConsensusPlugin(Protocol):
 
     @staticmethod
     def build(config: Any, mission: Any) -> Consensus:
-        """Build the protocol of one vehicle for one run; ``mission`` is a ``Neighbourhood``, its knowledge of the fleet."""
+        """Build the protocol of a vehicle for one run; ``mission`` is a ``Neighbourhood``: all it knows of others."""
         ...

@@ -17,19 +17,18 @@ those defined here. A ``Literal`` allows the values that it lists, and None is a
 from __future__ import annotations
 
 import dataclasses
-import inspect
 import math
 import operator
-import types
 import typing
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 from annotated_types import Ge, GroupedMetadata, Gt, Interval, Le, Lt, Predicate
 
 from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.field_table import Form, fields_of
 
 Made = TypeVar("Made")
 
@@ -194,44 +193,29 @@ def declared(config: Any) -> tuple[Declared, ...]:
     A field that a subclass declares again, with another default for example, keeps the bounds that it has in the base
     class, unless its type in the subclass is marked with ``ANEW``.
     """
-    bases = [base for base in reversed(config.__mro__) if "__dataclass_fields__" in vars(base)]
-    hints = [(inspect.get_annotations(base), get_type_hints(base, include_extras=True)) for base in bases]
     return tuple(
-        Declared(entry.name, optional, each, condition.holds, condition.allowed, condition.hint)
-        for entry in dataclasses.fields(config)
-        for hint in _since_anew([resolved[entry.name] for own, resolved in hints if entry.name in own])
-        for optional, each, condition in _conditions(hint)
+        Declared(field.name, optional, each, condition.holds, condition.allowed, condition.hint)
+        for field in fields_of(config)
+        for form in _since_anew(field.declared)
+        for optional, each, condition in _conditions(form)
     )
 
 
-def _since_anew(hints: Sequence[Any]) -> Sequence[Any]:
+def _since_anew(forms: Sequence[Form]) -> Sequence[Form]:
     """Return the types of a field, base classes first, from the last one that is marked with ``ANEW`` on, or all."""
-    marked = [k for k, hint in enumerate(hints) if ANEW in getattr(hint, "__metadata__", ())]
-    return hints[max(marked, default=0) :]
+    marked = [k for k, form in enumerate(forms) if ANEW in form.marks]
+    return forms[max(marked, default=0) :]
 
 
-def _conditions(hint: Any) -> Iterator[tuple[bool, bool, Condition]]:
+def _conditions(form: Form) -> Iterator[tuple[bool, bool, Condition]]:
     """Return the conditions of a type on a value: each with whether None is allowed and whether it holds for every
     item.
     """
-    if get_origin(hint) is Annotated:
-        kind, *marks = get_args(hint)
-        yield from _conditions(kind)
-        optional = _is_optional(kind)
-        for each, condition in _marked(kind, marks):
-            yield optional, each, condition
-    elif get_origin(hint) is Literal:
-        yield False, False, Condition(get_args(hint).__contains__, ", ".join(map(str, get_args(hint))))
-    elif _is_optional(hint):
-        for kind in get_args(hint):
-            for _, each, condition in _conditions(kind):
-                yield True, each, condition
-
-
-def _is_optional(hint: Any) -> bool:
-    """Return True for ``A | None``; of other unions no bounds are read."""
-    is_union = get_origin(hint) in (typing.Union, types.UnionType)
-    return is_union and len(get_args(hint)) == 2 and types.NoneType in get_args(hint)
+    if form.origin is Literal:
+        values = tuple(form.values.values())
+        yield form.optional, False, Condition(values.__contains__, ", ".join(map(str, values)))
+    for each, condition in _marked(form.kind, form.marks):
+        yield form.optional, each, condition
 
 
 def _marked(kind: Any, marks: Sequence[Any]) -> Iterator[tuple[bool, Condition]]:

@@ -11,22 +11,21 @@ from __future__ import annotations
 import dataclasses
 import re
 import reprlib
-import types
-import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from enum import Enum
-from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any
 
 import msgspec
 
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.field_table import Form, fields_of, form_of
 
 ROOT = "$"  # the whole file, in place of a value
 _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")  # in a place: a field, the number of an item, or any key
 _KINDS = {"object": "an object of names and values", "array": "a list", "null": "null"}
+_ANY = form_of(Any)
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 80
 _SHORT.maxdict = _SHORT.maxlist = _SHORT.maxtuple = 6
@@ -44,18 +43,18 @@ def validated(kind: Any, tree: Any, where: str = ROOT, *, closed: bool = True) -
     An object with a name that its dataclass does not have is wrong too, unless ``closed`` is False.
     """
     if closed:
-        _check_names(kind, tree, where)
+        _check_names(form_of(kind), tree, where)
     try:
         return msgspec.convert(tree, kind, strict=True, dec_hook=_decoded)
     except msgspec.ValidationError as error:
-        raise FieldError(_explained(error, kind, tree, where)) from None
+        raise FieldError(_explained(error, form_of(kind), tree, where)) from None
     except TypeError as error:
         raise FieldError(f"{where or 'value'}: {kind} cannot be read from plain data ({error})") from None
 
 
 def known_fields(kind: Any) -> list[str]:
     """Return the names of the fields of a dataclass that its instances are made from."""
-    return [entry.name for entry in dataclasses.fields(kind) if entry.init]
+    return [field.name for field in fields_of(kind) if field.init]
 
 
 def unknown_field(kind: Any, name: object, where: str) -> FieldError:
@@ -70,93 +69,70 @@ def _decoded(kind: Any, value: Any) -> Any:
     raise TypeError(f"Expected `{'str' if kind is Path else getattr(kind, '__name__', kind)}`")
 
 
-def _check_names(kind: Any, tree: Any, where: str) -> None:
-    kind = _bare(kind)
-    if dataclasses.is_dataclass(kind) and isinstance(tree, Mapping):
-        known, hints = known_fields(kind), _hints(kind)
+def _check_names(form: Form, tree: Any, where: str) -> None:
+    if dataclasses.is_dataclass(form.kind) and isinstance(tree, Mapping):
+        known = known_fields(form.kind)
         for name, value in tree.items():
             if name not in known:
-                raise unknown_field(kind, name, where)
-            _check_names(hints[name], value, _joined(where, name))
-    elif get_origin(kind) in (tuple, list) and isinstance(tree, (tuple, list)):
+                raise unknown_field(form.kind, name, where)
+            _check_names(_inside(form, name), value, _joined(where, name))
+    elif form.origin in (tuple, list) and isinstance(tree, (tuple, list)):
         for k, value in enumerate(tree):
-            if dataclasses.is_dataclass(item := _bare(_inside(kind, k))):
+            if dataclasses.is_dataclass((item := _inside(form, k)).kind):
                 _check_names(item, value, f"{where}[{k}]")
-    elif get_origin(kind) is dict and isinstance(tree, Mapping):
+    elif form.origin is dict and isinstance(tree, Mapping):
         for name, value in tree.items():
-            _check_names(get_args(kind)[1], value, f"{where}[{name!r}]")
+            _check_names(_inside(form, ""), value, f"{where}[{name!r}]")
 
 
-_hints: Callable[[Any], dict[str, Any]] = cache(get_type_hints)
-
-
-def _bare(hint: Any) -> Any:
-    """Return a type without its bounds; an optional one without its None."""
-    while True:
-        if get_origin(hint) is Annotated:
-            hint = get_args(hint)[0]
-        elif get_origin(hint) in (typing.Union, types.UnionType):
-            given = [choice for choice in get_args(hint) if choice is not types.NoneType]
-            if len(given) != 1:
-                return hint
-            hint = given[0]
-        else:
-            return hint
-
-
-def _inside(hint: Any, step: str | int) -> Any:
+def _inside(form: Form, step: str | int) -> Form:
     """Return the type of a field or an item of a type; ``Any`` if it is not known."""
-    kind, items = _bare(hint), get_args(_bare(hint))
-    if dataclasses.is_dataclass(kind):
-        return _hints(kind).get(str(step), Any)
-    if isinstance(step, int) and get_origin(kind) in (tuple, list):
-        if get_origin(kind) is list or items[-1] is Ellipsis:
-            return items[0]
-        return items[step] if step < len(items) else Any
-    return items[1] if get_origin(kind) is dict else Any
+    if dataclasses.is_dataclass(form.kind):
+        return next((field.form for field in fields_of(form.kind) if field.name == step), _ANY)
+    if isinstance(step, int) and form.origin in (tuple, list) and form.members:
+        return form.members[step if form.fixed else 0] if step < len(form.members) or not form.fixed else _ANY
+    return form.members[1] if form.origin is dict and form.members else _ANY
 
 
-def _explained(error: msgspec.ValidationError, kind: Any, tree: Any, where: str) -> str:
+def _explained(error: msgspec.ValidationError, form: Form, tree: Any, where: str) -> str:
     """Return the message for a fault: its place, the value there, and what is allowed."""
     reason, _, tail = str(error).rpartition(" - at ")
     if not reason:
         reason, tail = str(error), ""
-    place, value, hint = where, tree, kind
+    place, value = where, tree
     for name, number in _STEP.findall(tail.strip("`")):
         if number == "...":
-            key, value = _culprit(_bare(hint), value)
-            place, hint = f"{place}[{key!r}]", _inside(hint, "")
+            form = _inside(form, "")
+            key, value = _culprit(form, value)
+            place = f"{place}[{key!r}]"
         elif number:
-            place, value, hint = f"{place}[{number}]", value[int(number)], _inside(hint, int(number))
+            place, value, form = f"{place}[{number}]", value[int(number)], _inside(form, int(number))
         else:
-            place, value, hint = _joined(place, name), value[name], _inside(hint, name)
+            place, value, form = _joined(place, name), value[name], _inside(form, name)
     if isinstance(error.__cause__, ValueError):  # a configuration refuses a value of the right type
         return _joined(place, reason) if re.match(r"\w+ = ", reason) else f"{place}: {reason}".removeprefix(": ")
     if missing := re.fullmatch(r"Object missing required field `(.*)`", reason):
-        return f"{_joined(place, missing[1])} is missing; allowed: {', '.join(known_fields(_bare(hint)))}"
-    return f"{place or 'value'} = {shortened(value)}; allowed: {_allowed(reason, _bare(hint))}"
+        return f"{_joined(place, missing[1])} is missing; allowed: {', '.join(known_fields(form.kind))}"
+    return f"{place or 'value'} = {shortened(value)}; allowed: {_allowed(reason, form)}"
 
 
-def _culprit(hint: Any, values: Any) -> tuple[Any, Any]:
-    """Return the first key and value of a mapping that its type does not allow."""
-    kind = get_args(hint)[1]
+def _culprit(form: Form, values: Any) -> tuple[Any, Any]:
+    """Return the first key and value of a mapping that the type of its values does not allow."""
     for key, value in values.items():
         try:
-            msgspec.convert(value, kind, strict=True, dec_hook=_decoded)
+            msgspec.convert(value, form.hint, strict=True, dec_hook=_decoded)
         except msgspec.ValidationError:
             return key, value
     key = next(iter(values))
     return key, values[key]
 
 
-def _allowed(reason: str, hint: Any) -> str:
+def _allowed(reason: str, form: Form) -> str:
     """Return the values that a type allows, in words."""
-    if get_origin(hint) is Literal:
-        return ", ".join(map(str, get_args(hint)))
-    if isinstance(hint, type) and issubclass(hint, Enum):
-        return ", ".join(str(member.value) for member in hint)
-    if hint is bool:
+    if form.kind is bool:
         return "true, false"
+    if form.values:
+        return ", ".join(str(each.value if isinstance(each, Enum) else each) for each in form.values.values())
     if length := re.match(r"Expected `array` of length (\d+)", reason):
         return f"{length[1]} values"
     if expected := re.match(r"Expected `([^`]*)`", reason):

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-import types
-import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from enum import Enum
-from functools import cache
 from pathlib import Path
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any
 
 import numpy as np
 
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.failures import failures_named
+from mathnavi.interfaces.field_table import field_of
 from mathnavi.interfaces.schema import known_fields, unknown_field, validated
 
 _PLAIN = (bool, int, float, str)
-_hints: Callable[[Any], dict[str, Any]] = cache(get_type_hints)
 
 
 def plain(value: Any) -> Any:
@@ -59,7 +56,7 @@ def with_fields(config: Any, fields: Mapping[str, Any], where: str = "") -> Any:
         if rest:
             nested.setdefault(first, {})[rest] = value
         else:
-            own[first] = validated(_hints(type(config))[first], _native(value), _joined(where, first))
+            own[first] = validated(field_of(type(config), first).form.hint, _native(value), _joined(where, first))
     for first, inner in nested.items():
         part = own.get(first, getattr(config, first))
         if not dataclasses.is_dataclass(part):
@@ -79,8 +76,7 @@ def leaf(config: Any, name: str) -> Any:
 def leaf_type(config: Any, name: str) -> Any:
     """Return the declared type of the field with a dotted name; for an optional field without its None."""
     above, _, last = name.rpartition(".")
-    hint = _hints(type(leaf(config, above) if above else config))[last]
-    return _given(hint) if get_origin(hint) in (typing.Union, types.UnionType) else hint
+    return field_of(type(leaf(config, above) if above else config), last).form.kind
 
 
 def flattened(fields: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -108,10 +104,6 @@ def _refusing(config: type, where: str) -> AbstractContextManager[None]:
     return failures_named(
         f"{where or 'fields'}: {config.__module__}.{config.__qualname__} failed:", FieldError, (ValueError,)
     )
-
-
-def _given(hint: Any) -> Any:
-    return next(choice for choice in get_args(hint) if choice is not type(None))
 
 
 def _joined(where: str, name: str) -> str:

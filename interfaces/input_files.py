@@ -22,9 +22,10 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Any
 
 from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.field_table import fields_of
 from mathnavi.interfaces.reading.files import MEBIBYTE, read_bytes
 
 MOST = 4096 * MEBIBYTE  # of a file that a field names
@@ -146,14 +147,6 @@ def declared_inputs(config: Any, prefix: str = "") -> set[str]:
     return {name for name, mark, _ in _named(config, InputFile, prefix) if mark is not _UNDECLARED}
 
 
-def mark_of(hint: Any, kind: type[Any]) -> Any:
-    """Return the mark of a kind, ``InputFile`` or ``PluginName``, anywhere in a type; None for a type without one."""
-    if get_origin(hint) is Annotated:
-        inner, *marks = get_args(hint)
-        return next((mark for mark in marks if isinstance(mark, kind)), None) or mark_of(inner, kind)
-    return next(filter(None, (mark_of(each, kind) for each in get_args(hint))), None)
-
-
 def _named(config: Any, kind: Any, prefix: str) -> Iterator[tuple[str, Any, list[str]]]:
     """Return name, mark and places of each marked field that is given, in the order of the fields."""
     made: Any = type(config)
@@ -179,15 +172,9 @@ def _places(value: Any) -> Iterator[str]:
 
 
 @cache
-def _hints(config: Any) -> tuple[tuple[str, Any], ...]:
-    hints = get_type_hints(config, include_extras=True)
-    return tuple((entry.name, hints[entry.name]) for entry in dataclasses.fields(config))
-
-
-@cache
 def _marks(config: Any, kind: Any) -> tuple[tuple[str, Any], ...]:
     """Return name and mark of each field of a class of configurations; None for a field without a mark."""
-    return tuple((name, mark_of(hint, kind)) for name, hint in _hints(config))
+    return tuple((field.name, field.form.mark(kind)) for field in fields_of(config))
 
 
 def _is_file(place: str, is_path: bool) -> bool:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args, get_origin
+from typing import Annotated
 
 import pytest
 
+from mathnavi.interfaces.field_table import Field, Form, leaves_of
 from mathnavi.interfaces.input_files import (
     InputFile,
     PluginName,
@@ -15,11 +16,9 @@ from mathnavi.interfaces.input_files import (
     content_digest,
     declared_inputs,
     input_digests,
-    mark_of,
     run_inputs,
 )
 from mathnavi.sim.plugin.groups import GROUPS, installed
-from mathnavi.sim.plugin.leaves import Leaf, leaves_of
 from mathnavi.sim.plugin.registry import load
 
 TEXTS = {  # fields that hold texts and name neither a file nor a plug-in
@@ -118,32 +117,28 @@ def test_a_path_without_a_mark_counts_where_there_is_a_file(files: list[str], mo
     assert input_digests(Config(word="a")) == {}  # a name, and by chance that of a file
 
 
-def _texts(hint: Any) -> bool:
+def _texts(form: Form) -> bool:
     """True for a type that any text may be a value of."""
-    if get_origin(hint) is Annotated:
-        return _texts(get_args(hint)[0])
-    if get_origin(hint) is Literal:
-        return False
-    return hint is str or any(_texts(each) for each in get_args(hint))
+    return form.kind is str or any(_texts(each) for each in form.members)
 
 
-def _undeclared(leaf: Leaf) -> bool:
+def _undeclared(field: Field) -> bool:
     """True for a field that may name a file or a plug-in and does not say so by its type."""
-    hint = Annotated[(leaf.hint, *leaf.marks)] if leaf.marks else leaf.hint
-    return (_texts(hint) and mark_of(hint, InputFile) is None and mark_of(hint, PluginName) is None) or (
-        "Path" in str(leaf.hint) and not any(isinstance(mark, InputFile) for mark in leaf.marks)
+    form = field.form
+    return (_texts(form) and form.mark(InputFile) is None and form.mark(PluginName) is None) or (
+        "Path" in str(form.kind) and form.mark(InputFile) is None
     )
 
 
 def test_every_installed_configuration_declares_the_files_that_it_names() -> None:
     kinds = [kind for kind in GROUPS if kind not in ("terrains", "drawings")]  # which have no fields
     found = {
-        (kind, point.name, leaf.field_name)
+        (kind, point.name, leaf.path)
         for kind in kinds
         for point in installed(kind)
-        for leaf in leaves_of(load(kind, point.name).Config, "")
+        for leaf in leaves_of(load(kind, point.name).Config)
         if _undeclared(leaf)
     }
     assert found == TEXTS
-    bare = {leaf.field_name for leaf in leaves_of(Config, "") if _undeclared(leaf)}
+    bare = {leaf.path for leaf in leaves_of(Config) if _undeclared(leaf)}
     assert bare == {"bare", "word", "words"}  # such fields would be found

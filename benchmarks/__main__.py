@@ -9,9 +9,8 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-import tyro
 from rich.console import Console
 
 from benchmarks import (
@@ -28,8 +27,10 @@ from benchmarks import (
     tests_by_folder,
     video_time,
 )
+from benchmarks.arguments import read_arguments
 from benchmarks.comparison import WIDTH, Findings, Machine, load, table, write
 from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.field_table import TOGETHER
 
 # Parts with a row for each problem, part or folder, which is too much for the table of all.
 OWN_TABLES = ("ocp_peers", "acados_peer", "start_up", "imports", "video_time", "tests_by_folder")
@@ -43,7 +44,7 @@ class Arguments:
     """whether a few problems, one repetition or two and one minute have to do: rough figures"""
     before: str = ""
     """an earlier commit whose commands start beside ours"""
-    only: tuple[str, ...] = ()
+    only: Annotated[tuple[str, ...], TOGETHER] = ()
     """names of the parts that are measured, all if none is given"""
     out: Path = Path("renders/out/benchmarks.json")
     """file of the figures"""
@@ -111,4 +112,4 @@ def main(arguments: Arguments) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.cli(Arguments, description=Arguments.__doc__)))
+    sys.exit(main(read_arguments(Arguments)))

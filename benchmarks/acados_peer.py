@@ -19,17 +19,18 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import tyro
 from annotated_types import Ge
 from rich.console import Console
 
 from benchmarks import ocp_ours
 from benchmarks.acados_wheel import FOLDER, missing
+from benchmarks.arguments import read_arguments
 from benchmarks.comparison import Comparison, alone
 from benchmarks.ocp_attempts import Attempt, attempts
 from benchmarks.ocp_trajectory import Trajectory, judge
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.interfaces.bounds import Within, configuration
+from mathnavi.interfaces.field_table import TOGETHER
 
 NAME = "cart-pole"
 LEVEL = 1e-2
@@ -42,7 +43,7 @@ class Arguments:
 
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 3
     """solves of each"""
-    intervals: tuple[int, ...] = (20, 40, 80)
+    intervals: Annotated[tuple[int, ...], TOGETHER] = (20, 40, 80)
     """numbers of intervals that acados is given, in this order"""
     folder: Path = FOLDER
     """folder into which pip install --target has put comma-deps-acados"""
@@ -149,4 +150,4 @@ def main(arguments: Arguments) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Arguments, description=Arguments.__doc__))
+    main(read_arguments(Arguments))

@@ -35,12 +35,12 @@ from unittest import mock
 
 from annotated_types import Ge
 
+from benchmarks.arguments import read_arguments
 from mathnavi.interfaces.bounds import Within, configuration
 
 os.environ.setdefault("MUJOCO_GL", "disable")
 
 import numpy as np
-import tyro
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
@@ -336,4 +336,4 @@ def main(arguments: Arguments) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Arguments, description=Arguments.__doc__))
+    main(read_arguments(Arguments))

@@ -19,11 +19,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import tyro
 from annotated_types import Ge
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.arguments import read_arguments
 from benchmarks.comparison import Comparison, alone
 from benchmarks.progress import progress
 from mathnavi.interfaces.bounds import Within, configuration
@@ -113,4 +113,4 @@ def main(arguments: Arguments) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Arguments, description=Arguments.__doc__))
+    main(read_arguments(Arguments))

@@ -25,13 +25,13 @@ from typing import Annotated, Any, TypeVar
 
 from annotated_types import Ge
 
+from benchmarks.arguments import read_arguments
 from mathnavi.interfaces.bounds import Within, configuration
 
 os.environ.setdefault("MUJOCO_GL", "disable")
 
 import mujoco
 import numpy as np
-import tyro
 from dm_control.mujoco import Physics
 from dm_control.mujoco.wrapper import MjModel
 from dm_control.rl.control import Environment
@@ -241,4 +241,4 @@ def main(arguments: Arguments) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Arguments, description=Arguments.__doc__))
+    main(read_arguments(Arguments))

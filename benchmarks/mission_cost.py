@@ -18,12 +18,12 @@ from typing import Annotated, Any
 
 from annotated_types import Ge
 
+from benchmarks.arguments import read_arguments
 from mathnavi.interfaces.bounds import Within, configuration
 
 os.environ.setdefault("MUJOCO_GL", "disable")
 
 import numpy as np
-import tyro
 from rich.console import Console
 
 from benchmarks.comparison import Comparison, alone
@@ -140,4 +140,4 @@ def main(arguments: Arguments) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Arguments, description=Arguments.__doc__))
+    main(read_arguments(Arguments))

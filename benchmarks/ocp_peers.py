@@ -23,17 +23,18 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import tyro
 from annotated_types import Ge
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.arguments import read_arguments
 from benchmarks.comparison import Comparison, Machine, alone
 from benchmarks.ocp_attempts import LEVELS, Attempt, level
 from benchmarks.progress import progress
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.interfaces.bounds import Within, configuration
 from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.field_table import TOGETHER
 
 OURS = "ours"
 SHOWN = {OURS: "ours", "maptor": "MAPTOR", "dymos": "dymos, SLSQP"}
@@ -49,7 +50,7 @@ SMALL = (
 class Arguments:
     """Measure our optimal control beside MAPTOR and dymos."""
 
-    problems: tuple[str, ...] = tuple(PROBLEMS)
+    problems: Annotated[tuple[str, ...], TOGETHER] = tuple(PROBLEMS)
     """names of problems"""
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 3
     """runs of what is compared"""
@@ -270,4 +271,4 @@ def main(arguments: Arguments) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Arguments, description=Arguments.__doc__))
+    main(read_arguments(Arguments))

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import tyro
 from annotated_types import Ge, Interval
 from rich.console import Console
 
+from benchmarks.arguments import read_arguments
 from benchmarks.comparison import Comparison, Ratio, alone
 from benchmarks.progress import progress
 from mathnavi.interfaces.bounds import Within, configuration
@@ -108,4 +108,4 @@ def main(arguments: Arguments) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Arguments, description=Arguments.__doc__))
+    main(read_arguments(Arguments))

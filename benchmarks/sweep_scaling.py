@@ -26,13 +26,13 @@ from unittest import mock
 
 from annotated_types import Ge
 
+from benchmarks.arguments import read_arguments
 from mathnavi.interfaces.bounds import Within, configuration
 from mathnavi.interfaces.errors import FieldError
 
 os.environ.setdefault("MUJOCO_GL", "disable")
 
 import numpy as np
-import tyro
 from rich.console import Console
 from rich.table import Table
 
@@ -228,4 +228,4 @@ def main(arguments: Arguments) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Arguments, description=Arguments.__doc__))
+    main(read_arguments(Arguments))

@@ -24,11 +24,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import tyro
 from annotated_types import Ge
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.arguments import read_arguments
 from mathnavi.interfaces.bounds import Within, configuration
 from mathnavi.interfaces.errors import FieldError
 
@@ -171,4 +171,4 @@ def main(arguments: Arguments) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.cli(Arguments, description=__doc__)))
+    sys.exit(main(read_arguments(Arguments)))

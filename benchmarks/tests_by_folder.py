@@ -26,14 +26,15 @@ from typing import Annotated, Any
 
 import numpy as np
 import pytest
-import tyro
 from annotated_types import Ge
 from rich.console import Console
 from rich.table import Table
 
 from benchmarks import OPENGL
+from benchmarks.arguments import read_arguments
 from benchmarks.comparison import Comparison, alone, within
 from mathnavi.interfaces.bounds import Within, configuration
+from mathnavi.interfaces.field_table import TOGETHER
 
 ROOT = Path(__file__).parents[1]
 PROPERTY = "cpu_s"  # a test's, among the properties that its reports carry from a worker to the first process
@@ -47,7 +48,7 @@ FILE = "MATHNAVI_TESTS_CPU"  # environment variable: the file that the figures a
 class Arguments:
     """Measure the CPU time of the tests, by folder."""
 
-    paths: tuple[str, ...] = ALL
+    paths: Annotated[tuple[str, ...], TOGETHER] = ALL
     """folders, files or tests that are run"""
     workers: Annotated[int, Within(Ge(0), allowed=">= 0")] = WORKERS
     """processes that run them; 0: one process, without xdist"""
@@ -178,4 +179,4 @@ def main(arguments: Arguments) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Arguments, description=Arguments.__doc__))
+    main(read_arguments(Arguments))

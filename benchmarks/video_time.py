@@ -22,12 +22,12 @@ from typing import Annotated, Any
 from unittest import mock
 
 import numpy as np
-import tyro
 from annotated_types import Ge
 from rich.console import Console
 from rich.table import Table
 
 from benchmarks import OPENGL
+from benchmarks.arguments import read_arguments
 from benchmarks.comparison import Comparison, alone, within
 from benchmarks.mission_cost import MISSION, missions
 from benchmarks.progress import progress
@@ -149,4 +149,4 @@ def main(arguments: Arguments) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Arguments, description=Arguments.__doc__))
+    main(read_arguments(Arguments))

@@ -87,7 +87,8 @@ def _check_names(form: Form, tree: Any, where: str) -> None:
 
 def _inside(form: Form, step: str | int) -> Form:
     """Return the type of a field or an item of a type; ``Any`` if it is not known."""
-    if dataclasses.is_dataclass(form.kind):
+    kind: Any = form.kind
+    if dataclasses.is_dataclass(kind):
         return next((field.form for field in fields_of(form.kind) if field.name == step), _ANY)
     if isinstance(step, int) and form.origin in (tuple, list) and form.members:
         return form.members[step if form.fixed else 0] if step < len(form.members) or not form.fixed else _ANY

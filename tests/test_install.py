@@ -28,7 +28,7 @@ PYPROJECT = ROOT / "pyproject.toml"
 def test_the_kernels_import_nothing_but_what_is_installed_first() -> None:
     present = {*install.NEEDED, "llvmlite"}  # which numba needs
     missing = [name for name, owners in packages_distributions().items() if not {*owners} & {*present, "mathnavi"}]
-    assert {"mujoco", "casadi", "tyro"} <= set(missing)
+    assert {"mujoco", "casadi", "rich"} <= set(missing)
     script = f"import sys; sys.modules.update(dict.fromkeys({missing!r})); import {', '.join(install.KERNELS)}"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -15,14 +15,15 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
-import tyro
 from rich.console import Console
 from rich.table import Table
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+from benchmarks.arguments import read_arguments
 from benchmarks.comparison import WIDTH
 from benchmarks.ocp_references.chains import CHAINS
 from benchmarks.ocp_references.collocation import gauss, radau
@@ -30,6 +31,7 @@ from mathnavi.controllers.ocp.problems.library import MISSILES, PROBLEMS, KnownO
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.field_table import TOGETHER
 
 
 def cycloid(across: float, drop: float, gravity: float) -> float:
@@ -111,7 +113,7 @@ KNOWN = PROBLEMS | MISSILES
 class Arguments:
     """Compute the known optima of the library by two independent methods."""
 
-    problems: tuple[str, ...] = tuple(CHAINS)
+    problems: Annotated[tuple[str, ...], TOGETHER] = tuple(CHAINS)
     """names of the problems"""
 
     def __post_init__(self) -> None:
@@ -180,4 +182,4 @@ def main(arguments: Arguments) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.cli(Arguments, description=Arguments.__doc__)))
+    sys.exit(main(read_arguments(Arguments)))

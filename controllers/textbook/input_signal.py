@@ -15,7 +15,7 @@ import numpy as np
 
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.errors import FieldError
-from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.interfaces.field_table import NumberList
 from mathnavi.interfaces.protocols import Planner, Tracker
 from mathnavi.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE

@@ -15,7 +15,7 @@ from typing import Any
 from prose import inline, prose
 from sphinx.application import Sphinx
 
-from mathnavi.sim.plugin.field_help import beside, comments
+from mathnavi.interfaces.field_table import beside, comments
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("interfaces", "models", "controllers", "estimators", "sim", "renders", "studies", "commands", "scripting")

@@ -14,21 +14,19 @@ import logging
 import os
 import re
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from enum import Enum
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, Union, get_type_hints
 
-import tyro
 from sphinx.application import Sphinx
 from sphinx.builders.html import StandaloneHTMLBuilder
 
 from mathnavi.commands import cli, opengl
 from mathnavi.commands.completion import OWN
 from mathnavi.commands.run_request import CommonOptions
-from mathnavi.sim.plugin.field_help import field_help
+from mathnavi.interfaces.field_table import Form, leaves_of
 from mathnavi.sim.plugin.groups import GROUPS
 from mathnavi.sim.plugin.registry import load, names
 
@@ -92,53 +90,34 @@ PARTS: dict[str, Callable[[], str]] = {
 
 def table(owner: type, prefix: str = "") -> str:
     """The flags of a frozen dataclass: what is given with each, its default, what it means."""
-    rows = list(_leaves(owner, prefix, None))
+    factories = {entry.name: entry.default_factory for entry in dataclasses.fields(owner)}
+    rows = []
+    for leaf in leaves_of(owner, prefix):
+        default = _asked(factories.get(leaf.path)) or _shown(leaf.default)
+        if not leaf.positional:
+            rows.append((_code(leaf.flag), _kind(leaf.form), default, _escaped(leaf.help)))
     return _rows(("flag", "value", "default", "meaning"), rows) if rows else "It has no fields."
 
 
-def _leaves(owner: type, prefix: str, default: Any) -> Iterator[tuple[str, str, str, str]]:
-    hints, texts = get_type_hints(owner, include_extras=True), field_help(owner)
-    for entry in dataclasses.fields(owner):
-        value = getattr(default, entry.name) if default is not None else _default(entry)
-        hint: Any = hints[entry.name]
-        marks: tuple[Any, ...] = ()
-        while get_origin(hint) is Annotated:
-            hint, marks = get_args(hint)[0], (*marks, *get_args(hint)[1:])
-        name = ".".join(filter(None, (prefix, entry.name.rstrip("_"))))
-        if isinstance(hint, type) and dataclasses.is_dataclass(hint):
-            yield from _leaves(hint, name, value)
-        elif tyro.conf.Positional not in marks:
-            flag = f"--{name.replace('_', '-')}"
-            yield _code(flag), _kind(hint), _shown(value), _escaped(texts.get(entry.name, ""))
+def _asked(factory: Any) -> str:
+    """What a default asks the machine for, which is said in place of what this one answers; "" for another default."""
+    asks = inspect.isfunction(factory) and factory.__doc__
+    return _shown(inspect.cleandoc(asks).partition("\n")[0].rstrip(".")) if asks else ""
 
 
-def _default(entry: dataclasses.Field[Any]) -> Any:
-    factory: Any = entry.default_factory
-    if (
-        inspect.isfunction(factory) and factory.__doc__
-    ):  # it asks the machine: what it asks for is said, and not what this one answers
-        return inspect.cleandoc(factory.__doc__).partition("\n")[0].rstrip(".")
-    return entry.default if factory is dataclasses.MISSING else factory()
-
-
-def _kind(hint: Any) -> str:
+def _kind(form: Form) -> str:
     """Value that is given with a flag."""
-    while get_origin(hint) is Annotated:
-        hint = get_args(hint)[0]
-    members = get_args(hint)
-    if get_origin(hint) is Literal:
-        return ", ".join(_code(str(member)) for member in members)
-    if get_origin(hint) in (Union, UnionType):
-        return " or ".join(dict.fromkeys(_kind(member) for member in members if member is not NoneType))
-    if get_origin(hint) in (tuple, list) and members:
-        if members[-1] is Ellipsis or get_origin(hint) is list:
-            return f"{_kind(members[0])}, repeatable"
-        if len(set(members)) == 1:
-            return f"{len(members)} {_kind(members[0])}s" if members[0] in KINDS else _kind(members[0])
-        return ", ".join(_kind(member) for member in members)
-    if isinstance(hint, type) and issubclass(hint, Enum):
-        return ", ".join(_code(member.name) for member in hint)
-    return KINDS.get(hint, getattr(hint, "__name__", "value"))
+    items = [_kind(item) for item in form.members]
+    if form.origin is Union:
+        return " or ".join(dict.fromkeys(items))
+    if items and form.fixed:
+        alike = len({*items}) == 1 and form.members[0].kind in KINDS
+        return f"{len(items)} {items[0]}s" if alike else ", ".join(items)
+    if items:
+        return f"{items[0]}, repeatable" if form.origin in (tuple, list) else "value"
+    if form.choices and form.kind is not bool:
+        return ", ".join(map(_code, form.choices))
+    return KINDS.get(form.kind, getattr(form.kind, "__name__", "value"))
 
 
 def _shown(value: Any) -> str:

@@ -37,7 +37,7 @@ from mathnavi.estimators.ranging.range_rate_kernels import innovated, measured
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.interfaces.bounds import FINITE_NUMBERS, Positive, Within, configuration
 from mathnavi.interfaces.errors import FieldError
-from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.interfaces.field_table import NumberList
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status

@@ -24,7 +24,7 @@ from annotated_types import Interval
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.interfaces.bounds import Each, Within
 from mathnavi.interfaces.errors import FieldError
-from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.interfaces.field_table import NumberList
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.runge_kutta import Flow
 from mathnavi.models.textbook.mission import TextbookMission

@@ -15,7 +15,7 @@ import numpy as np
 from annotated_types import Interval
 
 from mathnavi.interfaces.bounds import FINITE, FINITE_NUMBERS, configuration
-from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.interfaces.field_table import NumberList
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
 from mathnavi.models.mechanism.entity import MechanismPlace, build_model, place_of

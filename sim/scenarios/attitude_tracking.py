@@ -17,7 +17,7 @@ from mathnavi.interfaces.angles import Radians
 from mathnavi.interfaces.bounds import FINITE_NUMBERS, configuration
 from mathnavi.interfaces.checks import check
 from mathnavi.interfaces.errors import FieldError
-from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.interfaces.field_table import NumberList
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.constant_curvature import sphere

@@ -16,7 +16,7 @@ from annotated_types import Le
 from mathnavi.interfaces.bounds import Positive, TickRate, configuration
 from mathnavi.interfaces.checks import check
 from mathnavi.interfaces.errors import FieldError, MissionError
-from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.interfaces.field_table import NumberList
 from mathnavi.interfaces.protocols import Plant
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.manifold import Manifold

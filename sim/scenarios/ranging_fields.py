@@ -24,7 +24,7 @@ from mathnavi.interfaces.bounds import (
 )
 from mathnavi.interfaces.checks import check
 from mathnavi.interfaces.errors import FieldError
-from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.interfaces.field_table import NumberList
 from mathnavi.models.field.curve import BEAN, EGG, Curve, ellipse
 from mathnavi.models.unicycle.entity import RADIUS, DriveName
 from mathnavi.models.unicycle.mission import TICK

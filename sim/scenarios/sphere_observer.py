@@ -17,7 +17,7 @@ from annotated_types import Interval, Le
 
 from mathnavi.interfaces.bounds import FINITE, FINITE_NUMBERS, NonNegative, configuration
 from mathnavi.interfaces.errors import FieldError
-from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.interfaces.field_table import NumberList
 from mathnavi.interfaces.protocols import Plant, Sensor
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import hyperbolic_space, sphere

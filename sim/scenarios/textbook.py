@@ -19,7 +19,7 @@ from annotated_types import Le
 from mathnavi.interfaces.bounds import NonNegative, Positive, TickRate, configuration
 from mathnavi.interfaces.checks import check
 from mathnavi.interfaces.errors import FieldError
-from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.interfaces.field_table import NumberList
 from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.textbook.camera_and_flags import camera_and_flags
 from mathnavi.models.textbook.library import SYSTEMS

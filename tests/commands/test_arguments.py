@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import pytest
-import tyro
 
 from mathnavi.commands.arguments import FlagGroup, HelpPrinted, flags, parse
 from mathnavi.commands.errors import BadInputError
-from mathnavi.interfaces.number_lists import NumberList
+from mathnavi.interfaces.field_table import NumberList, Positional
 
 
 class Colour(Enum):
@@ -107,7 +106,7 @@ def test_words_become_fields(argv: str, name: str, value: Any) -> None:
         ("--count --name x", "--count: its value is missing; allowed: 1 value"),
         ("--colour BLUE", "--colour = BLUE; allowed: GREEN, RED"),
         ("--size none", "--size = none; allowed: large, small"),
-        ("--point 1", "--point = 1; allowed: 2 values"),
+        ("--point 1", "--point = 1; allowed: 2 values (FLOAT FLOAT)"),
         ("--point 1 two", "--point = 1 two; allowed: 2 values (FLOAT FLOAT)"),
         ("--corner 1 2 3", "--corner = 1 2 3; allowed: 2 values: x, y [m] (FLOAT FLOAT)"),
         ("--numbers 1 two", "--numbers = 1 two; allowed: FLOAT..."),
@@ -136,11 +135,11 @@ def test_a_prefix_stands_before_every_flag() -> None:
 
 @dataclass(frozen=True)
 class Places:
-    left: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
+    left: Annotated[Path, Positional("DIR")]
     """a folder"""
     out: Path
     """the file to write"""
-    right: tyro.conf.Positional[str]
+    right: Annotated[str, Positional()]
     """another one"""
     quick: bool = False
 

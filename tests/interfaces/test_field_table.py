@@ -96,14 +96,14 @@ READ: list[tuple[Any, str, Any]] = [
 ]
 
 
-@pytest.mark.parametrize(("hint", "expected"), FORMS, ids=str)
+@pytest.mark.parametrize(("hint", "expected"), FORMS)
 def test_a_type_says_which_words_it_takes(hint: Any, expected: tuple[str, int | None, bool, tuple[str, ...]]) -> None:
     form = form_of(hint)
     assert form.readable
     assert (form.value_name, form.count, form.repeats, form.choices) == expected
 
 
-@pytest.mark.parametrize(("hint", "words", "value"), READ, ids=str)
+@pytest.mark.parametrize(("hint", "words", "value"), READ)
 def test_words_are_read_as_a_value(hint: Any, words: str, value: Any) -> None:
     read = form_of(hint).read(words.split())
     assert read == value

@@ -1,39 +1,37 @@
 """Parser of a command line into frozen dataclasses, which validate themselves.
 
-Each leaf of a dataclass is a flag or a positional argument. A flag that is given twice is an error unless it takes a
-list; so are nan and infinity. A wrong word raises a ``BadInputError`` of one line that names the flag, its value and
-what is allowed. tyro prints the help.
+Each leaf of a dataclass is a flag or a positional argument: ``argparse`` finds the words of each and prints the help,
+and the table of fields (``mathnavi.interfaces.field_table``) reads the words. A flag that is given twice is an error
+unless it takes a list; so are nan and infinity. A wrong word raises a ``BadInputError`` of one line that names the
+flag, its value and what is allowed.
 """
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
-import io
+import inspect
 import math
 import re
-import sys
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import redirect_stdout
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from enum import Enum
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, TextIO, get_type_hints
-
-import tyro
+from typing import Any
 
 from mathnavi.commands.errors import BadInputError, bad_input, short
-from mathnavi.commands.wrapping import wrapped
 from mathnavi.interfaces.checks import check_path, close_names
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.failures import failures_named
-from mathnavi.sim.plugin.flag_names import joined, negation
-from mathnavi.sim.plugin.leaves import Leaf, leaves_of
+from mathnavi.interfaces.field_table import Field, field_of, leaves_of, negation
 
-_CONFIG = (tyro.conf.UseAppendAction, tyro.conf.DisallowNone)
-_COLOUR = r"(?:\x1b\[[\d;]*m)*"
-_NO_DEFAULT = re.compile(rf"\s+{_COLOUR}\(default:{_COLOUR}\s+{_COLOUR}None\){_COLOUR}")
-_TRAILING = re.compile(r" +$", re.MULTILINE)
 _HELP = frozenset(("-h", "--help"))
+_HELP_COLUMN = 27  # where the help of a flag begins
+_LONGEST_NAME = 45  # of the values of a flag: longer lists of choices stand in its help
+_LIKE_A_FLAG = re.compile(r"(?!-(inf|infinity|nan)$)-+[^\W\d_]", re.IGNORECASE)
+_HYPHEN = "\ue000"  # in place of "-" while a help is laid out, for no line is to be broken there
 _FLAGS_ALLOWED = "allowed: flags, each followed by its values"
 
 
@@ -49,6 +47,11 @@ class FlagGroup:
     prefix: str = ""
     default: Any = None  # an instance; None where fields have to be given
     heading: str | None = None  # in the help; the docstring of the dataclass if not given
+
+    @property
+    def leaves(self) -> list[Field]:
+        """Fields on the command line, with the defaults of the group."""
+        return [*leaves_of(self.schema, self.prefix, self.default)]
 
 
 def parse(argv: Sequence[str], prog: str, description: str, *groups: FlagGroup) -> tuple[Any, ...]:
@@ -66,195 +69,170 @@ def parse(argv: Sequence[str], prog: str, description: str, *groups: FlagGroup) 
                     f"{name} is a field of {owner.__qualname__} and of {group.schema.__module__}."
                     f"{group.schema.__qualname__}; allowed: another name for the latter"
                 )
-    if _HELP & set(argv):
-        _print_help(prog, description, groups)
+    asked = bool(_HELP & set(argv))
+    parser = _parser(prog, description, groups, add_help=asked)
+    if asked:
+        print(parser.format_help().replace(_HYPHEN, "-"), end="")
+        raise HelpPrinted
     _check_flags(argv, prog, known)
-    leaves = {
-        leaf.path: leaf
-        for group in groups
-        for leaf in leaves_of(group.schema, group.prefix, filled=group.default is not None)
-    }
-    words = _Words(argv, list(leaves.values())).by_path()
-    parsed = tuple(_built(group, leaves, words, argv, list(known)) for group in groups)
+    words = _words(argv, [leaf for group in groups for leaf in group.leaves], parser)
+    parsed = []
+    for group in groups:
+        values = {leaf.path: _value(leaf, words[leaf.place], argv) for leaf in group.leaves if leaf.place in words}
+        parsed.append(_built(group.schema, group.default, values, group.prefix, list(known)))
     for group, value in zip(groups, parsed, strict=True):
-        _check_values(value, group.prefix)
-    return parsed
+        for leaf in leaves_of(type(value), group.prefix, value):
+            _check_value(leaf.default, leaf.flag)
+    return tuple(parsed)
 
 
-def _print_help(prog: str, description: str, groups: Sequence[FlagGroup]) -> None:
-    names = [f"group_{k}" for k in range(len(groups))]
-    schema = dataclasses.make_dataclass(
-        "Arguments", [_help_field(*pair) for pair in zip(names, groups, strict=True)], kw_only=True
+class _Parser(argparse.ArgumentParser):
+    """Parser that raises an exception for every mistake."""
+
+    def error(self, message: str) -> Any:
+        raise argparse.ArgumentError(None, message)
+
+
+class _Switch(argparse.Action):
+    """Pair of flags without values, which set a truth value to true and to false."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
+        setattr(namespace, self.dest, [[f" {option_string == self.option_strings[0]}"]])
+
+
+def _parser(prog: str, description: str, groups: Sequence[FlagGroup], *, add_help: bool) -> _Parser:
+    """Return a parser that gathers the words of each leaf of some groups under its place."""
+    leaves = [(group, leaf) for group in groups for leaf in group.leaves]
+    usage = " ".join([prog, "[-h] [OPTIONS]", *(leaf.place for _, leaf in leaves if leaf.positional)])
+    parser = _Parser(
+        usage=_laid_out(usage),
+        description=_laid_out(description),
+        formatter_class=partial(argparse.HelpFormatter, max_help_position=_HELP_COLUMN),
+        add_help=add_help,
+        allow_abbrev=False,
+        exit_on_error=False,
     )
-    captured = _CapturedHelp(sys.stdout)
-    try:
-        with redirect_stdout(captured):
-            tyro.cli(schema, prog=prog, description=description, args=["--help"], config=_CONFIG)
-    except SystemExit:
-        shown = _TRAILING.sub("", _NO_DEFAULT.sub("", captured.getvalue()))
-        print(shown.replace(description, wrapped(description)), end="")  # which tyro leaves on one line
-        raise HelpPrinted from None
+    sections: dict[str, Any] = {"": parser}
+    for group, leaf in leaves:
+        above = f"{leaf.prefix}.{leaf.path}".strip(".").rpartition(".")[0]
+        if above not in sections:
+            text = group.heading if above == group.prefix else _docstring(leaf.owner)
+            sections[above] = parser.add_argument_group(f"{above} options", _laid_out(text or ""))
+        _add(sections[above], leaf)
+    return parser
 
 
-class _CapturedHelp(io.StringIO):
-    """Output of tyro, in colours where the terminal has them."""
-
-    def __init__(self, output: TextIO) -> None:
-        super().__init__()
-        self._output = output
-
-    def isatty(self) -> bool:
-        return self._output.isatty()
+def _docstring(owner: type) -> str:
+    text = inspect.cleandoc(owner.__doc__ or "").partition("\n\n")[0]
+    return "" if text.startswith(f"{owner.__name__}(") else text  # as dataclasses write it
 
 
-def _help_field(name: str, group: FlagGroup) -> tuple[str, Any, Any]:
-    kind = Annotated[group.schema, tyro.conf.arg(name=group.prefix, help=group.heading)]  # type: ignore[name-defined]
-    default = group.default
-    return name, kind, field() if default is None else field(default_factory=lambda: default)
+def _add(section: Any, leaf: Field) -> None:
+    name = "NAME" if len(leaf.value_name) > _LONGEST_NAME else leaf.value_name.removesuffix("...")
+    count = leaf.form.count if leaf.form.readable else None
+    settings: dict[str, Any] = {"help": _told(leaf), "default": argparse.SUPPRESS}
+    if leaf.switch:
+        section.add_argument(leaf.flag, negation(leaf.flag), dest=leaf.place, action=_Switch, nargs=0, **settings)
+    else:
+        settings |= {} if leaf.positional else {"dest": leaf.place}
+        settings |= {"nargs": count or "*", "metavar": tuple(name.split()) if (count or 0) > 1 else name}
+        section.add_argument(leaf.place, action="append", **settings)
 
 
 def flags(schema: type, prefix: str = "") -> Iterator[tuple[str, bool]]:
     """Map each flag of a dataclass to whether it may be given several times; a truth value also has --no-FIELD."""
     for leaf in leaves_of(schema, prefix):
         if not leaf.positional:
-            yield leaf.flag, leaf.form is not None and leaf.form.container is not None
-            if leaf.hint is bool:
+            yield leaf.flag, leaf.form.repeats
+            if leaf.switch:
                 yield negation(leaf.flag), False
 
 
 def fields_by_flag(schema: type, prefix: str = "") -> dict[str, str]:
     """Map each flag of a dataclass to the dotted name of the field that it sets."""
-    return {leaf.flag: leaf.field_name for leaf in leaves_of(schema, prefix) if not leaf.positional}
+    return {leaf.flag: leaf.path for leaf in leaves_of(schema, prefix) if not leaf.positional}
 
 
-class _Words:
-    """Assigns the words of ``argv`` to the leaves that they are given to."""
+def _words(argv: Sequence[str], leaves: Sequence[Field], parser: _Parser) -> dict[str, list[list[str]]]:
+    """Return the words of each leaf that is given, one list for each occurrence, by the place of the leaf.
 
-    def __init__(self, argv: Sequence[str], leaves: Sequence[Leaf]) -> None:
-        self._argv = argv
-        self._rest = deque((word, False) for word in argv)  # each with whether "=" ties it to the flag before it
-        self._by_flag = {leaf.flag: leaf for leaf in leaves if not leaf.positional}
-        self._places = deque(leaf for leaf in leaves if leaf.positional)
-        self._places_only = False  # since "--"
-        self._required = [leaf for leaf in leaves if leaf.required]
-
-    def by_path(self) -> dict[str, list[list[str]]]:
-        """Return the words of each leaf that is given, one list for each occurrence, by the path of the leaf.
-
-        Raises BadInputError where words are missing, are not among the choices, or are left over.
-        """
-        switches = {
-            flag: (leaf.path, state)
-            for leaf in self._by_flag.values()
-            if leaf.hint is bool
-            for flag, state in ((leaf.flag, "True"), (negation(leaf.flag), "False"))
-        }
-        given: dict[str, list[list[str]]] = {}
-        left_over = []
-        while self._rest:
-            word, _ = self._rest.popleft()
-            if word == "--" and not self._places_only:
-                self._places_only = True
-                continue
-            name, equals, value = word.partition("=")
-            flag = name.replace("_", "-") if name.startswith("--") and not self._places_only else ""
-            if equals and flag in {*self._by_flag, *switches}:
-                self._rest.appendleft((value, True))
-            if flag in switches:
-                path, state = switches[flag]
-                given[path] = [[state]]
-            elif flag in self._by_flag:
-                leaf = self._by_flag[flag]
-                given.setdefault(leaf.path, []).append(self._value(leaf))
-            elif self._places:
-                self._rest.appendleft((word, False))
-                leaf = self._places.popleft()
-                given[leaf.path] = [self._value(leaf)]
-            else:
-                left_over.append(word)
-        if missing := [leaf for leaf in self._required if leaf.path not in given]:
-            raise BadInputError("; ".join(f"{leaf.place} is missing; allowed: {leaf.wanted}" for leaf in missing))
-        if left_over:
-            named = ", ".join(short(word) or repr(word) for word in left_over)
-            raise BadInputError(f"{named}: this argument is not expected here; {_FLAGS_ALLOWED}")
-        return given
-
-    def _value(self, leaf: Leaf) -> list[str]:
-        """Return the words of one value of a leaf."""
-        form = leaf.form
-        if form is None:
-            raise BadInputError(f"{_as_given(leaf.flag, self._argv)}; allowed: no value on the command line")
-        words: list[str] = []
-        while self._rest and (form.count is None or len(words) < form.count):
-            word, tied = self._rest[0]
-            if not (tied or self._places_only or word in form.choices) and self._is_flag(word):
-                break
-            if form.count is None and len(self._rest) <= len(self._places):  # these are for the positional arguments
-                break
-            words.append(self._rest.popleft()[0])
-        if form.count is not None and len(words) < form.count:
-            raise _wrong(leaf, self._argv, f"{form.count} value{'s' * (form.count > 1)}")
-        if form.choices:
-            for word in words:
-                if word not in form.choices:
-                    raise BadInputError(f"{leaf.place} = {short(word)}; allowed: {', '.join(sorted(form.choices))}")
-        return words
-
-    def _is_flag(self, word: str) -> bool:
-        """Return True for a flag, or for what looks like one: a misspelt flag is no value of the flag before it."""
-        name = word.partition("=")[0]
-        if word == "--" or name.replace("_", "-") in self._by_flag:
-            return True
-        number = re.match(r"-(\d|\.|(inf|infinity|nan)$)", name, re.IGNORECASE)
-        return not number and re.match(r"-+[^\W\d_]", name) is not None
-
-
-def _built(
-    group: FlagGroup,
-    leaves: Mapping[str, Leaf],
-    words: Mapping[str, Sequence[Sequence[str]]],
-    argv: Sequence[str],
-    known: Sequence[str],
-) -> Any:
-    """Build the dataclass of a group: each field from its words, or from the default."""
-
-    def built(schema: type, prefix: str, default: Any) -> Any:
-        hints, values = get_type_hints(schema), {}
-        for entry in dataclasses.fields(schema):
-            if not entry.init:
-                continue
-            path, hint, value = joined(prefix, entry.name), hints[entry.name], _default(entry, default)
-            if path in words:
-                value = _converted(leaves[path], words[path], value, argv)
-            elif isinstance(hint, type) and dataclasses.is_dataclass(hint):
-                value = built(type(value) if isinstance(value, hint) else hint, path, value)
-            values[entry.name] = value
-        try:
-            with failures_named(f"{schema.__module__}.{schema.__qualname__} failed:", PluginError, (ValueError,)):
-                return schema(**values)
-        except ValueError as error:
-            raise BadInputError(with_flag(str(error), known, prefix)) from None
-
-    return built(group.schema, group.prefix, group.default)
-
-
-def _default(entry: dataclasses.Field[Any], instance: Any) -> Any:
-    """Return the default of a field that is not given; None if the field is required."""
-    if instance is not None:
-        return getattr(instance, entry.name)
-    if entry.default_factory is not dataclasses.MISSING:
-        return entry.default_factory()
-    return None if entry.default is dataclasses.MISSING else entry.default
-
-
-def _converted(leaf: Leaf, words: Sequence[Sequence[str]], default: Any, argv: Sequence[str]) -> Any:
-    form = leaf.form
-    assert form is not None  # else there would be no words
+    Raises BadInputError where words are missing or left over.
+    """
+    namespace = argparse.Namespace()
+    left_over: list[str] = []
     try:
-        values = [form.read(each) for each in words]
+        _, left_over = parser.parse_known_args(_marked(argv, leaves), namespace)
+    except argparse.ArgumentError as error:
+        for leaf in leaves:
+            if leaf.flag == error.argument_name:
+                raise _wrong(leaf, argv) from None
+    words = {place: [[word[1:] for word in value] for value in values] for place, values in vars(namespace).items()}
+    if missing := [leaf for leaf in leaves if leaf.default is dataclasses.MISSING and leaf.place not in words]:
+        raise BadInputError("; ".join(f"{leaf.place} is missing; allowed: {_wanted(leaf)}" for leaf in missing))
+    if left_over:
+        for leaf in leaves:
+            if leaf.place in words and 1 < (leaf.form.count or 0) < len(_following(leaf.flag, argv)):
+                raise _wrong(leaf, argv)
+        named = ", ".join(short(word.removeprefix(" ")) or repr("") for word in left_over)
+        raise BadInputError(f"{named}: this argument is not expected here; {_FLAGS_ALLOWED}")
+    return words
+
+
+def _marked(argv: Sequence[str], leaves: Sequence[Field]) -> Iterator[str]:
+    """Return the words for ``argparse``: values with a blank before each, so that none (-1e3) is taken for a flag.
+
+    A misspelt flag is no value of the flag before it; after "--" there are values only.
+    """
+    known = {flag for leaf in leaves if not leaf.positional for flag in (leaf.flag, negation(leaf.flag))}
+    flags_too = True
+    for word in argv:
+        name, equals, value = word.partition("=")
+        flag = name.replace("_", "-")
+        if flags_too and word == "--":
+            flags_too = False
+        elif flags_too and flag in known:
+            yield flag
+            if equals:
+                yield f" {value}"
+        else:
+            yield word if flags_too and _LIKE_A_FLAG.match(name) else f" {word}"
+
+
+def _value(leaf: Field, occurrences: Sequence[Sequence[str]], argv: Sequence[str]) -> Any:
+    """Return the value of a leaf that its words express."""
+    form = leaf.form
+    if not form.readable:
+        raise _wrong(leaf, argv, "no value on the command line")
+    for word in (word for words in occurrences for word in words if form.choices):
+        if word not in form.choices:
+            raise BadInputError(f"{leaf.place} = {short(word)}; allowed: {', '.join(sorted(form.choices))}")
+    try:
+        values = [form.read(words) for words in occurrences]
     except (ValueError, TypeError):
-        raise _wrong(leaf, argv, leaf.explained) from None
-    return values[-1] if form.container is None else form.container([*(default or ()), *values])
+        raise _wrong(leaf, argv, _explained(leaf)) from None
+    before = () if leaf.default in (None, dataclasses.MISSING) else leaf.default
+    return form.origin([*before, *values]) if form.repeats else values[-1]
+
+
+def _built(kind: type, instance: Any, values: Mapping[str, Any], prefix: str, known: Sequence[str]) -> Any:
+    """Build a dataclass with some values by their paths; the others are those of the instance, if there is one."""
+    own: dict[str, Any] = {}
+    nested: dict[str, dict[str, Any]] = {}
+    for path, value in values.items():
+        name, _, rest = path.partition(".")
+        if rest:
+            nested.setdefault(name, {})[rest] = value
+        else:
+            own[name] = value
+    for name, inner in nested.items():
+        part = field_of(kind, name).default if instance is None else getattr(instance, name)
+        part = None if part is dataclasses.MISSING else part
+        own[name] = _built(field_of(kind, name).form.kind, part, inner, f"{prefix}.{name}".strip("."), known)
+    try:
+        with failures_named(f"{kind.__module__}.{kind.__qualname__} failed:", PluginError, (ValueError,)):
+            return kind(**own) if instance is None else dataclasses.replace(instance, **own)
+    except ValueError as error:
+        raise BadInputError(with_flag(str(error), known, prefix)) from None
 
 
 def given(argv: Sequence[str]) -> list[str]:
@@ -329,32 +307,42 @@ def suggestion(name: str, known: Sequence[str], prog: str) -> str:
     return f"allowed: {', '.join(dict.fromkeys(re.sub(r'[.].*', '.*', flag) for flag in known))}"
 
 
-def _check_values(value: Any, name: str) -> None:
+def _check_value(value: Any, flag: str) -> None:
     """Raise BadInputError for a number that is not finite and for a path that no file can have."""
-    if dataclasses.is_dataclass(value):
-        for entry in dataclasses.fields(value):
-            _check_values(getattr(value, entry.name), f"{name}.{entry.name}".strip("."))
-    elif isinstance(value, (tuple, list)):
+    if isinstance(value, (tuple, list)):
         for item in value:
-            _check_values(item, name)
+            _check_value(item, flag)
     elif isinstance(value, float) and not math.isfinite(value):
-        raise BadInputError(f"--{name.replace('_', '-')} = {value}; allowed: finite numbers")
+        raise BadInputError(f"{flag} = {value}; allowed: finite numbers")
     elif isinstance(value, Path):
         with bad_input():
-            check_path(value, f"--{name.replace('_', '-')}")
+            check_path(value, flag)
 
 
-def _wrong(leaf: Leaf, argv: Sequence[str], allowed: str) -> BadInputError:
-    return BadInputError(f"{_as_given(leaf.place, argv)}; allowed: {allowed}")
+def _wanted(leaf: Field) -> str:
+    """Return the allowed values, for the message if a field is missing."""
+    return (leaf.help if leaf.positional else f"{leaf.value_name} {leaf.help}".rstrip()) or leaf.value_name
 
 
-def _as_given(flag: str, argv: Sequence[str]) -> str:
-    values = _values(flag, argv)
-    return f"{flag} = {values}" if values else f"{flag}: its value is missing"
+def _explained(leaf: Field) -> str:
+    """Return the allowed values, for the message if one is wrong: the type, or number and meanings of the values."""
+    name = leaf.value_name.strip("{}")
+    count = len(name.split())
+    if count == 1:
+        return name
+    meaning = leaf.help.replace(" (", ";").partition(";")[0]
+    return f"{count} values{f': {meaning}' if meaning else ''} ({name})"
 
 
-def _values(flag: str, argv: Sequence[str]) -> str:
-    """Return the words that follow the last occurrence of a flag in ``argv``."""
+def _wrong(leaf: Field, argv: Sequence[str], allowed: str = "") -> BadInputError:
+    """Return the error for words that are no value; without ``allowed`` for a number of them that is wrong."""
+    allowed = allowed or ("1 value" if leaf.form.count == 1 else _explained(leaf))
+    words = short(" ".join(_following(leaf.place, argv)))
+    return BadInputError(f"{leaf.place}{f' = {words}' if words else ': its value is missing'}; allowed: {allowed}")
+
+
+def _following(flag: str, argv: Sequence[str]) -> list[str]:
+    """Return the words that follow the last occurrence of a flag."""
     words: list[str] = []
     inside = False
     for word in argv:
@@ -365,4 +353,30 @@ def _values(flag: str, argv: Sequence[str]) -> str:
                 words = [value] if assigned else []
         elif inside:
             words.append(word)
-    return short(" ".join(words))
+    return words
+
+
+def _told(leaf: Field) -> str:
+    """Return the help of a leaf as ``argparse`` takes it."""
+    if not leaf.form.readable:
+        return argparse.SUPPRESS
+    notes = [leaf.help]
+    if len(leaf.value_name) > _LONGEST_NAME:
+        notes[0] += f": one of {', '.join(leaf.form.choices)}"
+    if leaf.default is dataclasses.MISSING:
+        notes.append("(required)")
+    elif leaf.form.repeats:
+        notes.append("(repeatable)")
+    elif shown := _shown(leaf.default):
+        notes.append(f"(default: {shown})")
+    return _laid_out(" ".join(notes))
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, (tuple, list)):
+        return " ".join(_shown(item) for item in value)
+    return "" if value is None else value.name if isinstance(value, Enum) else str(value)
+
+
+def _laid_out(text: str) -> str:
+    return text.replace("%", "%%").replace("-", _HYPHEN)

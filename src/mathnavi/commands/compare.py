@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
 from rich.console import Console
 from rich.table import Table as Printed
 from rich.text import Text
@@ -17,11 +16,12 @@ from mathnavi.commands.errors import BadInputError, bad_input
 from mathnavi.commands.output import output_folder
 from mathnavi.interfaces.checks import check_spares
 from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.field_table import Positional
 
 OUT = Path("renders/out/comparison.html")
 DESCRIPTION = "Two runs, two sweeps or two studies side by side: what was requested, and what came out."
 
-Place = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
+Place = Annotated[Path, Positional("DIR")]
 
 
 @dataclass(frozen=True)

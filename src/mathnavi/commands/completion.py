@@ -16,7 +16,7 @@ from mathnavi.commands.known import COMMANDS
 from mathnavi.commands.wrapping import wrapped
 from mathnavi.interfaces.entry_points import named
 from mathnavi.interfaces.errors import PluginError
-from mathnavi.sim.plugin.flag_names import flag_of, joined, negation
+from mathnavi.interfaces.field_table import flag_of, negation
 from mathnavi.sim.plugin.groups import GROUPS, installed
 from mathnavi.sim.plugin.index import COMMAND, Description, describe
 
@@ -154,7 +154,7 @@ def flags_of(described: Description, prefix: str = "") -> Flags:
     """Return the flags of a described dataclass under a prefix, with the values that are known to be allowed."""
     flags = Flags()
     for field in described.fields:
-        flag = flag_of(joined(prefix, field.name))
+        flag = flag_of(prefix, field.name)
         flags[flag] = tuple(_names(NAMES[flag])) if flag in NAMES else field.choices
         if field.switch:
             flags[negation(flag)] = ()

@@ -1,7 +1,8 @@
 """``mathnavi list``: the plug-ins that are installed, and where they come from.
 
-Names come from the entry points, the rest from the index of plug-ins: nothing is imported, so that the list appears at
-once. With ``--full`` all are imported, and the properties that estimators claim are added.
+Names come from the entry points, descriptions from the sources, fields from the index of plug-ins: nothing is
+imported, so that the list appears at once. With ``--full`` all are imported, and the properties that estimators claim
+are added.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from rich.text import Text
 
 from mathnavi.commands.errors import BadInputError
 from mathnavi.commands.wrapping import wrapped
-from mathnavi.sim.plugin.flag_names import flag_of
+from mathnavi.interfaces.field_table import flag_of
 from mathnavi.sim.plugin.groups import GROUPS, installed
-from mathnavi.sim.plugin.index import describe, imported
+from mathnavi.sim.plugin.index import Description, describe, imported, sourced
 
 ALL, FULL, VERBOSE = "all", "--full", "--verbose"
 OWN = "mathnavi"  # distribution whose plug-ins stand without its name
@@ -59,10 +60,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def read_words(argv: Sequence[str]) -> tuple[str, bool, bool]:
-    """Return the kind, whether to import its plug-ins, and whether to print their fields; else BadInputError.
-
-    tyro, which ``arguments`` imports, would take longer to import than the list takes.
-    """
+    """Return the kind, whether to import its plug-ins, and whether to print their fields; else BadInputError."""
     for word in argv:
         if word.startswith("-") and word not in (FULL, VERBOSE):
             raise BadInputError(f"{word} is not a field of 'mathnavi list'; allowed: {VERBOSE}, {FULL}")
@@ -77,16 +75,16 @@ def read_words(argv: Sequence[str]) -> tuple[str, bool, bool]:
 def listing(kind: str, points: Sequence[EntryPoint], full: bool, verbose: bool) -> Table:
     """Return the plug-ins of one kind: name and description; with ``verbose`` also fields and origin, below.
 
-    They are imported here with ``full``, else described by the index.
+    They are imported here with ``full``, described by the index with ``verbose``, else by their sources.
     """
     table = Table(title=kind, title_justify="left", title_style="bold", show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold", no_wrap=True)
     table.add_column()
-    found = [imported(kind, point) for point in points] if full else describe([(kind, point) for point in points])
+    found = _found(kind, points, full, verbose)
     taken = Counter(plugin.name for plugin in found)
     for plugin in found:
         text = Text(f"cannot be imported: {plugin.error}", style="red") if plugin.error else Text(plugin.first_line)
-        fields = dict.fromkeys(flag_of(field.name.partition(".")[0])[2:] for field in plugin.fields)
+        fields = dict.fromkeys(flag_of("", field.name.partition(".")[0])[2:] for field in plugin.fields)
         if verbose and fields and kind in WITH_FIELDS:
             text.append(f"\n{WITH_FIELDS[kind]}: {', '.join(fields)}", style="dim")
         if taken[plugin.name] > 1:
@@ -99,6 +97,12 @@ def listing(kind: str, points: Sequence[EntryPoint], full: bool, verbose: bool) 
             text = Text.assemble((f"({foreign}) ", "dim"), text)
         table.add_row(plugin.name, text)
     return table
+
+
+def _found(kind: str, points: Sequence[EntryPoint], full: bool, verbose: bool) -> list[Description]:
+    if verbose and not full:
+        return describe([(kind, point) for point in points])
+    return [(imported if full else sourced)(kind, point) for point in points]
 
 
 def claimed_properties(points: Sequence[EntryPoint]) -> Group:

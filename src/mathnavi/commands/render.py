@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
-import tyro
-
 from mathnavi.commands import opengl
 from mathnavi.commands.arguments import FlagGroup, HelpPrinted, parse, with_flag
 from mathnavi.commands.deadline import WallDeadline, watched
 from mathnavi.commands.errors import BadInputError, bad_input
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.field_table import Positional
 from mathnavi.sim.plugin.trust import trusting
 
 
@@ -22,7 +21,7 @@ from mathnavi.sim.plugin.trust import trusting
 class RenderOptions:
     """Flags of the command: the run to draw, and how."""
 
-    folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
+    folder: Annotated[Path, Positional("DIR")]
     """folder of a run; the picture is written into it"""
     camera: str | None = None
     """camera: of flights chase, overview, top; of fleets overview, top, arrival; of missiles chase, side, target; of

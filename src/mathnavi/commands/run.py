@@ -7,9 +7,8 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
-import tyro
 from rich.console import Console
 
 from mathnavi.commands.arguments import HelpPrinted, given, value_of
@@ -55,7 +54,7 @@ class RunOptions:
     """codec of the video; h264 if not given; av1 and vp9 are encoded without a library under the GPL"""
     report: bool = False
     """whether to write report.html"""
-    from_: Annotated[Path | None, tyro.conf.arg(name="from")] = None
+    from_: Path | None = None
     """folder of a run whose config.json is run again; other flags take precedence over it"""
     web: bool = False
     """whether to show the run in a browser while it is simulated, with sliders for what may change; prints the URL"""

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
 from rich.console import Console
 
 from mathnavi.commands.arguments import FlagGroup, HelpPrinted, parse
 from mathnavi.commands.errors import BadInputError, bad_input
 from mathnavi.commands.evidence import print_evidence, verdict
 from mathnavi.interfaces.checks import check_spares
+from mathnavi.interfaces.field_table import Positional
 from mathnavi.sim.records.computing_environment import difference, environment_digest
 from mathnavi.sim.records.parquet import write_parquet
 from mathnavi.sim.records.store import Record, Store, canonical_json
@@ -26,7 +26,7 @@ USAGE = """usage: mathnavi store show FILE.db
 
 PLUGINS = ("controller", "estimator")  # they decide which other fields there are
 
-File = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE.db")]
+File = Annotated[Path, Positional("FILE.db")]
 
 
 @dataclass(frozen=True)

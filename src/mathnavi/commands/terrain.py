@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-import tyro
 
 from mathnavi.commands.arguments import FlagGroup, HelpPrinted, flags, parse, with_flag
 from mathnavi.commands.errors import BadInputError, bad_input
 from mathnavi.commands.output import output_folder
 from mathnavi.commands.wrapping import wrapped
 from mathnavi.interfaces.checks import check_spares
+from mathnavi.interfaces.field_table import Positional, ValueName
 from mathnavi.interfaces.writing import write_bytes
 from mathnavi.models.terrain.dem_import import import_dem
 from mathnavi.models.terrain.height_field import HeightField
@@ -35,11 +35,11 @@ NAME: {}"""
 class TerrainImportOptions:
     """Flags of ``terrain import``: the elevation model to import, and the map to write."""
 
-    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
+    file: Annotated[Path, Positional("FILE")]
     """elevation model: .png (16 bit), .hgt, .tif, .tiff or .npz"""
     out: Path
     """map to write, .npz"""
-    crop: Annotated[tuple[float, float, float, float] | None, tyro.conf.arg(metavar="WEST SOUTH EAST NORTH")] = None
+    crop: Annotated[tuple[float, float, float, float] | None, ValueName("WEST SOUTH EAST NORTH")] = None
     """rectangle to keep: in degrees for an .hgt or a GeoTIFF in degrees, in metres of the projection for another
     GeoTIFF, in metres from the south-west corner for .png and .npz"""
     fill: bool = False
@@ -56,7 +56,7 @@ class TerrainImportOptions:
 class TerrainShowOptions:
     """Flags of ``terrain show``: the map to show, and the picture to write."""
 
-    terrain: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE")]
+    terrain: Annotated[str, Positional("NAME|FILE")]
     """terrain: its name, or an .npz file"""
     out: Path | None = None
     """picture to write, .png; renders/out/NAME.png if not given"""

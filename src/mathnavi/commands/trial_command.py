@@ -6,8 +6,8 @@ import shlex
 from typing import Any
 
 from mathnavi.commands.arguments import flags
+from mathnavi.interfaces.field_table import flag_of, negation
 from mathnavi.interfaces.fields import flattened, plain
-from mathnavi.sim.plugin.flag_names import flag_of, joined, negation
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.sweep.trial import Trial
 
@@ -35,7 +35,7 @@ def _words(config: Any, prefix: str) -> list[str]:
     default = flattened(plain(type(config)()))
     words: list[str] = []
     for name, value in flattened(plain(config)).items():
-        flag = flag_of(joined(prefix, name))
+        flag = flag_of(prefix, name)
         if value is None or value == default.get(name):
             continue
         if isinstance(value, bool):

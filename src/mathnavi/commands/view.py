@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import tyro
 
 from mathnavi.commands.arguments import FlagGroup, HelpPrinted, parse
 from mathnavi.commands.errors import BadInputError, bad_input
@@ -25,6 +24,7 @@ from mathnavi.commands.run_config import RunConfig
 from mathnavi.commands.run_request import prepare, read_request
 from mathnavi.commands.served_address import Port, address_of, check_address
 from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.field_table import Positional
 from mathnavi.sim.engine.scene_record import RecordedMotion
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_state_names
@@ -45,7 +45,7 @@ NO_DISPLAY = "allowed: a desktop, or `mathnavi view DIR --web`, or `mathnavi ren
 class ViewOptions:
     """Flags of the command: the run to show, and how fast."""
 
-    folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
+    folder: Annotated[Path, Positional("DIR")]
     """folder of a run"""
     speed: Positive | None = None
     """speed of the replay, times real time; 1 if not given, in a browser so that the run lasts about half a minute"""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from numpy.random import Generator
 
-from mathnavi.sim.plugin.leaves import Leaf, leaves_of
+from mathnavi.interfaces.field_table import Field, leaves_of
 from mathnavi.sim.plugin.registry import load, names
 from tests.hostile.attacks.attack import Attack, bring
 from tests.hostile.judge import DEFAULT_OUT, Case
@@ -45,26 +45,26 @@ COUNTS = [
 
 
 @cache
-def leaves(name: str) -> tuple[Leaf, ...]:
+def leaves(name: str) -> tuple[Field, ...]:
     """The flags of a scenario and of its plug-ins."""
     scenario = load("scenarios", name)
     parts = (("controllers", "planner", scenario.controller), ("estimators", "estimator", scenario.estimator))
     own = [leaf for kind, prefix, part in parts for leaf in leaves_of(load(kind, part).Config, prefix)]
-    return (*leaves_of(scenario.Config, ""), *own)
+    return (*leaves_of(scenario.Config), *own)
 
 
-def values(rng: Generator, leaf: Leaf) -> list[str]:
+def values(rng: Generator, leaf: Field) -> list[str]:
     """Words for a flag: numbers about its bounds, too many or too few of them, texts."""
-    if leaf.form is None or rng.random() < 0.15:
+    if not leaf.form.readable or rng.random() < 0.15:
         return [text(rng)]
     count = leaf.form.count if leaf.form.count is not None else int(rng.integers(0, 5))
     if rng.random() < 0.1:
         count = max(0, count + int(rng.integers(-1, 3)))
     numeric = "FLOAT" in leaf.value_name or "INT" in leaf.value_name
-    return [number(rng, leaf.marks) if numeric or rng.random() < 0.3 else text(rng) for _ in range(count)]
+    return [number(rng, leaf.form.marks) if numeric or rng.random() < 0.3 else text(rng) for _ in range(count)]
 
 
-def named(leaf: Leaf, given: list[str]) -> tuple[str, ...]:
+def named(leaf: Field, given: list[str]) -> tuple[str, ...]:
     """Words by which an error may name a field or its value."""
     return leaf.flag, leaf.name, leaf.name.replace("_", "-"), *given, "''"
 
@@ -89,7 +89,7 @@ def study_fields(rng: Generator, shop: Path, work: Path) -> Case:
     """A study with sample sizes that cannot be."""
     name = one_of(rng, names("studies"))
     words, culprits = ["study", name, "--out", "new"], ()
-    found = tuple(leaves_of(load("studies", name).Config, ""))
+    found = tuple(leaves_of(load("studies", name).Config))
     if found:
         leaf = one_of(rng, found)
         given = values(rng, leaf)
@@ -108,7 +108,7 @@ def variations(rng: Generator, shop: Path, work: Path) -> Case:
     own = leaf.flag[2:]
     index = one_of(rng, ("0", "1", "-1", "99", "9" * 30, "x", ""))
     field = one_of(rng, (own, own.replace("-", "_"), f"{own}[{index}]", "seed", "controller", "estimator", text(rng)))
-    low, high = number(rng, leaf.marks), number(rng, leaf.marks)
+    low, high = number(rng, leaf.form.marks), number(rng, leaf.form.marks)
     ranges = (
         f"{low}..{high}",
         f"{low},{high}",

@@ -15,7 +15,7 @@ import pytest
 
 from mathnavi.sim.plugin import index
 from mathnavi.sim.plugin.groups import GROUPS, PICTURES, installed
-from mathnavi.sim.plugin.index import COMMAND, Description, describe, imported
+from mathnavi.sim.plugin.index import COMMAND, Description, describe, docstring, imported, sourced
 
 POINTS = [(kind, point) for kind in GROUPS for point in installed(kind)]
 Describe = Callable[[], Description]
@@ -107,21 +107,48 @@ def test_the_index_says_what_the_plugins_say() -> None:
         assert list(dict.fromkeys(field.name.partition(".")[0] for field in described.fields)) == fields
 
 
+def test_a_source_says_what_its_import_says() -> None:
+    for kind, point in POINTS:
+        read, plugin = sourced(kind, point), imported(kind, point)
+        assert (read.first_line, read.error, read.distribution) == (plugin.first_line, "", plugin.distribution)
+
+
+@pytest.mark.parametrize(
+    ("source", "name", "expected"),
+    [
+        ('"""Of the module."""', "", "Of the module."),
+        ("import os", "", ""),
+        (
+            '# a comment\n\nclass Other:\n    """No."""\n\nclass Plan(dict,\n  list):  # and\n    r"""Yes: \\alpha."""',
+            "Plan",
+            r"Yes: \alpha.",
+        ),
+        ('async def plan() -> None:\n    "Yes."', "plan", "Yes."),
+        ('class Plan: pass\n\nclass Other:\n    """No."""', "Plan", ""),
+        ("from json.decoder import JSONDecoder as Plan", "Plan", "Simple JSON <https://json.org> decoder"),
+        ("from .there import Plan", "Plan", "There."),
+        ("Plan = dict", "Plan", ""),
+    ],
+)
+def test_a_docstring_is_read_from_the_source(package: Path, source: str, name: str, expected: str) -> None:
+    (package / "here.py").write_text(source)
+    (package / "there.py").write_text('class Plan:\n    """There."""')
+    assert docstring(f"strange_package.here:{name}".rstrip(":")).partition("\n")[0] == expected
+    assert not [loaded for loaded in sys.modules if loaded.startswith("strange_package")]
+
+
 def test_what_is_found_apart_is_what_is_found_here() -> None:
     assert [*describe(POINTS[:12])] == [imported(*point) for point in POINTS[:12]]
 
 
-def test_every_field_has_its_type_its_choices_and_its_help(wanted: Describe) -> None:
+def test_every_field_is_there_with_its_choices(wanted: Describe) -> None:
     described = wanted()
     assert described.first_line == "It plans."
     assert described.stated == {"controller": "flight"}
     fields = {field.name: field for field in described.fields}
     assert list(fields) == ["first", "second", "shape", "inner.deep", "third"]
-    assert (fields["first"].type, fields["first"].help) == ("FLOAT", "the first [m]")
-    assert fields["second"].help == "a text"
     assert fields["shape"].choices == ("round", "square")
     assert fields["inner.deep"].switch
-    assert (fields["third"].type, fields["third"].repeats) == ("INT FLOAT", True)
     assert not [name for name in sys.modules if name.startswith("strange_package")]
 
 
@@ -134,7 +161,7 @@ def test_what_has_not_changed_is_imported_once(wanted: Describe, children: list[
     ("file", "before", "after"),
     [
         ("plugin.py", "It plans.", "It plans well."),
-        ("base.py", "the first [m]", "the first length [m]"),
+        ("base.py", "second", "other"),
         ("base.py", '"square"]', '"square", "flat"]'),  # the type of a field, which is defined elsewhere
     ],
 )
@@ -175,7 +202,7 @@ def test_a_damaged_index_is_made_anew(wanted: Describe, tmp_path: Path) -> None:
     lacking = {**saved, "entries": {place: {**entry} for place, entry in saved["entries"].items()}}
     for entry in lacking["entries"].values():
         del entry["fields"]
-    for damage in ("", "{", "[]", '{"rules": {}}', "\x00", '{"rules": 1, "entries": 2}', json.dumps(lacking)):
+    for damage in ("", "{", "[]", '{"files": {}}', "\x00", '{"files": 1, "entries": 2}', json.dumps(lacking)):
         file.write_text(damage)
         assert wanted() == described, damage
         assert json.loads(file.read_text()) == saved, damage

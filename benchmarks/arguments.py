@@ -17,7 +17,7 @@ def read_arguments(kind: type[Arguments]) -> Arguments:
     spec = sys.modules["__main__"].__spec__
     prog = f"python -m {spec.name.removesuffix('.__main__')}" if spec else sys.argv[0]
     try:
-        (arguments,) = parse(sys.argv[1:], prog, inspect.cleandoc(kind.__doc__ or ""), FlagGroup(kind))
+        arguments: Arguments = parse(sys.argv[1:], prog, inspect.cleandoc(kind.__doc__ or ""), FlagGroup(kind))[0]
     except HelpPrinted:
         sys.exit(0)
     except BadInputError as error:

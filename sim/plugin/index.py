@@ -163,16 +163,10 @@ def _imported(value: str) -> Plain:
     try:
         plugin = EntryPoint(value, value, "").load()
         config = getattr(plugin, "Config", plugin)
-        fields = [*leaves_of(config)] if isinstance(config, type) and is_dataclass(config) else []
-        return _entry(
-            plugin.__doc__ or "",
-            {name: str(getattr(plugin, name)) for name in STATED if isinstance(vars(plugin).get(name), str)},
-            [
-                (each.path, () if each.switch else each.form.choices, each.switch)
-                for each in fields
-                if not each.positional
-            ],
-        )
+        leaves = leaves_of(config) if isinstance(config, type) and is_dataclass(config) else ()
+        fields = [FieldDescription(leaf.path, leaf.form.choices, leaf.switch) for leaf in leaves if not leaf.positional]
+        stated = {name: str(getattr(plugin, name)) for name in STATED if isinstance(vars(plugin).get(name), str)}
+        return _entry(plugin.__doc__ or "", stated, fields)
     except BaseException as error:  # a third-party module may raise anything when it is imported
         if isinstance(error, KeyboardInterrupt):
             raise

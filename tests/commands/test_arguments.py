@@ -149,6 +149,18 @@ def test_places_take_the_words_without_a_flag() -> None:
     assert read("--out", "o", "--", "-a", "-b", schema=Places) == Places(Path("-a"), Path("o"), "-b")
 
 
+@dataclass(frozen=True)
+class Sides:
+    left: Annotated[str, Positional("DIR")]
+    right: Annotated[str, Positional("DIR")]
+
+
+def test_two_places_may_have_one_name() -> None:
+    assert read("a", "b", schema=Sides) == Sides("a", "b")
+    with pytest.raises(BadInputError, match="^DIR is missing; allowed: DIR$"):
+        read("a", schema=Sides)
+
+
 def test_all_that_is_missing_is_named() -> None:
     with pytest.raises(BadInputError) as refused:
         read("a", schema=Places)

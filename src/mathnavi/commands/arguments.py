@@ -78,7 +78,7 @@ def parse(argv: Sequence[str], prog: str, description: str, *groups: FlagGroup) 
     words = _words(argv, [leaf for group in groups for leaf in group.leaves], parser)
     parsed = []
     for group in groups:
-        values = {leaf.path: _value(leaf, words[leaf.place], argv) for leaf in group.leaves if leaf.place in words}
+        values = {leaf.path: _value(leaf, words[leaf.flag], argv) for leaf in group.leaves if leaf.flag in words}
         parsed.append(_built(group.schema, group.default, values, group.prefix, list(known)))
     for group, value in zip(groups, parsed, strict=True):
         for leaf in leaves_of(type(value), group.prefix, value):
@@ -101,7 +101,7 @@ class _Switch(argparse.Action):
 
 
 def _parser(prog: str, description: str, groups: Sequence[FlagGroup], *, add_help: bool) -> _Parser:
-    """Return a parser that gathers the words of each leaf of some groups under its place."""
+    """Return a parser that gathers the words of each leaf of some groups under its flag, without the hyphens."""
     leaves = [(group, leaf) for group in groups for leaf in group.leaves]
     usage = " ".join([prog, "[-h] [OPTIONS]", *(leaf.place for _, leaf in leaves if leaf.positional)])
     parser = _Parser(
@@ -132,11 +132,11 @@ def _add(section: Any, leaf: Field) -> None:
     count = leaf.form.count if leaf.form.readable else None
     settings: dict[str, Any] = {"help": _told(leaf), "default": argparse.SUPPRESS}
     if leaf.switch:
-        section.add_argument(leaf.flag, negation(leaf.flag), dest=leaf.place, action=_Switch, nargs=0, **settings)
+        section.add_argument(leaf.flag, negation(leaf.flag), dest=leaf.flag[2:], action=_Switch, nargs=0, **settings)
     else:
-        settings |= {} if leaf.positional else {"dest": leaf.place}
+        settings |= {} if leaf.positional else {"dest": leaf.flag[2:]}
         settings |= {"nargs": count or "*", "metavar": tuple(name.split()) if (count or 0) > 1 else name}
-        section.add_argument(leaf.place, action="append", **settings)
+        section.add_argument(leaf.flag[2:] if leaf.positional else leaf.flag, action="append", **settings)
 
 
 def flags(schema: type, prefix: str = "") -> Iterator[tuple[str, bool]]:
@@ -154,7 +154,7 @@ def fields_by_flag(schema: type, prefix: str = "") -> dict[str, str]:
 
 
 def _words(argv: Sequence[str], leaves: Sequence[Field], parser: _Parser) -> dict[str, list[list[str]]]:
-    """Return the words of each leaf that is given, one list for each occurrence, by the place of the leaf.
+    """Return the words of each leaf that is given, one list for each occurrence, by the flag of the leaf.
 
     Raises BadInputError where words are missing or left over.
     """
@@ -166,12 +166,14 @@ def _words(argv: Sequence[str], leaves: Sequence[Field], parser: _Parser) -> dic
         for leaf in leaves:
             if leaf.flag == error.argument_name:
                 raise _wrong(leaf, argv) from None
-    words = {place: [[word[1:] for word in value] for value in values] for place, values in vars(namespace).items()}
-    if missing := [leaf for leaf in leaves if leaf.default is dataclasses.MISSING and leaf.place not in words]:
+    words = {
+        f"--{name}": [[word[1:] for word in value] for value in values] for name, values in vars(namespace).items()
+    }
+    if missing := [leaf for leaf in leaves if leaf.default is dataclasses.MISSING and leaf.flag not in words]:
         raise BadInputError("; ".join(f"{leaf.place} is missing; allowed: {_wanted(leaf)}" for leaf in missing))
     if left_over:
         for leaf in leaves:
-            if leaf.place in words and 1 < (leaf.form.count or 0) < len(_following(leaf.flag, argv)):
+            if leaf.flag in words and 1 < (leaf.form.count or 0) < len(_following(leaf.flag, argv)):
                 raise _wrong(leaf, argv)
         named = ", ".join(short(word.removeprefix(" ")) or repr("") for word in left_over)
         raise BadInputError(f"{named}: this argument is not expected here; {_FLAGS_ALLOWED}")

@@ -155,9 +155,10 @@ def flags_of(described: Description, prefix: str = "") -> Flags:
     flags = Flags()
     for field in described.fields:
         flag = flag_of(prefix, field.name)
-        flags[flag] = tuple(_names(NAMES[flag])) if flag in NAMES else field.choices
         if field.switch:
-            flags[negation(flag)] = ()
+            flags |= {flag: (), negation(flag): ()}
+        else:
+            flags[flag] = tuple(_names(NAMES[flag])) if flag in NAMES else field.choices
     return flags
 
 

@@ -21,6 +21,7 @@ from mathnavi.interfaces.checks import allowed_for, plain_name
 from mathnavi.interfaces.entry_points import named
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.failures import explained, failures_named
+from mathnavi.interfaces.field_table import fields_of
 from mathnavi.interfaces.protocols import Consensus, Estimator, Planner, Sensor
 from mathnavi.sim.plugin.groups import installed
 from mathnavi.sim.plugin.trust import check_loaded
@@ -194,7 +195,7 @@ def _check_class(kind: str, plugin: Any, name: str) -> None:
         if field.init and field.default is field.default_factory is dataclasses.MISSING:
             raise PluginError(f"{kind}: {name!r}: Config.{field.name} has no default; allowed: fields with defaults")
     with failures_named(f"{kind}: {name!r}: Config() failed:", PluginError):
-        get_type_hints(config, include_extras=True)
+        fields_of(config)
         config()
     needed = NEEDED.get(kind, ("build",))
     if missing := [attribute for attribute in needed if not hasattr(plugin, attribute)]:

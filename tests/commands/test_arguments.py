@@ -157,7 +157,7 @@ class Sides:
 
 def test_two_places_may_have_one_name() -> None:
     assert read("a", "b", schema=Sides) == Sides("a", "b")
-    with pytest.raises(BadInputError, match="^DIR is missing; allowed: DIR$"):
+    with pytest.raises(BadInputError, match=r"^DIR is missing; allowed: DIR$"):
         read("a", schema=Sides)
 
 

@@ -160,17 +160,21 @@ def _words(argv: Sequence[str], leaves: Sequence[Field], parser: _Parser) -> dic
     """
     namespace = argparse.Namespace()
     left_over: list[str] = []
+    refused = ""
     try:
         _, left_over = parser.parse_known_args(_marked(argv, leaves), namespace)
     except argparse.ArgumentError as error:
         for leaf in leaves:
             if leaf.flag == error.argument_name:
                 raise _wrong(leaf, argv) from None
+        refused = str(error)
     words = {
         f"--{name}": [[word[1:] for word in value] for value in values] for name, values in vars(namespace).items()
     }
     if missing := [leaf for leaf in leaves if leaf.default is dataclasses.MISSING and leaf.flag not in words]:
         raise BadInputError("; ".join(f"{leaf.place} is missing; allowed: {_wanted(leaf)}" for leaf in missing))
+    if refused:
+        raise BadInputError(refused)
     if left_over:
         for leaf in leaves:
             if leaf.flag in words and 1 < (leaf.form.count or 0) < len(_following(leaf.flag, argv)):

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-from mathnavi.sim.plugin import index
 from mathnavi.sim.plugin.groups import GROUPS, PICTURES, installed
 from mathnavi.sim.plugin.index import COMMAND, Description, describe, docstring, imported, sourced
 
@@ -70,7 +69,6 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (folder / "plugin.py").write_text(PLUGIN)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(index, "installed", lambda kind: [])  # what is installed takes long to import
     return folder
 
 
@@ -220,7 +218,7 @@ def test_without_a_folder_to_write_to_it_is_made_every_time(
 def test_two_processes_may_make_it_at_once(wanted: Describe, tmp_path: Path) -> None:
     script = (
         "from importlib.metadata import EntryPoint; from mathnavi.sim.plugin import index;"
-        "index.installed = lambda kind: []; place = 'strange_package.plugin:Wanted';"
+        "place = 'strange_package.plugin:Wanted';"
         "print(index.describe([('commands', EntryPoint(place, place, ''))])[0].first_line)"
     )
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mathnavi.estimators.full_state import QuadrotorState
+from mathnavi.estimators.quadrotor_state import QuadrotorState
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.signals import Measurement, Status
 from mathnavi.models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, RATE, VELOCITY, at_rest, flow

@@ -13,7 +13,7 @@ from mathnavi.controllers.flight.certificate import Certificate
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.planner import StopAndHover
 from mathnavi.controllers.quadrotor.plugin import QuadrotorConfig, QuadrotorFlight
-from mathnavi.estimators.full_state import QuadrotorState
+from mathnavi.estimators.quadrotor_state import QuadrotorState
 from mathnavi.interfaces.protocols import Plant
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import DeclaredGusts

@@ -1,6 +1,4 @@
-"""Extended Kalman filter (filterpy's) with external prediction: the caller supplies the predicted state.
-
-Square roots of covariances, in the form that filterpy's sigma points need.
+"""Steps that several Kalman filters share: external prediction, square roots of covariances, invariant updates.
 
 **Measurement update of an invariant filter**: the error xi of X = X^ Exp(xi) is Gaussian, mean zero, covariance P, and
 

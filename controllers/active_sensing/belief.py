@@ -4,7 +4,7 @@ A pose that is right stays right when it is integrated with the inputs. Estimate
 jump, disagree with one another, and so show that they err, and by about how much. An earlier estimate's own uncertainty
 is no disagreement.
 
-Motion of a unicycle along a plan: arcs of constant input, and rest before and after them.
+**Motion** of a unicycle along a plan: arcs of constant input, and rest before and after them.
 """
 
 from __future__ import annotations

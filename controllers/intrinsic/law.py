@@ -8,7 +8,7 @@ input u is that for which the system's force is this, as near to it as the input
 and of systems with an input for each dimension invertible. The input of a servo is found from its control law,
 ``ActuatedSystem``; one that has no effect is left at 0.
 
-Planner and tracker of a reference motion: plans hold its states, the tracker keeps the estimate on them.
+**Planner and tracker** of a reference motion: plans hold its states, the tracker keeps the estimate on them.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class ReferencePlanner:
 
 
 class IntrinsicTracker:
-    """Tracker by the law of ``law`` on a plan's states, one per period."""
+    """Tracker by the law above on a plan's states, one per period."""
 
     def __init__(self, gains: TrackingGains, mission: LagrangianMission) -> None:
         self.period = mission.period

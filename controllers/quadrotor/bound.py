@@ -1,6 +1,6 @@
 """Tracking bound of the quadrotor: the deviation from a plan that the certificate has to allow for.
 
-Two parts add up: how far the reference is from the plan (``reference.deviation``) and how far the vehicle is from the
+Two parts add up: how far the reference is from the plan (``tracker.deviation``) and how far the vehicle is from the
 reference. The second comes from the loop on one axis, with the letters of ``tracker``; d is the unknown force
 per mass, n the noise of a position, r the observer's residual and c the acceleration that the feedback commands:
 
@@ -23,7 +23,7 @@ the tracker makes up for most of it; across it theta is an acceleration by tilt,
 
 That is exact for the linear loop; the tests compare it with the flight in MuJoCo. Rotors have bounds: a plan gets what
 they can do in addition to the feedback, up and down, where drag helps neither, what they have the moments for when
-plans take over unforeseen (``turning``), and a_max if that is less.
+plans take over unforeseen (below), and a_max if that is less.
 
 **Demand of turning the thrust on the rotors**: the acceleration that plans may have, however sudden they are.
 

@@ -1,7 +1,7 @@
 """The quadrotor's tracker: plan and estimate to the thrusts of the rotors, by geometric control on SE(3).
 
 After T. Lee, M. Leok, N. H. McClamroch, "Geometric tracking control of a quadrotor UAV on SE(3)" (CDC 2010). With the
-reference (p_r, v_r, a_r, j_r) of ``reference``, e_p = p - p_r, e_v = v - v_r, the wanted thrust per mass is
+reference (p_r, v_r, a_r, j_r) described below, e_p = p - p_r, e_v = v - v_r, the wanted thrust per mass is
 
     f = a_r + g e_z + R D R' v / m - K,    K = k_p e_p + k_v e_v + d^,    k_p = omega_p^2, k_v = 2 zeta_p omega_p.
 

@@ -22,7 +22,7 @@ zero if that is negative,
 
     P <- P + max(q - q_0, 0) dt diag(w_1, w_1, w_2 c_phi^2, c_b^2),   q between a least and a most value,
 
-and weights w of mean one that are greater while the wheels change their speed (``wheel_slip``).
+and weights w of mean one that are greater while the wheels change their speed (``feasible_set_bank``).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Ranges and range rates at the centre of a window of readings, compiled (see ``range_rate``)."""
+"""Ranges and range rates at the centre of a window of readings, compiled (see ``observer``)."""
 
 from __future__ import annotations
 

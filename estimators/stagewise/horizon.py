@@ -1,7 +1,7 @@
 """Moving-horizon estimation: least squares over the last stages, with an arrival cost for all that came before.
 
 Over the stages of a window with states x_1, ..., x_M, prior mean m and covariance P at the first, one real-time
-Gauss-Newton iteration solves the quadratic programme of ``horizon_programme`` about the current states, and moves them
+Gauss-Newton iteration solves the quadratic programme below about the current states, and moves them
 by its solution (M. Diehl, H. G. Bock and J. P. Schloeder, SIAM J. Control and Optimization 43, 2005). Without its
 limits the programme is solved in closed form; if that solution is within the limits it is the programme's solution, as
 the programme is convex; otherwise FATROP solves it. Outliers are weighted by Huber's loss with threshold delta: a
@@ -12,7 +12,7 @@ filter that is linearised at the smoothed state, and is propagated to the next s
 Q. Mayne, IEEE Trans. Automatic Control 48, 2003). So for a linear model without outliers and limits it is the Kalman
 filter.
 
-The quadratic programme of a moving horizon, stage by stage, with its limits, in the form that FATROP solves.
+**The quadratic programme**, stage by stage, with its limits, in the form that FATROP solves.
 
 With errors e_i (d,) of N stages, scaled to similar magnitudes, readings W e = r + noise of H = W' W and
 g = W' r, and noises n_i (d,) between the stages,

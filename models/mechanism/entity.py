@@ -25,11 +25,9 @@ the assets (``meshdir``, ``texturedir``, ``assetdir``), with or without the fold
 place where it may lie is tried, and each file that exists counts: with one too many results are computed again, with
 one too few old results would pass for new ones.
 
-Robots of MuJoCo Menagerie, by the package ``mujoco-menagerie`` (extra ``robots``), which fetches one on first use.
+**Robots of MuJoCo Menagerie**, by the package ``mujoco-menagerie`` (extra ``robots``), which fetches one on first use.
 
 It keeps them in its cache; ``MENAGERIE_CACHE_DIR`` and ``MENAGERIE_ROOT`` are its environment variables.
-
-Names of the mechanisms that come with the software.
 """
 
 from __future__ import annotations

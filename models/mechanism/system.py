@@ -125,7 +125,7 @@ class MechanismSystem:
     springs, dampers, tendons, gravity compensation and the drag of a medium are MuJoCo's too. ``force`` leaves out
     MuJoCo's constraints: contacts, limits of joints and tendons, friction loss and equalities. Where the model
     has any of these, servos, drag or stiff damping, ``implicit`` is true, and ``flow`` and ``step`` are MuJoCo's
-    implicit step, with the forces of the constraints; see ``implicit_step``.
+    implicit step, with the forces of the constraints.
 
     Raises ValueError for what ``geometry.checked`` refuses, for actuators with a state, a delay or a plug-in, for
     flexible parts, and for a ``constant`` or ``amplitude`` that is not one finite number for each input; zero if not

@@ -6,7 +6,7 @@ A map file is an ``.npz`` with ``z`` (rows, cols) [m], row 0 south, column 0 wes
 - 16-bit PNG: row 0 is north; the caller states the spacing [m] and the scale [m per unit].
 - SRTM ``.hgt``: big-endian int16 [m], 1201 or 3601 nodes each way over one degree, row 0 north, void -32768. The name,
   for instance N42E080.hgt, states the south-west corner.
-- GeoTIFF: see ``geotiff``.
+- GeoTIFF: see ``dem_import``.
 
 Nodes a fixed angle apart are not a fixed distance apart. They are resampled bilinearly onto a square grid of local
 equirectangular metres: east and north as on the WGS84 ellipsoid at the latitude of the centre. Over one degree the

@@ -1,4 +1,6 @@
-"""Canyons generated from a number: a plateau of sandstone, cut by a winding gorge with a branch, in ledges.
+"""Terrains without a file: canyons generated from a number, and level ground.
+
+**Canyons**: a plateau of sandstone, cut by a winding gorge with a branch, in ledges.
 
 The gorge's middle is a curve from west to east,
 

@@ -14,8 +14,6 @@ With the wheels' radius r and their distance b apart, a wheel that does not slip
 
 Both drives are ``mathnavi.interfaces.protocols.ActuatorModel``. The joints of either robot are led by x_1, x_2 and
 phi and end with the left and the right wheel.
-
-Phases of a robot's plan.
 """
 
 from __future__ import annotations

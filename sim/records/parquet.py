@@ -1,7 +1,4 @@
-"""Tables as Parquet: a column has one type, and missing values are null.
-
-Optional packages, which are installed only with an extra of mathnavi.
-"""
+"""Tables as Parquet: a column has one type, and missing values are null."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ else through ``Setup.compute``, so each result is stored as it ends and a study 
 stopped. It is done on a terrain unless it declares
 ``on_terrain = False``; then it is done once, whatever terrains the others are done on.
 
-Computations of several kinds, asked for by key and done by one pool of workers.
+**Computations** of several kinds are requested by key and done by one pool of workers.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 
@@ -44,8 +44,6 @@ class RecedingHorizonConfig:
     """cost of a second against a squared acceleration [m^2/s^4]"""
     margin: NonNegative = 25.0
     """clearance that the optimiser keeps above h_min, softly [m]"""
-    backend: Literal["condensed", "ipopt", "fatrop"] = "condensed"
-    """solver of the optimisation problem"""
     tolerance: Positive = 1e-6
     """relative gain at which the solver stops"""
     grid_nodes: GridNodes = 65
@@ -137,12 +135,8 @@ def planner(config: RecedingHorizonConfig, mission: FlightMission, bound: Tracki
 
 
 def solver(config: RecedingHorizonConfig) -> Solver:
-    """The solver that the configuration names."""
-    if config.backend == "condensed":
-        return CondensedSqp(config.tolerance)
-    from mathnavi.controllers.flight.reference import InteriorPoint  # CasADi takes a while to import
-
-    return InteriorPoint(config.backend, config.tolerance)
+    """The solver of the planner's problem."""
+    return CondensedSqp(config.tolerance)
 
 
 @lru_cache(maxsize=64)  # each vehicle of a fleet has its own target

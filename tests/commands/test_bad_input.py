@@ -84,7 +84,7 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         ("--planner.horizon 0", ["--planner.horizon", "0.0", "> 0"]),
         ("--planner.horizon -3", ["--planner.horizon", "-3.0", "> 0"]),
         ("--planner.grid-nodes 2", ["--planner.grid-nodes", "2", "3 to 513"]),
-        ("--planner.backend snopt", ["--planner.backend", "snopt", "condensed", "ipopt", "fatrop"]),
+        ("--planner.incorporation soft", ["--planner.incorporation", "soft", "schedule", "constraint", "penalty"]),
         ("--radar 5000 6000 0 2", ["--radar", "radius", "0.0", "> 0"]),
         ("--radar 5000 6000 -9 2", ["--radar", "radius", "-9.0", "> 0"]),
         ("--radar 5000 -6000 900 2", ["--radar", "-6000.0", "0 to 12000"]),
@@ -441,7 +441,7 @@ def saved(hills: Path, tmp_path: Path) -> Callable[..., str]:
         ({"fields": {"speed_max": -1.0}}, ["speed_max", "-1.0", "> 0"]),
         ({"fields": {"noise": {"position": None}}}, ["fields.noise.position", "None"]),
         ({"controller": {"fields": {"nodes": 1}}}, ["nodes", "1", "2 to"]),
-        ({"controller": {"fields": {"backend": "x"}}}, ["controller.fields.backend", "'x'", "condensed"]),
+        ({"controller": {"fields": {"incorporation": "x"}}}, ["controller.fields.incorporation", "'x'", "schedule"]),
         ({"controller": {"name": "autopilot"}}, ["autopilot", "flight"]),
     ],
 )

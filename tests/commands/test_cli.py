@@ -393,6 +393,6 @@ def test_the_package_run_as_a_module_is_the_command_line(
     command = [sys.executable, "-m", "mathnavi", "run", "safe-flight", "--help"]
     apart = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert apart.startswith("usage: mathnavi run safe-flight ")
-    assert printed("completion", "words", "run", "safe-flight", "--planner.ba").split() == [
-        "--planner.backend", "--planner.bandwidth",
+    assert printed("completion", "words", "run", "safe-flight", "--planner.gr").split() == [
+        "--planner.grid-nodes", "--planner.grid-layers",
     ]  # fmt: skip

@@ -70,7 +70,7 @@ def test_commands_plugins_flags_and_values_are_completed() -> None:
     assert candidates(["study", "a"]) == ["active-control", "arrival", "as-printed-planner", "attitude", "all"]
     assert candidates(["run", "safe-flight", "--estimator", "quad"]) == ["quadrotor_state"]
     assert candidates(["run", "safe-flight", "--estimator", "=", "quad"]) == ["quadrotor_state"]  # as bash splits it
-    assert candidates(["run", "safe-flight", "--planner.backend", ""]) == ["condensed", "ipopt", "fatrop"]
+    assert candidates(["run", "safe-flight", "--planner.incorporation", ""]) == ["schedule", "constraint", "penalty"]
     assert "--planner.nodes" in candidates(["run", "safe-flight", "--planner."])
     chosen = ["run", "safe-flight", "--controller", "as_printed", "--planner."]
     assert set(candidates(chosen)) == {flag for flag, _ in flags(load("controllers", "as_printed").Config, "planner")}

@@ -506,7 +506,10 @@ def test_what_is_no_store_is_refused_and_left_alone(
         ),
         ("sweep safe-flight --trials 3 --store s.db --vary terrain=jacksboro,atlantis", ["terrain", "atlantis"]),
         ("sweep safe-flight --trials 3 --store s.db --vary planner.nodes=9..4", ["planner.nodes=9..4", "LOW <= HIGH"]),
-        ("sweep safe-flight --trials 3 --store s.db --vary planner.backend=a..b", ["planner.backend", "a..b", "ipopt"]),
+        (
+            "sweep safe-flight --trials 3 --store s.db --vary planner.incorporation=a..b",
+            ["planner.incorporation", "a..b", "schedule"],
+        ),
         ("sweep safe-flight --trials 3 --store s.db --vary noise.position-rate=7..9", ["7.0", "300 Hz over a whole"]),
         ("store", ["show, export"]),
         ("store open s.db", ["open", "show, export"]),

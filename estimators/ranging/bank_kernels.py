@@ -31,7 +31,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, int64
+from numba import types
 
 from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, project, pushed, solved
 from mathnavi.estimators.ranging.kalman_kernels import (
@@ -215,20 +215,20 @@ def drop(bank: Hypotheses, best: int, scoring: Scoring, symmetry: Symmetry) -> N
 
 # Kernels that are compiled before a run (``sim.engine.compilation``), for arguments of these types.
 WALL = combined(TWO_READ, TWO_READ)
-HYPOTHESES = named(Hypotheses, TWO, THREE, ONE, ONE, ONE, TWO, THREE, array(2, int64))
-SENSORS = named(RaySensors, ONE, float64, float64, float64, float64, float64)
+HYPOTHESES = named(Hypotheses, TWO, THREE, ONE, ONE, ONE, TWO, THREE, array(2, types.int64))
+SENSORS = named(RaySensors, ONE, types.float64, types.float64, types.float64, types.float64, types.float64)
 SUMS = named(NoiseSums, ONE, ONE)
-SCORING = named(Scoring, float64, float64, float64, float64)
+SCORING = named(Scoring, types.float64, types.float64, types.float64, types.float64)
 INNOVATIONS = named(Innovations, ONE, ONE, ONE, ONE)
 KERNELS: tuple[Signature, ...] = (
-    (condition_each, (HYPOTHESES, int64, ONE, WALL, SENSORS, SUMS, SCORING, INNOVATIONS)),
-    (project, (TWO, ONE, ONE, WALL, ONE, int64)),
+    (condition_each, (HYPOTHESES, types.int64, ONE, WALL, SENSORS, SUMS, SCORING, INNOVATIONS)),
+    (project, (TWO, ONE, ONE, WALL, ONE, types.int64)),
     (expected_ranges, (WALL, ONE, ONE)),
-    (predict_each, (HYPOTHESES, ONE, ONE, WALL, float64, ONE)),
-    (move, (ONE, ONE, WALL, float64)),
-    (drop, (HYPOTHESES, int64, SCORING, combined(int64, float64, float64))),
+    (predict_each, (HYPOTHESES, ONE, ONE, WALL, types.float64, ONE)),
+    (move, (ONE, ONE, WALL, types.float64)),
+    (drop, (HYPOTHESES, types.int64, SCORING, combined(types.int64, types.float64, types.float64))),
     (noise_of, (SUMS,)),
-    (pushed, (TWO, TWO, WALL, float64, float64)),
+    (pushed, (TWO, TWO, WALL, types.float64, types.float64)),
     (within, (WALL, TWO)),
-    (farthest_points, (TWO, int64, int64, float64)),
+    (farthest_points, (TWO, types.int64, types.int64, types.float64)),
 )

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from pathlib import Path
 
 import pytest
 
+from tests.programs import program
+
 ROOT = Path(__file__).resolve().parents[1]
-SPEC = importlib.util.spec_from_file_location("changed", ROOT / ".ci" / "changed.py")
-assert SPEC is not None
-assert SPEC.loader is not None
-changed = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(changed)
+changed = program(".ci/changed.py")
 
 
 @pytest.mark.parametrize(

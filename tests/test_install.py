@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import subprocess
 import sys
@@ -15,13 +14,10 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from tests.programs import program
+
 ROOT = Path(__file__).resolve().parents[1]
-SPEC = importlib.util.spec_from_file_location("install", ROOT / ".ci" / "install.py")
-assert SPEC is not None
-assert SPEC.loader is not None
-install = importlib.util.module_from_spec(SPEC)
-sys.modules["install"] = install  # where its dataclass looks for its annotations
-SPEC.loader.exec_module(install)
+install = program(".ci/install.py")
 PYPROJECT = ROOT / "pyproject.toml"
 
 

@@ -2,65 +2,56 @@
 
 from __future__ import annotations
 
-import importlib.util
 from importlib.metadata import PackageNotFoundError, files, version
 from pathlib import Path
-from types import ModuleType
 
 import av
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from tests.programs import program
+
 ROOT = Path(__file__).resolve().parents[2]
+list_licences = program("docs/list_licences.py")
 PAGE = (ROOT / "docs" / "reference" / "licences.md").read_text(encoding="utf-8")
 
 
-@pytest.fixture(scope="module")
-def program() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("list_licences", ROOT / "docs" / "list_licences.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def test_every_dependency_of_pyproject_is_in_a_table() -> None:
+    asked = {canonicalize_name(Requirement(text).name) for texts in list_licences.wanted().values() for text in texts}
+    assert asked <= set(list_licences.stated())
 
 
-def test_every_dependency_of_pyproject_is_in_a_table(program: ModuleType) -> None:
-    asked = {canonicalize_name(Requirement(text).name) for texts in program.wanted().values() for text in texts}
-    assert asked <= set(program.stated())
-
-
-def test_every_package_that_is_installed_is_in_its_table_with_its_licence(program: ModuleType) -> None:
+def test_every_package_that_is_installed_is_in_its_table_with_its_licence() -> None:
     """It was written with all extras installed; a package that is missing here keeps its row."""
-    stated = program.stated()
-    for group in program.groups().values():
+    stated = list_licences.stated()
+    for group in list_licences.groups().values():
         for name in group:
             assert name in stated, "python docs/list_licences.py"
             try:
                 version(name)
             except PackageNotFoundError:
                 continue
-            assert stated[name] == program.licence(name), f"{name}: python docs/list_licences.py"
+            assert stated[name] == list_licences.licence(name), f"{name}: python docs/list_licences.py"
     assert len(stated) > 100
 
 
 def test_writing_the_page_again_keeps_what_was_written_by_hand_and_the_rows_of_what_is_missing(
-    program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(program, "PAGE", tmp_path / "licences.md")
-    program.PAGE.write_text(PAGE.replace("| `rich` |", "| `poor` |"), encoding="utf-8")
-    again = program.written()
+    monkeypatch.setattr(list_licences, "PAGE", tmp_path / "licences.md")
+    list_licences.PAGE.write_text(PAGE.replace("| `rich` |", "| `poor` |"), encoding="utf-8")
+    again = list_licences.written()
     assert "| `rich` |" in again
     assert "| `poor` |" not in again
-    assert program.TABLE.sub("", again) == program.TABLE.sub("", PAGE)
+    assert list_licences.TABLE.sub("", again) == list_licences.TABLE.sub("", PAGE)
     assert "| `maptor` | GNU Lesser General Public License v3 (LGPLv3) | `[bench]` |" in again
 
 
-def test_a_package_without_a_licence_is_not_passed_over(program: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(program, "metadata", lambda name: _Silent())
+def test_a_package_without_a_licence_is_not_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(list_licences, "metadata", lambda name: _Silent())
     with pytest.raises(ValueError, match="state no licence"):
-        program.licence("rich")
+        list_licences.licence("rich")
 
 
 class _Silent:

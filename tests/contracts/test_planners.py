@@ -259,10 +259,6 @@ def test_there_are_planners() -> None:
     assert {"flight", "as_printed", "missile", "active_sensing", "input_signal", "quadrotor"} <= PLUGINS.keys()
 
 
-def test_conforms_to_the_protocol(planner: Planner) -> None:
-    assert isinstance(planner, Planner)
-
-
 def test_its_configuration_is_frozen_and_has_defaults(plugin: type[ControllerPlugin]) -> None:
     config = plugin.Config()
     assert dataclasses.is_dataclass(config)
@@ -281,7 +277,8 @@ def test_a_configuration_out_of_range_is_refused_by_the_name_of_the_field(plugin
                 config(**{name: value})
 
 
-def test_its_period_is_whole_ticks(planner: Planner, bench: Bench) -> None:
+def test_conforms_to_the_protocol_and_its_period_is_whole_ticks(planner: Planner, bench: Bench) -> None:
+    assert isinstance(planner, Planner)
     assert whole_ticks(planner.period, bench.dt, "period") >= 1
 
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,9 +17,6 @@ from mathnavi.sim.sweep.execution import Progress
 from mathnavi.sim.sweep.trial import trial
 from mathnavi.studies.framework.study import Jobs, Setup, StudyError, TerrainReference
 from tests.sim.sweep.computations import Walk, mishap, returned, walked
-from tests.sim.sweep.test_jobs import stored
-
-LATE = 60.0  # [s]
 
 
 @pytest.fixture
@@ -53,33 +47,6 @@ def test_what_is_raised_in_a_job_names_function_and_arguments(store: Store) -> N
     with pytest.raises(StudyError, match=r"computations:mishap raised: RuntimeError: out of order; arguments: .*raise"):
         Setup(None, store).compute(mishap, ["fine", "raise"])
     assert len(store.job_endings()) == 2
-
-
-STUDY = """
-import sys
-from mathnavi.sim.records.store import Store
-from mathnavi.studies.framework.study import Setup
-from tests.sim.sweep.computations import Walk, walked
-with Store.open(sys.argv[1]) as store:
-    Setup(None, store, workers=2).compute(walked, [Walk(50, seed, marks=sys.argv[2], wait=0.4) for seed in range(8)])
-"""
-
-
-def test_a_study_that_was_killed_goes_on_where_it_stopped(tmp_path: Path) -> None:
-    path, marks = tmp_path / "trials.db", tmp_path / "marks"
-    marks.mkdir()
-    study = subprocess.Popen([sys.executable, "-c", STUDY, str(path), str(marks)])
-    until = time.monotonic() + LATE
-    while time.monotonic() < until and study.poll() is None and stored(path) < 3:
-        time.sleep(0.05)
-    study.kill()
-    study.wait()
-    with Store.open(path) as store:
-        before, begun = len(store.job_endings()), len(list(marks.iterdir()))
-        assert 3 <= before < 8
-        found = Setup(None, store, 2).compute(walked, [Walk(50, seed, marks=str(marks), wait=0.4) for seed in range(8)])
-    assert len(list(marks.iterdir())) - begun == 8 - before
-    assert [each.path.tobytes() for each in found] == [walked(Walk(50, seed)).path.tobytes() for seed in range(8)]
 
 
 def test_a_run_for_a_picture_is_stored_without_what_the_clock_says(store: Store) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import sqlite3
 import subprocess
 import sys
@@ -160,16 +159,15 @@ with Store.open(sys.argv[1]) as store:
 """
 
 
-@pytest.mark.parametrize("by", [signal.SIGKILL, signal.SIGINT])
 @pytest.mark.usefixtures("trials_here")  # which go on with what the workers of another process have begun
-def test_after_a_kill_only_what_is_missing_is_computed(by: signal.Signals, tmp_path: Path) -> None:
+def test_after_a_kill_only_what_is_missing_is_computed(tmp_path: Path) -> None:
     path, marks = tmp_path / "store.db", tmp_path / "marks"
     marks.mkdir()
     parent = subprocess.Popen([sys.executable, "-c", CALLED, str(path), str(marks)], stderr=subprocess.DEVNULL)
     until = time.monotonic() + LATE
     while time.monotonic() < until and parent.poll() is None and stored(path) < 3:
         time.sleep(0.05)
-    parent.send_signal(by)
+    parent.kill()
     parent.wait()
     jobs = walks(8, marks=str(marks), wait=0.4)
     with Store.open(path) as store:
@@ -190,43 +188,3 @@ def stored(path: Path) -> int:
             return int(database.execute("SELECT count(*) FROM jobs").fetchone()[0])
     except sqlite3.Error:
         return 0
-
-
-ASLEEP = """
-import sys
-from mathnavi.sim.records.store import Store
-from mathnavi.sim.sweep.execution import run_jobs
-from mathnavi.sim.sweep.job import job
-from tests.sim.sweep.computations import noted_and_asleep
-with Store.open(sys.argv[1]) as store:
-    run_jobs([job(noted_and_asleep, place) for place in sys.argv[2:]], store, workers=2)
-"""
-
-
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes in /proc")
-def test_no_worker_outlives_a_parent_that_is_killed(tmp_path: Path) -> None:
-    places = [tmp_path / "0", tmp_path / "1"]
-    parent = subprocess.Popen([sys.executable, "-c", ASLEEP, str(tmp_path / "store.db"), *map(str, places)])
-    workers = [int(waited_for(place)) for place in places]
-    parent.kill()
-    parent.wait()
-    until = time.monotonic() + 0.5 * LATE
-    while any(map(runs, workers)):
-        assert time.monotonic() < until
-        time.sleep(0.05)
-
-
-def waited_for(place: Path) -> str:
-    until = time.monotonic() + LATE
-    while not (place.exists() and place.read_text(encoding="utf-8")):
-        assert time.monotonic() < until
-        time.sleep(0.05)
-    return place.read_text(encoding="utf-8")
-
-
-def runs(pid: int) -> bool:
-    """Return whether a process runs; one that has ended without being waited for does not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False

@@ -43,7 +43,7 @@ def random_commands(rng: np.random.Generator, steps: int, longest: float = 60.0)
     return np.repeat(commands[::40], 40, axis=0)[:steps]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_what_is_flown_is_certified_and_clear_whatever_is_proposed(seed: int) -> None:
     task, rng = across(), np.random.default_rng(seed)
     certificate, safe, x = certificate_of(task), filter_of(task), at_rest(task.start)

@@ -60,7 +60,7 @@ fault = pytest.mark.parametrize("name", FAULTS)
 
 
 @fault
-@pytest.mark.parametrize("rate", [0.0, 0.3, 0.9, 1.0])
+@pytest.mark.parametrize("rate", [0.0, 0.3, 1.0])
 def test_a_planners_fault_strikes_at_its_rate(name: str, rate: float) -> None:
     wrap, struck = FAULTS[name]
     planner = wrap(Good(), rate, np.random.default_rng(0))

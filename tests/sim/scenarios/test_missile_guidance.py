@@ -217,10 +217,9 @@ def test_a_missile_that_hits_the_ground_short_says_so() -> None:
     assert f"{outcome.summary['miss_m']:.4g} m" in event.message
 
 
-@pytest.mark.parametrize("heading", [90.0, -135.0, 180.0])
-def test_any_heading_is_flown(heading: float) -> None:
+def test_a_heading_across_the_singular_axis_is_flown() -> None:
     controller = PluginSpec.with_fields(MissileController, backend="fatrop", replan_period=0.5)
-    outcome = fly(controller=controller, dimension="spatial", case="FAST", start_heading=heading)
+    outcome = fly(controller=controller, dimension="spatial", case="FAST", start_heading=-135.0)
     assert outcome.success, outcome.summary
     assert outcome.summary["miss_m"] < 0.05
     assert abs(outcome.config["mission"]["start"][6]) < math.radians(81.0)

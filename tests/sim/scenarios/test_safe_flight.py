@@ -116,15 +116,6 @@ def test_the_same_seed_gives_the_same_log_bit_for_bit(terrain: str) -> None:
     assert not np.array_equal(one.arrays["truth.x"][:1000], other.arrays["truth.x"][:1000])
 
 
-@pytest.mark.parametrize("rate", [0.3, 0.9])
-def test_failing_solvers_do_not_matter(terrain: str, rate: float) -> None:
-    outcome = flown(terrain, faults=AerialFaults(solver_failure_rate=rate))
-    assert_safe(outcome)
-    assert outcome.summary["solver_failures"] > 0.5 * rate * outcome.summary["replans"]
-    assert outcome.summary["tracking_breaches"] == 0
-    assert 0.0 < outcome.summary["tracking_error_max_m"] <= outcome.summary["tracking_bound_m"]
-
-
 @pytest.mark.parametrize(
     ("faults", "share"),
     [
@@ -374,10 +365,11 @@ def test_a_vehicle_thrown_into_the_ground_is_not_reported_above_it(terrain: str)
     assert not outcome.success
 
 
-@pytest.mark.parametrize("rate", [20.0, 10.0])
-def test_the_bound_is_kept_at_every_control_rate(terrain: str, rate: float) -> None:
+@pytest.mark.parametrize("rate", [60.0, 10.0])
+def test_failing_solvers_do_not_matter_and_the_bound_is_kept_at_every_control_rate(terrain: str, rate: float) -> None:
     outcome = flown(terrain, control_rate=rate, faults=AerialFaults(solver_failure_rate=0.9))
     assert_safe(outcome)
+    assert outcome.summary["solver_failures"] > 0.45 * outcome.summary["replans"]
     assert outcome.summary["tracking_breaches"] == 0
     assert 0.0 < outcome.summary["tracking_error_max_m"] <= outcome.summary["tracking_bound_m"]
 

@@ -39,7 +39,7 @@ def begun(terrain: str, seconds: float, **fields: Any) -> RunResult:
     return dataclasses.replace(SimultaneousArrival.build(config(terrain, **fields), 0), duration=seconds).run()
 
 
-@pytest.mark.parametrize("graph", ["line", "complete", "random"])
+@pytest.mark.parametrize("graph", ["line", "random"])
 def test_they_arrive_at_one_time_and_keep_apart(terrain: str, graph: str) -> None:
     outcome = flown(terrain, graph=graph)
     assert outcome.success, outcome.summary
@@ -76,10 +76,9 @@ def test_vehicles_that_swap_places_do_not_lock(terrain: str) -> None:
     assert outcome.summary["separation_min_m"] >= 150.0
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_lost_messages_and_failing_solvers_cost_no_safety(terrain: str, seed: int) -> None:
+def test_lost_messages_and_failing_solvers_cost_no_safety(terrain: str) -> None:
     outcome = flown(
-        terrain, seed, vehicles=4, faults=AerialFaults(solver_failure_rate=0.3, late_plan_rate=0.1),
+        terrain, vehicles=4, faults=AerialFaults(solver_failure_rate=0.3, late_plan_rate=0.1),
         radio=Radio(delay=(0.0, 0.3), loss=0.2, duplication=0.2, partition=(20.0, 40.0)),
     )  # fmt: skip
     assert outcome.summary["ground_contacts"] == 0

@@ -1,4 +1,4 @@
-"""A thousand hostile inputs end well: one line that names the culprit, nothing lost, nothing written beside."""
+"""Hostile inputs of every kind end well: one line that names the culprit, nothing lost, nothing written beside."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from tests.hostile.judge import Case, box, judged
 from tests.hostile.originals import originals
 from tests.hostile.program import findings, remove
 
-SEED, COUNT, PARTS = 20, 1000, 40
-EXAMPLES = 60
+SEED, COUNT, PARTS = 20, 480, 16  # every attack is among them but the rarest; .ci/weekly makes thousands of others
+EXAMPLES = 30
 
 scalars = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20)
 documents = st.recursive(
@@ -76,7 +76,7 @@ def test_any_words_are_refused_in_one_line(place: Path, command: str, given_word
     ],
 )
 @given(document=documents)
-@settings(max_examples=EXAMPLES // 3)
+@settings(max_examples=EXAMPLES // 2)
 def test_any_document_in_the_place_of_a_good_one_is_refused_in_one_line(
     place: Path, name: str, line: str, document: object
 ) -> None:

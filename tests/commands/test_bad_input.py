@@ -80,17 +80,13 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         ("--target 3000 3000 800", ["--target", "3000.0", "50 m"]),
         ("--planner.nodes 1", ["--planner.nodes", "1", "2 to"]),
         ("--planner.nodes 2.5", ["--planner.nodes", "2.5", "INT"]),
-        ("--planner.nodes many", ["--planner.nodes", "many", "INT"]),
         ("--planner.horizon 0", ["--planner.horizon", "0.0", "> 0"]),
-        ("--planner.horizon -3", ["--planner.horizon", "-3.0", "> 0"]),
         ("--planner.grid-nodes 2", ["--planner.grid-nodes", "2", "3 to 513"]),
         ("--planner.incorporation soft", ["--planner.incorporation", "soft", "schedule", "constraint", "penalty"]),
         ("--radar 5000 6000 0 2", ["--radar", "radius", "0.0", "> 0"]),
-        ("--radar 5000 6000 -9 2", ["--radar", "radius", "-9.0", "> 0"]),
         ("--radar 5000 -6000 900 2", ["--radar", "-6000.0", "0 to 12000"]),
         ("--radar 5000 6000 900", ["--radar", "5000 6000 900", "4 values"]),
         ("--faults.solver-failure-rate 1.5", ["--faults.solver-failure-rate", "1.5", ">= 0 and <= 1"]),
-        ("--faults.solver-failure-rate -0.1", ["--faults.solver-failure-rate", "-0.1", ">= 0 and <= 1"]),
         ("--faults.late-plan-rate 2", ["--faults.late-plan-rate", "2.0", ">= 0 and <= 1"]),
         ("--faults.dropout_rate 7", ["--faults.dropout-rate", "7.0", ">= 0 and <= 1"]),
         ("--noise.position-rate 301", ["--noise.position-rate", "301.0", "<= 300"]),
@@ -106,20 +102,16 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
             "--estimator mathnavi.controllers.flight.plugin:FlightController",
             ["--estimator", "no sensors and no quality"],
         ),
-        ("--controller json:JSONDecoder", ["--controller", "json:JSONDecoder", "no frozen dataclass"]),
         ("--planner.nods 3", ["--planner.nods", "did you mean --planner.nodes"]),
         ("--nodes 3", ["--nodes", "did you mean --planner.nodes"]),
         ("--xyzzy 3", ["--xyzzy", "--seed", "--terrain", "--planner.*"]),
         ("--estimator.noise-floor 3", ["--estimator.noise-floor", "--estimator.rate"]),
         ("--seed 3 --seed 4", ["--seed", "2 times", "once"]),
-        ("--planner.nodes=11 --planner.nodes 12", ["--planner.nodes", "2 times", "once"]),
         ("--noise.position-rate 11 --noise.position_rate 12", ["--noise.position-rate", "2 times", "once"]),
         ("--video --video", ["--video", "2 times", "once"]),
         ("--seed", ["--seed: its value is missing", "1 value"]),
         ("--controller=", ["--controller", "''", "flight", "as_printed"]),
-        ("--estimator=", ["--estimator", "''", "full_state", "kalman"]),
         ("--seed 3 4", ["4"]),
-        ("--controller", ["--controller", "value"]),
         ("--start 1 2", ["--start", "1 2", "3 values: start x, y, z [m]"]),
     ],
 )
@@ -145,11 +137,10 @@ FLOATS = [
 ]
 
 
-@pytest.mark.parametrize("flag", FLOATS)
-@pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
-def test_numbers_must_be_finite(refused: Refusal, mission: Words, flag: str, value: str) -> None:
-    line = refused("run", *mission, flag, value, "--out", "former")
-    assert f"{flag} = {value}; allowed:" in line
+def test_numbers_must_be_finite(refused: Refusal, mission: Words) -> None:
+    for flag, value in (*((flag, "nan") for flag in FLOATS), (FLOATS[0], "inf"), (FLOATS[0], "-inf")):
+        line = refused("run", *mission, flag, value, "--out", "former")
+        assert f"{flag} = {value}; allowed:" in line
 
 
 @pytest.mark.parametrize("value", ["0", "-1", "nan", "inf", "5"])

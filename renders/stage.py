@@ -181,7 +181,8 @@ class Stage:
     def _empty(self) -> Array:
         """(height, width) True where nothing was drawn: the depth, which MuJoCo counts towards the eye, is 0."""
         depth = np.empty((self.height, self.width), np.float32)
-        mujoco.mjr_readPixels(None, depth, self._renderer._rect, self._renderer._mjr_context)
+        # The context has no public name, and the renderer's public depth costs another drawing of the scene.
+        mujoco.mjr_readPixels(None, depth, mujoco.MjrRect(0, 0, self.width, self.height), self._renderer._mjr_context)
         empty: Array = depth[::-1] == 0.0
         return empty
 

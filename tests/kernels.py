@@ -9,6 +9,7 @@ happens once for each change of a kernel.
 from __future__ import annotations
 
 import hashlib
+import re
 import subprocess
 import sys
 import tempfile
@@ -18,6 +19,7 @@ from pathlib import Path
 from mathnavi.interfaces.compiled import kernel_folder
 
 ROOT = Path(__file__).parents[1]
+FOLDERS = ("interfaces", "models", "controllers", "estimators", "sim", "renders", "studies")
 
 
 def flight() -> None:
@@ -73,13 +75,21 @@ def compile_kernels() -> None:
 
 
 def _sources() -> str:
-    """Hash of the sources with kernels in them, and of the interpreter."""
+    """Hash of the sources that kernels depend on, and of the interpreter."""
     digest = hashlib.sha256(f"{sys.prefix} {sys.version}".encode())
-    for folder in ("models", "controllers", "estimators", "sim", "renders", "studies"):
-        for file in sorted((ROOT / folder).rglob("*.py")):
-            content = file.read_bytes()
-            if b"njit(" in content:
-                digest.update(content)
+    sources = {file: file.read_text(encoding="utf-8") for folder in FOLDERS for file in (ROOT / folder).rglob("*.py")}
+    seen = {file for file, source in sources.items() if "njit(" in source}
+    waiting = list(seen)
+    while waiting:
+        found = re.findall(r"^from mathnavi\.([\w.]+) import ([\w, ]+|\([^)]*\))", sources[waiting.pop()], re.MULTILINE)
+        paths = {
+            Path(*module.split("."), *name) for module, names in found for name in [(), *zip(re.findall(r"\w+", names))]
+        }
+        new = {ROOT / path.with_suffix(".py") for path in paths} & sources.keys() - seen
+        waiting += new
+        seen |= new
+    for file in sorted(seen):
+        digest.update(sources[file].encode())
     return digest.hexdigest()[:32]
 
 

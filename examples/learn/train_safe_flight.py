@@ -178,10 +178,10 @@ class Watch(BaseCallback):
         self._tests, self._seconds, self._every = tests, seconds, every
         self._began, self._due = time.perf_counter(), 0.0
 
-    def _on_step(self) -> bool:
+    def _on_step(self) -> bool:  # the method that Stable-Baselines3 tells its users to override
         return time.perf_counter() - self._began < self._seconds
 
-    def _on_rollout_end(self) -> None:
+    def _on_rollout_end(self) -> None:  # the method that Stable-Baselines3 tells its users to override
         spent = time.perf_counter() - self._began
         if spent < self._due:
             return

@@ -30,6 +30,7 @@ _HERE = Path(__file__).parent
 class AerialVehicle(composer.Entity):
     """A unit point mass with a force of at most ``acceleration_max`` [m/s^2] on each axis, and its drawn airframe."""
 
+    # The method that dm_control tells its users to override.
     def _build(self, name: str, acceleration_max: float) -> None:
         check_vehicle_name(name)
         if not (math.isfinite(acceleration_max) and acceleration_max > 0.0):
@@ -50,7 +51,7 @@ class AerialVehicle(composer.Entity):
 class TerrainArena(composer.Arena):
     """The triangles of a height field, in the map frame."""
 
-    def _build(self, height_field: HeightField) -> None:
+    def _build(self, height_field: HeightField) -> None:  # the method that dm_control tells its users to override
         super()._build(name=None)
         low, high = float(height_field.z.min()), float(height_field.z.max())
         east, north = 0.5 * height_field.width, 0.5 * height_field.depth

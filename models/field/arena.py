@@ -40,7 +40,7 @@ _BARELY = (1.0, 1.0, 1.0, 1e-6)  # seen by rays, not by eyes
 class FieldArena(composer.Arena):
     """A floor within a wall. Geoms: ``floor``, ``sensed_wall``, and ``wall_K`` of the drawn one."""
 
-    def _build(self, curve: Curve) -> None:
+    def _build(self, curve: Curve) -> None:  # the method that dm_control tells its users to override
         super()._build(name=None)
         self._mjcf_root.model = "field"
         low, high = curve.polyline.min(axis=0), curve.polyline.max(axis=0)

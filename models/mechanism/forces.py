@@ -14,6 +14,7 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.models.mechanism.kernels import (
     ADDRESS,
     Mechanism,
+    address,
     com_pos,
     com_vel,
     connection,
@@ -54,7 +55,7 @@ class Actuated(NamedTuple):
 def actuated(model: mujoco.MjModel, data: mujoco.MjData) -> Actuated:
     """Pass a model and its memory to compiled code; both have to outlive the result."""
     return Actuated(
-        model._address, data._address, data.qpos, data.qvel, data.ctrl, data.qfrc_passive, data.qfrc_actuator
+        address(model), address(data), data.qpos, data.qvel, data.ctrl, data.qfrc_passive, data.qfrc_actuator
     )
 
 

@@ -48,7 +48,7 @@ class MechanismManifold:
         self._quaternions = quaternions(model, joints)
         data = self._data
         self._at = kernels.Mechanism(
-            self._model._address, data._address, data.qpos, data.qvel, np.array(balls, dtype=np.int64)
+            kernels.address(self._model), kernels.address(data), data.qpos, data.qvel, np.array(balls, dtype=np.int64)
         )
         M = mass_matrix(self._model, data)
         data.qpos[:] = np.nan  # so that the factors of M are computed before the first use

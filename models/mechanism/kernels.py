@@ -50,6 +50,12 @@ def function(name: str, *arguments: Any) -> Any:
     return ExternalFunction(name, types.void(*arguments))
 
 
+def address(of: mujoco.MjModel | mujoco.MjData) -> int:
+    """Address of a model or its data, for compiled code."""
+    found: int = of._address  # the bindings have no public name for it
+    return found
+
+
 kinematics = function("mj_kinematics", ADDRESS, ADDRESS)
 com_pos = function("mj_comPos", ADDRESS, ADDRESS)
 make_m = function("mj_makeM", ADDRESS, ADDRESS)

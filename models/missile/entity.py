@@ -28,7 +28,7 @@ _HERE = Path(__file__).parent
 class Missile(composer.Entity):
     """The missile with the joints and thrusters of its coordinates."""
 
-    def _build(
+    def _build(  # the method that dm_control tells its users to override
         self,
         name: str,
         coordinates: Coordinates,
@@ -70,7 +70,7 @@ class Missile(composer.Entity):
 class MissileRange(composer.Arena):
     """A plain with a target on it, a body ``target`` that is moved from outside."""
 
-    def _build(self, gravity: float) -> None:
+    def _build(self, gravity: float) -> None:  # the method that dm_control tells its users to override
         super()._build(name=None)
         root = self.mjcf_model
         root.model = "range"

@@ -33,6 +33,7 @@ class Unicycle(composer.Entity):
     ``friction`` is that of the wheels of the differential drive.
     """
 
+    # The method that dm_control tells its users to override.
     def _build(self, name: str, angles: Sequence[float], drive: DriveName, friction: float) -> None:
         check_vehicle_name(name)
         if not (math.isfinite(friction) and friction > 0.0):

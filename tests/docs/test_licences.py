@@ -67,6 +67,7 @@ def test_what_the_page_says_of_codecs_and_solvers_is_what_the_wheels_hold() -> N
     for library, word in (("libx264", "x264"), ("libx265", "x265"), ("libvpx", "libvpx"), ("libSvtAv1Enc", "SVT-AV1")):
         assert any(name.startswith(library) for name in codecs)
         assert word in PAGE
+    # PyAV has no public name for it.
     assert {meta["license"] for meta in av._core.library_meta.values()} == {"LGPL version 3 or later"}
     assert '"LGPL version 3 or later"' in PAGE
     texts = [str(path) for path in files("casadi") or () if "licenses" in path.parts]

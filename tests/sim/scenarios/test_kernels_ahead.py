@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from typing import Any
 
 import pytest
 from numba.core.dispatcher import Dispatcher
 
-from mathnavi.interfaces.compiled import KernelCache
+from mathnavi.interfaces.compiled import KeptCompilation, Signature
 from mathnavi.sim.engine.compilation import listed
 from mathnavi.sim.sweep.trial import trial
 
@@ -24,38 +25,27 @@ SHORT: dict[str, dict[str, Any]] = {
 }
 
 
-def kept(kernel: object) -> bool:
-    """True for a kernel that is called from Python."""
-    return isinstance(kernel, Dispatcher) and isinstance(kernel._cache, KernelCache)
-
-
-def forget() -> None:
-    """Unload all kernels and drop what functions keep of their results: an earlier run would spare this one calls."""
+def check(scenario: str) -> None:
+    """Run a scenario in a process that has loaded no kernel yet, and compare those that it loads with the list."""
+    asked = trial(scenario, 0, fields=SHORT[scenario])
+    kernels = listed_for(scenario)
+    asked.build().run()
     names = [vars(module) for name, module in sys.modules.items() if name.startswith("mathnavi.")]
-    names += [vars(each) for content in [*names] for each in content.values() if isinstance(each, type)]
-    for content in names:
-        for each in content.values():
-            if kept(each):
-                each._reset_overloads()
-            elif callable(clear := getattr(getattr(each, "__func__", each), "cache_clear", None)):
-                clear()
+    kept = [each for content in names for each in content.values() if isinstance(each, Dispatcher)]
+    called = {(each, types) for each in kept if isinstance(each.compile, KeptCompilation) for types in each.overloads}
+    assert called == set(kernels), called ^ set(kernels)
+
+
+def listed_for(scenario: str) -> list[Signature]:
+    asked = trial(scenario, 0, fields=SHORT[scenario])
+    configs = asked.config, asked.controller_config, asked.estimator_config
+    return listed(config.kernels for config in configs if hasattr(config, "kernels"))
 
 
 @pytest.mark.parametrize("scenario", SHORT)
-def test_a_run_calls_the_kernels_that_are_listed_and_no_others(scenario: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = trial(scenario, 0, fields=SHORT[scenario])
-    configs = asked.config, asked.controller_config, asked.estimator_config
-    kernels = listed(config.kernels for config in configs if hasattr(config, "kernels"))
-    for kernel, arguments in kernels:  # as before a run, where they are missing
+def test_a_run_calls_the_kernels_that_are_listed_and_no_others(scenario: str) -> None:
+    for kernel, arguments in listed_for(scenario):  # as before a run, where they are missing
         kernel.compile(arguments)
-    forget()
-    called = set()
-    load = KernelCache.load_overload
-
-    def noted(self: KernelCache, sig: Any, target_context: Any) -> Any:
-        called.add((self._kernel, sig))
-        return load(self, sig, target_context)
-
-    monkeypatch.setattr(KernelCache, "load_overload", noted)
-    asked.build().run()
-    assert called == set(kernels)
+    script = f"from tests.sim.scenarios.test_kernels_ahead import check; check({scenario!r})"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

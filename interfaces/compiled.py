@@ -42,6 +42,8 @@ _UNUSED = 90 * 86400.0  # [s] since its last use, after which a file is removed
 _REMARKED = 86400.0  # [s] between two notes that a file is in use
 _IMPORT = re.compile(r"^from ([\w.]+) import ([\w, ]+|\([^)]*\))|^import ([\w.]+)", re.MULTILINE)
 _CONFIGURING = Lock()
+_CONFIG: Any = numba.config
+_COMPILER_LOCK: Any = global_compiler_lock
 
 if TYPE_CHECKING:
     from numba import njit as njit
@@ -72,7 +74,7 @@ else:
 
 
 def _compile_inner(compile: Callable[[Any], Any], arguments: Any) -> Any:
-    if not global_compiler_lock.is_locked():  # no other kernel is being compiled: the call comes from Python
+    if not _COMPILER_LOCK.is_locked():  # no other kernel is being compiled: the call comes from Python
         raise TypeError("an inner kernel was called from Python; allowed: a call by a kernel")
     return compile(arguments)
 
@@ -86,20 +88,22 @@ class KeptCompilation:
     def __call__(self, arguments: Any) -> Any:
         """Compile or load the code for arguments of these types, and return its entry point."""
         if isinstance(arguments, tuple) and arguments not in self._kernel.overloads:
-            with suppress(OSError), tempfile.TemporaryDirectory(prefix="mathnavi-kernel-") as folder:
+            # Without a temporary folder or without the source, numba has no cache to use, which is a RuntimeError.
+            with suppress(OSError, RuntimeError), tempfile.TemporaryDirectory(prefix="mathnavi-kernel-") as folder:
                 self._compile_in(folder, arguments)
         with suppress(OSError):
             return self._compile(arguments)
         return self._compile(arguments)  # it was compiled above, before there was no space to keep it
 
     def _compile_in(self, folder: str, arguments: tuple[Any, ...]) -> None:
-        file, config = self.file(arguments), numba.config
         with _CONFIGURING:
-            before, config.CACHE_DIR = config.CACHE_DIR, folder
+            file, before = self.file(arguments), (_CONFIG.CACHE_DIR, _CONFIG.CACHE_LOCATOR_CLASSES)
+            # This folder or none: numba would go on to folders in which a change of a callee goes unnoticed.
+            _CONFIG.CACHE_DIR, _CONFIG.CACHE_LOCATOR_CLASSES = folder, "UserProvidedCacheLocator"
             try:
                 self._kernel.enable_caching()
             finally:
-                config.CACHE_DIR = before
+                _CONFIG.CACHE_DIR, _CONFIG.CACHE_LOCATOR_CLASSES = before
         place = Path(self._kernel.stats.cache_path)
         if kept := _read(file):
             ZipFile(BytesIO(kept)).extractall(place)
@@ -118,7 +122,7 @@ class KeptCompilation:
 def kernel_folder() -> Path:
     """Return the folder of all compiled kernels."""
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return Path(numba.config.CACHE_DIR or Path(home) / "mathnavi" / "kernels")
+    return Path(_CONFIG.CACHE_DIR or Path(home) / "mathnavi" / "kernels")
 
 
 Signature = tuple[Any, tuple[Any, ...]]
@@ -154,7 +158,8 @@ def _digest(module: str) -> str:
 def _source(module: str) -> tuple[str, frozenset[str]]:
     """Return the hash of the source of a loaded module, and the loaded modules that it imports."""
     try:
-        content = Path(sys.modules[module].__file__ or "").read_bytes()
+        file = Path(sys.modules[module].__file__ or "")
+        content = file.read_bytes()
     except (KeyError, AttributeError, OSError):
         return "", frozenset()
     found = set()

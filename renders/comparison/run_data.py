@@ -11,6 +11,7 @@ import numpy as np
 
 from mathnavi.interfaces.fields import flattened
 from mathnavi.interfaces.signals import Array
+from mathnavi.sim.records.field_names import recorded_fields
 from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_state_names
 
 
@@ -44,13 +45,10 @@ class ComparedRun:
     @property
     def fields(self) -> dict[str, Any]:
         """Return all requested fields by their names on the command line, with the terrain and the versions."""
-        named: dict[str, Any] = {"seed": self.config["seed"], **flattened(self.config.get("fields", {}))}
-        for part, prefix in (("controller", "planner."), ("estimator", "estimator.")):
-            entry = self.config.get(part, {})
-            named |= {part: entry.get("name"), **flattened(entry.get("fields", {}), prefix)}
         terrain = {"terrain's digest": self.config["terrain"]["digest"]} if "terrain" in self.config else {}
         return (
-            named
+            {"seed": self.config["seed"]}
+            | recorded_fields(self.config)
             | terrain
             | flattened(self.config.get("versions", {}), "version of ")
             | flattened(self.config.get("machine", {}))

@@ -38,6 +38,7 @@ from mathnavi.interfaces.schema import shortened
 from mathnavi.interfaces.writing import write_text
 from mathnavi.sim.records.computing_environment import environment_digest
 from mathnavi.sim.records.documents import TrialParameters, check_summary
+from mathnavi.sim.records.field_names import PARTS, recorded_fields, split
 from mathnavi.sim.records.jobs import JobRecord, add_job, job_records, job_statuses
 from mathnavi.sim.records.origins import Elsewhere, Origin, add_origin, environments, keys_by_content, origins
 
@@ -104,11 +105,7 @@ class Record:
     @cached_property
     def fields(self) -> dict[str, Any]:
         """Return the parameters by their names on the command line: "faults.gust_rms", "planner.nodes"."""
-        named = flattened(self.parameters.get("config", {}))
-        for part, prefix in (("controller", "planner."), ("estimator", "estimator.")):
-            entry = self.parameters.get(part, {})
-            named |= {part: entry.get("name"), **flattened(entry.get("fields", {}), prefix)}
-        return named
+        return recorded_fields(self.parameters)
 
 
 class Ending(NamedTuple):
@@ -267,9 +264,8 @@ class Store:
 
         ``field`` is named as on the command line.
         """
-        prefix, _, rest = field.partition(".")
-        part = {"planner": "controller.fields", "estimator": "estimator.fields"}.get(prefix, "config")
-        name = rest if part != "config" else field
+        prefix, name = split(field)
+        part = f"{PARTS[prefix]}.fields" if prefix else PARTS[prefix]
         query = (
             "SELECT json_extract(parameters, ?) AS digest, COUNT(*) FROM trials "
             "WHERE json_extract(parameters, ?) = ? GROUP BY digest HAVING digest IS NOT NULL"

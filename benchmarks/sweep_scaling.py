@@ -105,7 +105,7 @@ def swept(trials: Sequence[Trial], workers: int) -> Course:
 
 def fly(trial: Trial) -> dict[str, Any]:
     """The summary of one trial, in a process of the pool."""
-    return trial.build().run().summary
+    return trial.flown().summary
 
 
 def pooled(trials: Sequence[Trial], workers: int) -> Course:

@@ -152,6 +152,11 @@ class RunSpec:
         }
 
     @property
+    def document(self) -> dict[str, Any]:
+        """All of it as plain data, from which ``from_document`` makes it again."""
+        return {"scenario": self.scenario, "seed": self.seed, **self.parameters()}
+
+    @property
     def plugins(self) -> list[Any]:
         """Controller and estimator, and the plug-ins that fields name."""
         named = (plugin for config in self.parts.values() for plugin in named_plugins(config))

@@ -1,9 +1,8 @@
 """Evaluations: missions flown at values of some fields, each an ordinary trial in an ordinary store.
 
 An evaluation is *flown* if the mission ran to its end and its summary has the figure; *refused* if the mission
-cannot be flown, which ``mathnavi run`` reports as bad input: a ``FieldError``, ``MissionError``, ``PluginError`` or
-``TerrainError``, or another ``ValueError`` while it is built; *failed* if it did not run to its end for another
-reason, or has no such figure. None is left out.
+cannot be flown: a ``FieldError``, ``MissionError`` or ``TerrainError``, or a ``PluginError`` or another ``ValueError``
+while it is built; *failed* if it did not run to its end for another reason, or has no such figure. None is left out.
 """
 
 from __future__ import annotations
@@ -24,8 +23,9 @@ from mathnavi.sim.sweep.trial import Trial
 
 Ending = Literal["flown", "refused", "failed"]
 REFUSALS = (FieldError, MissionError, PluginError, TerrainError)
-_NAMES = tuple(f"{error.__module__}.{error.__qualname__}: " for error in REFUSALS)
-_BUILDING = re.compile(r'sweep/trial\.py", line \d+, in build$', re.MULTILINE)  # a line of a traceback
+_NAMES = {error: f"{error.__module__}.{error.__qualname__}: " for error in REFUSALS}
+_FOUND_LATE = tuple(name for error, name in _NAMES.items() if error is not PluginError)  # some only in flight
+_BUILDING = re.compile(r'records/run_spec\.py", line \d+, in build$', re.MULTILINE)  # a line of a traceback
 
 
 @dataclass(frozen=True)
@@ -129,8 +129,8 @@ class Evaluator:
         if record.status != "ok":
             error = record.error or record.status
             last = error.strip().splitlines()[-1]
-            building = last.startswith("ValueError: ") and _BUILDING.search(error) is not None
-            refused = record.status == "raised" and (building or last.startswith(_NAMES))
+            building = _BUILDING.search(error) is not None and last.startswith(("ValueError: ", *_NAMES.values()))
+            refused = record.status == "raised" and (building or last.startswith(_FOUND_LATE))
             reason = last.partition(": ")[2] if refused else f"{record.status}: {last}"
             return Evaluation(number, values, "refused" if refused else "failed", None, trial, record, reason)
         if self.objective.key not in record.summary:

@@ -1,30 +1,24 @@
-"""Trial: a scenario with its plug-ins, every field resolved, and a seed. Its key is the hash of its content.
+"""Trial: the task of a sweep that flies one specification of a run. Its key is the hash of its content.
 
-In the key, the digest of a file's content replaces the field that names the file
-(``mathnavi.interfaces.input_files``), and the computing environment is part of the key.
-
-A trial may name a measure, a function at "package.module:function" that computes figures from the ``RunResult``, which
-holds the whole log. The figures are added to the summary, and the log is not kept.
+The computing environment is part of the key. A trial may name a measure, a function at "package.module:function" that
+computes figures from the ``RunResult``, which holds the whole log. The figures are added to the summary, and the log is
+not kept.
 """
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from mathnavi.interfaces.bounds import LARGEST_SEED
 from mathnavi.interfaces.errors import ArgumentError
-from mathnavi.interfaces.fields import leaf, plain, with_fields
-from mathnavi.interfaces.input_files import Digests, declared_inputs, named_plugins, run_inputs
-from mathnavi.sim.plugin.code_version import code_version
-from mathnavi.sim.plugin.registry import PluginSpec, load
+from mathnavi.interfaces.input_files import Digests
 from mathnavi.sim.records.computing_environment import environment, in_environment
 from mathnavi.sim.records.figure_names import is_wall_clock
 from mathnavi.sim.records.origins import Origin
+from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.records.store import Record, canonical_json
 
 if TYPE_CHECKING:  # the processes of a sweep import a scenario only where they fly it
@@ -33,38 +27,37 @@ if TYPE_CHECKING:  # the processes of a sweep import a scenario only where they 
 
 @dataclass(frozen=True)
 class Trial:
-    """Run that any process can repeat. Plug-ins are named as on the command line, or as "package.module:Class"."""
+    """Run of a specification that any process can repeat, with what is measured of it."""
 
-    scenario: str
-    config: Any  # frozen dataclass of the scenario
-    seed: int
-    controller: str
-    controller_config: Any  # frozen dataclass of the controller
-    estimator: str
-    estimator_config: Any  # frozen dataclass of the estimator
+    spec: RunSpec
     measure: str = ""  # "package.module:function" of the outcome
 
     WALL_TIME: ClassVar[str] = "trial_wall_s"
 
-    def __post_init__(self) -> None:
-        if not (isinstance(self.seed, int) and 0 <= self.seed <= LARGEST_SEED):
-            raise ArgumentError(f"seed = {self.seed!r}; allowed: a whole number from 0 to {LARGEST_SEED}")
+    @staticmethod
+    def from_document(document: Mapping[str, Any]) -> Trial:
+        """Return the trial that a ``document`` holds; errors as of ``RunSpec.from_document``."""
+        return Trial(RunSpec.from_document(document), document.get("measure", ""))
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """All of it as plain data."""
+        return self.spec.document | self._measured
+
+    @property
+    def seed(self) -> int:
+        """Seed of every random draw."""
+        return self.spec.seed
 
     @property
     def parameters(self) -> dict[str, Any]:
         """Return all resolved fields as plain data, and the digests of the files that fields name."""
-        return self._parameters(run_inputs(*self._configs))
+        return self.spec.parameters() | self._measured
 
     @property
     def code(self) -> str:
         """Version of the code that it runs."""
-        return code_version(
-            _plugin("scenarios", self.scenario),
-            _plugin("controllers", self.controller),
-            _plugin("estimators", self.estimator),
-            *([_function(self.measure)] if self.measure else []),
-            *(plugin for config in self._configs for plugin in named_plugins(config)),
-        )
+        return self.spec.code(*([_function(self.measure)] if self.measure else []))
 
     @property
     def content(self) -> str:
@@ -77,18 +70,15 @@ class Trial:
         return in_environment(self.content)
 
     def build(self) -> ClosedLoop:
-        """Build the closed loop, ready to run; ValueError as raised by the scenario."""
-        parts = (
-            PluginSpec(_plugin("controllers", self.controller), self.controller_config),
-            PluginSpec(_plugin("estimators", self.estimator), self.estimator_config),
-        )
-        closed_loop: ClosedLoop = _plugin("scenarios", self.scenario).build(self.config, self.seed, *parts)
+        """Build the closed loop, ready to run; errors as of ``RunSpec.build``."""
+        closed_loop: ClosedLoop = self.spec.build()
         return closed_loop
 
     def flown(self) -> RunResult:
         """Run it; return the result with the whole log."""
-        outcome: RunResult = self.build().run()
-        return outcome
+        closed_loop = self.build()
+        with self.spec.failures("a run"):
+            return closed_loop.run()
 
     def run(self) -> tuple[dict[str, Any], bool]:
         """Run it; return the summary with the figures of the measure, and whether the mission succeeded."""
@@ -119,46 +109,17 @@ class Trial:
         error: str | None = None,
     ) -> Record:
         """Return the record of how it ended in this process, under the key that it has here."""
-        named = (in_environment(content), self.scenario, self.parameters, self.seed, self.code)
+        named = (in_environment(content), self.spec.scenario, self.parameters, self.seed, self.code)
         origin = Origin(content, environment())
         return Record(*named, status, success, dict(summary or {}), dict(timings or {}), error, origin)
 
     def renamed(self, record: Record) -> Record:
         """Return the record of a trial of the same key, with the file names of this trial."""
-        return replace(record, parameters=self._parameters(record.parameters["inputs"]))
+        return replace(record, parameters=self.spec.parameters(record.parameters["inputs"]) | self._measured)
 
     @property
-    def _configs(self) -> tuple[Any, Any, Any]:
-        return self.config, self.controller_config, self.estimator_config
-
-    def _parameters(self, inputs: Mapping[str, str]) -> dict[str, Any]:
-        return {
-            "config": plain(self.config),
-            "controller": {"name": self.controller, "fields": plain(self.controller_config)},
-            "estimator": {"name": self.estimator, "fields": plain(self.estimator_config)},
-            "inputs": dict(inputs),
-            **({"measure": self.measure} if self.measure else {}),
-        }
-
-    def _content(self, inputs: Mapping[str, str]) -> str:
-        parameters = self._parameters(inputs)
-        places = {
-            "planner": parameters["controller"]["fields"],
-            "estimator": parameters["estimator"]["fields"],
-        }
-        declared = {
-            *declared_inputs(self.config),
-            *declared_inputs(self.controller_config, "planner."),
-            *declared_inputs(self.estimator_config, "estimator."),
-        }
-        for name in declared & set(inputs):  # the content of a file counts, not its place
-            first, *rest = name.split(".")
-            holder = places[first] if first in places else parameters["config"]
-            *above, last = rest if first in places else (first, *rest)
-            for part in above:
-                holder = holder[part]
-            del holder[last]
-        return hashlib.sha256(canonical_json([self.scenario, parameters, self.seed, self.code]).encode()).hexdigest()
+    def _measured(self) -> dict[str, str]:
+        return {"measure": self.measure} if self.measure else {}
 
 
 def trial(
@@ -172,37 +133,14 @@ def trial(
 ) -> Trial:
     """Build a trial with some fields set, those that are not at their defaults.
 
-    ``fields`` are named as on the command line, with underscores: "terrain", "faults.gust_rms", "planner.nodes",
-    "estimator.rate"; ``more`` are those of the scenario that need no dot. Controller and estimator are the scenario's
-    defaults if not given; ``measure`` is that of a Trial.
+    ``fields`` are those of ``RunSpec.of``, ``more`` are those of the scenario that need no dot; ``measure`` is that of
+    a Trial.
 
         trial(seed=3, terrain="jacksboro", fields={"faults.gust_rms": 1.5, "planner.nodes": 13})
 
     Raises ValueError for an unknown plug-in or field, and for a value of another type or out of its range.
     """
-    plugin = _plugin("scenarios", scenario)
-    names = {"controllers": controller or plugin.controller, "estimators": estimator or plugin.estimator}
-    sorted_out: dict[str, dict[str, Any]] = {"planner": {}, "estimator": {}, "": {}}
-    for name, value in {**(fields or {}), **more}.items():
-        group, _, rest = name.partition(".")
-        if rest and group in sorted_out:
-            sorted_out[group][rest] = value
-        else:
-            sorted_out[""][name] = value
-    return Trial(
-        scenario=scenario,
-        config=with_fields(plugin.Config(), sorted_out[""]),
-        seed=seed,
-        controller=names["controllers"],
-        controller_config=with_fields(
-            _plugin("controllers", names["controllers"]).Config(), sorted_out["planner"], "planner"
-        ),
-        estimator=names["estimators"],
-        estimator_config=with_fields(
-            _plugin("estimators", names["estimators"]).Config(), sorted_out["estimator"], "estimator"
-        ),
-        measure=measure,
-    )
+    return Trial(RunSpec.of(scenario, seed, controller, estimator, {**(fields or {}), **more}), measure)
 
 
 def keys(trials: Sequence[Trial]) -> list[str]:
@@ -216,7 +154,7 @@ def contents(trials: Sequence[Trial]) -> list[str]:
     Raises as the digest of a field does, for example FileNotFoundError for a missing file.
     """
     known: Digests = {}
-    return [each._content(run_inputs(*each._configs, known)) for each in trials]
+    return [each.spec.content(known, each.code, **each._measured) for each in trials]
 
 
 def named_files(trials: Sequence[Trial]) -> dict[tuple[str, str], str]:
@@ -224,22 +162,7 @@ def named_files(trials: Sequence[Trial]) -> dict[tuple[str, str], str]:
     ``contents``.
     """
     known: Digests = {}
-    found: dict[tuple[str, str], str] = {}
-    for each in trials:
-        parts = {"planner": each.controller_config, "estimator": each.estimator_config}
-        for name, digest in run_inputs(*each._configs, known).items():
-            first, _, rest = name.partition(".")
-            found[name, str(leaf(*((parts[first], rest) if first in parts else (each.config, name))))] = digest
-    return found
-
-
-@cache
-def _plugin(kind: str, name: str) -> Any:
-    """Return a plug-in that another process can find too."""
-    plugin = load(kind, name)
-    if plugin.__module__ == "__main__":
-        raise ArgumentError(f"{kind}: {name!r} is defined in the script that runs; allowed: one in a module")
-    return plugin
+    return {(name, str(each.spec[name])): digest for each in trials for name, digest in each.spec.inputs(known).items()}
 
 
 @cache

@@ -25,7 +25,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mathnavi.interfaces.bounds import Count, configuration
-from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.protocols import Planner
 from mathnavi.interfaces.signals import Plan, PlanRequest
 from mathnavi.models.aerial.mission import FlightMission
@@ -44,7 +43,7 @@ from mathnavi.sim.sweep.job import job
 from mathnavi.sim.sweep.trial import Trial
 from mathnavi.studies.flight.drawn_missions import MissionToDraw, mission_ends
 from mathnavi.studies.framework.drawing import paths_on_map
-from mathnavi.studies.framework.study import VEHICLE, Setup, StudyResult, ends, track
+from mathnavi.studies.framework.study import VEHICLE, Setup, StudyResult, ends, recorded_trial, track
 
 OURS = "flight"
 PLANNERS = (OURS, "gatekeeper", "faster", "barrier", "as_printed")
@@ -124,7 +123,9 @@ class Guarantees:
         }
         first = conditions[0]
         timed = [trials[first, planner, seed] for planner in PLANNERS for seed in seeds[: config.timed]]
-        spent = setup.perform([job(planning_ms, mission, mission.content, seed=mission.seed) for mission in timed])
+        spent = setup.perform(
+            [job(planning_ms, mission.document, mission.content, seed=mission.seed) for mission in timed]
+        )
         cpu = dict(zip(PLANNERS, np.reshape(spent, (len(PLANNERS), -1)).mean(axis=1).tolist(), strict=True))
         rows = [_row(*cell, records, cpu[cell[1]]) for cell, records in cells.items()]
         tuning_rows = [
@@ -230,11 +231,9 @@ class TimedPlanner:
         return plan
 
 
-def planning_ms(mission: Trial, content: str) -> MeasuredTime:
+def planning_ms(document: Mapping[str, Any], content: str) -> MeasuredTime:
     """A job: mean CPU time [ms] of a planner's calls at the beginning of a mission; ``content`` is its hash."""
-    if mission.content != content:
-        raise ArgumentError(f"trial {content} is now {mission.content}; allowed: sources and files as they were")
-    loop = mission.build()
+    loop = recorded_trial(document, content).build()
     agent = loop.agents[VEHICLE]
     planner = TimedPlanner(agent.planner)
     replace(loop, agents={VEHICLE: replace(agent, planner=planner)}, duration=min(_TIMED, loop.duration)).run()

@@ -29,8 +29,8 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.scenarios.flight_parts import mission_but_ends
 from mathnavi.sim.search.directed import Sampler, directed
@@ -379,10 +379,9 @@ def _lowest(fields: Mapping[str, Any]) -> Callable[[float, float], float]:
 
 def _to_certify(fields: Mapping[str, Any]) -> tuple[FlightMission, TrackingBound]:
     """The mission of ``safe-flight`` with these fields, but for its ends, and the tracking bound of the product."""
-    made = trial("safe-flight", fields={name: value for name, value in fields.items() if name != "seed"})
-    estimator = PluginSpec(load("estimators", made.estimator), made.estimator_config)
-    mission = mission_but_ends(made.config, load_terrain(made.config.terrain), estimator)
-    return mission, tracking_bound(made.controller_config.bandwidth, mission)
+    spec = RunSpec.of("safe-flight", fields={name: value for name, value in fields.items() if name != "seed"})
+    mission = mission_but_ends(spec.config, load_terrain(spec.config.terrain), spec.estimator)
+    return mission, tracking_bound(spec["planner.bandwidth"], mission)
 
 
 COURSE = (

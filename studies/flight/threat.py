@@ -67,7 +67,7 @@ class Threat:
         rows = [_row(name, by_condition[name], by_condition["unaware"], near) for name in COLOURS]
         unaware, aware = rows[0], rows[-1]
         shown = setup.flown({name: trials[name, 0] for name in COLOURS})
-        (radar,) = trials["unaware", 0].config.radar
+        (radar,) = trials["unaware", 0].spec.config.radar
         return StudyResult(
             summary=(
                 f"{config.seeds} missions over {setup.ground.name}, a radar of {RADIUS / 1e3:.0f} km in the middle "

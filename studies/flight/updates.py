@@ -77,7 +77,7 @@ class Updates:
         rows = [change.row for change in changes.values()]
         (build,) = setup.compute(build_ms, [setup.place])
         shown = setup.flown({name: trials[name, 0] for name in COLOURS})
-        (radar,) = trials["radar appears", 0].config.radar
+        (radar,) = trials["radar appears", 0].spec.config.radar
         return StudyResult(
             summary=(
                 f"{config.seeds} missions over {setup.ground.name}; the ends of each are those drawn without a change. "

@@ -171,7 +171,7 @@ class Setup:
 
     def flown(self, missions: Mapping[Key, Trial]) -> dict[Key, RunResult]:
         """The runs of some missions with their logs, for pictures, without processor and wall-clock times."""
-        made = [job(logged_run, mission, mission.content, seed=mission.seed) for mission in missions.values()]
+        made = [job(logged_run, mission.document, mission.content, seed=mission.seed) for mission in missions.values()]
         return dict(zip(missions, self.perform(made), strict=True))
 
 
@@ -181,14 +181,20 @@ def call(function: Callable[..., Any], argument: Any, **named: Any) -> Job:
     return job(function, argument, seed=seed if type(seed) is int else 0, **named)
 
 
-def logged_run(mission: Trial, content: str) -> RunResult:
+def recorded_trial(document: Mapping[str, Any], content: str) -> Trial:
+    """The trial of a document, as a job is given it; ArgumentError unless its content has the hash ``content``."""
+    mission = Trial.from_document(document)
+    if mission.content != content:
+        raise ArgumentError(f"trial {content} is now {mission.content}; allowed: sources and files as they were")
+    return mission
+
+
+def logged_run(document: Mapping[str, Any], content: str) -> RunResult:
     """A job: the run of a mission, its log and all; ``content`` is the hash of all that the mission depends on.
 
     Left out are processor and wall-clock times, and the solver's, which no other run repeats, and the scene.
     """
-    if mission.content != content:
-        raise ArgumentError(f"trial {content} is now {mission.content}; allowed: sources and files as they were")
-    outcome = mission.flown()
+    outcome = recorded_trial(document, content).flown()
     agents = {
         name: replace(agent, solve_ms=[], plans=[(t, replace(plan, solve_ms=np.nan)) for t, plan in agent.plans])
         for name, agent in outcome.recording.agents.items()

@@ -368,7 +368,7 @@ def recorded(motion: MechanismMotion) -> tuple[LagrangianMission, list[RecordedC
         inputs = len(believed(ArmVelocityConfig(mechanism=motion.mechanism)).system.inputs)
         fields["planner.amplitude"] = (motion.amplitude,) * inputs
     flight = trial("arm-velocity", motion.seed, controller=controller, fields=fields)
-    return believed(flight.config), recorded_calls(flight.build().run().recording, VEHICLE, POSITION)
+    return believed(flight.spec.config), recorded_calls(flight.flown().recording, VEHICLE, POSITION)
 
 
 def compared(

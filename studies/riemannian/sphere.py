@@ -556,7 +556,7 @@ def recorded(seed: int, seconds: float, speed: float = SPEED) -> tuple[Lagrangia
         "duration": seconds, "settled": 0.0, "speed": speed, "speed_max": max(30.0, 0.75 * speed), **TORQUES
     }  # fmt: skip
     flight = trial("sphere-observer", seed, estimator="filtered_differences", fields=fields)
-    return config_mission(flight.config), recorded_calls(flight.build().run().recording, VEHICLE, POSITION)
+    return config_mission(flight.spec.config), recorded_calls(flight.flown().recording, VEHICLE, POSITION)
 
 
 @cache

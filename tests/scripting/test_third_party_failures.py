@@ -71,6 +71,7 @@ def by_environment(failure: str) -> None:
 RAISED = (PluginError, rf"scenarios: '{re.escape(BROKEN)}': build\(\) failed: KeyError: 'colour' \(.*:\d+\)$")
 EXITED = (PluginError, rf"scenarios: '{re.escape(BROKEN)}': build\(\) failed: SystemExit: enough \(.*:\d+\)$")
 NOTHING = (PluginError, rf"scenarios: '{re.escape(BROKEN)}': build\(\) returned a NoneType; allowed: a ClosedLoop$")
+IN_FLIGHT = (PluginError, rf"scenarios: '{re.escape(BROKEN)}': a run failed: KeyError: 'colour' \(.*:\d+\)$")
 KEY = (KeyError, "colour")
 
 
@@ -81,10 +82,10 @@ KEY = (KeyError, "colour")
         (by_script, "exits", EXITED),
         (by_script, "returns-nothing", NOTHING),
         (by_script, "ends-in-flight", KEY),
-        (by_trial, "raises", KEY),
-        (by_trial, "exits", (SystemExit, "enough")),
-        (by_trial, "returns-nothing", (AttributeError, "'NoneType' object has no attribute 'run'")),
-        (by_trial, "ends-in-flight", KEY),
+        (by_trial, "raises", RAISED),
+        (by_trial, "exits", EXITED),
+        (by_trial, "returns-nothing", NOTHING),
+        (by_trial, "ends-in-flight", IN_FLIGHT),
         (by_environment, "raises", KEY),
         (by_environment, "exits", (SystemExit, "enough")),
         (by_environment, "returns-nothing", (AttributeError, "'NoneType' object has no attribute 'task'")),

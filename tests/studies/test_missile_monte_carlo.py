@@ -11,7 +11,7 @@ from mathnavi.studies.nodes.missile_closed_loop import drawn_trial, quantile_lim
 def test_a_number_draws_the_same_flight_and_another_one_another() -> None:
     assert drawn_trial(3).parameters == drawn_trial(3).parameters
     assert drawn_trial(3).parameters != drawn_trial(4).parameters
-    headings = [drawn_trial(number).config.start_heading for number in range(40)]
+    headings = [drawn_trial(number).spec.config.start_heading for number in range(40)]
     assert min(headings) < -90.0
     assert max(headings) > 90.0
 

@@ -97,11 +97,11 @@ def test_a_size_is_measured(curve: str) -> None:
 
 def test_a_scenario_takes_the_largest_fleet() -> None:
     size = max(CURVES["fleet"].sizes)
-    assert trial("simultaneous-arrival", fields={"vehicles": size}).config.vehicles == size
+    assert trial("simultaneous-arrival", fields={"vehicles": size}).spec.config.vehicles == size
 
 
 def test_no_map_is_read_twice() -> None:
-    first, second = (load_terrain(CURVES["map, built"].made(129, 0).config.terrain) for _ in range(2))
+    first, second = (load_terrain(CURVES["map, built"].made(129, 0).spec.config.terrain) for _ in range(2))
     assert first is not second
     assert np.array_equal(first.z, second.z)
 

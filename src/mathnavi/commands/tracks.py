@@ -22,15 +22,17 @@ def shown_flights(trials: Sequence[Trial], records: Sequence[Record]) -> tuple[H
     Without a terrain in the scenario there is neither terrain nor tracks.
     """
     ended = {
-        k: record for k, record in enumerate(records) if record.status == "ok" and hasattr(trials[k].config, "terrain")
+        k: record
+        for k, record in enumerate(records)
+        if record.status == "ok" and hasattr(trials[k].spec.config, "terrain")
     }
     if not ended:
         return None, []
     chosen = _chosen(ended)
-    place = trials[next(iter(chosen.values()), next(iter(ended)))].config.terrain
+    place = trials[next(iter(chosen.values()), next(iter(ended)))].spec.config.terrain
     tracks = []
     for name, k in chosen.items():
-        x = trials[k].build().run().arrays.get("truth.x") if trials[k].config.terrain == place else None
+        x = trials[k].flown().arrays.get("truth.x") if trials[k].spec.config.terrain == place else None
         if x is not None:
             tracks.append(Track(f"{name}, seed {records[k].seed}", x[:, :3], COLOURS[name]))
     return load_terrain(place), tracks

@@ -35,7 +35,7 @@ def spec(request: pytest.FixtureRequest) -> RunSpec:
 
 
 def test_a_document_is_read_back_as_the_same_run(spec: RunSpec) -> None:
-    document = {"scenario": spec.scenario, "seed": spec.seed, **json.loads(json.dumps(spec.parameters()))}
+    document = json.loads(json.dumps(spec.document))
     again = RunSpec.from_document(document)
     assert again == spec
     assert again.content() == spec.content()
@@ -121,7 +121,7 @@ def test_what_no_run_can_be_is_refused(asked: dict[str, Any], kind: type[ValueEr
 
 
 def test_a_document_that_does_not_fit_is_refused_with_the_place() -> None:
-    document = {"scenario": COIN, "seed": 0, **RunSpec.of(COIN).parameters()}
+    document = RunSpec.of(COIN).document
     broken = {**document, "controller": {"name": NOBODY, "fields": {"gain": "high"}}}
     with pytest.raises(FieldError, match=r"^\$\.controller\.fields\.gain = 'high'; allowed: float"):
         RunSpec.from_document(broken)

@@ -29,7 +29,7 @@ def check(scenario: str) -> None:
     """Run a scenario in a process that has loaded no kernel yet, and compare those that it loads with the list."""
     asked = trial(scenario, 0, fields=SHORT[scenario])
     kernels = listed_for(scenario)
-    asked.build().run()
+    asked.spec.build().run()
     names = [vars(module) for name, module in sys.modules.items() if name.startswith("mathnavi.")]
     kept = [each for content in names for each in content.values() if isinstance(each, Dispatcher)]
     called = {(each, types) for each in kept if isinstance(each.compile, KeptCompilation) for types in each.overloads}
@@ -38,8 +38,7 @@ def check(scenario: str) -> None:
 
 def listed_for(scenario: str) -> list[Signature]:
     asked = trial(scenario, 0, fields=SHORT[scenario])
-    configs = asked.config, asked.controller_config, asked.estimator_config
-    return listed(config.kernels for config in configs if hasattr(config, "kernels"))
+    return listed(config.kernels for config in asked.spec.parts.values() if hasattr(config, "kernels"))
 
 
 @pytest.mark.parametrize("scenario", SHORT)

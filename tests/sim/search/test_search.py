@@ -127,7 +127,7 @@ def test_what_is_refused_and_what_fails_is_counted_and_recorded(store: Store, po
     assert rim.record.status == "raised"
     assert hole.reason == "y = 4.0 is in the hole; allowed: < 4.0"
     assert fire.reason.startswith("crashed: ")
-    assert defect.reason == "raised: ValueError: a defect in flight"
+    assert "a run failed: ValueError: a defect in flight (" in defect.reason
     assert flown.figure == 0.0
     assert len(store.keys()) == 5
     assert [made.count("refused"), made.count("failed"), made.count("flown")] == [3, 2, 1]

@@ -88,7 +88,7 @@ def test_what_ends_before_an_interrupt_is_stored_and_the_rest_is_called_off(dask
 
 
 def test_a_worker_with_other_sources_ends_the_sweep(dask: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mathnavi.sim.sweep.trial.code_version", lambda *_: "as it was")
+    monkeypatch.setattr("mathnavi.sim.records.run_spec.code_version", lambda *_: "as it was")
     with Store.open(tmp_path / "store.db") as store:
         with pytest.raises(RefusedError, match=r"other sources or files.*restart the workers of the cluster"):
             run_trials(coins(2), store, cluster=dask.scheduler_address)

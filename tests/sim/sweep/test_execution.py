@@ -69,9 +69,11 @@ def test_what_goes_wrong_is_recorded_and_stops_nothing(mishaps: list[Record]) ->
 def test_an_error_is_reported_with_where_it_was_raised(mishaps: list[Record]) -> None:
     error = mishaps[2].error or ""
     assert error.startswith("Traceback")
-    assert error.endswith("RuntimeError: seed 2 is out of order")
-    assert "scenarios.py" in error
-    assert (mishaps[3].error or "").endswith("SystemExit: enough")
+    assert "RuntimeError: seed 2 is out of order\n" in error
+    last = error.splitlines()[-1]
+    assert f"scenarios: '{COIN}': a run failed: RuntimeError: seed 2 is out of order (" in last
+    assert "scenarios.py:" in last
+    assert f"scenarios: '{COIN}': a run failed: SystemExit: enough (" in (mishaps[3].error or "")
 
 
 def test_a_crash_is_reported_with_its_cause_and_last_output(mishaps: list[Record]) -> None:
@@ -142,7 +144,7 @@ def test_records_name_files_as_they_were_asked_for(
     files = [tmp_path / "one", tmp_path / "other"]
     for file in files:
         file.write_text("the same")
-    monkeypatch.setattr("mathnavi.sim.sweep.trial.code_version", lambda *_: "any")
+    monkeypatch.setattr("mathnavi.sim.records.run_spec.code_version", lambda *_: "any")
     one, other = (coins(1, table=str(file))[0] for file in files)
     assert one.key == other.key
     store.add(one.record(one.content, "ok", success=True))
@@ -177,7 +179,7 @@ def test_bad_arguments_are_refused(store: Store, arguments: dict[str, Any], mess
 
 
 def test_sources_that_changed_meanwhile_end_the_sweep(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mathnavi.sim.sweep.trial.code_version", lambda *_: "as it was")
+    monkeypatch.setattr("mathnavi.sim.records.run_spec.code_version", lambda *_: "as it was")
     with pytest.raises(RefusedError, match="other sources or files"):
         run_trials(coins(3), store)
     assert not store.keys()

@@ -54,7 +54,7 @@ def test_a_whole_number_is_the_number_it_stands_for() -> None:
 
 def test_other_code_makes_another_key(monkeypatch: pytest.MonkeyPatch) -> None:
     before = trial(COIN).key
-    monkeypatch.setattr("mathnavi.sim.sweep.trial.code_version", lambda *_: "another")
+    monkeypatch.setattr("mathnavi.sim.records.run_spec.code_version", lambda *_: "another")
     assert trial(COIN).key != before
 
 
@@ -85,9 +85,8 @@ def test_its_record_calls_the_fields_as_the_command_line_does() -> None:
 
 def test_a_flight_has_its_own_plugins_by_default() -> None:
     flight = trial(seed=3, fields={"faults.gust_rms": 1.5, "planner.nodes": 7}, terrain="jacksboro")
-    assert (flight.scenario, flight.controller, flight.estimator) == ("safe-flight", "flight", "full_state")
-    assert flight.config.faults.gust_rms == 1.5
-    assert flight.controller_config.nodes == 7
+    assert [flight.parameters[part]["name"] for part in ("controller", "estimator")] == ["flight", "full_state"]
+    assert (flight.spec["faults.gust_rms"], flight.spec["planner.nodes"]) == (1.5, 7)
     assert flight.parameters["inputs"] == {"terrain": load_terrain("jacksboro").digest}
 
 
@@ -149,7 +148,7 @@ def test_a_plugin_of_the_script_that_runs_cannot_be_had_elsewhere(monkeypatch: p
     Scenario.__module__ = "__main__"
     monkeypatch.setattr(sys.modules["__main__"], "Mine", Scenario, raising=False)
     with pytest.raises(ValueError, match="is defined in the script that runs"):
-        trial("__main__:Mine")
+        keys([trial("__main__:Mine")])
 
 
 def test_a_config_may_hold_what_json_cannot_say_but_the_key_tells() -> None:
@@ -162,7 +161,7 @@ class _Thing:
 
 
 def test_what_cannot_be_stored_is_reported() -> None:
-    odd = Trial(COIN, _Thing((object(),)), 0, NOBODY, _Thing(), NOBODY, _Thing())
+    odd = Trial(dataclasses.replace(trial(COIN).spec, config=_Thing((object(),))))
     with pytest.raises(TypeError, match="cannot be stored"):
         _ = odd.key
 

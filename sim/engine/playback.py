@@ -5,7 +5,7 @@ Truth, readings and inputs are the recorded ones at every sample, independent of
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,6 +88,17 @@ class RecordedPlant:
             if due > before and not np.isnan(value).all():
                 read.append((due, Measurement(sensor.name, due * self.dt, value.copy())))
         return [measurement for _, measurement in sorted(read, key=lambda pair: pair[0])]
+
+    def samples(self) -> Iterator[tuple[float, Sequence[Measurement], Array]]:
+        """Yield time [s], readings, and the input (nu,) held since the sample before, zero at the first one, from the
+        first sample to the last; the plant is at the first one again afterwards.
+        """
+        held = np.zeros_like(self._run.u[0])
+        for row, u in enumerate(self._run.u):
+            self._row = row
+            yield self.t, self.sense(self._name), held
+            held = u
+        self._row = 0
 
     def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
         raise ArgumentError("what is over cannot be pushed; allowed: no forces")

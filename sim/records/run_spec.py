@@ -29,6 +29,9 @@ from mathnavi.sim.plugin.registry import PluginSpec, called, load, of_stranger
 from mathnavi.sim.records.field_names import PARTS, joined, split
 from mathnavi.sim.records.store import canonical_json
 
+Plugin = PluginSpec | str | type[Any] | None
+"""plug-in with its fields, or its name or its class; None for the one that is there already"""
+
 KINDS = {"controller": "controllers", "estimator": "estimators"}
 """kind of the plug-in of each part"""
 
@@ -53,8 +56,8 @@ class RunSpec:
     def of(
         scenario: str,
         seed: int = 0,
-        controller: PluginSpec | str | type[Any] | None = None,
-        estimator: PluginSpec | str | type[Any] | None = None,
+        controller: Plugin = None,
+        estimator: Plugin = None,
         fields: Mapping[str, Any] | None = None,
     ) -> RunSpec:
         """Return the specification of a run with some fields set, nested ones as mappings or by dotted names.
@@ -120,13 +123,25 @@ class RunSpec:
         for name, value in flattened(fields).items():
             prefix, rest = split(name)
             own[prefix][rest] = value
-        made = {prefix: with_fields(config, own[prefix], prefix) for prefix, config in self.parts.items()}
+        made = {
+            prefix: with_fields(config, own[prefix], prefix) if own[prefix] else config
+            for prefix, config in self.parts.items()
+        }
         return replace(
             self,
             config=made[""],
             controller=replace(self.controller, config=made["planner"]),
             estimator=replace(self.estimator, config=made["estimator"]),
         )
+
+    def with_plugins(self, controller: Plugin = None, estimator: Plugin = None) -> RunSpec:
+        """Return the specification with other plug-ins; those that it has already keep their fields."""
+        changed = {}
+        for part, given in (("controller", controller), ("estimator", estimator)):
+            if given is not None:
+                made, present = _part(KINDS[part], given), getattr(self, part)
+                changed[part] = present if made.plugin is present.plugin and not isinstance(given, PluginSpec) else made
+        return replace(self, **changed)
 
     def with_seed(self, seed: int) -> RunSpec:
         """Return the specification of the same run with another seed."""

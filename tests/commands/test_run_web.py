@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 
 from mathnavi.commands.cli import main
+from mathnavi.commands.command_line import read_command_line
 from mathnavi.commands.errors import BadInputError
 from mathnavi.commands.run import RunOptions, fly
-from mathnavi.commands.run_request import RunRequest, read_request
 from mathnavi.commands.run_web import FollowedRun, changed_config, followed
 from mathnavi.sim.engine.loop import Loop
+from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
 from tests.renders.web.browser import chromium, watched
@@ -31,8 +32,8 @@ VALUES = {
 }  # fmt: skip
 
 
-def request(*words: str) -> RunRequest:
-    return read_request("run", words, RunOptions)
+def spec_of(*words: str) -> RunSpec:
+    return read_command_line("run", words, RunOptions).spec
 
 
 def asked(url: str, posted: object = None) -> Any:
@@ -44,12 +45,12 @@ def asked(url: str, posted: object = None) -> Any:
     return text if text.startswith("<!doctype") else json.loads(text)
 
 
-def flown(run: FollowedRun, wanted: RunRequest) -> RunResult:
+def flown(run: FollowedRun, wanted: RunSpec) -> RunResult:
     return run.fly(wanted.build(), lambda loop, watch: fly(loop, lambda t, duration: None, watch=watch))
 
 
 def test_a_page_that_follows_a_run_gets_all_of_it_and_changes_nothing() -> None:
-    wanted = request(*ROBOT)
+    wanted = spec_of(*ROBOT)
     with followed(wanted, "127.0.0.1", 0) as run:
         assert "being prepared" in asked(run.url)
         results: list[RunResult] = []
@@ -80,7 +81,7 @@ def test_a_page_that_follows_a_run_gets_all_of_it_and_changes_nothing() -> None:
 
 
 def test_the_page_that_follows_a_run_is_drawn_in_a_browser() -> None:
-    wanted = request(*ROBOT)
+    wanted = spec_of(*ROBOT)
     with chromium() as browser, followed(wanted, "127.0.0.1", 0) as run, watched(browser) as seen:
         flown(run, wanted)
         seen.open(run.url)
@@ -109,7 +110,7 @@ def test_sliders_change_fields_from_now_on() -> None:
 
 def test_a_run_in_which_sliders_were_moved_is_flown_again_from_its_folder(tmp_path: Path) -> None:
     words = ("--drawn-separation", "0.25", "0.3", "--drawn-heights", "1", "15", "--planner.grid-nodes", "17")
-    wanted = request("safe-flight", "--terrain", "canyon:3", "--seed", "3", *words)
+    wanted = spec_of("safe-flight", "--terrain", "canyon:3", "--seed", "3", *words)
     run, moved = FollowedRun(wanted), iter(({"radar_radius": 0.05}, {"target_east": 0.35}))
 
     def simulate(closed_loop: ClosedLoop, watch: Callable[[Loop], None]) -> RunResult:
@@ -134,7 +135,7 @@ def test_a_run_in_which_sliders_were_moved_is_flown_again_from_its_folder(tmp_pa
 
 @pytest.mark.parametrize("posted", [[1], {"pace": 1e9}, {"pace": True}, {"pace": "1"}, {"no_such": 1.0}, {"paused": 1}])
 def test_what_is_no_value_of_a_slider_is_refused(posted: object) -> None:
-    run = FollowedRun(request(*ROBOT))
+    run = FollowedRun(spec_of(*ROBOT))
     with pytest.raises(ValueError, match="allowed"):
         run.change(posted)
 
@@ -142,7 +143,7 @@ def test_what_is_no_value_of_a_slider_is_refused(posted: object) -> None:
 def test_an_address_needs_web_and_the_port_must_be_free(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", *ROBOT, "--port", "0", "--out", str(tmp_path / "run")]) == 2
     assert "--port = 0; allowed: only together with --web" in capsys.readouterr().err
-    with followed(request(*ROBOT), "127.0.0.1", 0) as run:
+    with followed(spec_of(*ROBOT), "127.0.0.1", 0) as run:
         port = run.url.rpartition(":")[2].rstrip("/")
-        with pytest.raises(BadInputError, match=f"--port = {port}"), followed(request(*ROBOT), "127.0.0.1", int(port)):
+        with pytest.raises(BadInputError, match=f"--port = {port}"), followed(spec_of(*ROBOT), "127.0.0.1", int(port)):
             pass

@@ -11,9 +11,9 @@ import pytest
 from PIL import Image
 
 from mathnavi.commands.arguments import FlagGroup, parse
+from mathnavi.commands.command_line import read_command_line
 from mathnavi.commands.render import RenderOptions
 from mathnavi.commands.run import RunOptions
-from mathnavi.commands.run_request import read_request
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.renders import clip, optimum, video
 from mathnavi.renders.gallery import __main__ as program
@@ -76,9 +76,9 @@ def test_a_clip_shows_something_that_moves_again_and_again(name: str) -> None:
 @cache
 def folder_of(command: Command) -> str:
     """Where a run is written to, as its command says; BadInputError where that is none."""
-    request = read_request("run", command[2:], RunOptions)
-    assert request.options.out is not None
-    return str(request.options.out)
+    line = read_command_line("run", command[2:], RunOptions)
+    assert line.options.out is not None
+    return str(line.options.out)
 
 
 def test_every_command_can_be_given() -> None:

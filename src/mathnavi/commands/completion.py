@@ -58,9 +58,9 @@ FLOWN = ("run", "search", "sweep")
 PLUGIN_FLAGS = {"--controller": "controllers", "--estimator": "estimators", "--consensus": "consensus"}
 NAMES = {**PLUGIN_FLAGS, "--terrain": "terrains"}  # kinds of plug-ins that a flag takes
 OWN = {  # dataclasses of a command's own flags
-    "run": ("mathnavi.commands.run:RunOptions", "mathnavi.commands.run_request:CommonOptions"),
-    "search": ("mathnavi.commands.search:SearchOptions", "mathnavi.commands.run_request:CommonOptions"),
-    "sweep": ("mathnavi.commands.sweep:SweepOptions", "mathnavi.commands.run_request:CommonOptions"),
+    "run": ("mathnavi.commands.run:RunOptions", "mathnavi.commands.command_line:CommonOptions"),
+    "search": ("mathnavi.commands.search:SearchOptions", "mathnavi.commands.command_line:CommonOptions"),
+    "sweep": ("mathnavi.commands.sweep:SweepOptions", "mathnavi.commands.command_line:CommonOptions"),
     "study": ("mathnavi.commands.study:StudyOptions",),
     "estimate": ("mathnavi.commands.estimate:EstimateOptions",),
     "render": ("mathnavi.commands.render:RenderOptions",),

@@ -6,10 +6,13 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from mathnavi.interfaces.errors import PluginError
+
 UNFORESEEN = 70  # exit code: an internal error, as sysexits.h has it
 OUT_OF_TIME = 124  # what `timeout` calls a process whose time was up
 PIPE_CLOSED = 141  # what a shell calls a process that ended by SIGPIPE
 
+_ARGUMENTS = {"scenarios": "SCENARIO", "controllers": "--controller", "estimators": "--estimator"}
 _LONGEST_WORD = 200  # [characters] that a message shows
 _LONGEST = 2000  # [characters] of a line on standard error
 
@@ -29,6 +32,16 @@ def bad_input() -> Iterator[None]:
         raise BadInputError(str(error)) from error
     except OSError as error:
         raise BadInputError(worded(error)) from error
+
+
+@contextmanager
+def bad_plugin() -> Iterator[None]:
+    """Raise BadInputError for a plug-in that cannot be loaded; its message names the argument that names it."""
+    try:
+        yield
+    except PluginError as error:
+        kind, colon, rest = str(error).partition(":")
+        raise BadInputError(f"{_ARGUMENTS.get(kind, kind)}{colon}{rest}") from error
 
 
 def worded(error: Exception) -> str:

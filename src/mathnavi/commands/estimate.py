@@ -7,9 +7,9 @@ estimator's name is the smoother of the recorded Kalman filter, over all reading
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -17,36 +17,32 @@ from rich.table import Table
 from rich.text import Text
 
 from mathnavi.commands.arguments import FlagGroup, HelpPrinted, flags, given, parse
+from mathnavi.commands.command_line import CommandLine, prepare
 from mathnavi.commands.deadline import WallDeadline, watched
-from mathnavi.commands.errors import BadInputError, bad_input
+from mathnavi.commands.errors import BadInputError, bad_input, bad_plugin
 from mathnavi.commands.output import run_folder
 from mathnavi.commands.progress import flight_progress
 from mathnavi.commands.provenance import note_environment
+from mathnavi.commands.recorded_spec import RecordedSpec
 from mathnavi.commands.run import build, fly
-from mathnavi.commands.run_config import RunConfig
-from mathnavi.commands.run_request import CommonOptions, RunRequest, loaded, prepare, restored_plugin
 from mathnavi.commands.summary import verdict
 from mathnavi.commands.wrapping import wrapped
-from mathnavi.estimators.stagewise.recorded_smoother import RecordedSmoother, Sample, Smoothing
+from mathnavi.estimators.stagewise.recorded_smoother import Smoothing
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.checks import check_spares
-from mathnavi.interfaces.fields import plain
 from mathnavi.interfaces.signals import Array
-from mathnavi.sim.engine.agent_runner import Agent
-from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
-from mathnavi.sim.plugin.registry import PluginSpec, called, names
+from mathnavi.sim.plugin.registry import PluginSpec, called, load, names
 from mathnavi.sim.plugin.trust import trusting
-from mathnavi.sim.records.run_folder import ARRAYS, RunLog, read_log
+from mathnavi.sim.records.run_folder import RunLog, read_log
+from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
+from mathnavi.sim.scenarios.played_back import SMOOTHER, played_back
 
-SMOOTHER = "smoother"
 USAGE = """usage: mathnavi estimate ESTIMATOR DIR [OPTIONS]
 
 ESTIMATOR: {}
 
 mathnavi estimate ESTIMATOR DIR --help lists the options."""
-ESTIMATOR_EVENTS = ("estimator-status", "estimate-unusable", "sensor-unused")
 LATE = 0.75  # of a run, from which on its last quarter lasts
 
 
@@ -73,25 +69,25 @@ def main(argv: Sequence[str]) -> int:
     with bad_input():
         log = read_log(folder)
     with trusting("--trust" in given(words)):
-        run_config = RunConfig.read(folder, argv)
+        recorded = RecordedSpec.read(folder, argv)
     try:
-        request = _request(estimator, run_config, words)
+        line = _command_line(estimator, recorded, words)
     except HelpPrinted:
         return 0
-    out = request.options.out or folder.with_name(f"{folder.resolve().name}-{estimator.replace(':', '.')}")
+    out = line.options.out or folder.with_name(f"{folder.resolve().name}-{estimator.replace(':', '.')}")
     with bad_input():
         check_spares(out, [folder], "--out")
     errors = Console(stderr=True, markup=False)
     with run_folder(out) as claim, flight_progress(errors) as progress:
-        playback = _playback(request, run_config, log)
-        note_environment(errors, run_config)
-        with request.failures("a run"):
-            result = fly(playback, progress, lambda: _playback(request, run_config, log))
+        playback = _playback(line, recorded, log, estimator)
+        note_environment(errors, recorded)
+        with line.failures("a run"):
+            result = fly(playback, progress, lambda: _playback(line, recorded, log, estimator))
         result.write_files(claim.new)
         claim.install()
     console = Console(markup=False)
     console.print(f"{estimator} over {folder}: {verdict(result, 'estimator')}", style="bold", highlight=False)
-    console.print(_comparison(request, run_config, log, result))
+    console.print(_comparison(line.spec, estimator, recorded.spec, log, result))
     console.print(f"run     {out}", soft_wrap=True, highlight=False)
     return 0 if result.success else 1
 
@@ -108,21 +104,18 @@ def _allowed() -> tuple[str, ...]:
     return (*names("estimators"), SMOOTHER)
 
 
-def _estimator(name: str, run_config: RunConfig) -> PluginSpec:
+def _estimator(name: str, recorded: RecordedSpec) -> PluginSpec:
     """Return the plug-in with this name, or the smoother of the recorded one."""
     if name != SMOOTHER:
-        return restored_plugin("estimators", name, run_config)
-    recorded = restored_plugin("estimators", run_config.estimator, run_config)
+        with bad_plugin():
+            return recorded.spec.with_plugins(estimator=name).estimator
     with bad_input():
-        return PluginSpec.with_fields(Smoothing(recorded.plugin, recorded.config))
+        return PluginSpec.with_fields(Smoothing(recorded.spec.estimator.plugin, recorded.spec.estimator.config))
 
 
-def _request(name: str, run_config: RunConfig, words: Sequence[str]) -> RunRequest:
-    """Return the recorded run with another estimator, or with the same one; flags replace its recorded fields."""
-    scenario = loaded("scenarios", run_config.scenario)
-    controller = restored_plugin("controllers", run_config.controller, run_config)
-    estimator = _estimator(name, run_config)
-    config = run_config.restored(scenario.Config, run_config.fields, "fields")
+def _command_line(name: str, recorded: RecordedSpec, words: Sequence[str]) -> CommandLine:
+    """Read ``words`` for the recorded run with another estimator, or with the same one; flags replace its fields."""
+    estimator = _estimator(name, recorded)
     groups = (
         FlagGroup(EstimateOptions),
         FlagGroup(type(estimator.config), "estimator", estimator.config, f"Fields of estimator {name}."),
@@ -131,120 +124,42 @@ def _request(name: str, run_config: RunConfig, words: Sequence[str]) -> RunReque
     prog = f"mathnavi estimate {name}"
     purpose = (estimator.plugin.__doc__ or "").strip().partition("\n")[0]
     options, fields = parse(words, prog, purpose, *groups)
-    common = CommonOptions(run_config.seed, run_config.controller, name)
-    return RunRequest(
-        prog,
-        run_config.scenario,
-        scenario,
-        common,
-        options,
-        config,
-        controller,
-        PluginSpec(estimator.plugin, fields),
-        known,
-    )
+    spec = replace(recorded.spec, estimator=PluginSpec(estimator.plugin, fields))
+    return CommandLine(prog, spec, options, known)
 
 
-def _playback(request: RunRequest, run_config: RunConfig, log: RunLog) -> ClosedLoop:
-    """Return the recorded run as a closed loop with the requested estimator."""
-    closed_loop = build(request, run_config)
-    ((vehicle, agent),) = closed_loop.agents.items()
-    fresh = closed_loop.plant.state(vehicle), np.zeros(agent.input_size)
-    if (log.x.shape[1:], log.u.shape[1:]) != (fresh[0].shape, fresh[1].shape):
-        raise BadInputError(
-            f"{log.directory / ARRAYS}: truth.x {log.x.shape} and command.u {log.u.shape} do not fit "
-            f"{run_config.scenario}; allowed: (n, {len(fresh[0])}) and (n, {len(fresh[1])})"
-        )
-    readings = {
-        name.removeprefix("measurement."): rows for name, rows in log.arrays.items() if name.startswith("measurement.")
-    }
-    run = RecordedRun(log.t, log.x, log.u, readings, closed_loop.plant.state_names(vehicle))
-    period = float(log.t[1] - log.t[0])
-    if abs(agent.estimator.period - period) > 1e-9:
-        raise BadInputError(
-            f"ESTIMATOR = {request.common.estimator}: it estimates every {agent.estimator.period:g} s; allowed: every "
-            f"{period:g} s, as {log.directory} was run"
-        )
-    try:
-        plant = RecordedPlant(vehicle, run, closed_loop.plant.dt, closed_loop.plant.sensors(vehicle))
-    except ValueError as error:
-        raise BadInputError(f"ESTIMATOR = {request.common.estimator} over {log.directory}: {error}") from error
-    inputs = RecordedInputs(run, period)
-    made: dict[str, Any] = {"recorded": str(log.directory)}
-    if isinstance(agent.estimator, RecordedSmoother):
-        made |= _smoothed(agent.estimator, plant, log, request, run_config)
-        plant = RecordedPlant(vehicle, run, closed_loop.plant.dt, closed_loop.plant.sensors(vehicle))
-
-    def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
-        _restore(recording, log, vehicle)
-        return closed_loop.summarise(recording, wall_seconds)
-
-    return ClosedLoop(
-        plant,
-        {vehicle: Agent(agent.estimator, inputs, inputs, agent.input_size, sensors=agent.sensors)},
-        float(log.t[-1]),
-        lambda t, truths: False,
-        summarise,
-        closed_loop.config | made,
-    )
+def _playback(line: CommandLine, recorded: RecordedSpec, log: RunLog, estimator: str) -> ClosedLoop:
+    closed_loop = build(line, recorded)
+    with bad_input():
+        return played_back(closed_loop, log, estimator, recorded.spec.estimator)
 
 
-def _smoothed(
-    smoother: RecordedSmoother, plant: RecordedPlant, log: RunLog, request: RunRequest, run_config: RunConfig
-) -> dict[str, Any]:
-    """Smooth the whole run; return its config.json, with the estimator as recorded."""
-
-    def samples() -> Iterator[Sample]:
-        (name,) = plant.names
-        for k, t in enumerate(log.t.tolist()):
-            yield t, plant.sense(name), log.u[k - 1] if k else np.zeros_like(log.u[0])
-            if k + 1 < len(log.t):
-                plant.step({}, round((log.t[k + 1] - t) / plant.dt))
-
-    try:
-        smoother.smooth(samples())
-    except (ValueError, ArithmeticError) as error:  # LinAlgError is a ValueError
-        raise BadInputError(f"{SMOOTHER} over {log.directory}: {error}") from error
-    recorded = {"name": run_config.estimator, "fields": run_config.estimator_fields}
-    return {"estimator": recorded, SMOOTHER: plain(request.estimator.config)}
-
-
-def _restore(recording: Recording, log: RunLog, vehicle: str) -> None:
-    """Copy the plans of the recorded run, and all events but those of its estimator, into the log of the new one."""
-    agent = recording.agents[vehicle]
-    agent.plans[:] = zip(log.adopted.tolist(), log.plans, strict=True)
-    agent.requests = agent.answers = int(log.summary.get("replans", len(log.plans)))  # another run's planner
-    kept = [event for event in log.events if event.kind not in ESTIMATOR_EVENTS]
-    recording.events[:] = sorted([*kept, *recording.events], key=lambda event: event.t)
-
-
-def _comparison(request: RunRequest, run_config: RunConfig, log: RunLog, result: RunResult) -> Table | str:
+def _comparison(spec: RunSpec, estimator: str, recorded: RunSpec, log: RunLog, result: RunResult) -> Table | str:
     """Print the root mean square errors of the recorded and of the new estimates, if the scenario defines any."""
     ((_, states),) = result.recording.state_names.items()
     found = [
-        _errors(request, states, run["estimate.t"], run["estimate.x"], log) if "estimate.x" in run else {}
+        _errors(spec, states, run["estimate.t"], run["estimate.x"], log) if "estimate.x" in run else {}
         for run in (log.arrays, result.arrays)
     ]
     table = Table(title="errors, root mean square", title_justify="left", box=None, padding=(0, 2, 0, 0))
     table.add_column("of", style="dim")
-    for who in (f"recorded: {called('estimators', run_config.estimator)}", request.common.estimator):
+    for who in (f"recorded: {called('estimators', recorded.estimator.name)}", estimator):
         table.add_column(who, justify="right")
         table.add_column("last quarter", justify="right")
     for name in found[1]:
         table.add_row(Text(name), *(cell for errors in found for cell in errors.get(name, ("-", "-"))))
-    return table if found[1] else f"{request.name} does not say how estimates and its truth compare"
+    return table if found[1] else f"{spec.scenario} does not say how estimates and its truth compare"
 
 
-def _errors(
-    request: RunRequest, states: tuple[str, ...], t: Array, x: Array, log: RunLog
-) -> Mapping[str, tuple[str, str]]:
+def _errors(spec: RunSpec, states: tuple[str, ...], t: Array, x: Array, log: RunLog) -> Mapping[str, tuple[str, str]]:
     """Return root mean square errors by name with unit: over the whole run, and over its last quarter.
 
     The errors are those that the scenario computes, or state by state.
     """
     truth = log.x[np.searchsorted(log.t, t - 1e-9)]
-    if hasattr(request.scenario, "errors"):
-        errors = request.scenario.errors(request.config, x, truth)
+    scenario = load("scenarios", spec.scenario)
+    if hasattr(scenario, "errors"):
+        errors = scenario.errors(spec.config, x, truth)
     elif x.shape == truth.shape:
         errors = {name: x[:, k] - truth[:, k] for k, name in enumerate(states)}
     else:

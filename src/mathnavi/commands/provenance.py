@@ -6,9 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from rich.console import Console
 
-from mathnavi.commands.run_config import RunConfig
+from mathnavi.commands.recorded_spec import RecordedSpec
+from mathnavi.interfaces.field_table import flag_of
 from mathnavi.sim.records.computing_environment import difference
 from mathnavi.sim.records.origins import Elsewhere
+from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.records.store import Store
 
 SHOWN = 12  # digits of a digest
@@ -36,28 +38,26 @@ def note_changed_files(errors: Console, store: Store, named: Mapping[tuple[str, 
             )  # fmt: skip
 
 
-def note_environment(errors: Console, run_config: RunConfig) -> None:
+def note_environment(errors: Console, recorded: RecordedSpec) -> None:
     """Print a note if a recorded run was made in another computing environment, or by another version."""
-    if other := difference(run_config.environment):
-        named = f"in another environment: {other}" if run_config.environment else "without a note of its environment"
+    if other := difference(recorded.environment):
+        named = f"in another environment: {other}" if recorded.environment else "without a note of its environment"
         errors.print(
-            f"{run_config.path.parent} was recorded {named}; results agree up to rounding, perhaps not bit for bit",
+            f"{recorded.path.parent} was recorded {named}; results agree up to rounding, perhaps not bit for bit",
             style="dim", highlight=False, soft_wrap=True,
         )  # fmt: skip
 
 
-def changed_inputs(
-    run_config: RunConfig, now: Mapping[str, str], fields: Mapping[str, object], given: Sequence[str]
-) -> Iterable[str]:
+def changed_inputs(recorded: RecordedSpec, spec: RunSpec, given: Sequence[str]) -> Iterable[str]:
     """Return a sentence for each file whose content has changed since a run was recorded, though its field is the same.
 
-    ``now`` holds the digests by field, ``fields`` the values; files whose flags are ``given`` again may differ.
+    ``spec`` is the run to fly; files whose flags are ``given`` again may differ.
     """
-    for name, digest in run_config.inputs.items():
-        flag = f"--{name.replace('_', '-')}"
-        same = name in now and fields.get(name) == run_config.named_fields.get(name)
-        if same and now[name] != digest and flag not in given:
+    now = spec.inputs()
+    for name, digest in recorded.inputs.items():
+        same = name in now and spec.fields[name] == recorded.spec.fields.get(name)
+        if same and now[name] != digest and flag_of(name) not in given:
             yield (
-                f"{name} = {fields[name]} has changed since {run_config.path} was written: its digest was {digest} and "
+                f"{name} = {spec[name]} has changed since {recorded.path} was written: its digest was {digest} and "
                 f"is {now[name]}; allowed: the file as it was"
             )

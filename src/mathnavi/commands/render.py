@@ -70,7 +70,7 @@ def main(argv: Sequence[str]) -> int:
     except HelpPrinted:
         return 0
     opengl.check_choice()
-    from mathnavi.commands.run_request import import_from_here
+    from mathnavi.commands.command_line import import_from_here
     from mathnavi.models.opengl import NoOpenGLError
     from mathnavi.renders.clip import write_clip  # the drawing modules take a while to import
     from mathnavi.renders.film import TOUR

@@ -12,21 +12,19 @@ from typing import TYPE_CHECKING, Literal
 from rich.console import Console
 
 from mathnavi.commands.arguments import HelpPrinted, given, value_of
+from mathnavi.commands.command_line import CommandLine, prepare, read_command_line, usage
 from mathnavi.commands.deadline import WallDeadline, watched
 from mathnavi.commands.errors import BadInputError, bad_input, worded
 from mathnavi.commands.interruption import when_interrupted
 from mathnavi.commands.output import run_folder
 from mathnavi.commands.progress import flight_progress
 from mathnavi.commands.provenance import changed_inputs, note_environment
-from mathnavi.commands.run_config import RunConfig
-from mathnavi.commands.run_request import RunRequest, prepare, read_request, usage
+from mathnavi.commands.recorded_spec import RecordedSpec
 from mathnavi.commands.served_address import Port, address_of, check_address
 from mathnavi.commands.summary import summary_table, verdict
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.checks import check_spares
 from mathnavi.interfaces.errors import FieldError, RunFolderError
-from mathnavi.interfaces.fields import flattened, plain
-from mathnavi.interfaces.input_files import run_inputs
 from mathnavi.models.opengl import NoOpenGLError
 from mathnavi.renders.heartbeat import lines_of_progress
 from mathnavi.sim.engine.compilation import compile_ahead
@@ -82,37 +80,37 @@ def main(argv: Sequence[str]) -> int:
     try:
         source = value_of("--from", argv)
         with trusting("--trust" in given(argv)):
-            run_config = RunConfig.read(Path(source), argv) if source is not None else None
-        request = read_request("run", argv, RunOptions, run_config)
+            recorded = RecordedSpec.read(Path(source), argv) if source is not None else None
+        line = read_command_line("run", argv, RunOptions, recorded)
     except HelpPrinted:
         return 0
-    folder = request.options.out or Path("renders/out") / f"{request.name.replace(':', '.')}-seed{request.common.seed}"
-    _check_spared(folder, Path(source) if source is not None else None, request.files)
+    folder = line.options.out or Path("renders/out") / f"{line.spec.scenario.replace(':', '.')}-seed{line.spec.seed}"
+    _check_spared(folder, Path(source) if source is not None else None, line.files)
     errors = Console(stderr=True, markup=False)
     with ExitStack() as served:
-        follow = served.enter_context(_followed(request)) if request.options.web else None
-        code = _run(request, run_config, folder, follow, errors)
+        follow = served.enter_context(_followed(line)) if line.options.web else None
+        code = _run(line, recorded, folder, follow, errors)
         if follow is not None:
             follow.show_ended(folder)
     return code
 
 
 def _run(
-    request: RunRequest, run_config: RunConfig | None, folder: Path, follow: FollowedRun | None, errors: Console
+    line: CommandLine, recorded: RecordedSpec | None, folder: Path, follow: FollowedRun | None, errors: Console
 ) -> int:
     """Fly, write the folder and draw; return the exit code of the command."""
     with run_folder(folder) as claim:
         with flight_progress(errors) as progress:
-            compile_ahead(request.config, request.controller.config, request.estimator.config)
-            closed_loop = build(request, run_config)
-            if run_config is not None:
-                note_environment(errors, run_config)
-            with request.failures("a run"):
+            compile_ahead(*line.spec.parts.values())
+            closed_loop = build(line, recorded)
+            if recorded is not None:
+                note_environment(errors, recorded)
+            with line.failures("a run"):
                 if follow is None:
-                    result = fly(closed_loop, progress, lambda: build(request, run_config))
+                    result = fly(closed_loop, progress, lambda: build(line, recorded))
                 else:
                     result = follow.fly(closed_loop, lambda loop, watch: fly(loop, progress, watch=watch))
-        replaced = request.options.out is None and (folder / "summary.json").exists()
+        replaced = line.options.out is None and (folder / "summary.json").exists()
         result.write_files(claim.new)
         removed = _stale(folder, claim.new)
         claim.install(dropped=(*removed, SCENE))
@@ -121,10 +119,10 @@ def _run(
             gone = f", and removed its {', '.join(removed)}" if removed else ""
             errors.print(f"replaced the run in {folder}{gone}", style="dim", soft_wrap=True, highlight=False)
         console = Console(markup=False)
-        console.print(f"{request.name}, seed {request.common.seed}: {verdict(result)}", style="bold", highlight=False)
+        console.print(f"{line.spec.scenario}, seed {line.spec.seed}: {verdict(result)}", style="bold", highlight=False)
         console.print(summary_table(result.summary, result.recording.events))
         with trusting():
-            whole = _draw(request.options, folder, errors)
+            whole = _draw(line.options, folder, errors)
     console.print(f"run     {folder}", soft_wrap=True, highlight=False)
     for made in ("video.mp4", "report.html"):
         if (folder / made).is_file():
@@ -134,10 +132,10 @@ def _run(
     return UNPLANNED if PLANNER_STATUS in result.summary else 0
 
 
-def _followed(request: RunRequest) -> AbstractContextManager[FollowedRun]:
+def _followed(line: CommandLine) -> AbstractContextManager[FollowedRun]:
     from mathnavi.commands.run_web import followed  # what draws takes a while to import
 
-    return followed(request, *address_of(request.options.host, request.options.port))
+    return followed(line.spec, *address_of(line.options.host, line.options.port))
 
 
 def _check_spared(folder: Path, source: Path | None, files: Sequence[Path]) -> None:
@@ -149,26 +147,15 @@ def _check_spared(folder: Path, source: Path | None, files: Sequence[Path]) -> N
             raise BadInputError(f"--out = {folder} holds {file}, which the run reads; allowed: another folder")
 
 
-def build(request: RunRequest, run_config: RunConfig | None) -> ClosedLoop:
-    """Build the closed loop of a request; BadInputError for fields that do not fit, or a file that has changed."""
-    with request.bad_input():
-        if run_config is not None:
-            _check_inputs(request, run_config)
-        with within_record(run_config.places if run_config else {}):
-            return request.build()
-
-
-def _check_inputs(request: RunRequest, run_config: RunConfig) -> None:
-    """Raise BadInputError for a file that differs from the recorded one, unless its flag is given again."""
-    configs = request.config, request.controller.config, request.estimator.config
-    prefixes = ("", "planner.", "estimator.")
-    fields = {
-        name: value
-        for config, prefix in zip(configs, prefixes, strict=True)
-        for name, value in flattened(plain(config), prefix).items()
-    }
-    for sentence in changed_inputs(run_config, run_inputs(*configs), fields, request.given):
-        raise BadInputError(sentence)
+def build(line: CommandLine, recorded: RecordedSpec | None) -> ClosedLoop:
+    """Build the closed loop; BadInputError for fields that do not fit, or a file that differs from the recorded one,
+    unless its flag is given again.
+    """
+    with line.bad_input():
+        for sentence in changed_inputs(recorded, line.spec, line.given) if recorded else ():
+            raise BadInputError(sentence)
+        with within_record(recorded.places if recorded else {}):
+            return line.build()
 
 
 def fly(

@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.commands.run_request import RunRequest
 from mathnavi.commands.web_server import PageServer
 from mathnavi.interfaces.checks import check
 from mathnavi.interfaces.errors import FieldError
@@ -28,6 +27,7 @@ from mathnavi.renders.web.document import document
 from mathnavi.renders.web.live import LiveScene
 from mathnavi.renders.web.scene import read_scene
 from mathnavi.sim.engine.loop import Loop
+from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 STEP = 0.02  # [s] of the wall clock that the simulation waits at most at a time
@@ -62,8 +62,8 @@ class Control:
 class FollowedRun:
     """State of a run for its page; the thread of the simulation and those of the server share it."""
 
-    def __init__(self, request: RunRequest) -> None:
-        self._request, self._lock = request, threading.Lock()
+    def __init__(self, spec: RunSpec) -> None:
+        self._spec, self._lock = spec, threading.Lock()
         self.url = ""
         self._changes: set[str] = set()
         self._pace, self._paused, self._generation, self._state = 1.0, False, 0, "starting"
@@ -113,7 +113,7 @@ class FollowedRun:
     def fly(self, closed_loop: ClosedLoop, simulate: Simulate) -> RunResult:
         """Simulate at the user's pace, again after every change."""
         shown_from = 0.0
-        self._controls = {control.name: control for control in _controls(self._request, closed_loop)}
+        self._controls = {control.name: control for control in _controls(self._spec.config, closed_loop)}
         while True:
             self._show(closed_loop)
             try:
@@ -131,7 +131,7 @@ class FollowedRun:
             threading.Event().wait()
 
     def _show(self, closed_loop: ClosedLoop) -> None:
-        title = f"{self._request.name}, seed {self._request.common.seed}"
+        title = f"{self._spec.scenario}, seed {self._spec.seed}"
         live = LiveScene(title, closed_loop.plant, closed_loop.config, closed_loop.duration)
         with self._lock:
             self._generation += 1
@@ -171,33 +171,33 @@ class FollowedRun:
         with self._lock:
             names, self._changes = self._changes, set()
             values = {control.name: control.value for control in self._controls.values()}
-        request, now = self._request, round(self._now, 2)
+        spec, now = self._spec, round(self._now, 2)
         try:
-            config = changed_config(request.config, before.config["mission"], values, names, now)
-            changed = dataclasses.replace(request, config=config)
+            config = changed_config(spec.config, before.config["mission"], values, names, now)
+            changed = dataclasses.replace(spec, config=config)
             built = changed.build()
         except ValueError as error:
             self._state = f"refused: {error}"
-            return request.build(), now
-        self._request = changed
+            return spec.build(), now
+        self._spec = changed
         return built, now
 
 
 @contextmanager
-def followed(request: RunRequest, host: str, port: int) -> Iterator[FollowedRun]:
+def followed(spec: RunSpec, host: str, port: int) -> Iterator[FollowedRun]:
     """Serve a run at an address for as long as the block lasts."""
-    run = FollowedRun(request)
+    run = FollowedRun(spec)
     server = PageServer(host, port, run.page, {"/news": run.news}, {"/change": run.change})
     run.url = server.url
     with server.serving():
-        print(f"{request.name} is shown at {server.url} while it is simulated", flush=True)
+        print(f"{spec.scenario} is shown at {server.url} while it is simulated", flush=True)
         yield run
 
 
-def _controls(request: RunRequest, closed_loop: ClosedLoop) -> list[Control]:
+def _controls(config: Any, closed_loop: ClosedLoop) -> list[Control]:
     """Return the sliders: the pace, and the fields of the scenario that may change during the run."""
     found = [Control(PACE, PACE, *PACES, 0.1, "×", 1.0)]
-    config, record = request.config, closed_loop.config
+    record = closed_loop.config
     fields = {entry.name for entry in dataclasses.fields(config)}
     if "radar" in fields and record.get("terrain"):
         ground = terrain_of(record["terrain"])

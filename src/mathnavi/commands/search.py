@@ -12,11 +12,11 @@ from annotated_types import Interval
 from rich.console import Console
 
 from mathnavi.commands.arguments import HelpPrinted
+from mathnavi.commands.command_line import CommandLine, prepare, read_command_line, usage
 from mathnavi.commands.errors import BadInputError, bad_input, worded
 from mathnavi.commands.interruption import when_interrupted
 from mathnavi.commands.progress import compilation_announced, sweep_progress
 from mathnavi.commands.provenance import note_changed_files, note_origins
-from mathnavi.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.commands.search_fields import SearchFields, read_space
 from mathnavi.commands.search_results import SearchResults, print_results, write_pages, write_worst
 from mathnavi.interfaces.bounds import MOST_TO_COMPUTE, Count, Positive, Processes, configuration
@@ -104,30 +104,30 @@ def main(argv: Sequence[str]) -> int:
         return 0
     prepare()
     try:
-        request = read_request("search", argv, SearchOptions)
+        line = read_command_line("search", argv, SearchOptions)
     except HelpPrinted:
         return 0
-    fields = read_space(argv, request)
-    options: SearchOptions = request.options
+    fields = read_space(argv, line)
+    options: SearchOptions = line.options
     if options.report:
         with bad_input():
             for ending in PAGES:
-                check_spares(options.store.with_suffix(ending), [options.store, *request.files], "--report")
+                check_spares(options.store.with_suffix(ending), [options.store, *line.files], "--report")
     errors, console = Console(stderr=True, markup=False), Console(markup=False)
     again = shlex.join(["mathnavi", "search", *argv])
-    _check(fields, request)
+    _check(fields, line)
     evaluations: Sequence[Evaluation] = ()
     ended = 0  # of the missions that are being evaluated
     when_interrupted(lambda: f"{_stored(evaluations, options, ended)}; to go on")
     try:
-        with request.bad_input():
+        with line.bad_input():
             if options.cluster is not None:
                 check(options.cluster)
             with compilation_announced(errors):
                 named = _check_missions(fields)
             store = Store.open(options.store)
             pool = Pool(options.workers or available_cores(), options.cluster, options.mix_environments)
-        with store, pool, sweep_progress(errors, request.name.rpartition(":")[2]) as draw:
+        with store, pool, sweep_progress(errors, line.spec.scenario.rpartition(":")[2]) as draw:
             stored = store.keys()
 
             def progress(now: Sequence[Evaluation]) -> None:
@@ -145,7 +145,7 @@ def main(argv: Sequence[str]) -> int:
                 fields.make, options.objective, store, pool, options.timeout, options.retry, of_batch,
                 mix_environments=options.mix_environments,
             )  # fmt: skip
-            rare = _search(evaluator, fields, options, request.common.seed, progress)
+            rare = _search(evaluator, fields, options, line.spec.seed, progress)
             note_origins(errors, store, evaluator.elsewhere)
     except NoSuchFigureError as error:
         flag = "--maximise" if options.objective.largest else "--minimise"
@@ -155,7 +155,7 @@ def main(argv: Sequence[str]) -> int:
         print(f"mathnavi: {words}, {_stored(evaluations, options, ended)}; to go on: {again}", file=sys.stderr)
         return 1
     results = SearchResults(
-        request.name, options.objective, fields.space, evaluator.evaluations, options.until, rare,
+        line.spec.scenario, options.objective, fields.space, evaluator.evaluations, options.until, rare,
         {} if rare else importances(evaluator.evaluations, fields.space, options.objective.largest), again,
     )  # fmt: skip
     print_results(console, results)
@@ -193,12 +193,12 @@ def _search(
     return None
 
 
-def _check(fields: SearchFields, request: RunRequest) -> None:
+def _check(fields: SearchFields, line: CommandLine) -> None:
     """Raise BadInputError for a space that cannot be searched with these options."""
-    options: SearchOptions = request.options
-    if options.rare and not hasattr(request.config, REDRAW):
+    options: SearchOptions = line.options
+    if options.rare and not hasattr(line.spec.config, REDRAW):
         raise BadInputError(
-            f"--rare: {request.name} cannot draw part of its chance again; allowed: scenarios with --{REDRAW}"
+            f"--rare: {line.spec.scenario} cannot draw part of its chance again; allowed: scenarios with --{REDRAW}"
         )
     if options.rare and options.missions < options.particles * options.repetitions:
         raise BadInputError(
@@ -206,7 +206,7 @@ def _check(fields: SearchFields, request: RunRequest) -> None:
             "particles of all repetitions"
         )
     if not options.rare:
-        with request.bad_input():
+        with line.bad_input():
             check_space(fields.space, options.sampler)
 
 

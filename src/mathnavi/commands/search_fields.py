@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from mathnavi.commands.arguments import given, suggestion, values_of
+from mathnavi.commands.command_line import CommandLine
 from mathnavi.commands.errors import BadInputError
-from mathnavi.commands.run_request import RunRequest
-from mathnavi.commands.variations import FieldPlaces, Variation, set_fields, trial_of
+from mathnavi.commands.variations import Variation, field_values, names_by_flag
 from mathnavi.interfaces.bounds import LARGEST_SEED
-from mathnavi.interfaces.fields import leaf
+from mathnavi.interfaces.field_table import flag_of
+from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.search.rare import REDRAW
 from mathnavi.sim.search.space import Choice, Dimension, Range, Values
 from mathnavi.sim.sweep.trial import Trial
@@ -31,27 +32,22 @@ _PLACES = re.compile(r"(?P<name>[^\[\]]+)(?P<places>(\[\d+\])*)")
 
 @dataclass(frozen=True)
 class SearchFields:
-    """Fields that a search varies, and the request whose other fields stay unchanged."""
+    """Fields that a search varies, and the specification whose other fields stay unchanged."""
 
-    request: RunRequest
+    spec: RunSpec
     space: tuple[Dimension, ...]
 
     def make(self, values: Values) -> Trial:
         """Return the trial at these values of the fields; FieldError if the configuration refuses them."""
-        request, places = self.request, FieldPlaces(self.request)
         whole: dict[str, Any] = {}
         for name, value in values.items():
-            if name == SEED:
-                request = replace(request, common=replace(request.common, seed=value))
-                continue
-            field, numbers = _split(name)
-            flag = _flag(field)
-            held = whole.get(flag, _held(self.request, places, flag))
-            whole[flag] = _with_place(held, numbers, value)
-        return trial_of(set_fields(request, places, whole), request.common.seed)
+            if name != SEED:
+                field, numbers = _split(name)
+                whole[field] = _with_place(whole.get(field, self.spec[field]), numbers, value)
+        return Trial(self.spec.with_seed(values.get(SEED, self.spec.seed)).with_fields(whole))
 
 
-def read_space(argv: Sequence[str], request: RunRequest) -> SearchFields:
+def read_space(argv: Sequence[str], line: CommandLine) -> SearchFields:
     """Return the space of every ``--over`` of ``argv``; BadInputError for one that cannot be searched."""
     dimensions: list[Dimension] = []
     for text in values_of(OVER, argv):
@@ -61,33 +57,33 @@ def read_space(argv: Sequence[str], request: RunRequest) -> SearchFields:
             raise BadInputError(f"{OVER} = {text!r}; {FORMS}")
         if name in {each.name for each in dimensions}:
             raise BadInputError(f"{OVER} {text}: this field is searched over twice; allowed: once")
-        dimensions.append(_dimension(name, values, request, argv))
-    return SearchFields(request, tuple(dimensions))
+        dimensions.append(_dimension(name, values, line, argv))
+    return SearchFields(line.spec, tuple(dimensions))
 
 
-def _dimension(name: str, values: str, request: RunRequest, argv: Sequence[str]) -> Dimension:
+def _dimension(name: str, values: str, line: CommandLine, argv: Sequence[str]) -> Dimension:
     log = values.endswith(LOG)
-    variation = Variation(_flag(name), values.removesuffix(LOG), OVER)
+    variation = Variation(flag_of(name), values.removesuffix(LOG), OVER)
     field, numbers = _split(name)
-    flag, places = _flag(field), FieldPlaces(request)
+    flag, names = flag_of(field), names_by_flag(line)
     if name == SEED:
         return _range(variation, *_numbers(variation, whole=True, low=0, high=LARGEST_SEED), log)
-    if flag not in places.by_flag or field == REDRAW:
-        known = tuple(flag for flag in places.by_flag if flag != _flag(REDRAW))
-        hint = suggestion(flag, (*known, _flag(SEED)), request.prog)
-        raise variation.wrong(f"this is not one of the fields of {request.prog!r} that can be searched over; {hint}")
+    if flag not in names or field == REDRAW:
+        known = tuple(flag for flag in names if flag != flag_of(REDRAW))
+        hint = suggestion(flag, (*known, flag_of(SEED)), line.prog)
+        raise variation.wrong(f"this is not one of the fields of {line.prog!r} that can be searched over; {hint}")
     if numbers:
-        held = _held(request, places, flag)
+        held = line.spec[field]
         for number in numbers:
             if not isinstance(held, tuple) or number >= len(held):
-                raise variation.wrong(f"{field} = {_held(request, places, flag)!r} has no such place; allowed: its own")
+                raise variation.wrong(f"{field} = {line.spec[field]!r} has no such place; allowed: its own")
             held = held[number]
         if not isinstance(held, (int, float)) or isinstance(held, bool):
             raise variation.wrong(f"there is {held!r}, which is not a number; allowed: places of numbers")
         return _range(variation, *_numbers(variation, whole=isinstance(held, int)), log)
     if flag in given(argv):
         raise variation.wrong(f"{flag} is given as well; allowed: one of both")
-    read = places.values(variation)
+    read = field_values(line, names[flag], variation)
     if isinstance(read, Uniform):
         return _range(variation, read.low, read.high, log)
     if log:
@@ -114,21 +110,10 @@ def _numbers(variation: Variation, *, whole: bool, low: float = -1e300, high: fl
     return first, last
 
 
-def _flag(name: str) -> str:
-    return f"--{name.replace('_', '-')}"
-
-
 def _split(name: str) -> tuple[str, tuple[int, ...]]:
     """Return the field and the places within it."""
     field, _, rest = name.partition("[")
     return field, tuple(int(number) for number in re.findall(r"\d+", rest))
-
-
-def _held(request: RunRequest, places: FieldPlaces, flag: str) -> Any:
-    prefix, name = places.by_flag[flag]
-    return leaf(
-        {"": request.config, "planner": request.controller.config, "estimator": request.estimator.config}[prefix], name
-    )
 
 
 def _with_place(held: Any, numbers: Sequence[int], value: Any) -> Any:

@@ -16,12 +16,12 @@ from rich.table import Table
 from rich.text import Text
 
 from mathnavi.commands.arguments import FlagGroup, HelpPrinted, parse, without
+from mathnavi.commands.command_line import prepare
 from mathnavi.commands.errors import BadInputError, bad_input, worded
 from mathnavi.commands.interruption import when_interrupted
 from mathnavi.commands.output import output_folder
 from mathnavi.commands.progress import sweep_progress
 from mathnavi.commands.provenance import note_changed_files, note_origins
-from mathnavi.commands.run_request import prepare
 from mathnavi.commands.wrapping import wrapped
 from mathnavi.interfaces.bounds import Processes, configuration
 from mathnavi.interfaces.errors import FieldError, PluginError

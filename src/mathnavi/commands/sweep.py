@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from mathnavi.commands.arguments import HelpPrinted
+from mathnavi.commands.command_line import CommandLine, prepare, usage
 from mathnavi.commands.errors import BadInputError, bad_input, worded
 from mathnavi.commands.evidence import print_evidence, verdict
 from mathnavi.commands.interruption import when_interrupted
 from mathnavi.commands.progress import compilation_announced, sweep_progress
 from mathnavi.commands.provenance import note_changed_files, note_origins
-from mathnavi.commands.run_request import RunRequest, prepare, usage
 from mathnavi.commands.served_address import Port, address_of, check_address
-from mathnavi.commands.variations import listed_combinations, read_requests, read_variations, trials
+from mathnavi.commands.variations import listed_combinations, read_command_lines, read_variations, trials
 from mathnavi.interfaces.bounds import LARGEST_SEED, MOST_TO_COMPUTE, Count, Positive, Processes, configuration
 from mathnavi.interfaces.checks import check_spares
 from mathnavi.interfaces.errors import FieldError
@@ -90,17 +90,17 @@ def main(argv: Sequence[str]) -> int:
 
 def _run(sweep: SweepRequest, argv: Sequence[str], served: ExitStack) -> int:
     """Run the trials and print their results; return the exit code of the command. ``served`` holds a server."""
-    request, options = sweep.request, sweep.request.options
+    line, options = sweep.line, sweep.line.options
     if options.report:
         with bad_input():
-            check_spares(options.store.with_suffix(REPORT), [options.store, *request.files], "--report")
+            check_spares(options.store.with_suffix(REPORT), [options.store, *line.files], "--report")
     errors = Console(stderr=True, markup=False)
     command = shlex.join(["mathnavi", "sweep", *argv])
     follow: FollowedSweep | None = None
     state: Progress | None = None  # before the store is looked into
     when_interrupted(lambda: f"{_stored(state)}; to go on")
     try:
-        with request.bad_input():
+        with line.bad_input():
             asked = contents(sweep.trials)  # a file that a field names, and that is not there, comes to light here
             _check_combinations(sweep, asked)
             if options.cluster is not None:
@@ -110,7 +110,7 @@ def _run(sweep: SweepRequest, argv: Sequence[str], served: ExitStack) -> int:
             store = Store.open(options.store)
         if options.web:
             follow = served.enter_context(_followed(sweep, asked, command, lambda: _stored(state)))
-        with store, sweep_progress(errors, request.name.rpartition(":")[2]) as draw:
+        with store, sweep_progress(errors, line.spec.scenario.rpartition(":")[2]) as draw:
 
             def progress(now: Progress) -> None:
                 nonlocal state
@@ -140,7 +140,7 @@ def _run(sweep: SweepRequest, argv: Sequence[str], served: ExitStack) -> int:
         print(f"mathnavi: {' '.join(worded(error).split())}, {_stored(state)}; to go on: {command}", file=sys.stderr)
         return 1
     console = Console(markup=False)
-    console.print(f"{request.name}, {verdict(records)}", style="bold", highlight=False, soft_wrap=True)
+    console.print(f"{line.spec.scenario}, {verdict(records)}", style="bold", highlight=False, soft_wrap=True)
     print_evidence(console, records, [*sweep.listed, *sweep.drawn])
     console.print(f"\nstore   {options.store}", soft_wrap=True, highlight=False)
     if transient and not options.retry:
@@ -166,10 +166,10 @@ def _followed(
 ) -> AbstractContextManager[FollowedSweep]:
     from mathnavi.commands.sweep_web import FollowedSweep, followed  # what draws takes a while to import
 
-    options = sweep.request.options
+    options = sweep.line.options
     varied, trials = [*sweep.listed, *sweep.drawn], dict(zip(asked, sweep.trials, strict=True))
     page = FollowedSweep(
-        sweep.request.name, options.store, trials, varied, options.mix_environments, command, progress
+        sweep.line.spec.scenario, options.store, trials, varied, options.mix_environments, command, progress
     )  # fmt: skip
     return followed(page, *address_of(options.host, options.port))
 
@@ -179,7 +179,7 @@ def _report(sweep: SweepRequest, records: Sequence[Record], command: str) -> Pat
     from mathnavi.renders.sweep_report import write_sweep_report  # what draws takes a while to import
 
     terrain, tracks = shown_flights(sweep.trials, records)
-    path: Path = sweep.request.options.store.with_suffix(REPORT)
+    path: Path = sweep.line.options.store.with_suffix(REPORT)
     return write_sweep_report(path, records, [*sweep.listed, *sweep.drawn], terrain, tracks, command)
 
 
@@ -187,7 +187,7 @@ def _report(sweep: SweepRequest, records: Sequence[Record], command: str) -> Pat
 class SweepRequest:
     """Trials of a sweep, and the fields that vary among them."""
 
-    request: RunRequest  # the first, where plug-ins are varied
+    line: CommandLine  # the first, where plug-ins are varied
     trials: list[Trial]  # those of one seed together
     listed: list[str]  # fields
     drawn: list[str]  # fields
@@ -197,21 +197,21 @@ class SweepRequest:
 def read_sweep(argv: Sequence[str]) -> SweepRequest:
     """Return the sweep that ``argv`` requests; BadInputError if ``argv`` is wrong."""
     variations = read_variations(argv)
-    requests = read_requests(argv, SweepOptions, variations)
-    seed, count = requests[0].common.seed, requests[0].options.trials
+    lines = read_command_lines(argv, SweepOptions, variations)
+    seed, count = lines[0].spec.seed, lines[0].options.trials
     if seed > LARGEST_SEED - count + 1:
         raise BadInputError(f"--seed = {seed}; allowed: 0 to {LARGEST_SEED} less the trials that follow")
-    combinations = len(requests) * listed_combinations(requests[0], variations)
+    combinations = len(lines) * listed_combinations(lines[0], variations)
     if count * combinations > MOST_TO_COMPUTE:
         raise BadInputError(
             f"--trials = {count} of each of {combinations} combinations; allowed: {MOST_TO_COMPUTE} trials in all"
         )
-    by_request = [trials(request, variations, count) for request in requests]
-    drawn = by_request[0][1]
-    by_seed = zip(*(of_seeds for of_seeds, _ in by_request), strict=True)
+    by_line = [trials(line, variations, count) for line in lines]
+    drawn = by_line[0][1]
+    by_seed = zip(*(of_seeds for of_seeds, _ in by_line), strict=True)
     every = list(itertools.chain.from_iterable(itertools.chain.from_iterable(by_seed)))
     listed = [variation.name for variation in variations if variation.name not in drawn]
-    return SweepRequest(requests[0], every, listed, drawn, every[: len(every) // count])
+    return SweepRequest(lines[0], every, listed, drawn, every[: len(every) // count])
 
 
 def _check_combinations(sweep: SweepRequest, asked: Sequence[str]) -> None:

@@ -8,24 +8,20 @@ from typing import Any
 from mathnavi.commands.arguments import flags
 from mathnavi.interfaces.field_table import flag_of, negation
 from mathnavi.interfaces.fields import flattened, plain
-from mathnavi.sim.plugin.registry import load
+from mathnavi.sim.plugin.registry import called
+from mathnavi.sim.records.run_spec import KINDS, RunSpec
 from mathnavi.sim.sweep.trial import Trial
 
 
 def command_of(trial: Trial) -> str:
     """Return ``mathnavi run`` with the seed, the plug-ins and every field that is not at its default."""
-    scenario = load("scenarios", trial.scenario)
-    words = ["mathnavi", "run", trial.scenario, "--seed", str(trial.seed)]
-    for flag, name, own in (
-        ("--controller", trial.controller, scenario.controller),
-        ("--estimator", trial.estimator, scenario.estimator),
-    ):
-        words += [flag, name] if name != own else []
-    for prefix, config in (
-        ("", trial.config),
-        ("planner", trial.controller_config),
-        ("estimator", trial.estimator_config),
-    ):
+    spec = trial.spec
+    default = RunSpec.of(spec.scenario)
+    words = ["mathnavi", "run", spec.scenario, "--seed", str(spec.seed)]
+    for part, kind in KINDS.items():
+        plugin = getattr(spec, part)
+        words += [f"--{part}", called(kind, plugin.name)] if plugin.plugin is not getattr(default, part).plugin else []
+    for prefix, config in spec.parts.items():
         words += _words(config, prefix)
     return shlex.join(words)
 

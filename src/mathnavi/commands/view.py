@@ -9,7 +9,6 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from operator import attrgetter
 from pathlib import Path
@@ -18,10 +17,10 @@ from typing import Annotated, Any
 import numpy as np
 
 from mathnavi.commands.arguments import FlagGroup, HelpPrinted, parse
+from mathnavi.commands.command_line import CommandLine, prepare
 from mathnavi.commands.errors import BadInputError, bad_input
+from mathnavi.commands.recorded_spec import RecordedSpec
 from mathnavi.commands.run import build
-from mathnavi.commands.run_config import RunConfig
-from mathnavi.commands.run_request import prepare, read_request
 from mathnavi.commands.served_address import Port, address_of, check_address
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.field_table import Positional
@@ -64,11 +63,6 @@ class ViewOptions:
         check_address(self.host, self.port, web=self.web)
 
 
-@dataclass(frozen=True)
-class _Unchanged:
-    """Options of a command without flags: a run is shown unchanged."""
-
-
 def main(argv: Sequence[str]) -> int:
     try:
         (options,) = parse(argv, "mathnavi view", DESCRIPTION, FlagGroup(ViewOptions))
@@ -101,11 +95,10 @@ def read_replay(folder: Path) -> RecordedMotion:
     """Read the run in a folder; BadInputError if there is none that can be shown."""
     if not (folder / "config.json").is_file():
         raise BadInputError(f"DIR = {folder}: there is no {folder / 'config.json'}; allowed: the folder of a run")
-    run_config = RunConfig.read(folder)
+    recorded = RecordedSpec.read(folder)
     with bad_input():
         logs = _logs(folder)
-    request = read_request("view", [run_config.scenario], _Unchanged, run_config)
-    closed_loop = build(request, run_config)
+    closed_loop = build(CommandLine("mathnavi view", recorded.spec), recorded)
     try:
         states, inputs = (
             {name: part(log) for name, log in logs.items()} for part in (attrgetter("x"), attrgetter("u"))

@@ -150,7 +150,7 @@ def test_records_name_files_as_they_were_asked_for(
     store.add(one.record(one.content, "ok", success=True))
     for asked in (one, other):
         (record,) = run_trials([asked], store)
-        assert record.fields["table"] == asked.config.table
+        assert record.fields["table"] == asked.spec.config.table
 
 
 @pytest.mark.usefixtures("trials_here")

@@ -1,0 +1,86 @@
+"""Recorded run of one vehicle as a closed loop with another estimator, over its measurements and inputs.
+
+Truth, plans and the events of the other components are those of the log.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mathnavi.estimators.stagewise.recorded_smoother import RecordedSmoother
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.fields import plain
+from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
+from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.records.run_folder import ARRAYS, RunLog
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop
+
+SMOOTHER = "smoother"
+"""name of the smoother of the recorded estimator, over all readings of the run, and its key in config.json"""
+_ESTIMATOR_EVENTS = ("estimator-status", "estimate-unusable", "sensor-unused")
+
+
+def played_back(closed_loop: ClosedLoop, log: RunLog, name: str, recorded: PluginSpec) -> ClosedLoop:
+    """Return the run in ``log`` as a closed loop with the estimator of ``closed_loop``, which messages call ``name``.
+
+    ``closed_loop`` is the recorded scenario, built with this estimator; ``recorded`` is the estimator that was flown.
+    Raises ArgumentError for a log of another scenario, for an estimator of another period or with sensors that the
+    log does not have, and for one that cannot smooth the run.
+    """
+    ((vehicle, agent),) = closed_loop.agents.items()
+    plant = closed_loop.plant
+    fresh = plant.state(vehicle), np.zeros(agent.input_size)
+    if (log.x.shape[1:], log.u.shape[1:]) != (fresh[0].shape, fresh[1].shape):
+        raise ArgumentError(
+            f"{log.directory / ARRAYS}: truth.x {log.x.shape} and command.u {log.u.shape} do not fit "
+            f"{closed_loop.config['scenario']}; allowed: (n, {len(fresh[0])}) and (n, {len(fresh[1])})"
+        )
+    period = float(log.t[1] - log.t[0])
+    if abs(agent.estimator.period - period) > 1e-9:
+        raise ArgumentError(
+            f"ESTIMATOR = {name}: it estimates every {agent.estimator.period:g} s; allowed: every {period:g} s, as "
+            f"{log.directory} was run"
+        )
+    readings = {
+        name.removeprefix("measurement."): rows for name, rows in log.arrays.items() if name.startswith("measurement.")
+    }
+    run = RecordedRun(log.t, log.x, log.u, readings, plant.state_names(vehicle))
+    try:
+        past = RecordedPlant(vehicle, run, plant.dt, plant.sensors(vehicle))
+    except ValueError as error:
+        raise ArgumentError(f"ESTIMATOR = {name} over {log.directory}: {error}") from error
+    made: dict[str, Any] = {"recorded": str(log.directory)}
+    if isinstance(agent.estimator, RecordedSmoother):
+        try:
+            agent.estimator.smooth(past.samples())
+        except (ValueError, ArithmeticError) as error:  # LinAlgError is a ValueError
+            raise ArgumentError(f"{SMOOTHER} over {log.directory}: {error}") from error
+        made |= {"estimator": {"name": recorded.name, "fields": plain(recorded.config)}}
+        made |= {SMOOTHER: closed_loop.config["estimator"]["fields"]}
+
+    def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
+        _restore(recording, log, vehicle)
+        return closed_loop.summarise(recording, wall_seconds)
+
+    inputs = RecordedInputs(run, period)
+    return ClosedLoop(
+        past,
+        {vehicle: Agent(agent.estimator, inputs, inputs, agent.input_size, sensors=agent.sensors)},
+        float(log.t[-1]),
+        lambda t, truths: False,
+        summarise,
+        closed_loop.config | made,
+    )
+
+
+def _restore(recording: Recording, log: RunLog, vehicle: str) -> None:
+    """Copy the plans of the recorded run, and all events but those of its estimator, into the log of the new one."""
+    agent = recording.agents[vehicle]
+    agent.plans[:] = zip(log.adopted.tolist(), log.plans, strict=True)
+    agent.requests = agent.answers = int(log.summary.get("replans", len(log.plans)))  # another run's planner
+    kept = [event for event in log.events if event.kind not in _ESTIMATOR_EVENTS]
+    recording.events[:] = sorted([*kept, *recording.events], key=lambda event: event.t)

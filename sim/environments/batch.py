@@ -22,6 +22,7 @@ from mathnavi.sim.engine.faults import Disturbed
 from mathnavi.sim.engine.loop import whole_ticks
 from mathnavi.sim.engine.plant import Layout, MujocoPlant
 from mathnavi.sim.environments.episode_runner import EpisodeRunner
+from mathnavi.sim.records.run_spec import RunSpec
 
 
 def load(scenario: str, *, seed: int = 0, threads: int = 0, **fields: Any) -> Rollouts:
@@ -33,7 +34,7 @@ def load(scenario: str, *, seed: int = 0, threads: int = 0, **fields: Any) -> Ro
     """
     if isinstance(threads, bool) or not isinstance(threads, int) or threads < 0:
         raise ArgumentError(f"threads = {threads!r}; allowed: a whole number >= 0")
-    episode = EpisodeRunner(scenario, seed, None, fields)
+    episode = EpisodeRunner(RunSpec.of(scenario, seed, fields=fields))
     plant = episode.plant.plant if isinstance(episode.plant, Disturbed) else episode.plant
     if not isinstance(plant, MujocoPlant):
         raise ArgumentError(f"scenario = {scenario!r} with these fields is an ODE; allowed: one that MuJoCo moves")

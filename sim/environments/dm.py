@@ -40,6 +40,7 @@ from mathnavi.sim.environments.episode_runner import STATUSES, EpisodeRunner, Ep
 from mathnavi.sim.environments.filtering import EpisodeFilter
 from mathnavi.sim.environments.learning import LearningEpisode
 from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.task import Inputs
 
 
@@ -50,7 +51,12 @@ def load(scenario: str, *, seed: int = 0, estimator: PluginSpec | str | None = N
     ``noise={"position": 5.0}``. Raises ValueError for names that are unknown, fields that are wrong, and a scenario
     with nothing to command.
     """
-    return Environment(EpisodeRunner(scenario, seed, estimator, fields), np.random.default_rng(seed))
+    return environment_of(RunSpec.of(scenario, seed, estimator=estimator, fields=fields))
+
+
+def environment_of(spec: RunSpec) -> Environment:
+    """Make an environment of a run, otherwise as ``load``."""
+    return Environment(EpisodeRunner(spec), np.random.default_rng(spec.seed))
 
 
 def load_learning(
@@ -67,7 +73,7 @@ def load_learning(
 
     ``hold`` [s], ``discount`` and ``covariance`` are those of a ``LearningEpisode``. Raises ValueError as ``load``.
     """
-    episode = EpisodeRunner(scenario, seed, estimator, fields)
+    episode = EpisodeRunner(RunSpec.of(scenario, seed, estimator=estimator, fields=fields))
     return LearningEnvironment(LearningEpisode(episode, hold, discount, covariance), np.random.default_rng(seed))
 
 

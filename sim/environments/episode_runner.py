@@ -27,13 +27,12 @@ from typing import Any
 import numpy as np
 
 from mathnavi.interfaces.errors import ArgumentError
-from mathnavi.interfaces.fields import with_fields
 from mathnavi.interfaces.protocols import Plant
 from mathnavi.interfaces.signals import Array, Estimate, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import Loop, whole_ticks
-from mathnavi.sim.plugin.registry import PluginSpec, load
+from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.assembler import Assembler, RandomStreams
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.task import Inputs, LearningTerms, Outcome, ProposalFilter, Sample, Task
@@ -71,39 +70,24 @@ def drawn_seed(rng: np.random.Generator) -> int:
 class EpisodeRunner:
     """Runner of one mission of a scenario, episode by episode."""
 
-    def __init__(
-        self,
-        scenario: str,
-        seed: int = 0,
-        estimator: PluginSpec | str | None = None,
-        fields: Mapping[str, Any] | None = None,
-    ) -> None:
-        """Build the mission; ``fields`` are the scenario's, nested ones as mappings or by dotted names.
+    def __init__(self, spec: RunSpec) -> None:
+        """Build the mission of a run.
 
-        Raises ValueError for an unknown scenario or estimator, for fields that are wrong, and for a scenario that has
-        nothing to command.
+        Raises ValueError for a mission that cannot be flown, and for a scenario that has nothing to command.
         """
-        plugin = load("scenarios", scenario)
-        wanted = plugin.estimator if estimator is None else estimator
-        self._scenario, self._plugin = scenario, plugin
-        self._controller = PluginSpec.with_fields(
-            load("controllers", plugin.controller)
-        )  # of which the mission is made
-        self._estimator = PluginSpec.with_fields(load("estimators", wanted)) if isinstance(wanted, str) else wanted
-        self._config = with_fields(plugin.Config(), fields or {})
-        if getattr(self._config, "filter", False):
+        if getattr(spec.config, "filter", False):
             raise ArgumentError(
                 "filter = True is for a run; allowed for an environment: SafetyFilterWrapper or FilteredEnvironment "
                 "around it"
             )
-        first = self._built(seed)
-        self._task, self._terms = _commanded(scenario, first)
-        self._config = dataclasses.replace(self._config, **self._task.mission)
+        first = spec.build()
+        self._task, self._terms = _commanded(spec.scenario, first)
+        self._spec = dataclasses.replace(spec, config=dataclasses.replace(spec.config, **self._task.mission))
         self.mission: dict[str, Any] = first.config["mission"]
         """mission of the scenario, as in a run's config.json"""
         self.names = tuple(first.agents)
         """names of the vehicles, in the order of the rows"""
-        self._steps = _steps_per_command(scenario, first)
+        self._steps = _steps_per_command(spec.scenario, first)
         self.period = first.agents[self.names[0]].tracker.period
         """time [s] for which a command is held"""
         self.plant = first.plant
@@ -122,11 +106,13 @@ class EpisodeRunner:
     @property
     def config(self) -> Any:
         """Fields of the scenario, with those of the mission as drawn."""
-        return self._config
+        return self._spec.config
 
     def streams(self, seed: int) -> RandomStreams:
         """Return the random streams of the episode of a seed."""
-        return Assembler.for_scenario(self._plugin, self._config, seed, self._controller, self._estimator).streams
+        spec = self._spec
+        parts = spec.scenario_class, spec.config, seed, spec.controller, spec.estimator
+        return Assembler.for_scenario(*parts).streams
 
     @property
     def inputs(self) -> Inputs:
@@ -147,8 +133,8 @@ class EpisodeRunner:
         """Return new safety filters, one for each vehicle; ArgumentError for a scenario that defines none."""
         if self._task.filters is None:
             raise ArgumentError(
-                f"scenario = {self._scenario!r} defines no safety filter; allowed: safe-flight, simultaneous-arrival, "
-                "quadrotor-canyon"
+                f"scenario = {self._spec.scenario!r} defines no safety filter; allowed: safe-flight, "
+                "simultaneous-arrival, quadrotor-canyon"
             )
         return self._task.filters()
 
@@ -169,15 +155,16 @@ class EpisodeRunner:
 
     def begin(self, seed: int) -> Observation:
         """Begin a new episode, with new components."""
-        closed_loop = self._built(seed)
+        closed_loop = self._spec.with_seed(seed).build()
         self._loop = Loop(closed_loop.plant, closed_loop.agents, closed_loop.duration, closed_loop.network)
         self._closed_loop = closed_loop
-        self._task, self._terms = _commanded(self._scenario, closed_loop)
+        self._task, self._terms = _commanded(self._spec.scenario, closed_loop)
         self._loop.observe()
-        self._finished = bool(closed_loop.finished(self._loop.t, self._loop.truths))
-        self._sample = self._sampled()
-        self.outcome = None
-        self._referee()
+        with self._spec.failures("an episode"):
+            self._finished = bool(closed_loop.finished(self._loop.t, self._loop.truths))
+            self._sample = self._sampled()
+            self.outcome = None
+            self._referee()
         return self._observation()
 
     def check_goes_on(self) -> None:
@@ -213,9 +200,10 @@ class EpisodeRunner:
         loop.advance()
         loop.observe()
         before, self._sample = self._sample, self._sampled()
-        self._finished = bool(closed_loop.finished(loop.t, loop.truths))
-        self._referee()
-        return self._cost(before, commands)
+        with self._spec.failures("an episode"):
+            self._finished = bool(closed_loop.finished(loop.t, loop.truths))
+            self._referee()
+            return self._cost(before, commands)
 
     def _referee(self) -> None:
         """Set the outcome once the mission has ended; a vehicle that arrives past its deadline is late."""
@@ -263,16 +251,9 @@ class EpisodeRunner:
         """Return the learning terms of the present episode; ArgumentError for a scenario that defines none."""
         if self._terms is None:
             raise ArgumentError(
-                f"scenario = {self._scenario!r} defines no learning terms; allowed: one whose Task has learning"
+                f"scenario = {self._spec.scenario!r} defines no learning terms; allowed: one whose Task has learning"
             )
         return self._terms
-
-    def _built(self, seed: int) -> ClosedLoop:
-        """Build new components."""
-        if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-            raise ArgumentError(f"seed = {seed!r}; allowed: a whole number >= 0")
-        closed_loop: ClosedLoop = self._plugin.build(self._config, int(seed), self._controller, self._estimator)
-        return closed_loop
 
     def _cost(self, before: Sample, commands: Mapping[str, Array]) -> float:
         """Return the stage cost from the previous sample to the present one; 0 where it is not finite."""
@@ -303,7 +284,7 @@ class EpisodeRunner:
         return dict(zip(self.names, u.reshape(len(self.names), size), strict=True))
 
     def _sampled(self) -> Sample:
-        return Sample(self._loop.t, self._loop.truths, _estimates(self._scenario, self._loop))
+        return Sample(self._loop.t, self._loop.truths, _estimates(self._spec.scenario, self._loop))
 
     def _finds_covariance(self) -> bool:
         """Return True if the estimators have a covariance, found by letting them observe without commands while they

@@ -32,6 +32,7 @@ from mathnavi.sim.environments.filtering import EpisodeFilter
 from mathnavi.sim.environments.learning import LearningEpisode
 from mathnavi.sim.environments.pictures import FPS, RENDER_MODES, checked_mode, pictures
 from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.task import Inputs
 
 
@@ -54,7 +55,7 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
         """
         self.render_mode = checked_mode(render_mode)
         self._pictures = pictures()
-        self.episode = EpisodeRunner(scenario, seed, estimator, fields)
+        self.episode = EpisodeRunner(RunSpec.of(scenario, seed, estimator=estimator, fields=fields))
         """mission, run in one episode after the other"""
         self.action_space = self.space_of(self.episode.inputs)
         self.observation_space = _observation_space(self.episode.example)

@@ -61,6 +61,7 @@ from mathnavi.sim.environments.vector_kernels import (
     is_violated,
     state_after,
 )
+from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.flight_learning import FlightTerms, cost_at_start, cost_to_go
 from mathnavi.sim.scenarios.flight_view import components, flight_views
 from mathnavi.sim.scenarios.safe_flight import VEHICLE
@@ -150,13 +151,16 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
             if isinstance(number, bool) or not isinstance(number, int) or number < 1:
                 raise ArgumentError(f"{what} = {number!r}; allowed: a whole number >= 1")
         self.num_envs, self.render_mode = num_envs, None
-        if refused := sorted({"estimator", "covariance", "render_mode"} & set(fields)):
+        refused = sorted(
+            name for name in fields if name.partition(".")[0] in ("estimator", "covariance", "render_mode")
+        )
+        if refused:
             raise ArgumentError(_refusal(refused[0], fields[refused[0]]))
         first = LearningEnv(scenario, seed, hold=hold, discount=discount, **fields)
         runner = first.episode
         plant = _checked_plant(runner)
         terms = _flight_terms(runner)
-        others = (EpisodeRunner(scenario, seed + k, None, fields) for k in range(1, min(count, num_envs)))
+        others = (EpisodeRunner(RunSpec.of(scenario, seed + k, fields=fields)) for k in range(1, min(count, num_envs)))
         made = [_Mission.from_terms(terms), *(_Mission.from_terms(_flight_terms(other)) for other in others)]
         self._missions = [made[k % len(made)] for k in range(num_envs)]
         self.single_action_space, self.single_observation_space = first.action_space, first.observation_space

@@ -14,7 +14,7 @@ import hashlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import cached_property, reduce
 from operator import getitem
 from typing import Any
 
@@ -88,6 +88,11 @@ class RunSpec:
             for part, plugin in zip(KINDS, parts, strict=True)
         ]
         return RunSpec(document["scenario"], config, *specs, document["seed"])
+
+    @cached_property
+    def scenario_class(self) -> Any:
+        """Class of the scenario."""
+        return load("scenarios", self.scenario)
 
     @property
     def parts(self) -> dict[str, Any]:
@@ -182,15 +187,14 @@ class RunSpec:
 
         Raises ArgumentError for a plug-in that no other process would find.
         """
-        scenario = load("scenarios", self.scenario)
-        parts = {"scenarios": scenario, "controllers": self.controller.plugin, "estimators": self.estimator.plugin}
-        for kind, plugin in parts.items():
+        plugins = self.scenario_class, self.controller.plugin, self.estimator.plugin
+        for kind, plugin in zip(("scenarios", *KINDS.values()), plugins, strict=True):
             if plugin.__module__ == "__main__" or "<locals>" in plugin.__qualname__:
                 name = f"{plugin.__module__}:{plugin.__qualname__}"
                 raise ArgumentError(
                     f"{kind}: {name!r} is defined in the script that runs, or in a function; allowed: one in a module"
                 )
-        return code_version(scenario, *self.plugins, *more)
+        return code_version(self.scenario_class, *self.plugins, *more)
 
     def content(self, known: Digests | None = None, code: str | None = None, **more: Any) -> str:
         """Return the hash of scenario, parameters, ``more`` parameters, seed and code, in hexadecimal.
@@ -212,9 +216,8 @@ class RunSpec:
 
         Raises PluginError if a third-party scenario fails to build it, or builds something else.
         """
-        scenario = load("scenarios", self.scenario)
         with self.failures("build()"):
-            closed_loop = scenario.build(self.config, self.seed, self.controller, self.estimator)
+            closed_loop = self.scenario_class.build(self.config, self.seed, self.controller, self.estimator)
         if not callable(getattr(closed_loop, "run", None)):
             made = type(closed_loop).__name__
             raise PluginError(f"scenarios: {self.scenario!r}: build() returned a {made}; allowed: a ClosedLoop")
@@ -223,7 +226,7 @@ class RunSpec:
     @contextmanager
     def failures(self, what: str) -> Iterator[None]:
         """Raise a PluginError that names the scenario for what a third-party scenario raises within the block."""
-        with of_stranger(load("scenarios", self.scenario), f"scenarios: {self.scenario!r}: {what} failed:"):
+        with of_stranger(self.scenario_class, f"scenarios: {self.scenario!r}: {what} failed:"):
             yield
 
 

@@ -32,6 +32,7 @@ from mathnavi.sim.environments.episode_runner import EpisodeRunner
 from mathnavi.sim.environments.filtering import EpisodeFilter
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
+from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.records.statistics import rate
 from mathnavi.studies.framework.study import VEHICLE, Setup, StudyResult, TerrainReference
 
@@ -181,7 +182,7 @@ def _least(runner: EpisodeRunner, asked: Episodes, weights: tuple[float, ...]) -
 def _runner(asked: Episodes) -> EpisodeRunner:
     _ = asked.place.ground  # which refuses heights that have changed
     fields: dict[str, Any] = {"terrain": asked.place.terrain, **(DISTURBED if asked.seed % 2 else {})}
-    return EpisodeRunner("safe-flight", asked.seed, fields=fields)
+    return EpisodeRunner(RunSpec.of("safe-flight", asked.seed, fields=fields))
 
 
 def _flown(runner: EpisodeRunner, asked: Episodes, rngs: Sequence[np.random.Generator]) -> EpisodeFigures:

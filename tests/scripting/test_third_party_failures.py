@@ -72,7 +72,6 @@ RAISED = (PluginError, rf"scenarios: '{re.escape(BROKEN)}': build\(\) failed: Ke
 EXITED = (PluginError, rf"scenarios: '{re.escape(BROKEN)}': build\(\) failed: SystemExit: enough \(.*:\d+\)$")
 NOTHING = (PluginError, rf"scenarios: '{re.escape(BROKEN)}': build\(\) returned a NoneType; allowed: a ClosedLoop$")
 IN_FLIGHT = (PluginError, rf"scenarios: '{re.escape(BROKEN)}': a run failed: KeyError: 'colour' \(.*:\d+\)$")
-KEY = (KeyError, "colour")
 
 
 @pytest.mark.parametrize(
@@ -81,15 +80,15 @@ KEY = (KeyError, "colour")
         (by_script, "raises", RAISED),
         (by_script, "exits", EXITED),
         (by_script, "returns-nothing", NOTHING),
-        (by_script, "ends-in-flight", KEY),
+        (by_script, "ends-in-flight", IN_FLIGHT),
         (by_trial, "raises", RAISED),
         (by_trial, "exits", EXITED),
         (by_trial, "returns-nothing", NOTHING),
         (by_trial, "ends-in-flight", IN_FLIGHT),
-        (by_environment, "raises", KEY),
-        (by_environment, "exits", (SystemExit, "enough")),
-        (by_environment, "returns-nothing", (AttributeError, "'NoneType' object has no attribute 'task'")),
-        (by_environment, "ends-in-flight", KEY),
+        (by_environment, "raises", RAISED),
+        (by_environment, "exits", EXITED),
+        (by_environment, "returns-nothing", NOTHING),
+        (by_environment, "ends-in-flight", (PluginError, IN_FLIGHT[1].replace("a run", "an episode"))),
     ],
 )
 def test_the_failure_of_a_scenario_is_reported(

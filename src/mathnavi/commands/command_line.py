@@ -18,7 +18,7 @@ from mathnavi.commands.wrapping import wrapped
 from mathnavi.interfaces.bounds import Seed, configuration
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.field_table import flag_of
-from mathnavi.sim.plugin.registry import called, load, names
+from mathnavi.sim.plugin.registry import called, names
 from mathnavi.sim.records.run_spec import KINDS, RunSpec
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ def read_command_line(
         *field_groups(spec),
     )
     known = tuple(flag for group in groups for flag, _ in flags(group.schema, group.prefix))
-    purpose = (load("scenarios", name).__doc__ or "").strip().partition("\n")[0]
+    purpose = (spec.scenario_class.__doc__ or "").strip().partition("\n")[0]
     prog = f"mathnavi {command} {name}"
     common, own, config, controller, estimator = parse(words, prog, purpose, *groups)
     parts = replace(spec.controller, config=controller), replace(spec.estimator, config=estimator)

@@ -31,7 +31,7 @@ from mathnavi.estimators.stagewise.recorded_smoother import Smoothing
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.checks import check_spares
 from mathnavi.interfaces.signals import Array
-from mathnavi.sim.plugin.registry import PluginSpec, called, load, names
+from mathnavi.sim.plugin.registry import PluginSpec, called, names
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.run_folder import RunLog, read_log
 from mathnavi.sim.records.run_spec import RunSpec
@@ -157,9 +157,8 @@ def _errors(spec: RunSpec, states: tuple[str, ...], t: Array, x: Array, log: Run
     The errors are those that the scenario computes, or state by state.
     """
     truth = log.x[np.searchsorted(log.t, t - 1e-9)]
-    scenario = load("scenarios", spec.scenario)
-    if hasattr(scenario, "errors"):
-        errors = scenario.errors(spec.config, x, truth)
+    if hasattr(spec.scenario_class, "errors"):
+        errors = spec.scenario_class.errors(spec.config, x, truth)
     elif x.shape == truth.shape:
         errors = {name: x[:, k] - truth[:, k] for k, name in enumerate(states)}
     else:

@@ -1,10 +1,9 @@
-"""Requests of a script: a scenario, its plug-ins, and fields by mappings or by dotted names."""
+"""Arguments of a script: a scenario, its plug-ins, and fields by mappings or by dotted names."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,9 +13,9 @@ from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import FieldError, PluginError
 from mathnavi.interfaces.fields import flattened, with_fields
 from mathnavi.sim.plugin.registry import PluginSpec, load, names
+from mathnavi.sim.records.run_spec import Plugin, RunSpec
 
 KINDS = ("controllers", "estimators", "consensus")  # of plug-ins with fields
-_PREFIXES = {"planner": "controllers", "estimator": "estimators"}
 _NAMED = tuple(
     kind
     for kind in vars(errors).values()
@@ -82,44 +81,7 @@ def _loaded(name: str) -> Any:
     raise PluginError(f"plugin: {name!r} is not known; {allowed_for(name, known, 'or package.module:Class')}")
 
 
-@dataclass(frozen=True)
-class ScriptRequest:
-    """Request of a scenario with its configuration and its plug-ins, ready to be built."""
-
-    name: str
-    scenario: Any
-    config: Any
-    controller: PluginSpec
-    estimator: PluginSpec
-
-
-def request(
-    scenario: str,
-    controller: PluginSpec | str | type[Any] | None,
-    estimator: PluginSpec | str | type[Any] | None,
-    fields: Mapping[str, Any],
-) -> ScriptRequest:
-    """Return the request that a script's arguments make.
-
-    ``fields`` are the scenario's, and with "planner.NAME" and "estimator.NAME" those of its plug-ins. Raises
-    PluginError and FieldError as ``plugin`` does.
-    """
-    found = load("scenarios", scenario)
-    own: dict[str, Any] = {}
-    parts: dict[str, dict[str, Any]] = {prefix: {} for prefix in _PREFIXES}
-    for name, value in flat(fields).items():
-        prefix, _, rest = name.partition(".")
-        if rest and prefix in parts:
-            parts[prefix][rest] = value
-        else:
-            own[name] = value
-    specs = {}
-    for (prefix, kind), asked in zip(_PREFIXES.items(), (controller, estimator), strict=True):
-        wanted = getattr(found, kind.removesuffix("s")) if asked is None else asked
-        spec = wanted if isinstance(wanted, PluginSpec) else _spec(kind, wanted)
-        specs[prefix] = PluginSpec(spec.plugin, configured(spec.config, parts[prefix], prefix))
-    return ScriptRequest(scenario, found, configured(found.Config(), own), specs["planner"], specs["estimator"])
-
-
-def _spec(kind: str, wanted: Any) -> PluginSpec:
-    return PluginSpec.with_fields(load(kind, wanted) if isinstance(wanted, str) else wanted)
+def specified(scenario: str, seed: int, controller: Plugin, estimator: Plugin, fields: Mapping[str, Any]) -> RunSpec:
+    """Return the specification that a script's arguments make; PluginError and FieldError as ``RunSpec.of``."""
+    with raising(FieldError):
+        return RunSpec.of(scenario, seed, controller, estimator, flat(fields))

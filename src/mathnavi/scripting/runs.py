@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -15,18 +14,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mathnavi.interfaces.errors import FieldError, MissionError
-from mathnavi.interfaces.fields import leaf_type
 from mathnavi.interfaces.short_tables import Row, html_table, short_table, value_text
 from mathnavi.interfaces.signals import Array
-from mathnavi.scripting.requests import ScriptRequest, configured, flat, raising, request
+from mathnavi.scripting.requests import configured, flat, raising, specified
 from mathnavi.scripting.run_result import RunResult
 from mathnavi.sim.engine.compilation import compile_ahead
-from mathnavi.sim.plugin.registry import PluginSpec, called, names
 from mathnavi.sim.plugin.registry import load as load_plugin
+from mathnavi.sim.plugin.registry import names
 from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.records.run_spec import Plugin, RunSpec
 from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.records.store import Record, Store
-from mathnavi.sim.scenarios.closed_loop import ClosedLoop, built
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.sweep.execution import Progress, available_cores, run_trials
 from mathnavi.sim.sweep.trial import Trial
 from mathnavi.sim.sweep.uniform import Uniform
@@ -36,9 +35,6 @@ if TYPE_CHECKING:  # these take a while to import, and no run needs them
 
     from mathnavi.sim.environments.dm import Environment
     from mathnavi.studies.framework.study import StudyResult
-
-Plugin = PluginSpec | str | type[Any] | None
-_PLUGINS = ("controller", "estimator")
 
 
 def run(
@@ -59,14 +55,16 @@ def run(
     Raises PluginError for an unknown scenario or plug-in, FieldError for a field or a value that is not allowed,
     MissionError for a mission that cannot be flown, FileNotFoundError for a missing file.
     """
-    asked = request(scenario, controller, estimator, fields)
+    spec = specified(scenario, seed, controller, estimator, fields)
 
     def build() -> ClosedLoop:
         with raising(MissionError):
-            return built(scenario, asked.scenario, asked.config, _seed(seed), asked.controller, asked.estimator)
+            closed_loop: ClosedLoop = spec.build()
+            return closed_loop
 
-    compile_ahead(asked.config, asked.controller.config, asked.estimator.config)
-    return RunResult.of(build().run(progress, build))
+    compile_ahead(*spec.parts.values())
+    with spec.failures("a run"):
+        return RunResult.of(build().run(progress, build))
 
 
 def make(scenario: str, *, seed: int = 0, estimator: Plugin = None, **fields: Any) -> Environment:
@@ -76,12 +74,11 @@ def make(scenario: str, *, seed: int = 0, estimator: Plugin = None, **fields: An
     ``seed`` draws the mission, and a generator of the same seed draws the seeds of the episodes. Raises as ``run``
     does, and MissionError for a scenario that has nothing to command.
     """
-    from mathnavi.sim.environments.dm import load as environment
+    from mathnavi.sim.environments.dm import environment_of
 
-    asked = request(scenario, None, estimator, fields)
-    own = {name: value for name, value in flat(fields).items() if not name.startswith("estimator.")}
+    spec = specified(scenario, seed, None, estimator, fields)
     with raising(MissionError):
-        return environment(scenario, seed=_seed(seed), estimator=asked.estimator, **own)
+        return environment_of(spec)
 
 
 def available(kind: str) -> tuple[str, ...]:
@@ -182,15 +179,17 @@ def sweep(
         raise FieldError(f"trials = {trials!r}; allowed: a whole number >= 1")
     listed = {name: list(values) for name, values in (vary or {}).items() if not isinstance(values, tuple)}
     drawn = {name: values for name, values in (vary or {}).items() if isinstance(values, tuple)}
-    plugins = {"controller": controller, "estimator": estimator}
-    asked = []
-    for number in range(_seed(seed), seed + trials):
-        for values in itertools.product(*listed.values()):
-            chosen = dict(zip(listed, values, strict=True))
-            parts = {name: chosen.pop(name, plugins[name]) for name in _PLUGINS}
-            base = request(scenario, parts["controller"], parts["estimator"], {**flat(fields), **chosen})
-            here = {name: _uniform(base, name, bounds).draw(number) for name, bounds in drawn.items()}
-            asked.append(_trial(_updated(base, here) if here else base, number))
+    specs = []
+    for values in itertools.product(*listed.values()):
+        chosen = dict(zip(listed, values, strict=True))
+        parts = (chosen.pop(name, given) for name, given in (("controller", controller), ("estimator", estimator)))
+        specs.append(specified(scenario, seed, *parts, {**flat(fields), **chosen}))
+    with raising(FieldError):
+        here = [spec.with_seed(spec.seed + number) for number in range(trials) for spec in specs]
+        asked = [
+            Trial(spec.with_fields({name: _uniform(spec, name, ends).draw(spec.seed) for name, ends in drawn.items()}))
+            for spec in here
+        ]
     with ExitStack() as opened:
         path = store if store is not None else Path(opened.enter_context(TemporaryDirectory())) / "trials.db"
         records = run_trials(
@@ -205,56 +204,14 @@ def sweep(
     return SweepResult(tuple(records), tuple(vary or ()))
 
 
-def _seed(seed: int) -> int:
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise FieldError(f"seed = {seed!r}; allowed: a whole number >= 0")
-    return int(seed)
-
-
-def _place(base: ScriptRequest, name: str) -> tuple[str, Any, str]:
-    """Return place of a field: the attribute of the request, the configuration there, and the field's name in it."""
-    prefix, _, rest = name.partition(".")
-    if rest and prefix == "planner":
-        return "controller", base.controller.config, rest
-    if rest and prefix == "estimator":
-        return "estimator", base.estimator.config, rest
-    return "config", base.config, name
-
-
-def _uniform(base: ScriptRequest, name: str, bounds: tuple[Any, ...]) -> Uniform:
-    _, config, field = _place(base, name)
+def _uniform(spec: RunSpec, name: str, bounds: tuple[Any, ...]) -> Uniform:
     try:
-        kind = leaf_type(config, field)
+        kind = spec.type_of(name)
     except (KeyError, AttributeError):
-        raise FieldError(f"vary: {name} is not a field of {base.name}") from None
+        raise FieldError(f"vary: {name} is not a field of {spec.scenario}") from None
     if kind not in (int, float) or len(bounds) != 2 or not bounds[0] <= bounds[1]:
         raise FieldError(f"vary: {name} = {bounds!r}; allowed: (low, high) of a field that is a number, or a list")
     return Uniform(name, *map(kind, bounds))
-
-
-def _updated(base: ScriptRequest, values: Mapping[str, Any]) -> ScriptRequest:
-    for name, value in values.items():
-        where, config, field = _place(base, name)
-        changed = configured(config, {field: value})
-        if where == "config":
-            base = dataclasses.replace(base, config=changed)
-        elif where == "controller":
-            base = dataclasses.replace(base, controller=PluginSpec(base.controller.plugin, changed))
-        else:
-            base = dataclasses.replace(base, estimator=PluginSpec(base.estimator.plugin, changed))
-    return base
-
-
-def _trial(base: ScriptRequest, seed: int) -> Trial:
-    return Trial(
-        base.name,
-        base.config,
-        seed,
-        called("controllers", base.controller.name),
-        base.controller.config,
-        called("estimators", base.estimator.name),
-        base.estimator.config,
-    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -13,6 +13,7 @@ import numpy as np
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.environments.dm import Environment
 from mathnavi.sim.environments.episode_runner import EpisodeRunner
+from mathnavi.sim.records.run_spec import RunSpec
 from tests.flight import save
 
 SCENARIOS = (
@@ -48,7 +49,7 @@ def fields(scenario: str) -> Mapping[str, Any]:
 
 @cache
 def commanded(scenario: str) -> EpisodeRunner:
-    return EpisodeRunner(scenario, 1, fields=fields(scenario))
+    return EpisodeRunner(RunSpec.of(scenario, 1, fields=fields(scenario)))
 
 
 def environment(scenario: str, seed: int = 1) -> Environment:

@@ -20,9 +20,7 @@ FILTERED = ("safe-flight", "simultaneous-arrival", "quadrotor-canyon")
 
 @pytest.fixture
 def built_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        "mathnavi.sim.environments.gym.EpisodeRunner", lambda scenario, *_: missions.commanded(scenario)
-    )
+    monkeypatch.setattr("mathnavi.sim.environments.gym.EpisodeRunner", lambda spec: missions.commanded(spec.scenario))
 
 
 @pytest.mark.parametrize("scenario", FILTERED)

@@ -21,6 +21,7 @@ from mathnavi.sim.environments.episode_runner import EpisodeRunner
 from mathnavi.sim.environments.gym import LearningEnv, SafetyFilterWrapper
 from mathnavi.sim.environments.learning import LearningEpisode
 from mathnavi.sim.plugin.registry import load as plugin
+from mathnavi.sim.records.run_spec import RunSpec
 from tests.sim.environments import missions
 from tests.sim.environments.test_gym import ADVICE
 
@@ -70,7 +71,7 @@ def played(episode: LearningEpisode, policy: Policy, seed: int = 1) -> tuple[lis
 def near(scenario: str) -> EpisodeRunner:
     """A mission whose target is not far."""
     fields = {"drawn_separation": (0.1, 0.2)} if scenario == "quadrotor-canyon" else missions.fields(scenario)
-    return EpisodeRunner(scenario, 1, fields=fields)
+    return EpisodeRunner(RunSpec.of(scenario, 1, fields=fields))
 
 
 def by_the_controller(scenario: str) -> tuple[float, Array]:
@@ -186,4 +187,5 @@ def test_the_filter_is_of_version_0(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def built() -> EpisodeRunner:
     """Two states of an ODE for a few steps, of an estimator without a covariance."""
-    return EpisodeRunner("textbook-observer", 1, "output_injection", {"system": "krener-isidori", "duration": 0.05})
+    fields = {"system": "krener-isidori", "duration": 0.05}
+    return EpisodeRunner(RunSpec.of("textbook-observer", 1, estimator="output_injection", fields=fields))

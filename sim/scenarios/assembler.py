@@ -20,7 +20,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from mathnavi.interfaces.fields import plain
-from mathnavi.interfaces.input_files import named_plugins, run_inputs
 from mathnavi.interfaces.protocols import Estimator, Planner, Plant, Sensor
 from mathnavi.interfaces.signals import Array, Message
 from mathnavi.sim.engine.agent_runner import Agent
@@ -29,6 +28,7 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.network import Network
 from mathnavi.sim.plugin.code_version import code_version
 from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator, checked_sensors, load
+from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.fault_fields import Fault, kinds
 from mathnavi.sim.scenarios.redraw import BlockGenerator, generator
@@ -215,19 +215,16 @@ class Assembler:
         """Content of config.json without the versions."""
         drawing = getattr(self.scenario, "drawing", None)
         place = f"{self.scenario.__module__}:{self.scenario.__qualname__}"
-        configs = self.config, self.controller.config, self.estimator.config
-        named = [plugin for config in configs for plugin in named_plugins(config)]
+        spec = RunSpec(getattr(self.scenario, "name", place), self.config, self.controller, self.estimator, self.seed)
         return {
-            "scenario": getattr(self.scenario, "name", place),
+            "scenario": spec.scenario,
             **({} if drawing is None else {"drawing": drawing}),
             "seed": self.seed,
             "fields": plain(self.config if resolved is None else resolved),
             "controller": _plugin_record(self.controller),
             "estimator": _plugin_record(self.estimator),
-            "inputs": run_inputs(*configs),
-            "code": code_version(
-                self.scenario, self.controller.plugin, self.estimator.plugin, *named, need_sources=False
-            ),
+            "inputs": spec.inputs(),
+            "code": code_version(self.scenario, *spec.plugins, need_sources=False),
             **({} if terrain is None else {"terrain": terrain}),
             "mission": plain(mission),
         }

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from mathnavi.interfaces.checks import allowed_for
-from mathnavi.interfaces.errors import PluginError, RunFolderError
+from mathnavi.interfaces.errors import RunFolderError
 from mathnavi.interfaces.protocols import Plant
 from mathnavi.interfaces.reading.files import MOST_LINES, read_bytes
 from mathnavi.interfaces.signals import Array, Event
@@ -21,7 +21,6 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import Loop, simulate
 from mathnavi.sim.engine.network import Network
 from mathnavi.sim.metrics.planning import planner_status
-from mathnavi.sim.plugin.registry import PluginSpec, of_stranger
 from mathnavi.sim.records.claimed_folder import claimed
 from mathnavi.sim.records.figure_names import PLANNER_STATUS
 from mathnavi.sim.records.run_folder import RECORDED, write_run, write_run_files
@@ -155,18 +154,3 @@ class ClosedLoop:
         drawn = self.config.get("drawing") is not None or "terrain" in self.config
         scene = None if drawn else partial(_scene, self.plant, recording)
         return RunResult(recording, summary, self.config, success, scene=scene)
-
-
-def built(
-    name: str, scenario: Any, config: Any, seed: int, controller: PluginSpec, estimator: PluginSpec
-) -> ClosedLoop:
-    """Closed loop that a scenario builds for one seed; raises the scenario's errors.
-
-    Raises PluginError if a third-party scenario fails to build it, or builds something else.
-    """
-    with of_stranger(scenario, f"scenarios: {name!r}: build() failed:"):
-        closed_loop: ClosedLoop = scenario.build(config, seed, controller, estimator)
-    if not callable(getattr(closed_loop, "run", None)):
-        made = type(closed_loop).__name__
-        raise PluginError(f"scenarios: {name!r}: build() returned a {made}; allowed: a ClosedLoop")
-    return closed_loop

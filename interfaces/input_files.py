@@ -97,19 +97,6 @@ def input_digests(config: Any, prefix: str = "", known: Digests | None = None) -
     return found
 
 
-def run_inputs(config: Any, controller: Any, estimator: Any, known: Digests | None = None) -> dict[str, str]:
-    """Return the digests of all files of a run, by the fields of the scenario, the controller ("planner.") and the
-    estimator.
-
-    ``known`` and errors as of ``input_digests``.
-    """
-    return {
-        **input_digests(config, "", known),
-        **input_digests(controller, "planner.", known),
-        **input_digests(estimator, "estimator.", known),
-    }
-
-
 def argument_digests(value: Any) -> list[str]:
     """Return the digests of the files that the arguments of a call name, in their order: paths, and fields of
     dataclasses.
@@ -142,9 +129,9 @@ def named_plugins(config: Any) -> list[Any]:
     return [each for each in loaded if each is not None]
 
 
-def declared_inputs(config: Any, prefix: str = "") -> set[str]:
-    """Return names of the fields of a configuration that declare files, and name some, with ``prefix`` before them."""
-    return {name for name, mark, _ in _named(config, InputFile, prefix) if mark is not _UNDECLARED}
+def declared_inputs(config: Any) -> set[str]:
+    """Return the dotted names of the fields of a configuration that declare files, and name some."""
+    return {name for name, mark, _ in _named(config, InputFile, "") if mark is not _UNDECLARED}
 
 
 def _named(config: Any, kind: Any, prefix: str) -> Iterator[tuple[str, Any, list[str]]]:

@@ -154,11 +154,10 @@ class RunSpec:
 
     def inputs(self, known: Digests | None = None) -> dict[str, str]:
         """Return the digests of the files that fields name, by the fields' names; as ``input_digests``."""
-        return {
-            name: digest
-            for prefix, config in self.parts.items()
-            for name, digest in input_digests(config, joined(prefix, ""), known).items()
-        }
+        found: dict[str, str] = {}
+        for prefix, config in self.parts.items():
+            found |= input_digests(config, f"{prefix}." if prefix else "", known)
+        return found
 
     def parameters(self, inputs: Mapping[str, str] | None = None) -> dict[str, Any]:
         """Return all but scenario and seed as a store has it, with the digests ``inputs`` of the files if known."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Mapping
-from typing import Any, Literal
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -99,11 +100,26 @@ def test_the_failure_of_a_scenario_is_reported(
         way(failure)
 
 
-@pytest.mark.parametrize("failure", ["raises", "exits", "returns-nothing", "ends-in-flight"])
-def test_a_command_reports_it_in_one_line(
-    failure: str, tmp_path: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+SWEEP = ("sweep", "--trials", "2", "--store", "s.db")
+
+
+@pytest.mark.parametrize(
+    ("command", "failure"),
+    [
+        *((("run",), failure) for failure in ("raises", "exits", "returns-nothing", "ends-in-flight")),
+        *((SWEEP, failure) for failure in ("raises", "exits", "returns-nothing")),
+    ],
+)
+def test_a_command_reports_it_in_one_line_before_anything_is_written(
+    command: Sequence[str],
+    failure: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["run", BROKEN, "--failure", failure, "--duration", "0.2"]) == 2
+    first, *more = command
+    assert main([first, BROKEN, "--failure", failure, "--duration", "0.2", *more]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert f"scenarios: '{BROKEN}': " in line
+    assert list(tmp_path.iterdir()) == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -172,5 +173,6 @@ def _scenario(argv: Sequence[str], recorded: RecordedSpec | None) -> tuple[str, 
 def _without_lists(spec: RunSpec, words: Sequence[str]) -> RunSpec:
     """Return the specification with the scenario's lists that are given again as they are by default: not added to."""
     again = {flag for flag, repeats in flags(type(spec.config)) if repeats} & set(given(words))
-    default = RunSpec.of(spec.scenario)
-    return spec.with_fields({name: default[name] for name in vars(spec.config) if flag_of(name) in again})
+    default = type(spec.config)()
+    lists = (entry.name for entry in dataclasses.fields(default) if flag_of(entry.name) in again)
+    return spec.with_fields({name: getattr(default, name) for name in lists})

@@ -129,6 +129,21 @@ def test_a_document_that_does_not_fit_is_refused_with_the_place() -> None:
         RunSpec.from_document({**document, "config": {"colour": 1}})
 
 
+def test_other_plugins_have_their_defaults_and_the_same_ones_keep_their_fields() -> None:
+    somebody = "tests.sim.sweep.scenarios:Somebody"
+    spec = RunSpec.of(COIN, 3, fields={"bias": 0.25, "planner.gain": 3.0, "estimator.gain": 4.0})
+    changed = spec.with_plugins(controller=somebody, estimator=NOBODY)
+    assert (changed["bias"], changed["planner.gain"], changed["estimator.gain"]) == (0.25, 1.0, 4.0)
+    assert changed.parameters()["controller"]["name"] == somebody
+
+
+def test_the_type_of_a_field_is_the_declared_one() -> None:
+    spec = RunSpec.of(COIN)
+    assert (spec.type_of("bias"), spec.type_of("part.count"), spec.type_of("planner.gain")) == (float, int, float)
+    with pytest.raises((KeyError, AttributeError)):
+        spec.type_of("planner.colour")
+
+
 def test_a_seed_may_be_one_of_numpy() -> None:
     assert type(RunSpec.of(COIN, np.int64(3)).seed) is int
 

@@ -66,11 +66,11 @@ class RunSpec:
         PluginError for an unknown scenario or plug-in, FieldError as ``with_fields``.
         """
         plugin = load("scenarios", scenario)
-        parts = [
-            _part(kind, getattr(plugin, part) if given is None else given)
-            for (part, kind), given in zip(KINDS.items(), (controller, estimator), strict=True)
-        ]
-        return RunSpec(scenario, plugin.Config(), *parts, seed).with_fields(fields or {})
+        parts = {
+            "controller": _part("controllers", plugin.controller if controller is None else controller),
+            "estimator": _part("estimators", plugin.estimator if estimator is None else estimator),
+        }
+        return RunSpec(scenario, plugin.Config(), **parts, seed=seed).with_fields(fields or {})
 
     @staticmethod
     def from_document(document: Mapping[str, Any], where: str = "$") -> RunSpec:
@@ -79,15 +79,15 @@ class RunSpec:
         Messages name places in the document from ``where`` on. Raises PluginError for an unknown scenario or plug-in,
         FieldError for a field that does not fit.
         """
+
+        def part(name: str) -> PluginSpec:
+            plugin = load(KINDS[name], document[name]["name"])
+            return PluginSpec(plugin, instance(plugin.Config, document[name]["fields"], f"{where}.{name}.fields"))
+
         scenario = load("scenarios", document["scenario"])
-        parts = [load(kind, document[part]["name"]) for part, kind in KINDS.items()]
         key = "fields" if "fields" in document else "config"
         config = instance(scenario.Config, document[key], f"{where}.{key}")
-        specs = [
-            PluginSpec(plugin, instance(plugin.Config, document[part]["fields"], f"{where}.{part}.fields"))
-            for part, plugin in zip(KINDS, parts, strict=True)
-        ]
-        return RunSpec(document["scenario"], config, *specs, document["seed"])
+        return RunSpec(document["scenario"], config, part("controller"), part("estimator"), document["seed"])
 
     @cached_property
     def scenario_class(self) -> Any:
@@ -141,7 +141,7 @@ class RunSpec:
 
     def with_plugins(self, controller: Plugin = None, estimator: Plugin = None) -> RunSpec:
         """Return the specification with other plug-ins; those that it has already keep their fields."""
-        changed = {}
+        changed: dict[str, Any] = {}
         for part, given in (("controller", controller), ("estimator", estimator)):
             if given is not None:
                 made, present = _part(KINDS[part], given), getattr(self, part)

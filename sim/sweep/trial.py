@@ -18,7 +18,7 @@ from mathnavi.interfaces.input_files import Digests
 from mathnavi.sim.records.computing_environment import environment, in_environment
 from mathnavi.sim.records.figure_names import is_wall_clock
 from mathnavi.sim.records.origins import Origin
-from mathnavi.sim.records.run_spec import RunSpec
+from mathnavi.sim.records.run_spec import Plugin, RunSpec
 from mathnavi.sim.records.store import Record, canonical_json
 
 if TYPE_CHECKING:  # the processes of a sweep import a scenario only where they fly it
@@ -125,8 +125,8 @@ class Trial:
 def trial(
     scenario: str = "safe-flight",
     seed: int = 0,
-    controller: str | None = None,
-    estimator: str | None = None,
+    controller: Plugin = None,
+    estimator: Plugin = None,
     fields: Mapping[str, Any] | None = None,
     measure: str = "",
     **more: Any,

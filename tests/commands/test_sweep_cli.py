@@ -153,10 +153,10 @@ def test_the_tables_tell_rates_medians_and_what_went_wrong(path: Path, capsys: p
         "8.33",
         "[0.211, 38.5]",
         "x [m]",
-        "RuntimeError: seed 3 is out of order",
         str(path),
     ):
         assert expected in out.replace("\n", " ") or expected in out
+    assert "a run failed: RuntimeError: seed 3 is out of order (".replace(" ", "") in "".join(out.split())
     assert main(["store", "show", str(path)]) == 0
     shown = capsys.readouterr().out
     assert "24 trials: 11 succeeded, 2 raised" in shown
@@ -537,14 +537,14 @@ def test_what_only_building_finds_is_refused_before_anything_is_run(
     assert "--planner.gain = 2.0; allowed: less than 2.0" in line
 
 
-def test_a_defect_of_a_plugin_is_recorded_and_not_blamed_on_the_input(
-    path: Path, tmp_path: Path, monkeypatch: Any
+def test_a_third_party_scenario_that_cannot_be_built_is_named_before_anything_is_run(
+    refused: Refusal, path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     name = f"defect_{tmp_path.name}"
     (tmp_path / f"{name}.py").write_text(DEFECT)
     monkeypatch.syspath_prepend(tmp_path)
-    assert sweep(f"{name}:Broken", "--trials", "1", "--store", str(path)) == 0
-    assert [record.status for record in records(path)] == ["raised"]
+    line = refused("sweep", f"{name}:Broken", "--trials", "1", "--store", str(path))
+    assert f"scenarios: '{name}:Broken': build() failed: ZeroDivisionError (" in line
 
 
 def test_two_names_of_one_content_are_not_two_combinations(refused: Refusal, hills: Path, tmp_path: Path) -> None:

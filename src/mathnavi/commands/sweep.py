@@ -234,7 +234,7 @@ def _build_combinations(sweep: SweepRequest) -> None:
             trial.build()
         except (ValueError, OSError):
             raise
-        except (Exception, SystemExit):  # a defect, which is recorded when the trial runs
+        except Exception:  # a defect of mathnavi, which is recorded when the trial runs
             continue
 
 

@@ -129,9 +129,12 @@ def read_command_line(
     ``options`` are the flags of the command; ``chosen`` are plug-ins ("controller", "estimator") that no flag names.
     """
     name, words = _scenario(argv, recorded)
-    plugins = {part: (chosen or {}).get(part, value_of(f"--{part}", words)) for part in KINDS}
+    controller, estimator = ((chosen or {}).get(part, value_of(f"--{part}", words)) for part in KINDS)
     with bad_plugin():
-        spec = _without_lists(recorded.spec, words).with_plugins(**plugins) if recorded else RunSpec.of(name, **plugins)
+        if recorded is None:
+            spec = RunSpec.of(name, 0, controller, estimator)
+        else:
+            spec = _without_lists(recorded.spec, words).with_plugins(controller, estimator)
     common = CommonOptions(spec.seed, *(called(kind, getattr(spec, part).name) for part, kind in KINDS.items()))
     groups = (
         FlagGroup(CommonOptions, default=common, heading="Flags of every scenario."),
@@ -141,8 +144,8 @@ def read_command_line(
     known = tuple(flag for group in groups for flag, _ in flags(group.schema, group.prefix))
     purpose = (spec.scenario_class.__doc__ or "").strip().partition("\n")[0]
     prog = f"mathnavi {command} {name}"
-    common, own, config, controller, estimator = parse(words, prog, purpose, *groups)
-    parts = replace(spec.controller, config=controller), replace(spec.estimator, config=estimator)
+    common, own, config, planner, observer = parse(words, prog, purpose, *groups)
+    parts = replace(spec.controller, config=planner), replace(spec.estimator, config=observer)
     return CommandLine(prog, RunSpec(name, config, *parts, common.seed), own, known, tuple(given(words)))
 
 

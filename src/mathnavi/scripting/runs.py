@@ -182,7 +182,7 @@ def sweep(
     specs = []
     for values in itertools.product(*listed.values()):
         chosen = dict(zip(listed, values, strict=True))
-        parts = (chosen.pop(name, given) for name, given in (("controller", controller), ("estimator", estimator)))
+        parts = chosen.pop("controller", controller), chosen.pop("estimator", estimator)
         specs.append(specified(scenario, seed, *parts, {**flat(fields), **chosen}))
     with raising(FieldError):
         here = [spec.with_seed(spec.seed + number) for number in range(trials) for spec in specs]

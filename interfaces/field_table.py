@@ -203,7 +203,7 @@ class Field:
     @property
     def flag(self) -> str:
         """Flag on the command line."""
-        return flag_of(self.prefix, self.path)
+        return flag_of(f"{self.prefix}.{self.path}")
 
     @property
     def positional(self) -> bool:
@@ -264,9 +264,9 @@ def leaves_of(kind: Any, prefix: str = "", instance: Any = None, above: str = ""
             yield replace(field, default=value, path=path, prefix=prefix)
 
 
-def flag_of(prefix: str, path: str) -> str:
+def flag_of(name: str) -> str:
     """Return the flag of a dotted name: --planner.grid-nodes for planner.grid_nodes, --from for from_."""
-    name = re.sub(r"_+(?=\.|$)", "", f"{prefix}.{path}".strip("."))
+    name = re.sub(r"_+(?=\.|$)", "", name.strip("."))
     return f"--{name.replace('_', '-')}"
 
 

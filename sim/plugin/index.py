@@ -49,7 +49,7 @@ class FieldDescription(NamedTuple):
     """Field of a configuration on the command line."""
 
     name: str
-    """dotted name, "noise.rate"; the flag is ``flag_of(prefix, name)``"""
+    """dotted name, "noise.rate"; the flag is ``flag_of("PREFIX.NAME")``"""
     choices: tuple[str, ...]
     """all words that are allowed, if they can be listed"""
     switch: bool

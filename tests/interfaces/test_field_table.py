@@ -196,8 +196,8 @@ def test_leaves_have_flags_defaults_and_help() -> None:
 
 
 def test_flags_and_their_negations() -> None:
-    assert flag_of("planner", "grid_nodes") == "--planner.grid-nodes"
-    assert flag_of("", "noise_.from_") == "--noise.from"
+    assert flag_of("planner.grid_nodes") == "--planner.grid-nodes"
+    assert flag_of("noise_.from_") == "--noise.from"
     assert (negation("--warm"), negation("--planner.warm")) == ("--no-warm", "--planner.no-warm")
 
 

@@ -154,7 +154,7 @@ def flags_of(described: Description, prefix: str = "") -> Flags:
     """Return the flags of a described dataclass under a prefix, with the values that are known to be allowed."""
     flags = Flags()
     for field in described.fields:
-        flag = flag_of(prefix, field.name)
+        flag = flag_of(f"{prefix}.{field.name}")
         if field.switch:
             flags |= {flag: (), negation(flag): ()}
         else:

@@ -84,7 +84,7 @@ def listing(kind: str, points: Sequence[EntryPoint], full: bool, verbose: bool) 
     taken = Counter(plugin.name for plugin in found)
     for plugin in found:
         text = Text(f"cannot be imported: {plugin.error}", style="red") if plugin.error else Text(plugin.first_line)
-        fields = dict.fromkeys(flag_of("", field.name.partition(".")[0])[2:] for field in plugin.fields)
+        fields = dict.fromkeys(flag_of(field.name.partition(".")[0])[2:] for field in plugin.fields)
         if verbose and fields and kind in WITH_FIELDS:
             text.append(f"\n{WITH_FIELDS[kind]}: {', '.join(fields)}", style="dim")
         if taken[plugin.name] > 1:

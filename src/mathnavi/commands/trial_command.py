@@ -31,7 +31,7 @@ def _words(config: Any, prefix: str) -> list[str]:
     default = flattened(plain(type(config)()))
     words: list[str] = []
     for name, value in flattened(plain(config)).items():
-        flag = flag_of(prefix, name)
+        flag = flag_of(f"{prefix}.{name}")
         if value is None or value == default.get(name):
             continue
         if isinstance(value, bool):

@@ -25,8 +25,8 @@ from mathnavi.renders import figures
 from mathnavi.sim.records.figure_names import label
 
 STYLE_SHEET = Path(__file__).with_name("page.css")
-# What a page may use: what stands in it. The pictures a reader saves from a 3-D view are blobs.
-POLICY = "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+# What a page may use: what stands in it.
+POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 UNKNOWN = "–"
 COLUMN, ROW = 'th scope="col"', 'th scope="row"'
 NUMBER = re.compile(rf"{UNKNOWN}|[<≤+−-]?\s?[\d.,]+(e[+-]?\d+)?\s?[^\W\d]{{0,3}}(/s²?)?%?")  # with or without a unit
@@ -41,15 +41,14 @@ class Markup(str):
     __slots__ = ()
 
 
-def document(title: str, *blocks: Markup, script: str = "") -> Markup:
-    """The whole page; ``script`` is JavaScript that runs once the blocks are there."""
-    ending = f"<script>{script}</script>\n" if script else ""
+def document(title: str, *blocks: Markup) -> Markup:
+    """The whole page."""
     return Markup(
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{text(title)}</title>\n<style>\n{read_text(STYLE_SHEET, ValueError)}</style>\n"
-        f"</head>\n<body>\n<main>\n{joined(blocks)}</main>\n{ending}</body>\n</html>\n"
+        f"</head>\n<body>\n<main>\n{joined(blocks)}</main>\n</body>\n</html>\n"
     )
 
 

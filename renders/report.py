@@ -60,6 +60,7 @@ def write_report(run_dir: str | Path) -> Path:
     """
     directory, drawing = Path(run_dir), drawing_of(run_dir)
     path = directory / "report.html"
+    opengl.import_mujoco()  # which the scene of a page needs; what draws is another process
     write_text(path, drawing.page(drawing.load_run(directory)))
     return path
 
@@ -71,7 +72,6 @@ def run_page(
     closing: Sequence[Markup] = (),
     *,
     by_vehicle: bool = False,
-    script: str = "",
 ) -> Markup:
     """The page of a run.
 
@@ -81,7 +81,6 @@ def run_page(
         opening: blocks before the summary.
         closing: blocks between the summary and the events.
         by_vehicle: whether the events name the vehicle they happened to.
-        script: JavaScript that the blocks need.
     """
     return page.document(
         headline.title,
@@ -93,7 +92,6 @@ def run_page(
         page.section("Events", events_card(run.events, by_vehicle=by_vehicle)),
         page.section("Do it again", *again(run.directory, run.config)),
         page.footer(rest(run.summary)),
-        script=script,
     )
 
 

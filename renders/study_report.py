@@ -9,7 +9,7 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders import page
 from mathnavi.renders.page import Drawn, Markup
-from mathnavi.renders.terrain_view import Track, script, terrain_view
+from mathnavi.renders.terrain_view import Track, terrain_view
 from mathnavi.sim.records.claims import Claim, tally
 from mathnavi.sim.records.table import Table as Table
 
@@ -44,7 +44,6 @@ def report(study: StudyPage) -> Markup:
         page.section("Figures", *page.figure_blocks(study.figures)),
         *view,
         page.section("Do it again", page.card(page.preformatted(study.command))),
-        script=script() if view else "",
     )
 
 

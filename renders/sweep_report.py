@@ -24,7 +24,7 @@ from mathnavi.renders.statistics_figures import (
     rates_figure,
     scatter_figure,
 )
-from mathnavi.renders.terrain_view import Track, script, terrain_view
+from mathnavi.renders.terrain_view import Track, terrain_view
 from mathnavi.sim.records.computing_environment import environment, environment_digest
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, label
 from mathnavi.sim.records.statistics import Band, Proportion, percent
@@ -83,7 +83,6 @@ def report(sweep: Sweep, terrain: HeightField | None, tracks: Sequence[Track], c
         page.section("Times", _times(sweep)),
         page.section("Do it again", *_again(sweep, command)),
         page.footer(f"Code: {', '.join(sorted({record.code for record in sweep.records}))}"),
-        script=script() if terrain else "",
     )
 
 

@@ -4,31 +4,32 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from dataclasses import replace
 
 from mathnavi.renders import page
 from mathnavi.renders.fleet import figures
 from mathnavi.renders.fleet.run_data import FleetRun
 from mathnavi.renders.fleet.shot_list import highlight, verdict
-from mathnavi.renders.flight.run_data import antennas
+from mathnavi.renders.fleet.web import web_scene
 from mathnavi.renders.page import Drawn, Markup, quantity
-from mathnavi.renders.palette import hexadecimal
 from mathnavi.renders.relief import EXAGGERATION
 from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
-from mathnavi.renders.terrain_view import Track, script, terrain_view
+from mathnavi.renders.web.document import scene_block
+from mathnavi.renders.web.elements import Layer, Mark
 from mathnavi.sim.records.figure_names import SHORTFALL
 
-MOST_NAMED = 8  # starts that have a name in the view of the terrain: of more they hide each other
+MOST_NAMED = 8  # starts that have a name in the scene: of more they hide each other
 
 
 def report(run: FleetRun) -> Markup:
     """Return the report's HTML."""
     opening = (
-        _terrain(run),
+        _scene(run),
         *_pictures(run),
         page.section("The vehicles", _vehicles(run)),
         page.section("The flight", *page.figure_blocks(_figures(run))),
     )
-    return run_page(run, _headline(run), opening, by_vehicle=True, script=script())
+    return run_page(run, _headline(run), opening, by_vehicle=True)
 
 
 def _headline(run: FleetRun) -> Headline:
@@ -48,14 +49,15 @@ def _headline(run: FleetRun) -> Headline:
     return Headline(run.title, f"Of the fleet {verdict(run)}{why(summary)}.", SHORTFALL not in summary, tiles)
 
 
-def _terrain(run: FleetRun) -> Markup:
-    tracks = [
-        Track(name, flight.x[:, :3], hexadecimal(colour))
+def _scene(run: FleetRun) -> Markup:
+    scene, named = web_scene(run), len(run.vehicles) <= MOST_NAMED
+    starts = [
+        Mark(name, colour, flight.mission.start, layer=Layer(name, colour))
         for (name, flight), colour in zip(run.vehicles.items(), run.colours, strict=True)
     ]
-    named = run.vehicles.items() if len(run.vehicles) <= MOST_NAMED else ()
-    places = {name: flight.mission.start for name, flight in named} | {"slots": run.slots.mean(axis=0)}
-    return terrain_view(run.terrain, tracks, places, antennas(run.flights[0]))
+    label = f"The flights over {run.terrain.name} in three dimensions, with starts, slots and radars"
+    scene = replace(scene, marks=[*(starts if named else ()), *scene.marks])
+    return scene_block(scene, label, f"{run.terrain.name}; {scene.note}.")
 
 
 def _pictures(run: FleetRun) -> list[Markup]:

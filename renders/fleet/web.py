@@ -12,6 +12,7 @@ from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.web.charts import TRUTH, curve
 from mathnavi.renders.web.elements import Camera, Chart, Layer, Mark, WebScene
 from mathnavi.renders.web.landscape import (
+    MAP_NOTE,
     airframe,
     airframe_motion,
     chase,
@@ -20,6 +21,7 @@ from mathnavi.renders.web.landscape import (
     map_cameras,
     plan_lines,
     radar_domes,
+    scale_marks,
 )
 
 PARTS = (SceneElement.OPTIMISED, SceneElement.MANOEUVRE, SceneElement.COMPLETION)
@@ -48,10 +50,10 @@ def web_scene(run: FleetRun) -> WebScene:
         motions,
         surfaces,
         lines,
-        marks,
+        [*marks, *scale_marks(run.terrain)],
         fleet_charts(run),
         low=float(run.terrain.z.min()),
-        note="heights are exaggerated in the overview and the top view",
+        note=MAP_NOTE,
     )
 
 

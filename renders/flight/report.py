@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
 from mathnavi.renders import figures, page
 from mathnavi.renders.flight.figures import map_figure, motion_figure, profile_figure
-from mathnavi.renders.flight.run_data import FlightRun, antennas, plan_arcs
+from mathnavi.renders.flight.run_data import FlightRun
+from mathnavi.renders.flight.web import web_scene
 from mathnavi.renders.page import Drawn, Markup, quantity
-from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.relief import EXAGGERATION
 from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
-from mathnavi.renders.terrain_view import Track, script, terrain_view
+from mathnavi.renders.web.document import scene_block
+from mathnavi.renders.web.landscape import first_plan
 from mathnavi.sim.records.figure_names import SHORTFALL
-
-PLAN_STEP = 0.5  # [s] between the points of a plan that is drawn
 
 
 def report(run: FlightRun) -> Markup:
     """Return the report's HTML."""
     flight = page.section("The flight", *page.figure_blocks(_figures(run)))
-    return run_page(run, _headline(run), (_terrain(run), _overview(run)), (flight,), script=script())
+    return run_page(run, _headline(run), (_scene(run), _overview(run)), (flight,))
 
 
 def _headline(run: FlightRun) -> Headline:
@@ -42,18 +41,12 @@ def _headline(run: FlightRun) -> Headline:
     return Headline(run.title, f"The vehicle {verdict}{why(summary)}.", good, tiles)
 
 
-def _terrain(run: FlightRun) -> Markup:
-    mission, ground = run.mission, run.terrain
-    tracks = [Track(SceneElement.FLOWN.value, run.x[:, :3], hexadecimal(COLOURS[SceneElement.FLOWN]))]
-    if run.log.plans:
-        first = run.log.plans[0]
-        arcs = [points for _, points in plan_arcs(first, first.t_start, PLAN_STEP)]
-        colour = hexadecimal(COLOURS[SceneElement.COMPLETION])
-        tracks.append(Track("first plan, to rest", np.vstack(arcs), colour, dashed=True))
-    places = {SceneElement.START.value: mission.start, SceneElement.TARGET.value: mission.target_at(run.duration)}
-    radars = antennas(run)
-    note = "Radars weigh on the optimised part of a plan only; its way to rest may lead through one." if radars else ""
-    return terrain_view(ground, tracks, places, radars, note)
+def _scene(run: FlightRun) -> Markup:
+    scene = web_scene(run)
+    label = f"The flight over {run.terrain.name} in three dimensions, with the first plan, radars, start and target"
+    note = " Radars weigh on the optimised part of a plan only; its way to rest may lead through one."
+    caption = f"{run.terrain.name}; {scene.note}.{note if run.mission.radars else ''}"
+    return scene_block(replace(scene, lines=[*scene.lines, *first_plan(run.log.plans)]), label, caption)
 
 
 def _overview(run: FlightRun) -> Markup:

@@ -108,11 +108,6 @@ def trail(run: FlightRun, t: float, fine: float, coarse: float) -> Array:
     return np.vstack([run.x[np.searchsorted(run.travelled, stops), :3], run.state(t)[:3]])
 
 
-def antennas(run: FlightRun) -> list[tuple[float, float, float, float]]:
-    """x, y, z and radius [m] of each radar when it is switched on."""
-    return [(*track.radar.position(run.terrain).tolist(), track.radar.radius) for track in run.mission.radars]
-
-
 def load_run(directory: str | Path) -> FlightRun:
     """Read a run's folder; FileNotFoundError if a file is missing, RunFolderError if one is broken."""
     log = read_log(directory)

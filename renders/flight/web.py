@@ -10,6 +10,7 @@ from mathnavi.renders.palette import COLOURS, SceneElement
 from mathnavi.renders.web.charts import TRUTH, curve
 from mathnavi.renders.web.elements import Chart, Layer, Mark, Motion, WebScene
 from mathnavi.renders.web.landscape import (
+    MAP_NOTE,
     airframe,
     airframe_motion,
     chase,
@@ -18,6 +19,7 @@ from mathnavi.renders.web.landscape import (
     map_cameras,
     plan_lines,
     radar_domes,
+    scale_marks,
 )
 
 VEHICLE, TARGET = "vehicle", "target"
@@ -61,10 +63,10 @@ def web_scene(run: FlightRun) -> WebScene:
         motions,
         [*ground(terrain), *airframe(VEHICLE, layer), *domes],
         [flown(run.t, run.x[:, :3], layer), *plan_lines(run.log.plans, run.log.adopted, run.duration, PLAN_LAYERS)],
-        marks,
+        [*marks, *scale_marks(terrain)],
         flight_charts(run),
         low=float(terrain.z.min()),
-        note="heights are exaggerated in the overview and the top view",
+        note=MAP_NOTE,
     )
 
 

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
 from mathnavi.renders import page
 from mathnavi.renders.flight.figures import map_figure, profile_figure
-from mathnavi.renders.flight.run_data import plan_arcs
 from mathnavi.renders.page import Drawn, Markup, quantity
-from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.quadrotor.figures import clearance_figure, rotors_figure, tracking_figure
 from mathnavi.renders.quadrotor.run_data import QuadrotorRun
 from mathnavi.renders.quadrotor.shot_list import highlight
+from mathnavi.renders.quadrotor.web import web_scene
 from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
-from mathnavi.renders.terrain_view import Track, script, terrain_view
+from mathnavi.renders.web.document import scene_block
+from mathnavi.renders.web.landscape import first_plan
 from mathnavi.sim.records.figure_names import SHORTFALL
-
-PLAN_STEP = 0.2  # [s] between the points of a plan that is drawn
 
 
 def report(run: QuadrotorRun) -> Markup:
     """Return the report's HTML."""
     flight = page.section("The flight", *page.figure_blocks(_figures(run)))
-    return run_page(run.flight, _headline(run), (_terrain(run), *_pictures(run)), (flight,), script=script())
+    return run_page(run.flight, _headline(run), (_scene(run), *_pictures(run)), (flight,))
 
 
 def _headline(run: QuadrotorRun) -> Headline:
@@ -49,16 +47,14 @@ def _headline(run: QuadrotorRun) -> Headline:
     return Headline(flight.title, f"The quadrotor {verdict}{why(summary)}.", good, tiles)
 
 
-def _terrain(run: QuadrotorRun) -> Markup:
-    flight = run.flight
-    tracks = [Track(SceneElement.FLOWN.value, flight.x[:, :3], hexadecimal(COLOURS[SceneElement.FLOWN]))]
-    if flight.log.plans:
-        arcs = [points for _, points in plan_arcs(flight.log.plans[0], flight.log.plans[0].t_start, PLAN_STEP)]
-        colour = hexadecimal(COLOURS[SceneElement.COMPLETION])
-        tracks.append(Track("first plan, to rest", np.vstack(arcs), colour, dashed=True))
-    places = {SceneElement.START.value: flight.mission.start, SceneElement.TARGET.value: flight.mission.target}
-    note = "The first plan's way to rest leads over the plateau; the plans after it find a shorter one."
-    return terrain_view(flight.terrain, tracks, places, (), note)
+def _scene(run: QuadrotorRun) -> Markup:
+    scene, name = web_scene(run), run.flight.terrain.name
+    caption = (
+        f"{name}. The first plan's way to rest leads over the plateau; the plans after it find a shorter one. "
+        "Seen from afar, the vehicle is drawn far larger than it is."
+    )
+    label = f"The flight over {name} in three dimensions, with the first plan, start and target"
+    return scene_block(replace(scene, lines=[*scene.lines, *first_plan(run.flight.log.plans)]), label, caption)
 
 
 def _pictures(run: QuadrotorRun) -> list[Markup]:

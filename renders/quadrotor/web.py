@@ -44,7 +44,7 @@ def web_scene(run: QuadrotorRun) -> WebScene:
     cameras = [*_map_views(run), near]
     return replace(
         flight, cameras=cameras, motions={**flight.motions, VEHICLE: motion}, surfaces=[*rest, *own],
-        charts=quadrotor_charts(run),
+        charts=quadrotor_charts(run), note="",
     )  # fmt: skip
 
 

@@ -35,13 +35,18 @@ class DataBlock:
         self._parts: list[bytes] = []
         self._length = 0
 
-    def add(self, values: Any, kind: str = "f4") -> dict[str, Any] | None:
-        """Add an array, of a type as numpy names it; returns how the JSON refers to it, None for None."""
+    def add(self, values: Any, kind: str = "f4", *, stride: int = 0) -> dict[str, Any] | None:
+        """Add an array, of a type as numpy names it; returns how the JSON refers to it, None for None.
+
+        With a ``stride``, rows of so many whole numbers are packed as differences, which are compressed a hundredfold.
+        """
         if values is None:
             return None
         own = np.ascontiguousarray(values, dtype=f"<{kind}" if kind != "u1" else kind)
+        if stride:
+            own = np.diff(own.reshape(-1, stride), axis=0, prepend=np.zeros((1, stride), own.dtype))
         raw = own.tobytes()
-        reference = {"at": self._length, "count": int(own.size), "kind": kind}
+        reference = {"at": self._length, "count": int(own.size), "kind": kind, "stride": stride}
         padding = -len(raw) % 4
         self._parts += [raw, bytes(padding)]
         self._length += len(raw) + padding
@@ -62,6 +67,7 @@ def packed(scene: WebScene) -> dict[str, Any]:
         "low": scene.low,
         "floor": scene.floor,
         "note": scene.note,
+        "embedded": False,
         "speed": scene.speed,
         "sky": [list(HORIZON), list(ZENITH)],
         "motions": {name: _motion(motion, block) for name, motion in scene.motions.items()},
@@ -82,8 +88,7 @@ def packed(scene: WebScene) -> dict[str, Any]:
 
 def document(scene: WebScene, live: Mapping[str, Any] | None = None) -> Markup:
     """The whole page; ``live`` is what a page that follows a run needs to know of its server."""
-    style = read_text(VIEWER / "viewer.css", ValueError)
-    script = "\n".join(read_text(VIEWER / name, ValueError) for name in SCRIPTS)
+    style, script = _viewer("page.css", "viewer.css"), _viewer(*SCRIPTS)
     data = packed(scene) | ({"live": dict(live)} if live is not None else {})
     return Markup(
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -92,9 +97,35 @@ def document(scene: WebScene, live: Mapping[str, Any] | None = None) -> Markup:
         '<meta name="referrer" content="no-referrer">\n'
         '<link rel="icon" href="data:,">\n'
         f"<title>{text(scene.title)}</title>\n<style>{style}</style>\n</head>\n<body>\n"
-        f"{read_text(VIEWER / 'viewer.html', ValueError)}"
-        f'<script type="application/json" id="scene">{_json(data)}</script>\n'
-        f'<script type="module">{script}</script>\n</body>\n</html>\n'
+        f"{_viewer('viewer.html')}{_scripts(data, script)}</body>\n</html>\n"
+    )
+
+
+def scene_block(scene: WebScene, label: str, caption: str) -> Markup:
+    """The scene as a block of a report (``mathnavi.renders.page``), of which a page can have one.
+
+    It shows the end of the run at first, its time if it has a duration, and none of its charts. ``label`` says what
+    there is to see to whoever cannot see it; ``caption`` stands below.
+    """
+    viewer = _viewer("viewer.html").replace('id="app"', 'id="app" class="embedded"', 1)
+    data = packed(scene) | {"embedded": True}
+    return Markup(
+        f'<figure class="card" role="group" aria-label="{text(label)}"><style>{_viewer("viewer.css")}</style>\n{viewer}'
+        "<noscript>The scene that can be turned needs JavaScript, which this browser does not run.</noscript>"
+        f"<figcaption>{text(caption)} Drag to turn; click, then scroll to zoom; drag with the right button to move."
+        f"</figcaption>{_scripts(data, _viewer(*SCRIPTS))}</figure>\n"
+    )
+
+
+def _viewer(*names: str) -> str:
+    """Files of the viewer, one after the other."""
+    return "\n".join(read_text(VIEWER / name, ValueError) for name in names)
+
+
+def _scripts(data: Mapping[str, Any], script: str) -> str:
+    """The scene, and the script that shows it."""
+    return (
+        f'<script type="application/json" id="scene">{_json(data)}</script>\n<script type="module">{script}</script>\n'
     )
 
 
@@ -139,7 +170,7 @@ def _motion(motion: Motion, block: DataBlock) -> dict[str, Any]:
 def _surface(surface: Surface, layers: list[Layer], block: DataBlock) -> dict[str, Any]:
     found = {
         "vertices": block.add(surface.vertices),
-        "faces": block.add(surface.faces, "u4"),
+        "faces": block.add(surface.faces, "u4", stride=3),
         "colour": list(surface.colour),
         "opacity": surface.opacity,
         "motion": surface.motion,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -19,17 +20,20 @@ from mathnavi.renders.landscape import BASE, OPTICS, TRUE_SPAN, Landscape
 from mathnavi.renders.palette import COLOURS, Colour, SceneElement, part_of
 from mathnavi.renders.relief import EXAGGERATION, relief, resampled
 from mathnavi.renders.web.bodies import body_surfaces, model_shapes
-from mathnavi.renders.web.elements import Camera, Layer, Lines, Motion, Surface
+from mathnavi.renders.web.elements import Camera, Layer, Lines, Mark, Motion, Surface
 from mathnavi.renders.web.shapes import grid_faces, revolved
 
 NODES, PIXELS = 257, 1025  # of the ground and of its picture, along the longer side
 QUALITY = 82  # of that picture, a JPEG
+MAP_NOTE = f"in the overview and the top view heights are {EXAGGERATION} times as tall as they are"
 EARTH: Colour = (0.36, 0.32, 0.27)  # of the sides of the map
 ASPECT = 1.5  # width over height of the picture, more or less
 DOME_OPACITY = 0.24
 RADAR_POSES = 120  # of one that drives
 PLAN_STEP = 2.0  # [s] between two points of an arc, or a 200th of the plan
 AIRFRAME_GROUP = 2
+MARGIN = 0.03  # around the map for the distances along its edges, in lengths of the longer side
+DISTANCES = 5  # about as many along the longer side
 GLOW = 0.35  # of airframes
 
 
@@ -72,6 +76,38 @@ def airframe_motion(t: Array, x: Array, u: Array, terrain: HeightField) -> Motio
     found = [airframe_pose(x[k, :3], x[k, 3:], u[min(k, len(u) - 1)]) for k in rows]
     below = terrain.height(np.clip(x[rows, 0], 0.0, terrain.width), np.clip(x[rows, 1], 0.0, terrain.depth))
     return Motion(t[rows], np.array([p for p, _ in found]), np.array([q for _, q in found]), ground=np.asarray(below))
+
+
+def path(layer: Layer, places: Array) -> Lines:
+    """The whole of a path (n, 3) [m], at all times."""
+    return Lines(layer, places, np.array([0, len(places)]), layer.colour, dashed=layer.dashed)
+
+
+def first_plan(plans: Sequence[Plan]) -> list[Lines]:
+    """The whole of the first plan, to rest, at all times; nothing without plans."""
+    layer = Layer("first plan, to rest", COLOURS[SceneElement.COMPLETION], dashed=True)
+    return [path(layer, np.vstack([at for _, (_, at) in plan_pieces(plan, plan.t_start)])) for plan in plans[:1]]
+
+
+def scale_marks(terrain: HeightField) -> list[Mark]:
+    """Distances along the southern and the western edge, and north."""
+    east, north = terrain.width, terrain.depth
+    step = round_step(max(east, north) / DISTANCES)
+    beside = MARGIN * max(east, north)
+    low = float(terrain.z.min())
+    named = [(f"{along / 1e3:g} km", (along, -beside, low)) for along in np.arange(step, east, step)]
+    named += [
+        (f"{up / 1e3:g} km", (-beside, up, float(terrain.height(0.0, up)))) for up in np.arange(step, north, step)
+    ]
+    named.append(("north", (0.5 * east, north + beside, float(terrain.z[-1].max()))))
+    layer = Layer("scale")
+    return [Mark(name, layer.colour, np.array(place), layer=layer, dot=False) for name, place in named]
+
+
+def round_step(step: float) -> float:
+    """The smallest of 1, 2, 5 times a power of ten that is no shorter."""
+    power = 10.0 ** math.floor(math.log10(step))
+    return power * min(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= step * (1.0 - 1e-9))
 
 
 def flown(t: Array, places: Array, layer: Layer, width: float = 3.4) -> Lines:
@@ -133,7 +169,6 @@ def radar_domes(
 ) -> tuple[dict[str, Motion], list[Surface]]:
     """Domes that the radars reach, where they are while they are on."""
     motions, surfaces = {}, []
-    layer = Layer.for_element(SceneElement.RADAR)
     for number, track in enumerate(tracks):
         begin, end = max(track.time, 0.0), min(track.until, duration)
         if end <= begin:
@@ -142,10 +177,18 @@ def radar_domes(
         places = np.array([at.position(terrain) for s in t if (at := track.at(min(float(s), end - 1e-6), terrain))])
         name = f"radar {number}"
         motions[name] = Motion(t[: len(places)], places, shown=((begin, end),))
-        angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 25)
-        vertices, faces = revolved(track.radar.radius * np.cos(angle), track.radar.radius * np.sin(angle))
-        surfaces.append(Surface(vertices, faces, layer.colour, DOME_OPACITY, name, layer, glow=0.75, tall=True))
+        surfaces.append(dome(track.radar.radius, motion=name))
     return motions, surfaces
+
+
+def dome(radius: float, motion: str | None = None, centre: Array | None = None) -> Surface:
+    """The sphere that a radar reaches, its radius in [m], on a motion or about a centre (3,) [m]."""
+    layer = Layer.for_element(SceneElement.RADAR)
+    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 25)
+    vertices, faces = revolved(radius * np.cos(angle), radius * np.sin(angle))
+    if centre is not None:
+        vertices = vertices + centre
+    return Surface(vertices, faces, layer.colour, DOME_OPACITY, motion, layer, glow=0.75, tall=True)
 
 
 def map_cameras(terrain: HeightField, course: Array) -> list[Camera]:

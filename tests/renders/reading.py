@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import re
+import zlib
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from mathnavi.renders import figures
@@ -59,9 +62,33 @@ class Page(HTMLParser):
         return " ".join(self.words)
 
     @property
-    def views(self) -> list[dict[str, Any]]:
-        """Data of the 3-D views."""
-        return [json.loads(content) for kind, content in self.scripts if kind == "application/json"]
+    def scenes(self) -> list[dict[str, Any]]:
+        """The scenes that a reader can turn, their arrays unpacked as the viewer does."""
+        return [unpacked(json.loads(content)) for kind, content in self.scripts if kind == "application/json"]
+
+
+def unpacked(scene: dict[str, Any]) -> dict[str, Any]:
+    """A scene of a page with arrays in the place of the references to its block of bytes."""
+    block = zlib.decompress(base64.b64decode(scene.pop("block")))
+
+    def with_arrays(value: Any) -> Any:
+        if isinstance(value, list):
+            return [with_arrays(each) for each in value]
+        if not isinstance(value, dict):
+            return value
+        if {"at", "kind"} <= value.keys():
+            array = np.frombuffer(block, f"<{value['kind']}", value["count"], value["at"])
+            stride = value["stride"]
+            return array.reshape(-1, stride).cumsum(axis=0, dtype=array.dtype).ravel() if stride else array
+        return {name: with_arrays(each) for name, each in value.items()}
+
+    return with_arrays(scene)  # type: ignore[no-any-return]
+
+
+def lines_named(scene: dict[str, Any], name: str) -> list[dict[str, Any]]:
+    """The lines of a scene in the layer of a name, their points (n, 3) [m]."""
+    layer = next((k for k, each in enumerate(scene["layers"]) if each["name"] == name), None)
+    return [each | {"points": each["points"].reshape(-1, 3)} for each in scene["lines"] if each["layer"] == layer]
 
 
 def check_stands_alone(source: str) -> None:

@@ -58,8 +58,8 @@ def test_everything_that_was_found_is_shown(study: StudyPage) -> None:
     for word in (*study.summary, "Table A.1", "73,169", "71,080", "69953", "–", "Medians.", "Paths.", study.command):
         assert word in page.words
     assert sum(tag == "svg" for tag, _ in page.attributes) == 2
-    assert "T_p = 5 s" in {trace.get("name") for trace in page.views[0]["traces"]}
-    assert len(source.encode()) < 8e6
+    assert "T_p = 5 s" in {layer["name"] for layer in page.scenes[0]["layers"]}
+    assert len(source.encode()) < 2e6
 
 
 def tones(source: str) -> list[str | None]:
@@ -93,5 +93,5 @@ def test_without_a_terrain_there_is_none_on_the_page(study: StudyPage) -> None:
     check_stands_alone(source)
     page = Page(source)
     assert "Over the terrain" not in page.words
-    assert not page.views
+    assert not page.scenes
     assert "<script" not in source

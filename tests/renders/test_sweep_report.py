@@ -20,7 +20,7 @@ from mathnavi.sim.records.figure_names import PLANNER_STATUS
 from mathnavi.sim.records.statistics import median_band, rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import Sweep, TrialGroup, format_numbers
-from tests.renders.reading import Page, check_identifiers, check_stands_alone
+from tests.renders.reading import Page, check_identifiers, check_stands_alone, lines_named
 from tests.renders.synthetic import ridges
 
 COMMAND = "mathnavi sweep safe-flight --trials 20 --store <a.db>"
@@ -194,8 +194,8 @@ def test_everything_that_was_found_is_shown(tmp_path: Path) -> None:
     assert {COMMAND, "ValueError: a < b", TRACEBACK, "90", "91", "raised"} <= set(page.words)
     assert "0.1.0+abc" in page.text
     assert "trial wall [s]" in page.words
-    assert [trace["name"] for trace in page.views[0]["traces"] if trace.get("mode") == "lines"] == ["lowest"]
-    assert len(source.encode()) < 8e6
+    assert len(lines_named(page.scenes[0], "lowest")) == len(page.scenes[0]["lines"]) == 1
+    assert len(source.encode()) < 2e6
 
 
 def test_medians_have_their_bands_and_count_the_trials_that_have_none() -> None:
@@ -247,7 +247,7 @@ def test_another_scenario_with_other_words_is_reported_too() -> None:
     page = Page(report(Sweep(records, ["gain"]), None, [], COMMAND))
     assert {"caught", "miss [m]", rate(3, 6).text()} <= set(page.words)
     assert "lost" not in page.words
-    assert page.views == []
+    assert page.scenes == []
     assert page.scripts == []
 
 

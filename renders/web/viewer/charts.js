@@ -61,7 +61,7 @@ class TimeChart {
     const { canvas, still, chart } = this, ratio = devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
     if (!width || !height) return false;
     for (const each of [canvas, still]) { each.width = Math.round(width * ratio); each.height = Math.round(height * ratio); }
-    const page = getComputedStyle(document.documentElement), [ink, soft, grid, bound] = ["--ink", "--soft", "--grid", "--bound"].map((name) => page.getPropertyValue(name));
+    const page = getComputedStyle($("app")), [ink, soft, grid, bound] = ["--ink", "--soft", "--grid", "--bound"].map((name) => page.getPropertyValue(name));
     const pen = still.getContext("2d"); pen.setTransform(ratio, 0, 0, ratio, 0, 0); pen.font = '11px system-ui, "DejaVu Sans", sans-serif'; pen.lineJoin = "round";
     const [low, high] = this.limits(), ticks = this.ticks([low, high]);
     this.range = [this.scale(low), this.scale(high)];

@@ -9,11 +9,13 @@ const unpacked = async (text) => {
   const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer();
 };
+// Values that were packed as differences from those `stride` before them.
+const summed = (values, stride) => { if (stride) for (let k = stride; k < values.length; k++) values[k] += values[k - stride]; return values; };
 // Every reference to the block becomes the array that it refers to.
 const withArrays = (value, buffer) => {
   if (Array.isArray(value)) return value.map((each) => withArrays(each, buffer));
   if (value === null || typeof value !== "object") return value;
-  if ("kind" in value && "at" in value) return new KINDS[value.kind](buffer, value.at, value.count);
+  if ("kind" in value && "at" in value) return summed(new KINDS[value.kind](buffer, value.at, value.count), value.stride);
   return Object.fromEntries(Object.entries(value).map(([name, each]) => [name, withArrays(each, buffer)]));
 };
 
@@ -54,11 +56,11 @@ const polylinesAt = (lines, t) => {
 
 class Player {
   constructor(scene) {
-    this.scene = scene; this.t = 0; this.playing = false; this.stale = true; this.drawn = 0;
+    this.scene = scene; this.t = scene.embedded ? scene.duration : 0; this.playing = false; this.stale = true; this.drawn = 0;
     this.hidden = new Set(scene.layers.flatMap((layer, k) => (layer.shown ? [] : [k])));
     this.orbit = new Orbit(); this.camera = scene.cameras[0]; this.heading = null;
     scene.extent = this.extent();
-    $("title").textContent = scene.title; document.title = scene.title;
+    $("title").textContent = scene.title; $("note").textContent = scene.note;
     for (const [name, value] of scene.facts) {
       const pair = document.createElement("div"), term = document.createElement("dt"), words = document.createElement("dd");
       term.textContent = name; words.textContent = value; pair.append(term, words); $("facts").append(pair);
@@ -89,7 +91,9 @@ class Player {
     this.stage.waiting?.then(() => this.change());
     const canvas = $("canvas"), held = new Map();
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-    canvas.addEventListener("pointerdown", (event) => { canvas.setPointerCapture(event.pointerId); held.set(event.pointerId, [event.clientX, event.clientY]); });
+    let entered = !this.scene.embedded; // the wheel moves the report until the scene has been clicked into
+    canvas.addEventListener("pointerleave", () => { entered = !this.scene.embedded; });
+    canvas.addEventListener("pointerdown", (event) => { entered = true; canvas.setPointerCapture(event.pointerId); held.set(event.pointerId, [event.clientX, event.clientY]); });
     for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (event) => held.delete(event.pointerId));
     canvas.addEventListener("pointermove", (event) => {
       const before = held.get(event.pointerId);
@@ -102,7 +106,7 @@ class Player {
       else this.orbit.turn(0.006 * across, 0.006 * along);
       held.set(event.pointerId, [event.clientX, event.clientY]); this.change();
     });
-    canvas.addEventListener("wheel", (event) => { event.preventDefault(); this.orbit.zoom(Math.exp(0.0012 * clamp(event.deltaY, -300, 300))); this.change(); }, { passive: false });
+    canvas.addEventListener("wheel", (event) => { if (!entered) return; event.preventDefault(); this.orbit.zoom(Math.exp(0.0012 * clamp(event.deltaY, -300, 300))); this.change(); }, { passive: false });
   }
   choose(camera) { this.camera = camera; this.orbit.take(camera); this.heading = null; this.change(); }
   setBar() {
@@ -110,14 +114,14 @@ class Player {
     for (const speed of speeds) $("speed").add(new Option(`${speed} ×`, speed));
     $("play").addEventListener("click", () => this.play(!this.playing));
     $("scrub").max = this.scene.duration; $("scrub").addEventListener("input", () => this.seek(Number($("scrub").value)));
-    addEventListener("keydown", (event) => {
+    (this.scene.embedded ? $("app") : window).addEventListener("keydown", (event) => {
       if (["SELECT", "INPUT", "BUTTON", "SUMMARY"].includes(event.target.tagName) && event.key !== "Escape") return;
       if (event.key === " ") { event.preventDefault(); this.play(!this.playing); }
       if (event.key === "ArrowRight" || event.key === "ArrowLeft") this.seek(this.t + (event.key === "ArrowRight" ? 0.02 : -0.02) * this.scene.duration);
     });
     const wanted = this.scene.speed ?? Math.max(1, this.scene.duration / 30); // half a minute for the whole run
     $("speed").value = speeds.find((each) => each >= wanted - 1e-9) ?? speeds.at(-1);
-    this.setTicks();
+    this.setTicks(); $("bar").hidden = !this.scene.duration;
   }
   setTicks() {
     $("ticks").replaceChildren(...this.scene.events.map(([t, words]) => {

@@ -80,7 +80,7 @@ const normalsOf = (vertices, faces) => {
 class Stage {
   constructor(canvas, scene) {
     this.canvas = canvas; this.scene = scene;
-    const gl = this.gl = canvas.getContext("webgl2", { antialias: true, stencil: true, alpha: false });
+    const gl = this.gl = canvas.getContext("webgl2", { antialias: true, stencil: true, alpha: false, preserveDrawingBuffer: scene.embedded });
     if (!gl) throw new Error("this browser has no WebGL 2, which the scene needs; the charts are beside it");
     this.programs = { surface: this.program(SURFACE), line: this.program(LINE), sky: this.program(SKY) };
     this.sky = this.skyArray();

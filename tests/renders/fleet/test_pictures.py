@@ -21,7 +21,7 @@ from mathnavi.renders.fleet.run_data import FleetRun
 from mathnavi.renders.palette import VEHICLES, vehicle_colour
 from mathnavi.sim.records.run_folder import described
 from tests.renders.drawn import differing, drawn, needs_opengl, video_pictures
-from tests.renders.reading import Page, check_stands_alone, checked_report
+from tests.renders.reading import Page, check_stands_alone, checked_report, lines_named
 
 FIGURES = ("map", "to-go", "separation", "clearance", "solve", "events")
 
@@ -92,9 +92,11 @@ def test_the_report_stands_alone_and_shows_every_figure_vehicle_and_event(
         assert described(event)[0] in page.words
     for name in fleet_run.vehicles:
         assert name in page.words
-    (view,) = page.views
-    tracks = [trace for trace in view["traces"] if trace.get("name") in fleet_run.vehicles]
-    assert len(tracks) == 3
+    (scene,) = page.scenes
+    for name, flight in fleet_run.vehicles.items():
+        (path,) = (lines for lines in lines_named(scene, name) if lines["cut"] == "past")
+        np.testing.assert_allclose(path["points"][-1], flight.x[-1, :3], atol=0.1)
+        assert name in {mark["text"] for mark in scene["marks"] if mark["place"] is not None}  # at its start
     assert f"{fleet_run.summary['spread_s']:.2g}" in page.text
     assert "Of the fleet all 3 arrived within" in page.text
     assert f"--from {fleet_dir}" in page.text

@@ -19,7 +19,7 @@ from mathnavi.renders.page import inline_svg, quantity
 from mathnavi.renders.report import write_report
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.run_folder import described
-from tests.renders.reading import Page, check_identifiers, check_stands_alone, checked_report
+from tests.renders.reading import Page, check_identifiers, check_stands_alone, checked_report, lines_named
 from tests.renders.synthetic import ridges
 
 
@@ -41,14 +41,13 @@ def test_report_shows_every_key_of_the_summary_and_every_event(source: str, run:
 
 
 def test_report_shows_the_flight_the_first_plan_and_the_radars_over_the_terrain(source: str, run: FlightRun) -> None:
-    (view,) = Page(source).views
-    traces = {trace.get("name"): trace for trace in view["traces"]}
+    (scene,) = Page(source).scenes
     for name, end in (("flown", run.x[-1, :3]), ("first plan, to rest", run.log.plans[0].x[-1, :3])):
-        last = [traces[name][axis][-1] for axis in "xyz"]
-        np.testing.assert_allclose(last, end * [1e-3, 1e-3, 1.0], atol=0.1)
-    assert sum(trace.get("name") == "radar" for trace in view["traces"]) == len(run.mission.radars)
-    marks = view["layout"]["scene"]["annotations"]
-    assert [mark["text"] for mark in marks if mark.get("showarrow", True)] == ["start", "target"]
+        (path,) = lines_named(scene, name)
+        np.testing.assert_allclose(path["points"][-1], end, atol=0.1)
+    radar = next(k for k, layer in enumerate(scene["layers"]) if layer["name"] == "radar")
+    assert sum(surface["layer"] == radar for surface in scene["surfaces"]) == len(run.mission.radars)
+    assert [mark["text"] for mark in scene["marks"]][:2] == ["start", "target"]
     assert "Radars weigh on the optimised part of a plan only" in Page(source).text
 
 
@@ -65,7 +64,7 @@ def test_text_of_a_run_is_escaped(source: str) -> None:
 def test_every_picture_is_described_and_identifiers_are_unique(source: str) -> None:
     page = Page(source)
     assert all(attributes.get("alt") for tag, attributes in page.attributes if tag == "img")
-    pictures = [a for tag, a in page.attributes if tag == "svg" or a.get("class") == "view"]
+    pictures = [a for tag, a in page.attributes if tag == "svg" or a.get("role") in ("img", "group")]
     assert all(attributes.get("aria-label") for attributes in pictures)
     check_identifiers(source)
 

@@ -103,8 +103,8 @@ def test_the_report_stands_alone_and_shows_every_figure_and_event(
         assert f'id="{name}-' in source, name
     assert "The quadrotor arrived, no part of it ever nearer than 4 m above the ground." in page.text
     assert f"--from {quadrotor_dir}" in page.text
-    (view,) = page.views
-    assert {"flown", "first plan, to rest"} <= {trace.get("name") for trace in view["traces"]}
+    (scene,) = page.scenes
+    assert {"flown", "first plan, to rest"} <= {layer["name"] for layer in scene["layers"]}
 
 
 def test_a_flight_without_a_plan_that_did_not_arrive_is_reported_too(

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from mathnavi.renders.page import document as report_page
 from mathnavi.renders.page import figure_block
 from mathnavi.renders.palette import COLOURS, SceneElement
+from mathnavi.renders.report import write_report
 from mathnavi.renders.web.document import document
 from mathnavi.renders.web.scene import read_scene
 from tests.renders.web.browser import chromium, watched
@@ -55,6 +56,34 @@ def test_a_flight_is_drawn_and_played_without_any_request(page: Path, browser: A
         moved = seen.picture("#canvas")
         assert (moved != picture).any()
         assert seen.requests == [page.as_uri()]
+        assert seen.complaints == []
+
+
+def test_the_scene_of_a_report_is_turned_and_played_from_the_disk_and_leaves_the_wheel_to_the_page(
+    run_dir: Path, tmp_path: Path, browser: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "disable")
+    path = write_report(run_dir).rename(tmp_path / "report.html")
+    with watched(browser, 1000, 900) as seen:
+        seen.open(path.as_uri())
+        seen.until("player.stage && !player.changed")
+        seen.page.wait_for_timeout(500.0)  # for the picture of the ground
+        picture = seen.picture("#canvas")
+        assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 500
+        for element in (SceneElement.FLOWN, SceneElement.COMPLETION, SceneElement.RADAR):
+            assert near(picture, element, 120.0) > 5
+        assert seen.page.evaluate("player.t === player.scene.duration")
+        distance = seen.page.evaluate("player.orbit.distance")
+        seen.page.hover("#canvas")
+        seen.page.mouse.wheel(0.0, 100.0)
+        seen.until("scrollY > 0")
+        assert seen.page.evaluate("player.orbit.distance") == distance
+        seen.page.locator("#canvas").click()
+        seen.page.mouse.wheel(0.0, 100.0)
+        seen.until(f"player.orbit.distance > {distance}")
+        seen.page.click("#play")
+        seen.until("player.playing && player.t < 0.9 * player.scene.duration")
+        assert seen.requests == [path.as_uri()]
         assert seen.complaints == []
 
 

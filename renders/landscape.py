@@ -9,6 +9,7 @@ Import ``mathnavi.models.opengl`` and choose the backend before this module, whi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,8 +21,9 @@ import mathnavi.models.aerial
 from mathnavi.interfaces.reading.mechanisms import read_spec
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.visibility import RadarTrack
 from mathnavi.renders.framing import Box, framing
-from mathnavi.renders.palette import Colour
+from mathnavi.renders.palette import COLOURS, Colour, SceneElement
 from mathnavi.renders.relief import EXAGGERATION, relief, resampled, roughened
 from mathnavi.renders.stage import HORIZON, NADIR, Optics, Stage, View
 
@@ -183,3 +185,35 @@ def _add_ground(spec: Any, terrain: HeightField, detail: int) -> None:
             contype=0,
             conaffinity=0,
         )
+
+
+def add_domes(spec: Any, terrain: HeightField, radars: Sequence[RadarTrack]) -> None:
+    """Add a dome for each radar in each world of an ``mjSpec``, still invisible."""
+    if radars:
+        spec.add_material(name="radar", emission=0.8, specular=0.0)
+    land = Landscape(terrain)
+    for k, track in enumerate(radars):
+        radar = track.radar
+        foot = np.array([radar.x, radar.y, float(terrain.height(radar.x, radar.y))])
+        for group, name, factor in WORLDS:
+            mesh = spec.add_mesh(name=f"radar {k} {name}", scale=[radar.radius, radar.radius, factor * radar.radius])
+            mesh.make_sphere(subdivision=4)
+            spec.worldbody.add_geom(
+                name=f"radar {k} {name}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name,
+                pos=foot if factor == 1.0 else land.tall(foot), material="radar",
+                rgba=[*COLOURS[SceneElement.RADAR], 0.0],
+                group=group, contype=0, conaffinity=0,
+            )  # fmt: skip
+
+
+def place_domes(model: Any, terrain: HeightField, radars: Sequence[RadarTrack], t: float, opacity: float) -> None:
+    """Place the domes of a model at the radars at ``t`` [s]; those of radars that are off are invisible."""
+    land = Landscape(terrain)
+    for k, track in enumerate(radars):
+        radar = track.at(t, terrain)
+        for _, name, factor in WORLDS:
+            dome = model.geom(f"radar {k} {name}")
+            dome.rgba[3] = 0.0 if radar is None else opacity
+            if radar is not None:
+                foot = np.array([radar.x, radar.y, float(terrain.height(radar.x, radar.y))])
+                dome.pos = foot if factor == 1.0 else land.tall(foot)

@@ -10,8 +10,8 @@ from matplotlib.colors import to_rgb
 
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.signals import Array
+from mathnavi.models import opengl
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.renders import opengl
 from mathnavi.renders.figures import thinned
 from mathnavi.renders.page import Markup
 from mathnavi.renders.palette import COLOURS, Colour, SceneElement

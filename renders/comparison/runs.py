@@ -2,20 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import matplotlib
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.figure import Figure
+
 from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.fields import flattened
+from mathnavi.interfaces.signals import Array
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.library import load_terrain
 from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, differences, differing_fields
-from mathnavi.renders.comparison.figures import run_figures
-from mathnavi.renders.comparison.run_data import ComparedRun, read_run
-from mathnavi.renders.page import number
+from mathnavi.renders.figures import STYLE, canvas, draw_map, thinned
+from mathnavi.renders.page import Drawn, number
+from mathnavi.renders.statistics_figures import SERIES
 from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
+from mathnavi.sim.records.field_names import recorded_fields
+from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_state_names
 from mathnavi.sim.records.table import Table
 
 COLUMNS = ("group", "figure", LEFT, RIGHT, "difference", "ratio")
 LEFT_OUT = ("seed", "version", SHORTFALL)  # among the fields, or in the sentence
+COLOURS, STYLES = SERIES[:2], ("-", "--")  # of the left run and the right one
+WIDTHS = (1.8, 1.2)  # the right one is drawn over the left one
+ACROSS, HEIGHT, WIDTH = 3, 1.9, 9.4  # panels in a row; [inches] of a row and of a figure
+MOST_PANELS = 18
 
 
 def compare_runs(left: Path, right: Path) -> Comparison:
@@ -67,3 +84,148 @@ def _summaries(left: Mapping[str, Any], right: Mapping[str, Any]) -> Table:
 def _named(key: str) -> str:
     name, unit = label(key)
     return f"{name} [{unit}]" if unit else name
+
+
+@dataclass(frozen=True, eq=False)
+class StateHistory:
+    """True and estimated states of one vehicle over time."""
+
+    t: Array  # (n,) [s]
+    x: Array  # (n, nx) the true state
+    t_estimate: Array  # (m,) [s]
+    estimate: Array  # (m, nx), with no row where an estimate is not of the state
+
+    @property
+    def error(self) -> Array:
+        """(m, nx) of the estimate; the truth is linear between samples."""
+        true = np.column_stack([np.interp(self.t_estimate, self.t, column) for column in self.x.T])
+        error: Array = self.estimate - true
+        return error
+
+
+Curve = Callable[[StateHistory], tuple[Array, Array]]  # times (n,) [s] and values (n, nx)
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedRun:
+    """Data of a finished run for a comparison."""
+
+    folder: Path
+    config: Mapping[str, Any]
+    summary: Mapping[str, Any]
+    states: tuple[str, ...]  # (nx,) names with units
+    histories: Mapping[str, StateHistory]  # by vehicle
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """Return all requested fields by their names on the command line, with the terrain and the versions."""
+        terrain = {"terrain's digest": self.config["terrain"]["digest"]} if "terrain" in self.config else {}
+        return (
+            {"seed": self.config["seed"]}
+            | recorded_fields(self.config)
+            | terrain
+            | flattened(self.config.get("versions", {}), "version of ")
+            | flattened(self.config.get("machine", {}))
+        )
+
+
+def read_run(folder: Path) -> ComparedRun:
+    """The run in a folder; FileNotFoundError if a file is missing, RunFolderError if one is broken."""
+    states = read_state_names(folder)
+    logs = read_fleet(folder).vehicles if len(states) > 1 else {"": read_log(folder, may_diverge=True)}
+    histories = {name: _history(log) for name, log in logs.items()}
+    any_log, names = next(iter(logs.values())), next(iter(states.values()), ())
+    return ComparedRun(folder, any_log.config, any_log.summary, names, histories)
+
+
+def _history(log: RunLog) -> StateHistory:
+    t, estimate = np.empty(0), np.empty((0, log.x.shape[1]))
+    if "estimate.x" in log.arrays:
+        found = log.arrays["estimate.x"]
+        if found.shape[1:] == log.x.shape[1:]:
+            t, estimate = log.arrays["estimate.t"], found
+            seen = t <= log.t[-1]  # the truth may have ended as no number
+            t, estimate = t[seen], estimate[seen]
+    return StateHistory(log.t, log.x, t, estimate)
+
+
+def run_figures(left: ComparedRun, right: ComparedRun) -> list[Drawn]:
+    """Figures of both runs in one: paths, states and errors."""
+    drawn: list[Drawn] = []
+    ground = _ground(left, right)
+    if ground is not None:
+        drawn.append(("map", _map(ground, left, right), "The paths over the terrain."))
+    if left.states != right.states or not left.states:
+        return drawn
+    names = left.states[:MOST_PANELS]
+    more = len(left.states) - len(names)
+    rest = f" The first {len(names)} of {len(left.states)} are shown." if more else ""
+    states = _panels(left, right, names, lambda history: (history.t, history.x))
+    drawn.append(("states", states, f"The true state over time, component by component.{rest}"))
+    if any(
+        history.error.any() for run in (left, right) for history in run.histories.values()
+    ):  # not of a reading of the truth
+        errors = _panels(left, right, names, lambda history: (history.t_estimate, _wrapped(history.error, left.states)))
+        drawn.append(("errors", errors, f"The error of the estimate, component by component.{rest}"))
+    return drawn
+
+
+def _ground(left: ComparedRun, right: ComparedRun) -> HeightField | None:
+    """Return the terrain of both runs, if it is the same and still exists."""
+    one, other = (run.config.get("terrain", {}) for run in (left, right))
+    if not {"path", "digest"} <= one.keys() or one["digest"] != other.get("digest"):
+        return None
+    try:
+        ground = load_terrain(one["path"])
+    except (OSError, ValueError):
+        return None
+    return ground if ground.digest == one["digest"] else None
+
+
+def _map(ground: HeightField, left: ComparedRun, right: ComparedRun) -> Figure:
+    with matplotlib.rc_context(STYLE):
+        figure = canvas(7.6, 7.2)
+        axes = figure.add_subplot()
+        draw_map(axes, ground)
+        outline = [patheffects.withStroke(linewidth=3.6, foreground="white", alpha=0.85)]
+        for run, side, colour in zip((left, right), (LEFT, RIGHT), COLOURS, strict=True):
+            for k, history in enumerate(run.histories.values()):
+                i = thinned(len(history.t), 0)
+                x, y = history.x[i, :2].T / 1e3
+                axes.plot(x, y, color=colour, lw=2.0, label="" if k else side, path_effects=outline)
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=2)
+    return figure
+
+
+def _panels(left: ComparedRun, right: ComparedRun, names: Sequence[str], curve: Curve) -> Figure:
+    """Draw a panel for each component of the state, with the curves of both runs and of every vehicle."""
+    rows = math.ceil(len(names) / ACROSS)
+    with matplotlib.rc_context(STYLE):
+        figure = canvas(WIDTH, 0.4 + HEIGHT * rows)
+        cells = figure.subplots(rows, min(len(names), ACROSS), sharex=True, squeeze=False)
+        for cell in cells.ravel()[len(names) :]:
+            cell.remove()
+        for run, side, colour, style, width in zip((left, right), (LEFT, RIGHT), COLOURS, STYLES, WIDTHS, strict=True):
+            for number, history in enumerate(run.histories.values()):
+                t, values = curve(history)
+                i = thinned(len(t), 0) if len(t) else np.empty(0, dtype=np.int64)
+                for k, axes in enumerate(cells.ravel()[: len(names)]):
+                    axes.plot(t[i], values[i, k], style, color=colour, lw=width, label="" if number else side)
+        for k, (axes, name) in enumerate(zip(cells.ravel(), names, strict=False)):
+            axes.set_title(_readable(name), fontsize=9.0, weight="normal")
+            if k + ACROSS >= len(names):
+                axes.set_xlabel("time [s]")
+                axes.tick_params(labelbottom=True)
+        figure.legend(*cells[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    return figure
+
+
+def _wrapped(error: Array, states: Sequence[str]) -> Array:
+    """Errors with angles between -pi and pi."""
+    angles = [name.endswith("[rad]") for name in states]
+    wrapped: Array = np.where(angles, np.mod(error + math.pi, 2.0 * math.pi) - math.pi, error)
+    return wrapped
+
+
+def _readable(name: str) -> str:
+    return name.replace("_", " ")

@@ -15,7 +15,6 @@ import numpy as np
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.entity import airframe_pose
-from mathnavi.renders.domes import add_domes, place_domes
 from mathnavi.renders.fleet.run_data import FleetRun
 from mathnavi.renders.flight.run_data import FlightRun, plan_arcs, trail
 from mathnavi.renders.framing import Box, framing
@@ -27,7 +26,9 @@ from mathnavi.renders.landscape import (
     Airframe,
     Landscape,
     add_airframe,
+    add_domes,
     landscape,
+    place_domes,
 )
 from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import Colour, Picture, SceneElement, part_of

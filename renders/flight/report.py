@@ -4,11 +4,31 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import matplotlib
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
 from mathnavi.renders import figures, page
-from mathnavi.renders.flight.figures import map_figure, motion_figure, profile_figure
+from mathnavi.renders.figures import (
+    BOUND,
+    GROUND,
+    INK,
+    LOWEST_DRAWN,
+    STYLE,
+    canvas,
+    colour_of,
+    draw_map,
+    log_lengths,
+    name_place,
+    thinned,
+)
 from mathnavi.renders.flight.run_data import FlightRun
 from mathnavi.renders.flight.web import web_scene
 from mathnavi.renders.page import Drawn, Markup, quantity
+from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.relief import EXAGGERATION
 from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
 from mathnavi.renders.web.document import scene_block
@@ -84,3 +104,110 @@ def _figures(run: FlightRun) -> list[Drawn]:
             )
         )
     return [*drawn, *solve_figures(run.summary), *event_figures(run, run.duration)]
+
+
+def map_figure(run: FlightRun) -> Figure:
+    """The hill-shaded map with the path flown, the first plan, radars, start and target."""
+    with matplotlib.rc_context(STYLE):
+        figure = canvas(7.6, 7.2)
+        axes = figure.add_subplot()
+        draw_map(axes, run.terrain)
+        outline = [patheffects.withStroke(linewidth=3.4, foreground="white", alpha=0.85)]
+        draw_changes(axes, run)
+        if run.log.plans:
+            first = run.log.plans[0]
+            axes.plot(
+                first.x[:, 0] / 1e3, first.x[:, 1] / 1e3, "--", color=colour_of(SceneElement.COMPLETION),
+                label="first plan, to rest",
+                path_effects=[patheffects.withStroke(linewidth=2.6, foreground="white", alpha=0.6)],
+            )  # fmt: skip
+        i = thinned(len(run.t), 0)
+        x, y = run.x[i, :2].T / 1e3
+        axes.plot(x, y, color=colour_of(SceneElement.FLOWN), lw=2.0, label="flown", path_effects=outline)
+        for part, place in ((SceneElement.START, run.mission.start), (SceneElement.TARGET, run.mission.target)):
+            axes.plot(*place[:2] / 1e3, "o", ms=8, mfc=colour_of(part), mec="#101824", mew=1.4)
+            left = place[0] > 0.8 * run.terrain.width
+            if part is SceneElement.TARGET and len(run.mission.target_path):
+                way = np.vstack([place, run.mission.target_path[:, 1:]])[:, :2] / 1e3
+                axes.plot(way[:, 0], way[:, 1], "--", color=colour_of(part), lw=1.6, path_effects=outline)
+                axes.plot(*run.mission.target_at(run.duration)[:2] / 1e3, "s", ms=7, mfc=colour_of(part), mec="#101824")
+            name_place(
+                axes, part.value, (place[0] / 1e3, place[1] / 1e3), (-9 if left else 9, 0), "right" if left else "left"
+            )
+        axes.set_title(f"Path over {run.terrain.name}")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=2)
+    return figure
+
+
+def draw_changes(axes: Axes, run: FlightRun) -> None:
+    """Radars, where they are and where they drive to, and hills that the map did not show, on a map [km]."""
+    for number, track in enumerate(run.mission.radars, start=1):
+        radar, last = track.radar, track.at(min(track.until, run.duration) - 1e-6, run.terrain)
+        centre = (radar.x / 1e3, radar.y / 1e3)
+        colour = colour_of(SceneElement.RADAR)
+        axes.add_patch(Circle(centre, radar.radius / 1e3, facecolor=colour, alpha=0.25, edgecolor="none"))
+        axes.add_patch(Circle(centre, radar.radius / 1e3, fill=False, edgecolor=colour, linewidth=1.2))
+        when = "from the start" if track.time <= 0.0 else f"from {track.time:.0f} s"
+        until = f" to {track.until:.0f} s" if track.until < run.duration else ""
+        name_place(axes, f"radar {number}, {when}{until}", centre, (0, 0), "center")
+        if last is not None and (last.x, last.y) != (radar.x, radar.y):
+            end = (last.x / 1e3, last.y / 1e3)
+            axes.annotate("", end, centre, arrowprops={"arrowstyle": "->", "color": colour, "lw": 1.6})
+            axes.add_patch(Circle(end, radar.radius / 1e3, fill=False, edgecolor=colour, lw=1.2, ls="--"))
+    for hill in run.mission.hills:
+        top = (hill.x / 1e3, hill.y / 1e3)
+        axes.add_patch(Circle(top, hill.radius / 1e3, fill=False, edgecolor="white", lw=1.4, ls=":"))
+        name_place(axes, f"not on the map until {run.mission.charted_at:.0f} s", top, (0, 0), "center")
+
+
+def profile_figure(run: FlightRun) -> Figure:
+    """Heights of the path and of the ground below it over the distance flown, and the least clearance."""
+    with matplotlib.rc_context(STYLE):
+        figure = canvas(9.4, 5.2)
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.8))
+        known = np.isfinite(run.above_ground)
+        lowest = int(np.argmin(np.where(known, run.above_ground, np.inf)))
+        i = thinned(len(run.t), lowest)
+        i = i[known[i]]
+        distance = run.travelled[i] / 1e3
+        ground = run.x[i, 2] - run.above_ground[i]
+        upper.fill_between(distance, ground.min() - 0.03 * np.ptp(ground) - 1.0, ground, color=GROUND, alpha=0.75, lw=0)
+        upper.plot(distance, run.x[i, 2], color=colour_of(SceneElement.FLOWN), label="flown")
+        least = run.mission.clearance_min
+        upper.plot(distance, ground + least, ":", color=BOUND, lw=1.0, label=f"least height, {least:g} m above ground")
+        upper.set(ylabel="height [m]", title="Height over the ground")
+        upper.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.2)
+        lower.plot(distance, np.maximum(run.above_ground[i], LOWEST_DRAWN), color=colour_of(SceneElement.FLOWN))
+        lower.axhline(least, color=BOUND, ls=":", lw=1.0)
+        lower.set(xlabel="distance flown [km]", ylabel="clearance [m]")
+        log_lengths(lower, max(0.6 * min(least, float(run.above_ground[lowest])), LOWEST_DRAWN))
+        lower.set_xlim(distance[0], max(distance[-1], distance[0] + 1e-3))  # it may have stood still
+        here = (run.travelled[lowest] / 1e3, max(float(run.above_ground[lowest]), LOWEST_DRAWN))
+        late = here[0] > 0.8 * distance[-1]  # the label would leave the axes
+        lower.plot(*here, "o", ms=4.0, color=INK)
+        lower.annotate(
+            f"least {run.summary.get('min_clearance_m', run.above_ground[lowest]):.1f} m", here, (-8 if late else 8, 0),
+            textcoords="offset points", ha="right" if late else "left", va="center",
+        )  # fmt: skip
+    return figure
+
+
+def motion_figure(run: FlightRun) -> Figure:
+    """Speed and commanded acceleration over time against their bounds."""
+    with matplotlib.rc_context(STYLE):
+        figure = canvas(9.4, 3.9)
+        upper, lower = figure.subplots(2, 1, sharex=True)
+        curves = (
+            (upper, np.linalg.norm(run.x[:, 3:], axis=1), run.mission.speed_max, "speed [m/s]"),
+            (lower, np.linalg.norm(run.u, axis=1), run.mission.acceleration_max, "acceleration [m/s²]"),
+        )
+        for axes, size, bound, name in curves:
+            i = thinned(len(run.t), int(np.argmax(size)))
+            axes.plot(run.t[i], size[i], color=colour_of(SceneElement.OPTIMISED), lw=1.1)
+            axes.axhline(bound, color=BOUND, ls=":", lw=1.2)
+            axes.annotate(f"bound {bound:g}", (1.0, bound), (0, 3), xycoords=("axes fraction", "data"),
+                          textcoords="offset points", ha="right", color=BOUND)  # fmt: skip
+            axes.set(ylabel=name, ylim=(0.0, 1.15 * max(bound, float(size.max()))))
+        upper.set_title("Speed and acceleration against their bounds")
+        lower.set(xlabel="time [s]", xlim=(0.0, run.duration))
+    return figure

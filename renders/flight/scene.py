@@ -17,7 +17,6 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.entity import airframe_pose
-from mathnavi.renders.domes import add_domes, place_domes
 from mathnavi.renders.flight.run_data import FlightRun, plan_arcs, trail
 from mathnavi.renders.landscape import (
     AIRFRAME,
@@ -27,7 +26,9 @@ from mathnavi.renders.landscape import (
     Airframe,
     Landscape,
     add_airframe,
+    add_domes,
     landscape,
+    place_domes,
 )
 from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement, part_of

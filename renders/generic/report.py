@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 
 from mathnavi.renders import page
 from mathnavi.renders.figures import cost_figure
+from mathnavi.renders.generic.drawing import highlight, verdict
 from mathnavi.renders.generic.figures import errors_figure, inputs_figure, states_figure
 from mathnavi.renders.generic.run_data import GenericRun
-from mathnavi.renders.generic.shot_list import highlight, verdict
 from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
 from mathnavi.sim.records.figure_names import SHORTFALL, label

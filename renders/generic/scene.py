@@ -13,9 +13,9 @@ import numpy as np
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.renders.framing import Box, framing
+from mathnavi.renders.generic.drawing import camera_name
 from mathnavi.renders.generic.run_data import GenericRun, index
 from mathnavi.renders.generic.scene_data import PATH_POINTS, reach, swept
-from mathnavi.renders.generic.shot_list import camera_name
 from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement, vehicle_colour
 from mathnavi.renders.stage import HORIZON, NADIR, Optics, Stage, Staged, View

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import matplotlib
 import numpy as np
 from matplotlib.artist import Artist
@@ -13,19 +15,36 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from mathnavi.renders.blitted import Blitted
 from mathnavi.renders.figures import BOUND, GRID, INK, STYLE
-from mathnavi.renders.lagrangian.names import with_unit
 from mathnavi.renders.lagrangian.path_drawing import ESTIMATE, TRUTH, PathDrawing
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.renders.lagrangian.views import INCHES_HIGH, chart_of
 from mathnavi.renders.palette import Picture
 from mathnavi.sim.records.run_folder import last_at
 
+_BODY = re.compile(r"(?:body_rate|attitude|torque)_([wxyz])$")
+_NUMBERED = re.compile(r"(?:velocity|position|force)_(\d)$")
+_LETTER = {"body_rate": r"\omega", "attitude": "q", "torque": r"\tau", "velocity": "v", "position": "p", "force": "F"}
 WINDOW, LEAST_WINDOW, AFTERWARDS = 2.0, 0.5, 1.5  # [s] of velocity in sight; times as long as until it is found
 MOST_POINTS = 700  # of a curve
 SMALLEST = 1e-9  # that is drawn
 MARGIN = 0.12
 GROUND = "#f6f8fa"
 TOP_FREE = (0.0, 0.0, 1.0, 0.985)  # of the figure: what its parts may take
+
+
+def symbol(name: str) -> tuple[str, str]:
+    """ "body_rate_x [rad/s]" as "$\\omega_x$" and "rad/s"; a joint by its own name."""
+    bare, _, unit = name.partition(" [")
+    stem, _, index = bare.rpartition("_")
+    if _BODY.match(bare) or _NUMBERED.match(bare):
+        return f"${_LETTER[stem]}_{{{index}}}$", unit.rstrip("]")
+    return bare.removeprefix("velocity_").removeprefix("position_").replace("_", " "), unit.rstrip("]")
+
+
+def with_unit(name: str) -> str:
+    """Return the symbol with its unit in brackets, if it has one."""
+    letters, unit = symbol(name)
+    return letters if unit in ("", "-") else f"{letters} [{unit}]"
 
 
 class VelocityPanel:

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from mathnavi.interfaces.signals import Array
 from mathnavi.renders.lagrangian.charts import MapProjection
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
-from mathnavi.renders.lagrangian.shot_list import RECENT
+from mathnavi.renders.lagrangian.views import RECENT
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 
 TRUTH, ESTIMATE, REFERENCE, GEODESIC = (

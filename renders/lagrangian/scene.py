@@ -18,9 +18,8 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.models.mechanism.entity import build_spec
 from mathnavi.renders.framing import Box, framing
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
-from mathnavi.renders.lagrangian.shot_list import RECENT
 from mathnavi.renders.lagrangian.tip import Tip
-from mathnavi.renders.lagrangian.views import AZIMUTH, ELEVATION, azimuth
+from mathnavi.renders.lagrangian.views import AZIMUTH, ELEVATION, RECENT, azimuth
 from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement
 from mathnavi.renders.stage import Optics, Stage, Staged

@@ -12,6 +12,7 @@ from mathnavi.renders.lagrangian.run_data import LagrangianRun
 
 INCHES_HIGH = 7.2  # of a picture that matplotlib draws, whatever its pixels
 AZIMUTH, ELEVATION = 62.0, -14.0  # [degrees] of the line of sight
+RECENT = 1.2  # [s] of paths that are drawn strongly
 BESIDE = 118.0  # [degrees] from the axis about which a body turns to that line: a little towards the camera
 
 

@@ -10,16 +10,14 @@ from mathnavi.renders.framing import Box, framing
 from mathnavi.renders.lagrangian.charts import nose
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.renders.lagrangian.scene import ARROW, GROUPS, TURNING
-from mathnavi.renders.lagrangian.shot_list import RECENT
 from mathnavi.renders.lagrangian.tip import Tip
-from mathnavi.renders.lagrangian.views import ELEVATION, azimuth
+from mathnavi.renders.lagrangian.views import ELEVATION, RECENT, azimuth
 from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.stage import Optics
 from mathnavi.renders.web.arrows import arrow, sequence, thinned_rows
-from mathnavi.renders.web.bodies import body_surfaces, ghosts, model_shapes, motions_of, poses, swept
+from mathnavi.renders.web.bodies import body_surfaces, ghosts, model_shapes, motions_of, poses, revolved, swept
 from mathnavi.renders.web.charts import ESTIMATE, TRUTH, curve
 from mathnavi.renders.web.elements import Camera, Chart, Layer, Lines, Mark, Motion, Surface, WebScene
-from mathnavi.renders.web.shapes import revolved
 
 MOST_POSES, MOST_FRAMES = 1200, 400
 MOST_COMPONENTS = 7  # of the velocity, in charts

@@ -14,8 +14,8 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.renders.figures import GRID, INK, STYLE, canvas, thinned
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.ranging import shapes
+from mathnavi.renders.ranging.drawing import begun
 from mathnavi.renders.ranging.run_data import RangingRun
-from mathnavi.renders.ranging.shot_list import begun
 from mathnavi.sim.records.run_folder import last_at
 
 DRIVEN, ESTIMATE, IMAGE = (

@@ -19,9 +19,8 @@ from mathnavi.models.terrain.visibility import RadarTrack
 from mathnavi.renders.landscape import BASE, OPTICS, TRUE_SPAN, Landscape
 from mathnavi.renders.palette import COLOURS, Colour, SceneElement, part_of
 from mathnavi.renders.relief import EXAGGERATION, relief, resampled
-from mathnavi.renders.web.bodies import body_surfaces, model_shapes
+from mathnavi.renders.web.bodies import body_surfaces, grid_faces, model_shapes, revolved
 from mathnavi.renders.web.elements import Camera, Layer, Lines, Mark, Motion, Surface
-from mathnavi.renders.web.shapes import grid_faces, revolved
 
 NODES, PIXELS = 257, 1025  # of the ground and of its picture, along the longer side
 QUALITY = 82  # of that picture, a JPEG

@@ -12,8 +12,7 @@ pytest.importorskip("mujoco")
 
 
 def test_a_dome_follows_its_radar_and_vanishes_with_it() -> None:
-    from mathnavi.renders.domes import add_domes, place_domes
-    from mathnavi.renders.landscape import landscape
+    from mathnavi.renders.landscape import add_domes, landscape, place_domes
 
     ground = flight.mountains()
     track = RadarTrack(Radar(3000.0, 4000.0, 900.0, 1.0), 10.0, 60.0, (50.0, -20.0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mathnavi.renders.film import Frame
-from mathnavi.renders.flight.overlay import overlay
+from mathnavi.renders.flight.drawing import overlay
 from mathnavi.renders.flight.run_data import FlightRun
 from mathnavi.renders.overlay import RING_COLOURS, Label, Overlay, OverlayWriter
 from mathnavi.renders.palette import SceneElement

@@ -14,8 +14,7 @@ from matplotlib.colors import rgb_to_hsv
 from mathnavi.interfaces.signals import Array
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import Frame
-from mathnavi.renders.fleet.drawing import drawing
-from mathnavi.renders.fleet.overlay import overlay
+from mathnavi.renders.fleet.drawing import drawing, overlay
 from mathnavi.renders.fleet.report import report
 from mathnavi.renders.fleet.run_data import FleetRun
 from mathnavi.renders.palette import VEHICLES, vehicle_colour

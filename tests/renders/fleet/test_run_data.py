@@ -14,10 +14,8 @@ import pytest
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.renders.film import Frame
-from mathnavi.renders.fleet.drawing import drawing
-from mathnavi.renders.fleet.overlay import overlay
+from mathnavi.renders.fleet.drawing import CAMERAS, annotations_of, drawing, highlight, overlay, shot_list
 from mathnavi.renders.fleet.run_data import FleetRun, load_run
-from mathnavi.renders.fleet.shot_list import CAMERAS, annotations_of, highlight, shot_list
 from mathnavi.sim.records.run_folder import read_log
 
 

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from mathnavi.interfaces.signals import Event
-from mathnavi.renders.flight.drawing import drawing
+from mathnavi.renders.flight.drawing import annotations_of, drawing, shot_list
 from mathnavi.renders.flight.run_data import FlightRun
-from mathnavi.renders.flight.shot_list import annotations_of, shot_list
 
 
 def with_log(run: FlightRun, **changes: Any) -> FlightRun:

@@ -14,8 +14,8 @@ import pytest
 from mathnavi.interfaces.errors import RunFolderError
 from mathnavi.interfaces.signals import Array, Estimate, Event, Plan
 from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.generic.drawing import BOARD, SCENE_CAMERAS
 from mathnavi.renders.generic.run_data import GenericRun, load_run
-from mathnavi.renders.generic.shot_list import BOARD, SCENE_CAMERAS
 from mathnavi.renders.report import write_report
 from mathnavi.renders.video import write_still
 from mathnavi.sim.engine.log import AgentRecorder, Recording

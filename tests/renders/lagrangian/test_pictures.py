@@ -11,8 +11,7 @@ from PIL import Image
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.renders.film import Frame
-from mathnavi.renders.lagrangian.drawing import drawing
-from mathnavi.renders.lagrangian.overlay import overlay
+from mathnavi.renders.lagrangian.drawing import drawing, overlay
 from mathnavi.renders.lagrangian.panel import VelocityPanel
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.renders.palette import SceneElement

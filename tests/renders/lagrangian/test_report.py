@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from mathnavi.models import opengl
-from mathnavi.renders.lagrangian import figures
-from mathnavi.renders.lagrangian.names import with_unit
-from mathnavi.renders.lagrangian.report import report
+from mathnavi.renders.lagrangian.panel import with_unit
+from mathnavi.renders.lagrangian.report import lyapunov_figure, report
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.sim.records.figure_names import SUMMARY_GROUPS
 from tests.renders.reading import Page, check_stands_alone, checked_report
@@ -52,7 +51,7 @@ def test_the_lyapunov_functions_are_those_of_the_gain_of_the_observer(runs: dict
     run = runs["hyperbolic-plane"]
     B = run.lyapunov_gain
     assert B == 100.0
-    V, W = figures.lyapunov_figure(run, B).axes[1].lines
+    V, W = lyapunov_figure(run, B).axes[1].lines
     half = 0.5 * np.square(run.errors.norm)
     np.testing.assert_allclose(V.get_ydata(), half + 0.5 * B * np.square(run.errors.position), rtol=1e-6)
     assert (np.diff(W.get_ydata()[:50]) < 0.0).mean() > 0.9  # where noise is not all there is

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.lagrangian.drawing import verdict
 from mathnavi.renders.lagrangian.run_data import REACH, LagrangianRun, load_run
-from mathnavi.renders.lagrangian.shot_list import verdict
 from mathnavi.sim.metrics.lagrangian import rms
 
 ALL = ("body", "sphere", "hyperbolic-plane", "tracking", "arm", "cart", "differences")

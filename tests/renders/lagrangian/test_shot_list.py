@@ -6,9 +6,8 @@ from itertools import pairwise
 
 import pytest
 
-from mathnavi.renders.lagrangian.drawing import drawing
+from mathnavi.renders.lagrangian.drawing import annotations_of, drawing, highlight, shot_list, verdict
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
-from mathnavi.renders.lagrangian.shot_list import annotations_of, highlight, shot_list, verdict
 
 
 @pytest.mark.parametrize("name", ["body", "tracking", "arm", "silent"])

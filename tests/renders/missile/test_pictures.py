@@ -11,11 +11,10 @@ import pytest
 from PIL import Image
 
 from mathnavi.models import opengl
-from mathnavi.renders.missile import figures
+from mathnavi.renders.missile.drawing import closing
 from mathnavi.renders.missile.ground import PIXELS, ground_picture
-from mathnavi.renders.missile.report import report
+from mathnavi.renders.missile.report import LENGTHS, angles_figure, approach_figure, inputs_figure, report
 from mathnavi.renders.missile.run_data import MissileRun
-from mathnavi.renders.missile.shot_list import closing
 from mathnavi.renders.video import write_still
 from mathnavi.sim.records.run_folder import described
 from tests.renders.drawn import differing, drawn, needs_opengl, video_pictures
@@ -96,13 +95,13 @@ def test_a_flight_that_never_had_a_plan_is_reported_too(
 
 def test_the_figures_show_what_was_flown_however_small(missile_run: MissileRun) -> None:
     error, end = missile_run.log.summary["tracking_error_max_m"], missile_run.approach
-    axes = figures.angles_figure(missile_run).axes[2]
-    (unit,) = [name for name in figures.LENGTHS if axes.get_ylabel() == f"off the plan [{name}]"]
+    axes = angles_figure(missile_run).axes[2]
+    (unit,) = [name for name in LENGTHS if axes.get_ylabel() == f"off the plan [{name}]"]
     (curve,) = axes.lines
     assert axes.get_yscale() == "linear"
-    assert np.nanmax(curve.get_ydata()) == pytest.approx(figures.LENGTHS[unit] * error, rel=1e-6)
+    assert np.nanmax(curve.get_ydata()) == pytest.approx(LENGTHS[unit] * error, rel=1e-6)
     assert np.nanmax(curve.get_ydata()) >= 1.0
-    distance = figures.approach_figure(missile_run).axes[0]
+    distance = approach_figure(missile_run).axes[0]
     curve, dot = distance.lines[:2]
     assert distance.get_yscale() == "linear"
     assert min(curve.get_ydata()) == pytest.approx(end.miss, abs=1e-12)
@@ -111,7 +110,7 @@ def test_the_figures_show_what_was_flown_however_small(missile_run: MissileRun) 
 
 @pytest.mark.parametrize("run", ["missile_run", "spatial_run"])
 def test_the_last_shot_has_target_and_missile_in_the_picture(run: str, request: pytest.FixtureRequest) -> None:
-    from mathnavi.renders.missile.cameras import OPTICS, target_view  # imports mujoco
+    from mathnavi.renders.missile.scene import OPTICS, target_view  # imports mujoco
 
     flown: MissileRun = request.getfixturevalue(run)
     tangent = np.tan(np.radians(OPTICS["target"].field_of_view) / 2.0)
@@ -131,7 +130,7 @@ def test_the_last_shot_has_target_and_missile_in_the_picture(run: str, request: 
 
 def test_limits_are_drawn_where_they_are_near(missile_run: MissileRun) -> None:
     tight = replace(missile_run, input_max=1.05 * np.abs(missile_run.log.u).max(axis=0))
-    near, far = (figures.inputs_figure(run) for run in (tight, replace(missile_run, input_max=np.full(3, 1e9))))
+    near, far = (inputs_figure(run) for run in (tight, replace(missile_run, input_max=np.full(3, 1e9))))
     for axes in near.axes:
         assert sum(line.get_linestyle() == ":" for line in axes.lines) == 2
     assert all(line.get_linestyle() != ":" for axes in far.axes for line in axes.lines)

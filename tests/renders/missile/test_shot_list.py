@@ -8,9 +8,8 @@ from itertools import pairwise
 import pytest
 
 from mathnavi.interfaces.signals import Event
-from mathnavi.renders.missile.drawing import drawing
+from mathnavi.renders.missile.drawing import CAMERAS, annotations_of, closing, drawing, shot_list, verdict
 from mathnavi.renders.missile.run_data import MissileRun
-from mathnavi.renders.missile.shot_list import CAMERAS, annotations_of, closing, shot_list, verdict
 
 
 @pytest.mark.parametrize("direction", ["tour", *CAMERAS])

@@ -14,12 +14,10 @@ from mathnavi.interfaces.signals import Event
 from mathnavi.models.quadrotor.dynamics import ATTITUDE
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import Frame
-from mathnavi.renders.quadrotor.drawing import drawing
+from mathnavi.renders.quadrotor.drawing import CAMERAS, drawing, overlay
 from mathnavi.renders.quadrotor.inset import Inset
-from mathnavi.renders.quadrotor.overlay import overlay
 from mathnavi.renders.quadrotor.report import report
 from mathnavi.renders.quadrotor.run_data import QuadrotorRun, load_run
-from mathnavi.renders.quadrotor.shot_list import CAMERAS
 from mathnavi.sim.records.run_folder import described
 from tests.renders.drawn import differing, drawn, needs_opengl
 from tests.renders.reading import Page, checked_report

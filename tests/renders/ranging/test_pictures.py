@@ -13,9 +13,8 @@ from PIL import Image
 from mathnavi.interfaces.signals import Array
 from mathnavi.renders.film import Frame
 from mathnavi.renders.palette import SceneElement
-from mathnavi.renders.ranging.overlay import overlay
+from mathnavi.renders.ranging.drawing import CAMERAS, overlay
 from mathnavi.renders.ranging.run_data import RangingRun
-from mathnavi.renders.ranging.shot_list import CAMERAS
 from mathnavi.renders.video import write_still
 from tests.renders.drawn import differing, drawn, needs_opengl, video_pictures
 

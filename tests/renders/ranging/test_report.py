@@ -11,9 +11,8 @@ from scipy.stats import chi2
 
 from mathnavi.models import opengl
 from mathnavi.models.field.curve import ellipse
-from mathnavi.renders.ranging import figures
 from mathnavi.renders.ranging.field_figure import field_figure
-from mathnavi.renders.ranging.report import report
+from mathnavi.renders.ranging.report import WINDOW, consistency_figure, hypotheses_figure, pose_figure, report
 from mathnavi.renders.ranging.run_data import RangingRun
 from mathnavi.sim.records.run_folder import described
 from tests.renders.reading import Page, check_stands_alone, checked_report
@@ -63,14 +62,14 @@ def test_a_circle_and_its_continuum_of_images_are_drawn(bank_run: RangingRun) ->
     run = replace(bank_run, mission=replace(bank_run.mission, curve=ellipse(3.0, 3.0)))
     assert run.curve.symmetry == 0
     assert np.isfinite(run.mirrored).all()
-    for figure in (field_figure(run), figures.pose_figure(run)):
+    for figure in (field_figure(run), pose_figure(run)):
         figure.canvas.draw()
 
 
 def test_bounds_of_the_mean_of_nis_are_those_of_chi_square(bank_run: RangingRun) -> None:
-    upper, lower = figures.consistency_figure(bank_run).axes
+    upper, lower = consistency_figure(bank_run).axes
     bounds = sorted(float(line.get_ydata()[-1]) for line in upper.lines if line.get_linestyle() == ":")
-    freedom = 2 * figures.WINDOW
+    freedom = 2 * WINDOW
     assert bounds == pytest.approx([chi2.ppf(q, freedom) / freedom for q in (0.025, 0.975)])
     assert len([line for line in lower.lines if line.get_linestyle() == ":"]) == 2
     (mean,) = (line for line in upper.lines if line.get_label().startswith("mean"))
@@ -78,7 +77,7 @@ def test_bounds_of_the_mean_of_nis_are_those_of_chi_square(bank_run: RangingRun)
 
 
 def test_every_hypothesis_that_was_dropped_ends_in_a_cross(bank_run: RangingRun) -> None:
-    (axes,) = figures.hypotheses_figure(bank_run).axes
+    (axes,) = hypotheses_figure(bank_run).axes
     crosses = [line for line in axes.lines if line.get_marker() == "x"]
     assert len(crosses) == 3
     assert all(-20.5 < float(line.get_ydata()[0]) < -19.0 for line in crosses)

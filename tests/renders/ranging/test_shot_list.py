@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 from mathnavi.interfaces.signals import Event
-from mathnavi.renders.ranging.drawing import drawing
-from mathnavi.renders.ranging.run_data import RangingRun
-from mathnavi.renders.ranging.shot_list import (
+from mathnavi.renders.ranging.drawing import (
     AFTERWARDS,
     CAMERAS,
     LATEST,
     annotations_of,
     begun,
     decided,
+    drawing,
     highlight,
     shot_list,
     verdict,
 )
+from mathnavi.renders.ranging.run_data import RangingRun
 from tests.renders.ranging.believers import LOSS, LOWEST, SILENT
 
 

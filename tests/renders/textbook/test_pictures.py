@@ -12,10 +12,9 @@ from PIL import Image
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import Frame
 from mathnavi.renders.report import write_report
-from mathnavi.renders.textbook.drawing import drawing
+from mathnavi.renders.textbook.drawing import annotations_of, drawing
 from mathnavi.renders.textbook.panel import shown
 from mathnavi.renders.textbook.run_data import TextbookRun, load_run
-from mathnavi.renders.textbook.shot_list import annotations_of
 from mathnavi.renders.video import write_still
 from mathnavi.sim.scenarios.textbook import TextbookConfig, TextbookObserver
 from tests.renders.drawn import needs_opengl

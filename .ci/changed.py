@@ -2,8 +2,9 @@
 
     python .ci/changed.py [COMMIT]      HEAD unless another is named
 
-The tests mirror the packages: of a module those in the folder of its package are run that import it, or all of that
-folder if none does by name. A test that has changed is run itself; of another file in ``tests/`` those beside it.
+The tests mirror the packages: for a module, the tests in the folder of its package that import it are run, or all tests
+of that folder if none imports it by name. A changed test is run; for another changed file in ``tests/``, all tests in
+its folder.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ def changed(commit: str) -> list[Path]:
 
 
 def tests_of(file: Path) -> Iterator[Path]:
-    """The tests of a file of the repository."""
+    """Return the tests of a file of the repository."""
     if file.is_relative_to(FRONT_DOOR):
         file = file.relative_to(FRONT_DOOR)
     if file.suffix != ".py" or file.parts[0] not in ("tests", "benchmarks", *PACKAGES):
@@ -50,7 +51,7 @@ def tests_of(file: Path) -> Iterator[Path]:
 
 
 def main() -> None:
-    """Print them."""
+    """Print the tests of the changed files."""
     commit = sys.argv[1] if len(sys.argv) > 1 else "HEAD"
     found = {test for file in changed(commit) for test in tests_of(file)}
     print("\n".join(str(test.relative_to(ROOT)) for test in sorted(found)))

@@ -3,9 +3,9 @@
     .venv/bin/python .ci/install.py [--extras NAME,NAME] [--lock FILE]
 
 With a lock: exactly its versions, hash by hash. Without: the newest versions that pyproject.toml allows, while the
-kernels of a flight are compiled; should that fail, the first flight compiles for itself. uv installs where it can be
-had, in a fifth of the time, and pip else: both take the same packages. What either says is kept in install.log in the
-environment.
+kernels of a flight are compiled; should that fail, the first flight compiles for itself. uv is used if it is available,
+for it takes a fifth of the time, and pip otherwise: both install the same packages. Their output is kept in install.log
+in the environment.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 KERNELS = ("mathnavi.controllers.flight.ahead", "mathnavi.models.terrain.kernels")
 NEEDED = ("annotated-types", "numba", "numpy", "scipy")
-"""what the module of the kernels imports"""
+"""packages that the module of the kernels imports"""
 UV = "uv>=0.13.9,<0.14"
 MOST_REASONS = 6  # lines
 PAUSE = 4.0  # [s] between two lines of progress
 WITHOUT_REQUIREMENTS = "dm-control"
-"""on Pythons for which one of its requirements has no wheel; the others are requirements of mathnavi itself"""
+"""package installed without its requirements: one has no wheel for some Pythons, mathnavi requires the others"""
 
 
 class InstallationError(Exception):
@@ -50,7 +50,7 @@ class Installer:
     follows_overrides: bool  # those of pyproject.toml, by which no requirement without a wheel is asked for
 
     def install(self, arguments: Sequence[str], log: Path, progress: Callable[[], str]) -> None:
-        """Install; InstallationError with the reasons that the program gave."""
+        """Install the packages; InstallationError with the reasons that the program printed."""
         with log.open("w+", encoding="utf-8", errors="replace") as output:
             process = subprocess.Popen(
                 [*self.command, *arguments],
@@ -64,13 +64,13 @@ class Installer:
 
 
 def with_pip() -> Installer:
-    """pip, which every environment has."""
+    """Return pip, which every environment has."""
     command = (sys.executable, "-m", "pip", "install", "--no-input", "--disable-pip-version-check")
     return Installer(command, os.environ, follows_overrides=False)
 
 
 def with_uv() -> Installer | None:
-    """uv, with the package index and the certificates that pip is configured with; None where it cannot be had."""
+    """Return uv with pip's package index and certificates; None if uv is not available."""
 
     def pip(*words: str) -> subprocess.CompletedProcess[str]:
         command = [sys.executable, "-m", "pip", "--disable-pip-version-check", *words]
@@ -117,7 +117,7 @@ def requirements_of(pyproject: Path) -> list[str]:
 
 
 def reasons(said: str) -> str:
-    """What went wrong, out of an installer's output: why nothing could be fetched, then its errors, each on a line."""
+    """Return the reasons of a failure from an installer's output, one a line: first why nothing could be fetched."""
     fetching = re.findall(r"after connection broken by '(?:.*>: )?(.*?)'*\)?': /", said)
     errors = re.findall(r"^ *(?:ERROR:|error:|cause:|WARNING:(?= The repository)) *(.+)$", said, re.MULTILINE)
     told = dict.fromkeys([*fetching[:1], *(line for line in errors if not line.startswith("Ignored the following"))])
@@ -127,7 +127,7 @@ def reasons(said: str) -> str:
 
 @contextmanager
 def ended(process: subprocess.Popen[bytes]) -> Iterator[None]:
-    """End a process with this block, whatever happens in it."""
+    """End a process when the block ends, also by an exception."""
     try:
         yield
     finally:

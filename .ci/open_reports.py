@@ -1,7 +1,7 @@
 """Open reports in headless Chromium; fail unless each is whole, in the light and in the dark theme.
 
 Whole means: no error on the console, no exception, no request beyond the file itself, and every drawing, picture and
-3-D view shows something. The browser is outbox to over a pipe in its DevTools protocol, JSON messages that end with
+3-D view shows something. The browser is controlled over a pipe by its DevTools protocol, JSON messages that end with
 NUL: https://chromedevtools.github.io/devtools-protocol/
 """
 
@@ -91,7 +91,7 @@ class Browser:
         self._in.close()
 
     def ask(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """The result of a method; what happens meanwhile is kept in ``events``."""
+        """Call a method and return its result; events that arrive meanwhile are kept in ``events``."""
         self._asked += 1
         session = {"sessionId": self._session} if self._session else {}
         message = {"id": self._asked, "method": method, "params": parameters} | session
@@ -109,7 +109,7 @@ class Browser:
         return result
 
     def value(self, expression: str) -> Any:
-        """What a JavaScript expression yields."""
+        """Return the value of a JavaScript expression."""
         answer = self.ask("Runtime.evaluate", expression=expression, returnByValue=True)
         if "exceptionDetails" in answer:
             raise RuntimeError(f"the page cannot be looked at: {answer['exceptionDetails']}")
@@ -152,7 +152,7 @@ def complaints(events: list[dict[str, Any]], url: str) -> list[str]:
 def examine(
     browser: Browser, report: Path, theme: str, screenshots: Path | None, wanted: Sequence[str]
 ) -> tuple[list[str], str]:
-    """What is wrong with a report, and what was found in it; of each kind ``wanted`` it has at least one."""
+    """Return the faults of a report and the numbers of its parts; it must have one of each kind ``wanted`` or more."""
     url = report.resolve().as_uri()
     browser.events.clear()
     browser.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])

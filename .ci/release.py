@@ -22,7 +22,7 @@ FORM = re.compile(r"\d+\.\d+\.\d+(rc\d+)?")
 
 
 def faults(version: str, root: Path = ROOT) -> Iterator[str]:
-    """What stands in the way of a release, a line each."""
+    """Return the reasons that prevent a release, one line each."""
     if not FORM.fullmatch(version):
         yield f"VERSION = {version!r}; allowed: X.Y.Z or X.Y.ZrcN"
         return

@@ -1,4 +1,4 @@
-"""Measurements of our software, beside other people's where there is one that does the same."""
+"""Benchmarks of mathnavi, compared with other software where some solves the same problem."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""Every benchmark, and one table of what they found.
+"""Run every benchmark and print one table of the results.
 
 python -m benchmarks [--quick] [--before COMMIT] [--only PART ...] [--out FILE.json]
 """
@@ -38,20 +38,20 @@ OWN_TABLES = ("ocp_peers", "acados_peer", "start_up", "imports", "video_time", "
 
 @dataclass(frozen=True)
 class Arguments:
-    """Measure our software beside other people's, and print one table."""
+    """Run every benchmark and print one table of the results."""
 
     quick: bool = False
-    """whether a few problems, one repetition or two and one minute have to do: rough figures"""
+    """whether to measure a few problems only, once or twice, within about a minute: rough figures"""
     before: str = ""
-    """an earlier commit whose commands start beside ours"""
+    """commit whose start-up times are compared with this tree's; empty for no comparison"""
     only: Annotated[tuple[str, ...], TOGETHER] = ()
-    """names of the parts that are measured, all if none is given"""
+    """names of the benchmarks to run; all if none is given"""
     out: Path = Path("renders/out/benchmarks.json")
     """file of the figures"""
 
 
 def parts(quick: bool, before: str = "") -> dict[str, Callable[[Console], Findings]]:
-    """The benchmarks by name."""
+    """Return the benchmarks by name, with few samples if ``quick``."""
     solvers = flight_solvers.Arguments(problems=60, repetitions=2) if quick else flight_solvers.Arguments()
     loop = loop_overhead.Arguments(repetitions=5, seconds=60.0) if quick else loop_overhead.Arguments()
     ocp = ocp_peers.Arguments(ocp_peers.SMALL[:1], repetitions=1, limit=20) if quick else ocp_peers.Arguments()
@@ -81,7 +81,7 @@ def parts(quick: bool, before: str = "") -> dict[str, Callable[[Console], Findin
 
 
 def main(arguments: Arguments) -> int:
-    """Measure and print; the exit status, 1 if a part failed."""
+    """Run the benchmarks and print the table; return the exit status, 1 if one failed."""
     console, machine = Console(width=WIDTH), Machine.here()
     every = parts(arguments.quick, arguments.before)
     for name in arguments.only:

@@ -1,12 +1,13 @@
-"""The swing-up of the cart-pole by acados, in a process of its own; only NumPy and the wheel's folder are needed.
+"""Swing-up of the cart-pole by acados: a script that needs only NumPy and the folder of acados' wheel.
 
     python benchmarks/acados_cart_pole.py FOLDER INTERVALS REPETITIONS
 
-FOLDER is where ``pip install --target`` has put the wheel ``comma-deps-acados``, whose own ``casadi`` must not meet the
-one of this environment. The wheel brings the libraries, the renderer of the templates and the headers; gcc compiles the
-solver. One line of JSON: CPU seconds of each solve from the coarse guess, its trajectory, and those of a real-time
-iteration from starts close to it. Control held on each interval, Runge and Kutta's fourth order, sequential
-quadratic programming with the Gauss-Newton Hessian (the cost is F^2) and HPIPM.
+FOLDER is where ``pip install --target`` has put the wheel ``comma-deps-acados``. Its ``casadi`` conflicts with the one
+of this environment, so the script runs in a separate process. The wheel brings the libraries, the template renderer and
+the headers; gcc compiles the solver. The output is one line of JSON: CPU time [s] of each solve from the coarse guess,
+the trajectory, and the CPU times [s] of real-time iterations from starts close to it. The control is held on each
+interval; the integrator is the classical Runge-Kutta method of order 4, the solver sequential quadratic programming
+with the Gauss-Newton Hessian (the cost is F^2) and HPIPM.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ END = np.array([1.0, math.pi, 0.0, 0.0])
 
 
 def load(folder: Path, scratch: Path) -> Any:
-    """Make the wheel's libraries and templates known, from ``scratch``, and import its template package."""
+    """Load the wheel's libraries, link its templates into the folder ``scratch``, and import its Python package."""
     install = folder / "acados" / "install"
     source = scratch / "source"
     (source / "interfaces" / "acados_template").mkdir(parents=True)
@@ -45,7 +46,7 @@ def load(folder: Path, scratch: Path) -> Any:
 
 
 def solver(acados: Any, scratch: Path, intervals: int, kind: str) -> Any:
-    """The compiled solver, ``kind`` SQP or SQP_RTI."""
+    """Return the compiled solver; ``kind`` is "SQP" or "SQP_RTI"."""
     import casadi as ca
 
     ocp = acados.AcadosOcp()
@@ -80,7 +81,7 @@ def solver(acados: Any, scratch: Path, intervals: int, kind: str) -> Any:
 
 
 def cold(own: Any, intervals: int) -> tuple[int, float]:
-    """Status and CPU time [s] of one solve from the straight line between the ends."""
+    """Return status and CPU time [s] of one solve from the straight line between the ends."""
     for i in range(intervals + 1):
         own.set(i, "x", END * i / intervals)
         own.set(i, "lam", 0.0 * own.get(i, "lam"))
@@ -93,7 +94,7 @@ def cold(own: Any, intervals: int) -> tuple[int, float]:
 
 
 def steps(own: Any, x: Any, u: Any, count: int) -> tuple[list[float], int]:
-    """CPU times [s] of a real-time iteration from ``count`` starts close to the solution, and how many failed."""
+    """Return CPU times [s] of real-time iterations from ``count`` starts near the solution, and how many failed."""
     generator = np.random.default_rng(0)
     seconds, failed = [], 0
     for _ in range(count):
@@ -111,7 +112,7 @@ def steps(own: Any, x: Any, u: Any, count: int) -> tuple[list[float], int]:
 
 
 def main(folder: Path, intervals: int, repetitions: int) -> dict[str, Any]:
-    """Content of one line of JSON."""
+    """Return the results that are printed as one line of JSON."""
     with tempfile.TemporaryDirectory() as name:
         scratch = Path(name)
         acados = load(folder, scratch)

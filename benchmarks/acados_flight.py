@@ -1,10 +1,10 @@
-"""The flight planner's replan by acados, in a process of its own; only NumPy and the wheel's folder are needed.
+"""Replans of the flight planner by acados: a script that needs only NumPy and the folder of acados' wheel.
 
     python benchmarks/acados_flight.py FOLDER PROBLEMS.npz REPETITIONS
 
-FOLDER is the wheel's (see ``acados_cart_pole``), PROBLEMS.npz what ``flight_solvers`` has recorded. One line of JSON:
-for full sequential quadratic programming and for a real-time iteration the thread CPU time of each solve, the
-accelerations and the climb rate found, the number of iterations and what failed.
+FOLDER is that of the wheel (see ``acados_cart_pole``), PROBLEMS.npz is recorded by ``flight_solvers``. The output is
+one line of JSON: for full sequential quadratic programming and for a real-time iteration the thread CPU time of each
+solve, the accelerations and the climb rate found, the number of iterations and the failures.
 
 States are position, velocity and the climb rate w, which stays constant and is free at the start; the dynamics of a
 held acceleration are exact. Clearance and approach are soft with quadratic penalties, acados' own slacks. The Hessian
@@ -35,9 +35,9 @@ KINDS = ("SQP", "SQP_RTI")
 
 
 def spline(ca: Any, c: Any, axes: list[tuple[int, Any, Any]], coordinates: list[Any]) -> Any:
-    """Cubic B-spline at a point, from the coefficients c (n,) of a window, those of its last axis side by side.
+    """Return a cubic B-spline at a point, from the coefficients c (n,) of a window in row-major order.
 
-    Each axis is (size of the window, its corner, size of the whole array), the coordinates are in cells of that.
+    Each axis is (size of the window, its corner, size of the whole array); coordinates are in cells of the whole array.
     """
     index, weight = ca.MX.zeros(1), ca.MX.ones(1)
     for (size, corner, whole), coordinate in zip(axes, coordinates, strict=True):
@@ -54,7 +54,7 @@ def spline(ca: Any, c: Any, axes: list[tuple[int, Any, Any]], coordinates: list[
 
 
 class Ground:
-    """Clearance and terminal cost from the parameters of a problem, windows of the splines."""
+    """Clearance and terminal cost as splines whose windows are parameters of a problem."""
 
     def __init__(self, ca: Any, known: dict[str, Any]) -> None:
         self._ca, self._known = ca, known
@@ -65,7 +65,7 @@ class Ground:
 
     @property
     def parameters(self) -> Any:
-        """Parameters (np,)."""
+        """Parameters (np,) of the solver."""
         return self._ca.vertcat(*self._frames.values(), *self._windows.values())
 
     def _axes(self, frame: str, shape: tuple[int, ...]) -> list[tuple[int, Any, Any]]:
@@ -73,13 +73,13 @@ class Ground:
         return [(shape[-2], corner[0], corner[2]), (shape[-1], corner[1], corner[3])]
 
     def lowness(self, p: Any) -> Any:
-        """Clearance that a point (3,) lacks [m]."""
+        """Return the missing clearance [m] of a point (3,) [m]."""
         known, axes = self._known, self._axes("heights", self._shapes["heights"])
         at = [p[1] / known["spacing"], p[0] / known["spacing"]]
         return spline(self._ca, self._windows["heights"], axes, at) + known["clearance"] - p[2]
 
     def psi(self, p: Any) -> Any:
-        """Terminal cost at a point (3,)."""
+        """Return the terminal cost at a point (3,) [m]."""
         known, ca = self._known, self._ca
         x_0, y_0, cell, level_0, layer_spacing, *target = known["scales"]
         row, column = (p[1] - y_0) / cell, (p[0] - x_0) / cell
@@ -93,7 +93,7 @@ class Ground:
 
 
 def solver(acados: Any, known: dict[str, Any], scratch: Path, kind: str) -> Any:
-    """The compiled solver, ``kind`` SQP or SQP_RTI."""
+    """Return the compiled solver; ``kind`` is "SQP" or "SQP_RTI"."""
     import casadi as ca
 
     ocp, n, h, M = acados.AcadosOcp(), int(known["arcs"]), known["h"], known["manoeuvre"]
@@ -151,7 +151,7 @@ def solver(acados: Any, known: dict[str, Any], scratch: Path, kind: str) -> Any:
 
 
 def prepare(own: Any, known: dict[str, Any], i: int) -> None:
-    """Set start, parameters and the planner's guess of problem i; multipliers stay."""
+    """Set the start, the parameters and the planner's guess of problem i; the multipliers remain."""
     start, guess, arcs, h = known["starts"][i], known["guesses"][i], int(known["arcs"]), known["h"]
     x = np.append(start, guess[-1])
     own.set(0, "lbx", np.append(start, 0.0))
@@ -168,7 +168,7 @@ def prepare(own: Any, known: dict[str, Any], i: int) -> None:
 
 
 def run(acados: Any, known: dict[str, Any], scratch: Path, kind: str, repetitions: int) -> dict[str, Any]:
-    """Solve the problems in their order, ``repetitions`` times over."""
+    """Solve all problems in order, ``repetitions`` times."""
     own, arcs = solver(acados, known, scratch, kind), int(known["arcs"])
     prepare(own, known, 0)
     own.solve()  # what is loaded once
@@ -192,7 +192,7 @@ def run(acados: Any, known: dict[str, Any], scratch: Path, kind: str, repetition
 
 
 def main(folder: Path, problems: Path, repetitions: int) -> dict[str, Any]:
-    """Content of the line of JSON, by kind."""
+    """Return the results that are printed as one line of JSON, by kind of solver."""
     with np.load(problems) as file:
         known = {name: file[name] if file[name].ndim else float(file[name]) for name in file.files}
     with tempfile.TemporaryDirectory() as name:

@@ -1,11 +1,11 @@
-"""The swing-up of the cart-pole by acados, beside ``solve()``: CPU time to the same replayed accuracy.
+"""Swing-up of the cart-pole by acados and by ``solve()``: CPU time to the same replayed accuracy.
 
     python -m benchmarks.acados_peer [--repetitions 3] [--folder FOLDER] [--intervals 40 160 ...]
 
-acados holds the control on each of N intervals, so the accuracy grows with N; N becomes larger until J and the replayed
-J are within ``LEVEL`` of the optimum, and ours is timed at the same level. acados runs in a process of its own
-(``acados_cart_pole``): it brings a CasADi of its own. The generation and compilation of its solver are not in its time,
-the stated problem's transcription is in ours.
+acados holds the control on each of N intervals, so the accuracy grows with N; N is increased until J and the replayed J
+are within ``LEVEL`` of the optimum, and ``solve()`` is timed at the same level. acados runs in a separate process
+(``acados_cart_pole``), because it brings its own CasADi. The time of acados excludes generation and compilation of its
+solver; that of ``solve()`` includes the transcription of the problem.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ SCRIPT = Path(__file__).with_name("acados_cart_pole.py")
 
 @configuration
 class Arguments:
-    """Measure the swing-up of the cart-pole beside acados."""
+    """Compare the swing-up of the cart-pole by ``solve()`` with acados."""
 
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 3
-    """solves of each"""
+    """number of solves by each solver"""
     intervals: Annotated[tuple[int, ...], TOGETHER] = (20, 40, 80)
-    """numbers of intervals that acados is given, in this order"""
+    """numbers of intervals tried with acados, in this order"""
     folder: Path = FOLDER
     """folder into which pip install --target has put comma-deps-acados"""
     out: Path = Path("renders/out/acados_peer.json")
@@ -62,7 +62,7 @@ class RealTime:
 
 @dataclass(frozen=True)
 class AcadosFindings:
-    """Our attempts and acados', with its real-time iterations."""
+    """Attempts by ``solve()`` and by acados, with acados' real-time iterations."""
 
     ours: list[Attempt] = field(default_factory=list)
     acados: dict[int, Attempt] = field(default_factory=dict)  # by the number of intervals
@@ -105,7 +105,7 @@ class AcadosFindings:
 
 
 def solved(folder: Path, intervals: int, repetitions: int) -> tuple[Attempt, RealTime]:
-    """One attempt of acados, judged by the replay, and its real-time iterations."""
+    """Return one attempt by acados, evaluated by the replay, and its real-time iterations."""
     command = [sys.executable, str(SCRIPT), str(folder), str(intervals), str(repetitions)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -131,7 +131,7 @@ def solved(folder: Path, intervals: int, repetitions: int) -> tuple[Attempt, Rea
 
 
 def run(arguments: Arguments, console: Console) -> AcadosFindings:
-    """Solve by acados on more and more intervals, then by ours."""
+    """Solve with acados on increasingly many intervals, then with ``solve()``."""
     if reason := missing(arguments.folder):
         console.print(f"acados is left out: {reason}", markup=False)
         return AcadosFindings()

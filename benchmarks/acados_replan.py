@@ -1,6 +1,6 @@
-"""The flight planner's replan as acados is given it, and what it answers; acados runs in a process of its own.
+"""The flight planner's replan stated for acados, and its solutions; acados runs in a separate process.
 
-How its statement differs from ours is said in benchmarks/README.md.
+benchmarks/README.md explains how this statement differs from the planner's.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mathnavi.interfaces.signals import Array
 
 SCRIPT = Path(__file__).with_name("acados_flight.py")
 WITHIN = 1e-3
-"""relative excess over a limit up to which a plan is one: more than that, and the solve has failed"""
+"""largest relative excess over a limit that a plan may have; beyond it the solve counts as failed"""
 NAMES = {"SQP": "acados, SQP", "SQP_RTI": "acados, RTI"}
 
 Answers = tuple[Array, list[PlanSolution | None]]
@@ -31,7 +31,7 @@ Answers = tuple[Array, list[PlanSolution | None]]
 
 
 def solved(folder: Path, problems: Sequence[tuple[Problem, Array]], repetitions: int) -> dict[str, Answers]:
-    """The answers by name; RuntimeError with its last words where the process fails."""
+    """Return the answers by name of the solver; RuntimeError with the end of its output if the process fails."""
     arrays: dict[str, Any] = {key: np.asarray(value, float) for key, value in _stated(problems).items()}
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "problems.npz"
@@ -45,7 +45,7 @@ def solved(folder: Path, problems: Sequence[tuple[Problem, Array]], repetitions:
 
 
 def _stated(problems: Sequence[tuple[Problem, Array]]) -> dict[str, Any]:
-    """Numbers that all problems have in common; starts, guesses and the splines around the start of each."""
+    """Return the numbers that all problems share, and the start, guess and splines around the start of each."""
     problem = problems[0][0]
     environment, p, packed = problem.environment, problem.parameters, problem.packed
     around = [windows(each) for each, _ in problems]
@@ -96,7 +96,7 @@ def _solution(found: dict[str, Any], problem: Problem) -> PlanSolution | None:
 
 
 def excess(problem: Problem, accelerations: Array, climb: float) -> float:
-    """Largest relative excess of a plan over its limits of speed and acceleration, the manoeuvre's among them."""
+    """Return the largest relative excess of a plan and its manoeuvre over the limits of speed and acceleration."""
     p = problem.parameters
     v = problem.start[3:] + np.cumsum(np.array(p.lengths)[:, None] * accelerations, axis=0)
     braking = (np.array([0.0, 0.0, climb]) - v[-1]) / p.manoeuvre_duration

@@ -1,7 +1,7 @@
-"""Where acados' wheel lies, and whether its solvers can be built here.
+"""Location of acados' wheel, and whether its solvers can be built on this machine.
 
-The wheel ``comma-deps-acados`` brings a CasADi of its own, which must not meet the one of this environment: it is
-installed into a folder of its own, and every solver runs in a process of its own.
+The wheel ``comma-deps-acados`` brings its own CasADi, which conflicts with the one of this environment: it is installed
+into a separate folder, and every solver runs in a separate process.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ FOLDER = Path(sys.prefix) / "acados"
 
 
 def missing(folder: Path) -> str:
-    """Reason why acados cannot be compared here, in a line; empty where it can."""
+    """Return in one line why acados cannot be compared on this machine; empty if it can."""
     if not (folder / "acados" / "acados_template").is_dir():
         return f"it is not installed (pip install --no-deps --target {folder} comma-deps-acados)"
     return "" if shutil.which("gcc") else "there is no gcc, which compiles its solvers"

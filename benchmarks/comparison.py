@@ -1,8 +1,8 @@
-"""Results of a benchmark: rows that compare this software with others, their table, and its file.
+"""Results of a benchmark: rows that compare this software with other software, their table, and its file.
 
-A row holds the figures of R repetitions, in each of which ours and the other ran one after the other. It shows the
-median of either and the median, the least and the greatest of the R ratios of neighbours; so a machine that slows down
-for a while spoils no ratio but widens the spread.
+A row holds the figures of R repetitions, in each of which both ran one after the other. It shows the median of each,
+and the median, the least and the greatest of the R ratios of neighbouring runs; so a machine that is slower for a while
+widens the spread but does not bias the ratio.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ class Comparison:
     other: Array  # (R,) of the runs beside them
     software: str  # the other
     ratio_of: Ratio
-    """what the ratio divides by what"""
+    """numerator and denominator of the ratio"""
     at_least: float | None = None
-    """least ratio that is wanted, if one is"""
+    """least ratio that meets the goal; None for no bound"""
     at_most: float | None = None
 
     @property
     def ratios(self) -> Array:
-        """(R,)"""
+        """Ratio (R,) of each repetition."""
         return self.other / self.ours if self.ratio_of == "other / ours" else self.ours / self.other
 
     @property
@@ -69,7 +69,7 @@ class Comparison:
         return bool(low <= self.ratio <= high)
 
     def plain(self) -> dict[str, Any]:
-        """The row as plain data."""
+        """Return the row as plain data."""
         return {
             "what": self.what,
             "unit": self.unit,
@@ -87,7 +87,7 @@ class Comparison:
 
 
 def within(what: str, unit: str, ours: Array, limit: float) -> Comparison:
-    """Row of a figure (R,) that is to be no larger than a limit."""
+    """Return the row of a figure (R,) whose goal is to be at most ``limit``."""
     return Comparison(what, unit, ours, np.full(len(ours), limit), "the goal", "ours / other", at_most=1.0)
 
 
@@ -96,24 +96,24 @@ class Findings(Protocol):
 
     @property
     def title(self) -> str:
-        """Description of the measurement, in a line."""
+        """Description of the measurement in one line."""
         ...
 
     def comparisons(self) -> list[Comparison]:
-        """Its rows of the table."""
+        """Return the rows of the table."""
         ...
 
     def show(self, console: Console) -> None:
-        """Remarks beside these rows."""
+        """Print remarks on these rows."""
         ...
 
     def plain(self) -> dict[str, Any]:
-        """Everything as plain data."""
+        """Return all results as plain data."""
         ...
 
 
 def load() -> list[float]:
-    """Processes that ran or wanted to, on average over the last 1, 5 and 15 minutes."""
+    """Return the load average: runnable processes, over the last 1, 5 and 15 minutes."""
     return [round(mean, 2) for mean in os.getloadavg()]
 
 
@@ -144,7 +144,7 @@ class Machine:
 
 
 def _processor() -> str:
-    """The name of the processor's model."""
+    """Return the model name of the processor."""
     information = Path("/proc/cpuinfo")
     if information.exists():
         for line in information.read_text(encoding="utf-8").splitlines():
@@ -154,7 +154,7 @@ def _processor() -> str:
 
 
 def table(parts: Sequence[Findings], machine: Mapping[str, Any], loads: Sequence[float] = ()) -> Table:
-    """The rows of every part, beside its load if it is given, and in the caption what they were measured on."""
+    """Return the table of all rows, with the load of each benchmark if given, and the machine in the caption."""
     cores = f"{machine['cores']} core{'s' * (machine['cores'] != 1)}"
     before, after = machine["load_before"][0], machine["load_after"][0]
     caption = (
@@ -188,14 +188,14 @@ def _three_digits(figure: float) -> str:
 
 
 def write(path: Path, parts: Mapping[str, Findings], machine: Mapping[str, Any]) -> None:
-    """The table and all that its parts found, as JSON."""
+    """Write the table and the results of all benchmarks as JSON."""
     path.parent.mkdir(parents=True, exist_ok=True)
     rows = [{"part": name, **row.plain()} for name, part in parts.items() for row in part.comparisons()]
     write_json(path, {"machine": machine, "rows": rows, "parts": {name: part.plain() for name, part in parts.items()}})
 
 
 def alone(name: str, measure: Callable[[Console], Findings], out: Path) -> None:
-    """Run one benchmark by itself: all that it has to say, its rows, and the file."""
+    """Run one benchmark: print its remarks and rows, and write its file."""
     console, machine = Console(width=WIDTH), Machine.here()
     findings = measure(console)
     described = machine.plain()

@@ -1,6 +1,6 @@
-"""The flight planner's problem as do-mpc has it, a peer for ``flight_solvers.py``; do-mpc is in the extra ``[bench]``.
+"""The flight planner's problem stated for do-mpc (extra ``[bench]``), for comparison in ``flight_solvers``.
 
-It takes uniform grids only. How it differs from ours is said in benchmarks/README.md.
+Only uniform grids are supported. benchmarks/README.md explains how this statement differs from the planner's.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from mathnavi.interfaces.signals import Array
 
 
 class DoMpc:
-    """do-mpc's controller, built once per environment and warm started like the others."""
+    """do-mpc's controller, built once per environment and warm started like the other solvers."""
 
     def __init__(self, tolerance: float) -> None:
         self._tolerance = tolerance
@@ -35,7 +35,7 @@ class DoMpc:
         self._mpc: Any = None
 
     def prepare(self, problem: Problem, guess: Array) -> None:
-        """Prepare, untimed, the model of a new environment, and the guess."""
+        """Prepare the model of a new environment, and the guess; this is not timed."""
         if self._environment is not problem.environment:
             self._environment, self._mpc = problem.environment, _do_mpc(problem, self._tolerance)
         mpc, h, x = self._mpc, problem.parameters.h, problem.start
@@ -57,7 +57,7 @@ class DoMpc:
 
 
 def _do_mpc(problem: Problem, tolerance: float) -> Any:
-    """do-mpc's controller for problems on this environment with these parameters."""
+    """Return do-mpc's controller for problems in this environment with these parameters."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of features that its small installation lacks
         import do_mpc
@@ -135,7 +135,7 @@ def _held(u: ca.MX, nodes: int) -> ca.MX:
 
 
 def _bspline(coordinates: list[ca.MX], coefficients: Array) -> ca.MX:
-    """CasADi's own B-spline with constant coefficients, coordinates in cells and held to the nodes."""
+    """Return CasADi's B-spline with constant coefficients; coordinates are in cells and clamped to the nodes."""
     shape = coefficients.shape
     knots = [spline.knots(count - 2) for count in reversed(shape)]
     at = [_held(u, count - 2) for u, count in zip(coordinates, shape, strict=True)]

@@ -1,21 +1,21 @@
-"""One replan of the flight planner, solved by us and by other people's software: thread CPU time and cost.
+"""Replans of the flight planner, solved by mathnavi and by other software: thread CPU time and cost.
 
     python -m benchmarks.flight_solvers [--terrain NAME|FILE.npz] [--problems 600] [--repetitions 5]
 
 Problems are recorded from closed-loop missions of the scenario ``safe-flight`` (N = 13, seeds 1, 2, ...) and then
-solved again, in the order they arose and from the guess the planner had, by
+solved again, in their order and from the planner's guess, by
 
 * the condensed solver (``mathnavi.controllers.flight.sqp``),
 * IPOPT and FATROP on CasADi's statement (``mathnavi.controllers.flight.reference``), warm started from the guess and
-  from the
-  multipliers of the problem before, in CasADi's virtual machine (VM) and, where there is a C compiler, compiled (C),
-* do-mpc (extra ``[bench]``), IPOPT inside, with the same warm start,
-* acados, in a process of its own (``acados_replan``): full sequential quadratic programming, and one real-time
-  iteration from the guess and the multipliers of the problem before, the first one from none.
+  from the multipliers of the problem before, in CasADi's virtual machine (VM) and, if there is a C compiler, compiled
+  (C),
+* do-mpc (extra ``[bench]``) with IPOPT and the same warm start,
+* acados, in a separate process (``acados_replan``): full sequential quadratic programming, and one real-time iteration,
+  from the guess and the multipliers of the problem before; the first has no multipliers.
 
-In each repetition every solver, built anew, solves all of them. Times are of the thread (``time.thread_time``). Costs
-are of the same function for all, ``objective`` at the accelerations and climb rate found, and are compared with
-the least that any of them found, at any tolerance. All else about the differences stands in benchmarks/README.md.
+In each repetition every solver is built again and solves all problems. Times are those of the thread
+(``time.thread_time``). The cost is the same function for all, ``objective`` at the accelerations and climb rate found,
+and is compared with the least that any of them found at any tolerance. benchmarks/README.md explains the differences.
 """
 
 from __future__ import annotations
@@ -73,9 +73,9 @@ class Arguments:
     terrain: str = "tian_shan"
     """name of a terrain, or an .npz file"""
     problems: Annotated[int, Within(Ge(1), allowed=">= 1")] = 600
-    """how many problems to record at least"""
+    """least number of problems to record"""
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 5
-    """solves of each problem by each solver"""
+    """number of solves of each problem by each solver"""
     acados: Path = FOLDER
     """folder into which pip install --target has put comma-deps-acados"""
     out: Path = Path("renders/out/flight_solvers.json")
@@ -87,7 +87,7 @@ Contestants = Mapping[str, Callable[[], Any]]  # how each solver is built
 
 
 class Recorder:
-    """A solver that remembers what it was asked: the problems without an exact arrival."""
+    """Solver that records its problems, those with an exact arrival left out."""
 
     def __init__(self, solver: Solver, into: Recorded) -> None:
         self._solver, self._into = solver, into
@@ -99,7 +99,7 @@ class Recorder:
 
 
 def record(terrain: str, count: int, report: Report) -> Recorded:
-    """At least ``count`` problems, whole missions at a time."""
+    """Record at least ``count`` problems from whole missions."""
     recorded: Recorded = []
     build = plugin.solver
     seed = 0
@@ -127,23 +127,23 @@ class Result:
 
     @property
     def mean_ms(self) -> Array:
-        """(R,) over the problems."""
+        """Mean time (R,) [ms] over the problems."""
         mean: Array = self.ms.mean(axis=1)
         return mean
 
     def percentile_ms(self, percent: float) -> Array:
-        """(R,) over the problems."""
+        """Return a percentile (R,) [ms] of the times over the problems."""
         percentile: Array = np.percentile(self.ms, percent, axis=1)
         return percentile
 
 
 def cost_of(problem: Problem, solution: PlanSolution) -> float:
-    """The objective at a solution's unknowns."""
+    """Return the objective at the unknowns of a solution."""
     return float(objective(solution.unknowns, problem.data))
 
 
 def measure(contestants: Contestants, problems: Recorded, repetitions: int, console: Console) -> dict[str, Result]:
-    """Solve every problem in order by one contestant after the other, ``repetitions`` times over."""
+    """Solve every problem in order with one solver after the other, ``repetitions`` times."""
     n = len(problems)
     ms = {name: np.empty((repetitions, n)) for name in contestants}
     costs = {name: np.empty(n) for name in contestants}
@@ -175,7 +175,7 @@ def measure(contestants: Contestants, problems: Recorded, repetitions: int, cons
 
 
 def judged(problems: Recorded, ms: Array, solutions: Sequence[PlanSolution | None]) -> Result:
-    """The result of a solver that ran elsewhere."""
+    """Return the result of a solver that ran in another process."""
     pairs = list(zip(problems, solutions, strict=True))
     costs = [np.nan if found is None else cost_of(problem, found) for (problem, _), found in pairs]
     iterations = [found.iterations for _, found in pairs if found is not None]
@@ -183,7 +183,7 @@ def judged(problems: Recorded, ms: Array, solutions: Sequence[PlanSolution | Non
 
 
 def solvers() -> Contestants:
-    """Those that can be had here."""
+    """Return the solvers that are available on this machine."""
     contestants: dict[str, Callable[[], Any]] = {
         OURS: partial(CondensedSqp, TOLERANCE),
         IPOPT: partial(InteriorPoint, "ipopt", TOLERANCE),
@@ -203,7 +203,7 @@ def _gap(cost: Array, best: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SolverFindings:
-    """Results of every solver, and of two of them at a tight tolerance."""
+    """Results of every solver, and of two solvers at a tight tolerance."""
 
     terrain: str
     nodes: int
@@ -221,19 +221,19 @@ class SolverFindings:
 
     @property
     def best(self) -> Array:
-        """(n,) the least cost that any solver found."""
+        """Least cost (n,) that any solver found."""
         costs = [result.cost for result in self.results.values()]
         best: Array = np.nanmin([*costs, self.condensed_tight, self.ipopt_tight], axis=0)
         return best
 
     @property
     def beyond_ipopt(self) -> Array:
-        """(n,) by how much the cost of condensed exceeds that of ipopt, relative, both at a tight tolerance."""
+        """Relative excess (n,) of the cost of condensed over that of ipopt, both at a tight tolerance."""
         return _gap(self.condensed_tight, self.ipopt_tight)
 
     @property
     def elsewhere(self) -> NDArray[np.bool_]:
-        """(n,) whether the two come to different minima even then."""
+        """Whether (n,) condensed and ipopt find different minima at a tight tolerance."""
         return np.abs(self.beyond_ipopt) > SAME_COST
 
     def comparisons(self) -> list[Comparison]:
@@ -254,7 +254,7 @@ class SolverFindings:
         return rows
 
     def claims(self) -> list[dict[str, Any]]:
-        """Claims on our figures; costs without the problems that have two minima."""
+        """Return the claims on the condensed solver; costs exclude the problems with two minima."""
         ours = self.results[OURS]
         mean, p99 = float(np.median(ours.mean_ms)), float(np.median(ours.percentile_ms(99.0)))
         gap = float(np.nanmax(np.where(self.elsewhere, np.nan, _gap(ours.cost, self.results[IPOPT].cost))))
@@ -269,7 +269,7 @@ class SolverFindings:
         ]
 
     def rows(self) -> list[dict[str, Any]]:
-        """One row a solver; times are medians over the repetitions."""
+        """Return one row for each solver; times are medians over the repetitions."""
         rows = []
         for name, result in self.results.items():
             gap = _gap(result.cost, self.best)
@@ -312,7 +312,7 @@ class SolverFindings:
 
 
 def run(arguments: Arguments, console: Console) -> SolverFindings:
-    """Record problems and let every solver solve them."""
+    """Record problems and solve them with every solver."""
     warnings.simplefilter("ignore", FutureWarning)  # CasADi's, of how do-mpc calls it
     if not find_spec("do_mpc"):
         console.print(f"{DO_MPC} is left out: it is not installed (pip install -e '.[bench]')", markup=False)

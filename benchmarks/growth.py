@@ -1,10 +1,10 @@
-"""How the cost of a mission grows with its map, and that of a fleet with its vehicles.
+"""Growth of the cost of a mission with its map, and of a fleet with its vehicles.
 
     python -m benchmarks.growth [--repetitions 3]
 
 The work is that of the study ``scaling`` (``mathnavi.studies.introduction.cost_measurement``): a mission over the
-same ground on ever more nodes, built and flown, and 20 s of a fleet's flight. Each large size runs in turns with its
-small one. A window of a GeoTIFF is read, and a mission flown over it, beside a file that holds nothing else.
+same ground on more and more nodes, built and flown, and 20 s of a fleet's flight. Large and small sizes run in turns. A
+window of a GeoTIFF is read, and a mission flown over it, compared with a file that holds the window only.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ LEEWAY = 1.15  # what counts as no growth: times
 
 @dataclass(frozen=True)
 class Growth:
-    """A cost at two sizes, shared among ``size ** power``."""
+    """A cost at two sizes, divided by ``size ** power``."""
 
     what: str
     curve: str  # a key of CURVES
@@ -53,14 +53,14 @@ class Growth:
     factor: float  # of the unit
 
     def cost(self, size: int, seed: int) -> float:
-        """Cost of a size, a share of it."""
+        """Return the cost of a size, divided by ``size ** power``."""
         curve = CURVES[self.curve]
         whole: float = curve.cost(curve.made(size, seed))
         return self.factor * whole / float(size**self.power)
 
 
 def growths(quick: bool) -> tuple[Growth, ...]:
-    """The costs that are measured."""
+    """Return the costs that are measured, at smaller sizes if ``quick``."""
     side, vehicles = ((129, 257), (4, 8)) if quick else ((257, 2049), (16, 128))
     return (
         Growth("build, a node of {large}²", "map, built", *side, 2, "us", 1e6),
@@ -71,12 +71,12 @@ def growths(quick: bool) -> tuple[Growth, ...]:
 
 @configuration
 class Arguments:
-    """Measure how costs grow."""
+    """Measure how costs grow with maps and fleets."""
 
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 3
     """number of measurements of each size"""
     quick: bool = False
-    """whether small sizes have to do: rough figures"""
+    """whether to measure small sizes only: rough figures"""
     out: Path = Path("renders/out/growth.json")
     """file of the figures"""
 
@@ -125,7 +125,7 @@ def run(arguments: Arguments, console: Console) -> GrowthFindings:
 
 
 def windows(repetitions: int, side: int = WINDOWED, window: int = WINDOW) -> list[Comparison]:
-    """A window of a GeoTIFF, read and flown over, beside a file that holds no more than that."""
+    """Compare reading and flying over a window of a GeoTIFF with a file that holds the window only."""
     reach = SPACING * (window - 1)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -150,13 +150,13 @@ def _mission(source: Path, folder: Path, box: Box | None) -> None:
 
 
 def _in_turns(what: str, works: Sequence[Callable[[], object]], other: str, repetitions: int) -> Comparison:
-    """The first work beside the second one, each run once before."""
+    """Compare the first work with the second in turns, after one run of each that is not counted."""
     pairs: Array = np.array([[_timed(work) for work in works] for _ in range(repetitions + 1)])[1:]
     return Comparison(what, "ms", pairs[:, 0], pairs[:, 1], other, "ours / other", at_most=LEEWAY)
 
 
 def write_geotiff(path: Path, side: int) -> None:
-    """Write hills on so many nodes along each side, their south-western node at (0, 0)."""
+    """Write hills on ``side`` x ``side`` nodes, the south-western node at (0, 0)."""
     import rasterio
 
     row, column = np.indices((side, side), sparse=True)
@@ -169,7 +169,7 @@ def write_geotiff(path: Path, side: int) -> None:
 
 
 def _timed(work: Callable[[], object]) -> float:
-    """[ms] of CPU time."""
+    """Return the CPU time [ms] of the work."""
     began = time.process_time()
     work()
     return 1e3 * (time.process_time() - began)

@@ -2,9 +2,9 @@
 
     python -m benchmarks.imports [--repetitions 5]
 
-The modules of ``mathnavi run safe-flight`` are imported by a process of their own, in turns with one that imports
-nothing. A package's share is the time of its own modules, without those that they import, as ``python -X importtime``
-says, which itself takes time.
+The modules of ``mathnavi run safe-flight`` are imported in a new process, in turns with a process that imports nothing.
+A package's share is the time of its modules, without those that they import, as measured by ``python -X importtime``,
+which itself takes time.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Arguments:
 
 
 def cpu(code: str, *options: str) -> tuple[float, str]:
-    """CPU time [s] of an interpreter that runs some code, and its standard error; RuntimeError if it fails."""
+    """Return CPU time [s] and standard error of an interpreter that runs ``code``; RuntimeError if it fails."""
     before = os.times()
     done = subprocess.run(
         [sys.executable, *options, "-c", code], env=os.environ | {"PYTHONDONTWRITEBYTECODE": ""}, capture_output=True,
@@ -59,7 +59,7 @@ def cpu(code: str, *options: str) -> tuple[float, str]:
 
 
 def shares(lines: Iterable[str]) -> dict[str, float]:
-    """[s] of the modules of each package themselves, the longest first, of the lines of ``-X importtime``."""
+    """Return the import time [s] of each package's modules, the longest first, from the output of ``-X importtime``."""
     found: Counter[str] = Counter()
     for line in lines:
         columns = line.removeprefix(PREFIX).split("|")
@@ -70,7 +70,7 @@ def shares(lines: Iterable[str]) -> dict[str, float]:
 
 @dataclass(frozen=True, eq=False)
 class ImportFindings:
-    """Imports of a flight beside a bare interpreter."""
+    """Imports of a flight, compared with a bare interpreter."""
 
     flight: Array  # (R,) [s]
     bare: Array  # (R,) [s]
@@ -96,7 +96,7 @@ class ImportFindings:
 
 
 def run(arguments: Arguments, console: Console) -> ImportFindings:
-    """Import and do not import in turns."""
+    """Run both processes in turns."""
     cpu(FLIGHT)  # after it byte code is there, and files are in memory
     pairs = []
     with progress(console, "imports", arguments.repetitions) as report:

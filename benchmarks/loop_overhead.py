@@ -2,9 +2,9 @@
 
     python -m benchmarks.loop_overhead [--seconds 120] [--repetitions 11]
 
-The parts are those that ``safe-flight`` mounts: the plant with its terrain and sensors, the estimator ``full_state``,
-the tracker, the referee. Physics at 300 Hz; estimator, tracker and log at 60 Hz. The planner is idle: it hands out one
-certified plan to the target and is not asked again. The commands of that flight are then replayed
+The parts are those of ``safe-flight``: the plant with its terrain and sensors, the estimator ``full_state``, the
+tracker, the referee. Physics runs at 300 Hz; estimator, tracker and log at 60 Hz. The planner is idle: it returns one
+certified plan to the target and is not called again. The commands of that flight are then replayed
 
 * by ``mujoco.mj_step(model, data)`` in a Python loop on the same model,
 * by dm_control's ``rl.control.Environment`` on it, which observes the state after every command and does no more.
@@ -56,20 +56,20 @@ Made = TypeVar("Made")
 
 @configuration
 class Arguments:
-    """Measure what the closed loop costs beside the physics in it."""
+    """Compare the cost of the closed loop with that of its physics."""
 
     terrain: str = "tian_shan"
     """name of a terrain, or an .npz file"""
     seconds: float = 120.0
-    """simulated time of a run, less if the flight ends before [s]"""
+    """simulated time of a run [s]; less if the flight ends before"""
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 11
-    """runs of each"""
+    """number of runs of each loop"""
     out: Path = Path("renders/out/loop_overhead.json")
     """file of the figures"""
 
 
 class IdlePlanner:
-    """One plan for the whole flight."""
+    """Planner with one plan for the whole flight."""
 
     period = NEVER
 
@@ -82,7 +82,7 @@ class IdlePlanner:
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """Record of a flight, which the other loops repeat."""
+    """Record of a flight that the other loops repeat."""
 
     model: mujoco.MjModel
     start: Array  # (6,)
@@ -97,7 +97,7 @@ class Flight:
 
 
 def fly(terrain: str, seconds: float) -> Flight:
-    """The closed loop of ``safe-flight`` with an idle planner."""
+    """Fly the closed loop of ``safe-flight`` with an idle planner."""
     closed_loop = SafeFlight.build(SafeFlightConfig(terrain=terrain), seed=1)
     plant, agent = closed_loop.plant, closed_loop.agents[VEHICLE]
     assert isinstance(plant, MujocoPlant)
@@ -113,7 +113,7 @@ def fly(terrain: str, seconds: float) -> Flight:
 
 
 def bare_steps(flight: Flight) -> float:
-    """Thread CPU time [s] of MuJoCo's own steps."""
+    """Return the thread CPU time [s] of MuJoCo's steps alone."""
     model, step = flight.model, mujoco.mj_step
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = flight.start[:3], flight.start[3:]
@@ -132,7 +132,7 @@ def bare_steps(flight: Flight) -> float:
 
 
 class ReplayAgent:
-    """A task of dm_control, by shape: the state is observed, nothing is rewarded and nothing ends it."""
+    """Task of dm_control that observes the state, has no reward and never terminates."""
 
     def __init__(self, start: Array) -> None:
         self._start = start
@@ -157,7 +157,7 @@ class ReplayAgent:
 
 
 def dm_control_steps(flight: Flight) -> float:
-    """Thread CPU time [s] of dm_control's environment."""
+    """Return the thread CPU time [s] of dm_control's environment."""
     physics = Physics.from_model(MjModel(flight.model))
     environment = Environment(physics, ReplayAgent(flight.start), n_sub_steps=CONTROL_TICKS)
     environment.reset()
@@ -172,7 +172,7 @@ def dm_control_steps(flight: Flight) -> float:
 
 
 def timed(work: Callable[[], Made]) -> tuple[Made, float]:
-    """Result of the work, and its thread CPU time [s], after a garbage collection."""
+    """Return the result of the work and its thread CPU time [s], after a garbage collection."""
     gc.collect()
     began = time.thread_time()
     made = work()
@@ -186,7 +186,7 @@ def _check_end(name: str, end: Array, flight: Flight) -> None:
 
 @dataclass(frozen=True, eq=False)
 class LoopFindings:
-    """Thread CPU time of each run."""
+    """Thread CPU time of each run of the three loops."""
 
     seconds: float  # [s] simulated in one run
     loop: Array  # (R,) [s]
@@ -223,7 +223,7 @@ class LoopFindings:
 
 
 def run(arguments: Arguments, console: Console) -> LoopFindings:
-    """Fly and replay in turns."""
+    """Fly and replay in turns, and return the times."""
     rows: list[tuple[float, float, float]] = []
     with progress(console, "the loop beside its physics", arguments.repetitions) as report:
         warm = fly(arguments.terrain, arguments.seconds)

@@ -1,11 +1,11 @@
-"""A whole mission beside the physics in it: thread CPU time of its run, from the first step to the summary.
+"""Cost of a whole mission compared with its physics: thread CPU time of a run, from the first step to the summary.
 
     python -m benchmarks.mission_cost [--repetitions 5]
 
-The mission of ``make fly``, with its planner, certificate, tracker, referee, log and metrics; the same with noise,
-gusts, a Kalman filter and faults. Beside them ``mujoco.mj_step(model, data)`` repeats the commands of the first in a
-Python loop and must end in the same state. Disturbed, the flight takes another way and another time; so all are
-compared by the second of flight.
+The mission of ``make fly``, with its planner, certificate, tracker, referee, log and metrics, is flown undisturbed, and
+with noise, gusts, a Kalman filter and faults. For comparison ``mujoco.mj_step(model, data)`` repeats the commands of
+the undisturbed flight in a Python loop and must end in the same state. A disturbed flight takes another path and
+another time, so times are compared per second of flight.
 """
 
 from __future__ import annotations
@@ -53,31 +53,31 @@ AT_MOST, AT_MOST_DISTURBED = 1.5, 2.5  # times the bare steps
 
 @configuration
 class Arguments:
-    """Measure what a mission costs beside its physics."""
+    """Compare the cost of a mission with that of its physics."""
 
     terrain: str = "tian_shan"
     """name of a terrain, or an .npz file"""
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 5
-    """flights of each"""
+    """number of flights of each mission"""
     out: Path = Path("renders/out/mission_cost.json")
     """file of the figures"""
 
 
 def missions(terrain: str, mission: dict[str, Any]) -> tuple[Trial, Trial]:
-    """A mission as it is, and disturbed."""
+    """Return the undisturbed mission and the disturbed one."""
     fields = {"terrain": terrain, **mission}
     return trial(seed=1, fields=fields), trial(seed=1, estimator="kalman", fields=fields | DISTURBED)
 
 
 def fly(mission: Trial) -> tuple[Plant, Recording, float]:
-    """Fly a mission whole: its plant, its recording, and the thread CPU time [s] of a second of flight."""
+    """Fly a whole mission; return its plant, its recording, and the thread CPU time [s] per second of flight."""
     closed_loop = mission.build()
     outcome, cpu = timed(closed_loop.run)
     return closed_loop.plant, outcome.recording, cpu / float(outcome.t[-1])
 
 
 def repeated(plant: Plant, recording: Recording) -> float:
-    """Thread CPU time [s] of a second of the bare steps of a flight without disturbances."""
+    """Return the thread CPU time [s] per second of flight of MuJoCo's steps alone, in a flight without disturbances."""
     assert isinstance(plant, MujocoPlant)
     truth = recording.truths[VEHICLE][: recording.length]
     commands = recording.agents[VEHICLE].commands[: len(truth) - 1]
@@ -87,7 +87,7 @@ def repeated(plant: Plant, recording: Recording) -> float:
 
 @dataclass(frozen=True, eq=False)
 class MissionFindings:
-    """Thread CPU time for each second of flight, of each run."""
+    """Thread CPU time per second of flight of each run."""
 
     seconds: float  # [s] of the mission as it is
     mission: Array  # (R,) [ms/s]
@@ -121,7 +121,7 @@ class MissionFindings:
 
 
 def run(arguments: Arguments, console: Console, mission: dict[str, Any] = MISSION) -> MissionFindings:
-    """Fly and replay in turns."""
+    """Fly and replay in turns, and return the times."""
     rows: list[tuple[float, float, float]] = []
     calm, disturbed = missions(arguments.terrain, mission)
     with progress(console, "missions beside their physics", arguments.repetitions) as report:

@@ -1,11 +1,11 @@
-"""One software on one problem, in a process of its own: a line of JSON for each tolerance that it is given.
+"""Attempts of one solver on one problem: a script that prints a line of JSON for each tolerance.
 
     python -m benchmarks.ocp_attempts ours|maptor|dymos PROBLEM REPETITIONS SECONDS
 
-The tolerances become finer until the replay is within the problem's precision. Where an attempt comes to a finer level
-of accuracy than those before, it is repeated for its time. CPU time of the process (``time.process_time``), of all its
-threads; imports and the replay that judges are not in it. After SECONDS of CPU time, imports apart, the kernel ends the
-process: nothing else ends a solver that does not come back.
+The tolerances become finer until the replay is within the problem's precision. An attempt that reaches a finer level of
+accuracy than those before it is repeated to measure its time. Times are CPU times of the process
+(``time.process_time``), all threads included; imports and the replay are excluded. After SECONDS of CPU time, imports
+excluded, the kernel ends the process, for nothing else ends a solver that does not return.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ LEVELS = (1e-3, 1e-4, 1e-5, 1e-6)  # of accuracy that are distinguished
 
 @dataclass(frozen=True)
 class Attempt:
-    """One software on one problem at one of its tolerances."""
+    """Attempt of one solver on one problem at one tolerance."""
 
     tolerance: float  # that it was given
     cost_error: float  # of J and replayed J, the larger; None in JSON is infinite
@@ -45,12 +45,12 @@ class Attempt:
 
 
 def level(accuracy: float) -> float | None:
-    """The finest level that an accuracy is within; None for none."""
+    """Return the finest level of ``LEVELS`` that an accuracy reaches; None if it reaches no level."""
     return min((own for own in LEVELS if accuracy <= own), default=None)
 
 
 def attempts(solve: Solve, known: KnownOptimum, repetitions: int) -> Iterator[Attempt]:
-    """Attempts from a coarse tolerance to a fine one, until one is within the problem's precision."""
+    """Yield attempts from coarse to fine tolerances, until one is within the problem's precision."""
     finest = float("inf")
     for tolerance in TOLERANCES:
         seconds = []

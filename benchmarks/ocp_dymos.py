@@ -1,11 +1,12 @@
-"""A problem of ``mathnavi.controllers.ocp`` in dymos' own terms: a trajectory of one phase and its refinement.
+"""A problem of ``mathnavi.controllers.ocp`` stated for dymos: a trajectory of one phase and its refinement.
 
 dymos collocates at Legendre-Gauss-Radau points inside OpenMDAO and refines its grid by segment and by order (``hp``).
-The optimiser is SciPy's SLSQP, the only one for it that comes from the package index: dense, so time grows with the
-third power of the number of unknowns. With SNOPT or IPOPT through pyOptSparse, which has to be built by hand, dymos is
-faster. The ordinary differential equation is one component, evaluated at all nodes at once with its sparse derivatives;
-it also returns J so far, Psi(x, t) + ∫ L dt, whose last value is the objective, and what is constrained. Values of
-single states at the ends are fixed as such. States and controls are over the problem's scales.
+The optimiser is SciPy's SLSQP, the only one that is available from the package index. It is dense, so its time grows
+with the third power of the number of unknowns. With SNOPT or IPOPT through pyOptSparse, which has to be built from
+source, dymos is faster. The ordinary differential equation is one component, evaluated at all nodes at once with its
+sparse derivatives; it also returns the cost so far, Psi(x, t) + ∫ L dt, whose last value is the objective, and the
+constrained quantities. Fixed values of single states at the ends are stated as fixed. States and controls are divided
+by the problem's scales.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ ORDER, SEGMENTS, REFINEMENTS = 3, 8, 10  # of the first grid, and how often it m
 
 
 def solved(problem: ProblemFunctions, tolerance: float) -> Trajectory | None:
-    """Solution to dymos' refinement ``tolerance``; None where the optimiser failed."""
+    """Return the solution to dymos' refinement ``tolerance``; None if the optimiser failed."""
     os.environ["OPENMDAO_REPORTS"] = "0"  # before OpenMDAO is imported: it would write folders of them
     with _quietly():
         import dymos as dm
@@ -48,7 +49,7 @@ def solved(problem: ProblemFunctions, tolerance: float) -> Trajectory | None:
 
 @contextlib.contextmanager
 def _quietly() -> Iterator[None]:
-    """Without what it prints, and in a folder of its own for what it writes."""
+    """Discard printed output and warnings, and work in a temporary folder."""
     with (
         tempfile.TemporaryDirectory() as folder,
         contextlib.chdir(folder),
@@ -98,7 +99,7 @@ def _stated(problem: ProblemFunctions, tolerance: float) -> tuple[Any, Any]:
 
 
 def _dynamics(problem: ProblemFunctions) -> Any:
-    """The component that evaluates (f / scale, L, d, i, s, J so far) at all nodes, with its derivatives."""
+    """Return the component that evaluates (f / scale, L, d, i, s, cost so far) at all nodes, with its derivatives."""
     import openmdao.api as om
 
     x, u, t = ca.SX.sym("x", problem.nx), ca.SX.sym("u", problem.nu), ca.SX.sym("t")
@@ -163,7 +164,7 @@ def _guess(problem: ProblemFunctions, phase: Any) -> None:
 
 
 def _trajectory(problem: ProblemFunctions, model: Any, phase: Any) -> Trajectory:
-    """Trajectory that it found: controls at all nodes of each segment, states at the segments' ends."""
+    """Return the trajectory found: controls at all nodes of each segment, states at the ends of the segments."""
     grid = phase.options["transcription"].grid_data
 
     def series(name: str) -> Any:

@@ -1,10 +1,10 @@
-"""A problem of ``mathnavi.controllers.ocp`` in MAPTOR's own terms, solved by ``maptor.solve_adaptive``.
+"""A problem of ``mathnavi.controllers.ocp`` stated for MAPTOR and solved by ``maptor.solve_adaptive``.
 
-One phase, whose states, controls, values at the ends, path and event constraints are stated as MAPTOR's documentation
-does; the expressions are inlined into its own symbols. The mesh and the degrees are those of its examples. MAPTOR
-collocates at Legendre-Gauss-Radau points and refines by degree and by interval until the relative error of the states,
-which it finds with SciPy's integrator, is below a tolerance; IPOPT in CasADi solves each mesh. States and controls are
-over the problem's scales, the guess is the problem's.
+States, controls, end values, path and event constraints of the one phase are stated as in MAPTOR's documentation, with
+the expressions inlined into its symbols; mesh and degrees are those of its examples. MAPTOR collocates at
+Legendre-Gauss-Radau points and refines by degree and by interval until the relative error of the states, computed with
+SciPy's integrator, is below a tolerance; IPOPT in CasADi solves each mesh. States and controls are divided by the
+problem's scales; the guess is the problem's.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ IPOPT = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.
 
 
 def solved(problem: ProblemFunctions, tolerance: float) -> Trajectory | None:
-    """Solution to MAPTOR's ``error_tolerance``; None where it did not converge."""
+    """Return the solution to MAPTOR's ``error_tolerance``; None if it did not converge."""
     import maptor
     from maptor.exceptions import MAPTORBaseError
 
@@ -93,7 +93,7 @@ def _stated(problem: ProblemFunctions) -> Any:
 
 
 def _inlined(function: ca.Function, *arguments: Any) -> ca.MX:
-    """The function's expression in MAPTOR's symbols, no call of a function."""
+    """Return the expression of the function in MAPTOR's symbols, without a function call."""
     expression: ca.MX = function.call(list(arguments), True, False)[0]
     return expression
 
@@ -111,7 +111,7 @@ def _constraints(expression: ca.MX, bounds: Interval, rows: tuple[int, ...]) -> 
 
 
 def _trajectory(problem: ProblemFunctions, found: Any) -> Trajectory:
-    """Trajectory that it found: controls at the Radau points of each interval, states there and at the ends."""
+    """Return the trajectory found: controls at the Radau points of each interval, states there and at the ends."""
     phase = found.phases[1]
     degrees = [int(degree) for degree in phase["mesh"]["polynomial_degrees"]]
     duration = float(phase["times"]["duration"])

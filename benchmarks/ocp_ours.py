@@ -1,4 +1,4 @@
-"""A problem of ``mathnavi.controllers.ocp`` by ``solve()`` as it chooses itself, from the stated problem."""
+"""A problem of ``mathnavi.controllers.ocp`` solved by ``solve()`` with the method that it chooses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mathnavi.controllers.ocp.transcriptions.variable_radau import own_points
 
 
 def solved(problem: ProblemFunctions, tolerance: float) -> Trajectory | None:
-    """Solution to a ``tolerance`` of its replay, whatever its status says of that; None where there is none."""
+    """Return the solution for a ``tolerance`` of its replay, whether it meets it or not; None if the solver failed."""
     unknown = dataclasses.replace(problem)  # the same problem as one that no cache has seen
     solution = automatic(unknown, tolerance=tolerance)
     if not solution.solved:

@@ -1,12 +1,13 @@
-"""Problems of optimal control with known optima: CPU seconds to the same replayed accuracy, ours and other people's.
+"""Optimal control problems with known optima: CPU time to the same replayed accuracy, compared with MAPTOR and dymos.
 
     python -m benchmarks.ocp_peers [--repetitions 3] [--limit 60] [--dymos-limit 20] [--problems NAME NAME ...]
 
-Each software states the problem in its own terms, from the same scales and the same coarse guess, and refines as it
-does by itself; ours is ``solve()``, which chooses its method. Each runs in a process of its own for each problem
-(``ocp_attempts``), with tolerances from 1e-3 to 1e-8, and one judge replays every solution (``ocp_trajectory``). Two
-are compared at the finest level of accuracy, of 1e-3, 1e-4, 1e-5 and 1e-6, that both have come to within the limit of
-time. Accuracy is the largest of the errors of J, of the replayed J, the replay's miss and its violation of bounds.
+Each solver states the problem in its own terms, with the same scales and the same coarse guess, and uses its own
+refinement; ours is ``solve()``, which chooses its method. Each runs in a separate process for each problem
+(``ocp_attempts``), with tolerances from 1e-3 to 1e-8, and every solution is replayed in the same way
+(``ocp_trajectory``). Two solvers are compared at the finest level of accuracy, of 1e-3, 1e-4, 1e-5 and 1e-6, that both
+reached within the time limit. The accuracy is the largest of the errors of J and of the replayed J, the replay's miss
+and its violation of bounds.
 """
 
 from __future__ import annotations
@@ -43,36 +44,36 @@ SMALL = (
     "brachistochrone", "Bryson-Denham", "double integrator, energy", "double integrator, time", "target line",
     "lunar landing", "Zermelo", "steering",
 )  # fmt: skip
-"""problems that dymos is given: what a dense optimiser does in a minute"""
+"""problems that dymos solves: those that a dense optimiser can solve within a minute"""
 
 
 @configuration
 class Arguments:
-    """Measure our optimal control beside MAPTOR and dymos."""
+    """Compare ``solve()`` with MAPTOR and dymos."""
 
     problems: Annotated[tuple[str, ...], TOGETHER] = tuple(PROBLEMS)
-    """names of problems"""
+    """names of the problems"""
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 3
-    """runs of what is compared"""
+    """number of runs of each compared attempt"""
     limit: Annotated[int, Within(Ge(1), allowed=">= 1")] = 60
-    """CPU time [s] that a software has for a problem, with all its tolerances and repetitions"""
+    """CPU time limit of a solver for a problem, all tolerances and repetitions included [s]"""
     dymos_limit: Annotated[int, Within(Ge(1), allowed=">= 1")] = 20
-    """CPU time [s] that dymos has for a problem, where that is more: building its model alone takes seconds"""
+    """CPU time limit of dymos for a problem [s], if larger than limit: building its model alone takes seconds"""
     out: Path = Path("renders/out/ocp_peers.json")
-    """file of the figures; the table has the same name with the ending .md"""
+    """file of the figures; the table has the same name with the extension .md"""
 
     def __post_init__(self) -> None:
         if unknown := [name for name in self.problems if name not in PROBLEMS]:
             raise FieldError(f"problems = {', '.join(unknown)}; allowed: {', '.join(PROBLEMS)}")
 
     def limit_of(self, software: str) -> int:
-        """CPU time [s] that a software has for a problem."""
+        """Return the CPU time limit [s] of a solver for a problem."""
         return max(self.limit, self.dymos_limit) if software == "dymos" else self.limit
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One software on one problem."""
+    """Attempts of one solver on one problem."""
 
     problem: str
     software: str
@@ -80,23 +81,23 @@ class Entry:
     ended: str = ""  # why it tried no more; empty where it came to its last tolerance or to the precision
 
     def first(self, within: float) -> Attempt | None:
-        """The first attempt within a level of accuracy."""
+        """Return the first attempt that reaches a level of accuracy."""
         return next((attempt for attempt in self.attempts if attempt.accuracy <= within), None)
 
     @property
     def finest(self) -> float | None:
-        """The finest level that it came to."""
+        """The finest level of accuracy reached."""
         return min((own for own in LEVELS if self.first(own)), default=None)
 
     @property
     def best(self) -> Attempt | None:
-        """The attempt that is shown: the first at the finest level; None without one."""
+        """The attempt in the table: the first at the finest level; None if no level was reached."""
         return None if self.finest is None else self.first(self.finest)
 
 
 @dataclass(frozen=True)
 class PeerFindings:
-    """Accuracies and times of every software."""
+    """Accuracies and times of every solver."""
 
     entries: list[Entry]
 
@@ -125,7 +126,7 @@ class PeerFindings:
         return rows
 
     def claims(self) -> list[dict[str, Any]]:
-        """The claim on MAPTOR's time, over the problems on which both came to a level."""
+        """Return the claim on MAPTOR's time, over the problems on which both reached a level."""
         ratios = [row.ratio for row in self.comparisons() if row.software == SHOWN["maptor"]]
         if not ratios:
             return []
@@ -180,7 +181,7 @@ def _plain(attempt: Attempt) -> dict[str, Any]:
 
 
 def measured(problem: str, software: str, repetitions: int, limit: int) -> Entry:
-    """The attempts of one software on one problem, in a process of its own that has ``limit`` [s] of CPU time."""
+    """Return the attempts of one solver on one problem, in a process with ``limit`` [s] of CPU time."""
     command = [sys.executable, "-m", "benchmarks.ocp_attempts", software, problem, str(repetitions), str(limit)]
     environment = os.environ | {"OPENMDAO_REPORTS": "0"}
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
@@ -197,15 +198,15 @@ def _attempt(line: Mapping[str, Any]) -> Attempt:
 
 
 def contenders(problem: str) -> list[str]:
-    """Ours, and of the others those that are installed and can do the problem."""
+    """Return the solvers for a problem: ``solve()``; MAPTOR, if installed; dymos, if installed, for ``SMALL`` only."""
     peers = [name for name in ("maptor", "dymos") if find_spec(name)]
     return [OURS, *(name for name in peers if name != "dymos" or problem in SMALL)]
 
 
 def peers_table(findings: PeerFindings, software: Mapping[str, str], machine: Mapping[str, Any]) -> str:
-    """Table with a row for each problem and two columns for each ``software``, by its key in the entries.
+    """Return a table with a row for each problem and two columns for each ``software``, by its key in the entries.
 
-    The last columns are the level of accuracy at which ours and MAPTOR are compared, and the ratio of their times.
+    The last columns are the level of accuracy at which ``solve()`` and MAPTOR are compared, and the ratio of times.
     """
     found = {(entry.problem, entry.software): entry for entry in findings.entries}
     ratios = {row.what: row.ratio for row in findings.comparisons() if row.software == software["maptor"]}
@@ -229,7 +230,7 @@ def peers_table(findings: PeerFindings, software: Mapping[str, str], machine: Ma
 
 
 def _shown_cells(entry: Entry | None) -> list[str]:
-    """Accuracy and CPU seconds of the attempt that is shown."""
+    """Return the cells of accuracy and CPU time [s] of the attempt in the table."""
     if entry is None:
         return ["", ""]
     best = entry.best
@@ -243,7 +244,7 @@ def _markdown_row(cells: Sequence[str]) -> str:
 
 
 def run(arguments: Arguments, console: Console) -> PeerFindings:
-    """Measure every software on every problem, one after the other."""
+    """Run every solver on every problem, one after the other."""
     for module in ("maptor", "dymos"):
         if not find_spec(module):
             console.print(f"{SHOWN[module]} is left out: it is not installed (pip install -e '.[bench]')", markup=False)

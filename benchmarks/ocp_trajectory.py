@@ -1,8 +1,8 @@
-"""Judge for solutions of an optimal control problem, whoever found them: one replay for all.
+"""Errors of a solution of an optimal control problem, from any solver, measured by one common replay.
 
-A solution is a control, a polynomial on each interval, and what its software says of it: states at the nodes and J. The
-control, saturated to its bounds, is integrated from x(0) by SciPy's DOP853 to 1e-10. Where the linearised flow grows
-beyond ``ILL_POSED``, no open loop can be replayed as a whole, and each interval is integrated from its own node.
+A solution is a control, a polynomial on each interval, and what its solver reports: states at the nodes and J. The
+control, saturated to its bounds, is integrated from x(0) by SciPy's DOP853 to 1e-10. If the linearised flow grows
+beyond ``ILL_POSED``, the open loop cannot be replayed as a whole, and each interval is integrated from its first node.
 
 **A problem of ``mathnavi.controllers.ocp`` as others state it**: fixed ends, other end conditions, limits, guess.
 
@@ -29,19 +29,19 @@ from mathnavi.interfaces.signals import Array
 Limits = tuple[float | None, float | None]
 
 CONTROL_LIMITS: dict[str, Interval] = {"Zermelo": Interval(np.array([0.0]), np.array([2.0 * math.pi]))}
-"""by the problem's name; a heading without limits winds between two collocation points"""
+"""limits of the controls, by the problem's name; an unlimited heading would wind between two collocation points"""
 
 
 @dataclass(frozen=True)
 class End:
-    """Conditions on one end of the flight."""
+    """Conditions at one end of the trajectory."""
 
     fixed: dict[int, float]  # value over the scale of each state that has one
     others: tuple[int, ...]  # rows of the conditions that are none
 
 
 def ends(problem: ProblemFunctions) -> tuple[End, End]:
-    """Conditions at the start and at the end."""
+    """Return the conditions at the start and at the end."""
     x, T, p = ca.SX.sym("x", problem.nx), ca.SX.sym("T"), ca.DM(problem.nominal)
     return (
         _end(problem, problem.initial(x, p), x, problem.initial_bounds),
@@ -66,23 +66,23 @@ def _end(problem: ProblemFunctions, conditions: ca.SX, x: ca.SX, bounds: Interva
 
 
 def limits(bounds: Interval, scale: Array) -> list[Limits]:
-    """Limits over the scales, None where there is none."""
+    """Return the limits divided by the scales; None instead of an infinite limit."""
     lower, upper = (side / scale for side in bounds)
     return [(finite(low), finite(high)) for low, high in zip(lower, upper, strict=True)]
 
 
 def control_limits(problem: ProblemFunctions) -> list[Limits]:
-    """Limits of the controls over their scales."""
+    """Return the limits of the controls, divided by their scales."""
     return limits(CONTROL_LIMITS.get(problem.name, problem.control_bounds), problem.control_scale)
 
 
 def finite(value: float) -> float | None:
-    """A limit; None for an infinite one."""
+    """Return a limit; None if it is infinite."""
     return float(value) if math.isfinite(value) else None
 
 
 def guess(problem: ProblemFunctions, fractions: Array) -> tuple[Array, Array]:
-    """Guessed states (nx, n) and controls (nu, n) over their scales at fractions (n,) of T."""
+    """Return guessed states (nx, n) and controls (nu, n), divided by their scales, at fractions (n,) of T."""
 
     def at(values: Array, scale: Array) -> Array:
         return np.array([np.interp(fractions, problem.guess_times, column) for column in values.T]) / scale[:, None]
@@ -96,7 +96,7 @@ DENSE = 16  # parts of an interval at which bounds are evaluated
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A solution as its software reports it, in the problem's units."""
+    """Solution as its solver reports it, in the problem's units."""
 
     problem: ProblemFunctions
     duration: float  # [s]
@@ -112,15 +112,15 @@ class Verdict:
     """Errors of a trajectory."""
 
     cost_error: float
-    """larger of the errors of J as reported and as replayed, relative to the known optimum"""
+    """the larger error of the reported and the replayed J, relative to the known optimum"""
     miss: float
-    """largest distance of the replayed end from the reported one, over the scales"""
+    """largest distance of the replayed end from the reported one, divided by the scales"""
     violation: float
-    """largest violation of state bounds and path constraints, over the scales"""
+    """largest violation of state bounds and path constraints, divided by the scales"""
 
     @property
     def accuracy(self) -> float:
-        """The largest of them; infinite where the replay diverges."""
+        """The largest of the three errors; infinite if the replay diverges."""
         worst = max(self.cost_error, self.miss, self.violation)
         return worst if math.isfinite(worst) else math.inf
 
@@ -146,7 +146,7 @@ def judge(trajectory: Trajectory, known: KnownOptimum) -> Verdict:
 
 
 class _Replay:
-    """Integration of one trajectory's control."""
+    """Integration of the control of one trajectory."""
 
     def __init__(self, trajectory: Trajectory) -> None:
         self._trajectory, problem = trajectory, trajectory.problem
@@ -162,14 +162,14 @@ class _Replay:
         ]
 
     def control(self, i: int, fraction: Array | float) -> Array:
-        """(..., nu) saturated control at fractions of interval i."""
+        """Return the saturated control (..., nu) at fractions of interval i."""
         polynomial, held = self._polynomials[i], self._trajectory.controls[i][0]
         known = np.broadcast_to(held, (*np.shape(fraction), len(held))) if polynomial is None else polynomial(fraction)
         values: Array = np.clip(known, *self._trajectory.problem.control_bounds)
         return values
 
     def interval(self, i: int, start: Array) -> tuple[Array, float] | None:
-        """States (DENSE + 1, nx) from a start (nx,) and the running cost gathered; None where it diverges."""
+        """Return states (DENSE + 1, nx) from a start (nx,), and the interval's running cost; None on divergence."""
         problem, t = self._trajectory.problem, self._times[i]
         d, scale = self._times[i + 1] - t, problem.state_scale
 
@@ -187,7 +187,7 @@ class _Replay:
         return states, float(found.y[-1, -1])
 
     def violation(self, i: int, x: Array) -> float:
-        """Largest violation of state bounds and path constraints along states (DENSE + 1, nx) of interval i."""
+        """Return the largest violation of state bounds and path constraints by states (DENSE + 1, nx) of interval i."""
         problem, times = self._trajectory.problem, np.linspace(self._times[i], self._times[i + 1], len(x))
         worst = _excess(x, *problem.state_bounds, problem.state_scale)
         lower, upper = problem.path_bounds
@@ -199,7 +199,7 @@ class _Replay:
         return worst
 
     def growth(self) -> float:
-        """Norm of the scaled transition matrix along the reported states."""
+        """Return the norm of the scaled transition matrix along the reported states."""
         trajectory, problem = self._trajectory, self._trajectory.problem
         scale, transition = problem.state_scale, np.eye(problem.nx)
         for i, d in enumerate(np.diff(self._times)):

@@ -1,4 +1,4 @@
-"""How far a measurement is: a bar on a terminal, elsewhere a line every ten seconds."""
+"""Progress of a measurement: a bar on a terminal, elsewhere a line every ten seconds."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ LINE_EVERY = 10.0  # [s]
 
 
 class Report(Protocol):
-    """Says how much is done, and what is being done now."""
+    """Callback that reports how much is done, and what is being done now."""
 
     def __call__(self, done: int, doing: str = "") -> None: ...
 
 
 @contextmanager
 def progress(console: Console, what: str, total: int) -> Iterator[Report]:
-    """Show how much of ``total`` is done, as it is reported."""
+    """Show the reported progress out of ``total``."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     began = reported = time.monotonic()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:

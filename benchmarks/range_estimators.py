@@ -1,11 +1,11 @@
-"""Cost of an update of a range estimator: thread CPU time, the bank's beside particles and beside filterpy's.
+"""Cost of an update of a range estimator: thread CPU time of the bank, of particle filters and of filterpy's filters.
 
     python -m benchmarks.range_estimators [--seconds 20] [--repetitions 7]
 
-Everyone gets the same readings of the same figure of eight, 100 a second, with two sensors and with four. What is
-compiled runs in one compiled loop (``mathnavi.studies.ranging.estimator_runs``): the bank as it is flown,
-the bank if no hypothesis were ever dropped, one filter of it, and 1000 particles. The plug-ins are called as the loop
-calls them, reading by reading, Python included; ``range_particle`` has as many particles as it needs (KLD sampling).
+All estimators get the same readings of the same figure of eight, 100 a second, with two sensors and with four. Compiled
+estimators run in one compiled loop (``mathnavi.studies.ranging.estimator_runs``): the bank as used in a run, the bank
+if no hypothesis were ever dropped, a single filter of it, and 1000 particles. Plug-ins are called as by the closed
+loop, reading by reading, Python included; ``range_particle`` adapts its number of particles (KLD sampling).
 """
 
 from __future__ import annotations
@@ -40,19 +40,19 @@ AT_LEAST = 20.0  # times cheaper than the particle filter, both compiled
 
 @configuration
 class Arguments:
-    """Measure what an update of each range estimator costs."""
+    """Measure the cost of an update of each range estimator."""
 
     seconds: Annotated[float, Within(Interval(ge=1.0, le=3600.0), allowed="1 to 3600")] = 20.0
-    """duration of the readings, 100 a second [s]"""
+    """duration of the readings [s], 100 a second"""
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 7
-    """runs of each"""
+    """number of runs of each estimator"""
     out: Path = Path("renders/out/range_estimators.json")
     """file of the figures"""
 
 
 @dataclass(frozen=True, eq=False)
 class RangeFindings:
-    """Times of an update [us]."""
+    """Times of an update [us] of each range estimator."""
 
     seconds: float
     taken: Mapping[str, Mapping[str, Array]]  # by sensors and name, (R,)
@@ -93,7 +93,7 @@ class RangeFindings:
 
 
 def run(arguments: Arguments, console: Console) -> RangeFindings:
-    """Each in turns."""
+    """Run the estimators in turns."""
     taken = {}
     with progress(console, "range estimators", len(SENSORS)) as report:
         for k, (name, sensors) in enumerate(SENSORS.items()):

@@ -1,13 +1,13 @@
-"""How long the command line takes to begin: help, version, list, a scenario's help, and a first flight without video.
+"""Start-up time of the command line: help, version, list, the help of a scenario, and a first flight without video.
 
     python -m benchmarks.start_up [--before COMMIT] [--repetitions 5]
 
-*Cold* is the first time after an installation: no module has been compiled to byte code (``PYTHONPYCACHEPREFIX`` points
-to an empty folder, so those of the libraries count too), and with ``--drop`` the cache of files in memory is emptied.
-*Warm* is every later time. The compiled kernels of numba are those of either tree, made before anything is measured;
-but for the flight there is also *first*: a warm one with an empty folder of kernels. With ``--before`` the same
-commands of an earlier commit, checked out into a folder of its own, run in turns with those of this tree, in the same
-environment. The load of the machine, which makes times longer, stands beside the table.
+*Cold* is the first start after an installation: no module has been compiled to byte code (``PYTHONPYCACHEPREFIX``
+points to an empty folder, so modules of libraries count too), and with ``--drop`` the system's file cache is emptied.
+*Warm* is every later start. Each tree uses its compiled kernels of numba, made before anything is measured; for the
+flight there is also *first*: a warm start with an empty folder of kernels. With ``--before`` the same commands of an
+earlier commit, checked out into a temporary folder, run in turns with those of this tree, in the same environment. The
+table shows the load of the machine, which increases the times.
 """
 
 from __future__ import annotations
@@ -58,23 +58,23 @@ STATES: tuple[State, ...] = ("cold", "warm", "first")
 
 @configuration
 class Arguments:
-    """Measure how long commands take to begin."""
+    """Measure the start-up time of commands."""
 
     before: str = ""
-    """an earlier commit that is measured beside this tree"""
+    """commit that is compared with this tree; empty for no comparison"""
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 5
     """number of measurements of each command in each state"""
     drop: bool = False
-    """whether a cold start also finds no file in memory; it slows down whatever else runs on the machine, needs root"""
+    """whether to empty the system's file cache before a cold start; needs root, and slows down other programs"""
     flight: bool = True
-    """whether a first flight is one of the commands"""
+    """whether to measure a first flight too"""
     out: Path = Path("renders/out/start_up.json")
     """file of the figures"""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A command of one tree, in one state."""
+    """A command of one tree in one state, cold, warm or first."""
 
     tree: Tree
     command: str  # a key of COMMANDS
@@ -83,7 +83,7 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class StartUp:
-    """Measurements, in the order of the repetitions."""
+    """Measurements in the order of the repetitions."""
 
     before: str  # the commit, "" for none
     wall: dict[Case, list[float]] = field(default_factory=dict)  # [s]
@@ -95,7 +95,7 @@ class StartUp:
         return "start of the command line"
 
     def comparisons(self) -> list[Comparison]:
-        """Each command beside its goal and that of the earlier commit, as far as there are any."""
+        """Return the rows that compare each command with its goal and with the earlier commit, if there are any."""
         rows = []
         for here in (case for case in self.wall if case.tree == "here"):
             what, wall = f"{here.command}, {here.state}", np.array(self.wall[here])
@@ -125,7 +125,7 @@ class StartUp:
 
 
 def run(arguments: Arguments, console: Console) -> StartUp:
-    """Start every command, cold and warm, of either tree by turns."""
+    """Start every command, cold and warm, of both trees in turns."""
     commands = [name for name in COMMANDS if arguments.flight or name != FLIGHT]
     found = StartUp(arguments.before, {}, {})
     with tempfile.TemporaryDirectory() as folder, checked_out(arguments.before, Path(folder)) as trees:
@@ -153,7 +153,7 @@ def run(arguments: Arguments, console: Console) -> StartUp:
 def start(
     tree: Path, words: tuple[str, ...], folder: Path, state: State = "warm", drop: bool = False
 ) -> tuple[float, float]:
-    """Wall clock and CPU time [s] of a command of a tree; RuntimeError if it fails."""
+    """Return wall-clock and CPU time [s] of a command of a tree; RuntimeError if it fails."""
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         empty = {"cold": ["PYTHONPYCACHEPREFIX"], "first": ["NUMBA_CACHE_DIR"], "warm": []}[state]
         # A caller's switch would have every start compile all modules anew.
@@ -177,7 +177,7 @@ def start(
 
 
 def drop_files() -> None:
-    """Empty the system's cache of files, where that is allowed."""
+    """Empty the system's file cache, if that is permitted."""
     with suppress(OSError):
         os.sync()
         DROP.write_text("1")
@@ -185,7 +185,7 @@ def drop_files() -> None:
 
 @contextmanager
 def checked_out(commit: str, folder: Path) -> Iterator[dict[Tree, Path]]:
-    """This tree, and beside it that of a commit; ValueError if there is no such commit."""
+    """Yield the folder of this tree, and of a checked-out commit if given; ValueError if there is no such commit."""
     if not commit:
         yield {"here": ROOT}
         return

@@ -1,14 +1,14 @@
-"""How a sweep gains from a second process: the same short flights by one worker and by two, each into a fresh store.
+"""Speed-up of a sweep by a second process: the same short flights by one worker and by two, each into an empty store.
 
     python -m benchmarks.sweep_scaling [--trials 40] [--repetitions 3] [--workers 2]
 
-``mathnavi.sim.sweep`` beside ``concurrent.futures.ProcessPoolExecutor``, which builds and runs the same trials in
-processes of its own, also with one thread each, and stores nothing. The time until as many trials have ended as there
-are workers, in which their processes start, import and load compiled kernels, counts as the start; the rate is that of
-the rest. The whole time is also shown.
+``mathnavi.sim.sweep`` is compared with ``concurrent.futures.ProcessPoolExecutor``, which builds and runs the same
+trials in processes with one thread each, and stores nothing. The time until as many trials have ended as there are
+workers, in which their processes start, import and load compiled kernels, counts as the start; the rate is that of the
+rest. The total time is also shown.
 
-What two workers could gain at most is the machine's: processes that share nothing, each flying its part of the same
-trials from a common start on, are timed side by side and one alone.
+The largest possible gain depends on the machine: processes that share nothing, each flying its part of the same trials
+from a common start, are timed concurrently and one alone.
 """
 
 from __future__ import annotations
@@ -53,16 +53,16 @@ Seconds = dict[Kind, Array]  # (R,) [s] of every kind
 
 @configuration
 class Arguments:
-    """Measure how a sweep gains from more processes."""
+    """Measure the speed-up of a sweep by more processes."""
 
     terrain: str = "jacksboro"
     """name of a terrain, or an .npz file"""
     trials: int = 40
-    """flights of a sweep"""
+    """number of flights in a sweep"""
     workers: Annotated[int, Within(Ge(2), allowed=">= 2")] = 2
-    """processes, beside one"""
+    """number of processes, which is compared with one"""
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 3
-    """sweeps of each kind"""
+    """number of sweeps of each kind"""
     out: Path = Path("renders/out/sweep_scaling.json")
     """file of the figures"""
 
@@ -73,7 +73,7 @@ class Arguments:
 
 @dataclass(frozen=True)
 class Course:
-    """When the trials of one sweep ended."""
+    """Times at which the trials of one sweep ended."""
 
     start: float  # [s] until as many had ended as there are workers
     interval: float  # [s] between the ends of two trials after that
@@ -81,13 +81,13 @@ class Course:
 
     @staticmethod
     def from_ends(ends: Sequence[float], workers: int, whole: float) -> Course:
-        """``ends`` [s] since the call, one of each trial, in order."""
+        """Return the course of a sweep from the ends [s] of its trials since the call, in order."""
         start = ends[workers - 1]
         return Course(start, (ends[-1] - start) / (len(ends) - workers), whole)
 
 
 def swept(trials: Sequence[Trial], workers: int) -> Course:
-    """By ``mathnavi.sim.sweep``, into a store of its own."""
+    """Run the trials with ``mathnavi.sim.sweep`` into an empty store."""
     ends: list[float] = []
 
     def note(state: Progress) -> None:
@@ -104,12 +104,12 @@ def swept(trials: Sequence[Trial], workers: int) -> Course:
 
 
 def fly(trial: Trial) -> dict[str, Any]:
-    """The summary of one trial, in a process of the pool."""
+    """Return the summary of one trial, in a process of the pool."""
     return trial.flown().summary
 
 
 def pooled(trials: Sequence[Trial], workers: int) -> Course:
-    """By a pool of the standard library."""
+    """Run the trials with a process pool of the standard library."""
     ends: list[float] = []
     with mock.patch.dict(os.environ, ENVIRONMENT):  # one thread to a process, as in a sweep
         began = time.perf_counter()
@@ -122,7 +122,7 @@ def pooled(trials: Sequence[Trial], workers: int) -> Course:
 
 
 def side_by_side(trials: Sequence[Trial], processes: int) -> Course:
-    """By processes that share nothing: each flies its part of the trials, and all begin at once."""
+    """Run the trials in processes that share nothing: each flies its part, and all begin at once."""
     parts = [trials[k::processes] for k in range(processes)]
     context = get_context("spawn")
     with mock.patch.dict(os.environ, ENVIRONMENT), context.Manager() as manager:
@@ -135,7 +135,7 @@ def side_by_side(trials: Sequence[Trial], processes: int) -> Course:
 
 
 def fly_part(trials: Sequence[Trial], together: Any) -> float:
-    """Time [s] that the trials take, from when all processes have imported what they need."""
+    """Return the time [s] of the trials, from when all processes have finished their imports."""
     fly(trials[0])
     together.wait()
     began = time.perf_counter()
@@ -146,7 +146,7 @@ def fly_part(trials: Sequence[Trial], together: Any) -> float:
 
 @dataclass(frozen=True)
 class SweepFindings:
-    """The courses of all sweeps in the order of the repetitions."""
+    """Courses of all sweeps in the order of the repetitions."""
 
     trials: int
     workers: int  # of the larger sweeps
@@ -205,7 +205,7 @@ class SweepFindings:
 
 
 def run(arguments: Arguments, console: Console) -> SweepFindings:
-    """Sweep by turns with one worker and with more."""
+    """Sweep with one worker and with more, in turns."""
     workers = arguments.workers
     trials = [
         trial(seed=seed, terrain=arguments.terrain, drawn_separation=(0.2, 0.3)) for seed in range(arguments.trials)

@@ -1,11 +1,11 @@
-"""A sweep that is killed again and again, and one on other workers, leave the same table of trials.
+"""Sweeps that are killed repeatedly, or run on other workers, leave the same table of trials.
 
     python -m benchmarks.sweep_survival [--trials 2000] [--kills 10] [--folder renders/out/survival]
 
 The same sweep of short missions with mixed faults runs undisturbed on one process and on two, on a local Dask cluster,
-and on two processes that are killed (SIGKILL) at random moments and started again by the same command. Compared are the
-whole tables ``trials``, row by row; each store is also checked by SQLite itself. The stores are new ones, so that the
-times are those of all the trials.
+and on two processes that are killed (SIGKILL) at random moments and started again by the same command. The tables
+``trials`` are compared row by row, and SQLite checks the integrity of each store. All stores are empty at first, so
+that times are those of all trials.
 """
 
 from __future__ import annotations
@@ -44,28 +44,28 @@ STORES = {ALONE: "processes-1.db", UNDISTURBED: "processes-2.db", CLUSTER: "dask
 
 @configuration
 class Arguments:
-    """Kill a sweep, and compare what it leaves."""
+    """Kill a sweep repeatedly, and compare the stored trials with those of an undisturbed sweep."""
 
     trials: Annotated[int, Within(Ge(1), allowed=">= 1")] = 2000
-    """missions of each sweep"""
+    """number of missions in each sweep"""
     kills: Annotated[int, Within(Ge(1), allowed=">= 1")] = 10
-    """times that the sweep is killed"""
+    """number of times that the sweep is killed"""
     folder: Path = Path("renders/out/survival")
-    """folder of the stores, without any yet"""
+    """folder of the stores; it must not hold stores of an earlier run"""
     seed: int = 0
     """seed of the moments at which the sweep is killed"""
     cluster: bool = True
-    """whether Dask is among the workers"""
+    """whether to run a sweep on a local Dask cluster too"""
 
     def __post_init__(self) -> None:
         for store in STORES.values():
             if (self.folder / store).exists():
-                raise FieldError(f"folder = {self.folder}: {store} is there already; allowed: a folder without it")
+                raise FieldError(f"folder = {self.folder}: {store} exists; allowed: a folder without it")
 
 
 @dataclass(frozen=True)
 class Left:
-    """State that a sweep has left behind."""
+    """State of a store after a sweep."""
 
     seconds: float
     kills: int
@@ -82,7 +82,7 @@ def command(trials: int, store: Path, *workers: str) -> list[str]:
 
 
 def stored(store: Path) -> int:
-    """How many trials a store has, while somebody writes it."""
+    """Return the number of trials in a store, while another process writes it."""
     if not store.exists():
         return 0
     connection = sqlite3.connect(f"{store.absolute().as_uri()}?mode=ro", uri=True, timeout=60.0)
@@ -111,7 +111,7 @@ def undisturbed(trials: int, store: Path, *workers: str) -> Left:
 
 
 def killed(trials: int, store: Path, kills: int, rng: np.random.Generator) -> Left:
-    """Kill the sweep when it comes to each of so many random shares of its trials, and a random moment later."""
+    """Run a sweep that is killed ``kills`` times, each a random moment after a random share of its trials."""
     began, done = time.perf_counter(), 0
     for share in np.sort(rng.uniform(0.0, 0.95, kills)):
         process = subprocess.Popen(command(trials, store, "--workers", "2"), stdout=subprocess.DEVNULL)
@@ -128,7 +128,7 @@ def killed(trials: int, store: Path, kills: int, rng: np.random.Generator) -> Le
 
 @contextmanager
 def local_cluster(workers: int) -> Iterator[str]:
-    """The address of a Dask scheduler with so many workers of one thread on this machine."""
+    """Start a local Dask cluster of workers with one thread, and yield the address of its scheduler."""
     from distributed import LocalCluster  # an extra
 
     make: Any = LocalCluster  # distributed has no types
@@ -137,7 +137,7 @@ def local_cluster(workers: int) -> Iterator[str]:
 
 
 def verdict(found: Mapping[str, Left], arguments: Arguments) -> dict[str, bool]:
-    """True if everything is as it has to be."""
+    """Return each requirement, and whether it is met."""
     first = found[UNDISTURBED]
     same = all((one.rows, one.digest, one.integrity) == (first.rows, first.digest, "ok") for one in found.values())
     return {

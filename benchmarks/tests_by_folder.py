@@ -1,12 +1,12 @@
-"""CPU seconds of the tests, by folder of ``tests/`` and by test.
+"""CPU time of the tests, by folder of ``tests/`` and by test.
 
     python -m benchmarks.tests_by_folder [--paths tests/sim ...] [--workers 3] [--slowest 30]
 
-A test's time is the CPU time of the process that runs it, all threads, and of those processes it started that have
-ended by then: setup, call and teardown together. So a fixture that several tests share counts for the first of them.
-CPU time leaves out what other programs take; what is left of the whole is the start of the workers, imports,
-collection, and the kernels compiled before the first test. As a plug-in of pytest (``-p benchmarks.tests_by_folder``)
-the same figures follow any run of the tests.
+The time of a test is the CPU time of the process that runs it, all threads included, and of the processes started by it
+that have ended: setup, call and teardown together. So a fixture that several tests share counts for the first of them.
+CPU time excludes other programs. The rest of the total is the start of the workers, imports, collection, and the
+kernels compiled before the first test. As a plug-in of pytest (``-p benchmarks.tests_by_folder``) the module reports
+the same figures after any run of the tests.
 """
 
 from __future__ import annotations
@@ -46,21 +46,21 @@ FILE = "MATHNAVI_TESTS_CPU"  # environment variable: the file that the figures a
 
 @configuration
 class Arguments:
-    """Measure the CPU time of the tests, by folder."""
+    """Measure the CPU time of the tests, by folder and by test."""
 
     paths: Annotated[tuple[str, ...], TOGETHER] = ALL
-    """folders, files or tests that are run"""
+    """folders, files or tests to run"""
     workers: Annotated[int, Within(Ge(0), allowed=">= 0")] = WORKERS
-    """processes that run them; 0: one process, without xdist"""
+    """number of processes that run them; 0 for one process without xdist"""
     slowest: Annotated[int, Within(Ge(0), allowed=">= 0")] = 30
-    """how many of the longest tests are shown"""
+    """number of the longest tests that are shown"""
     out: Path = Path("renders/out/tests_by_folder.json")
     """file of the figures"""
 
 
 @dataclass(frozen=True, eq=False)
 class TestTimes:
-    """CPU seconds of a run of the tests."""
+    """CPU times [s] of a run of the tests."""
 
     __test__ = False
 
@@ -74,7 +74,7 @@ class TestTimes:
         return "CPU time of the tests"
 
     def folders(self) -> dict[str, tuple[int, float]]:
-        """Number of tests and CPU seconds of each folder, the longest first."""
+        """Number of tests and CPU time [s] of each folder, the longest first."""
         count: dict[str, int] = defaultdict(int)
         seconds: dict[str, float] = defaultdict(float)
         for test, cpu in self.tests.items():
@@ -84,7 +84,7 @@ class TestTimes:
         return {name: (count[name], seconds[name]) for name in sorted(seconds, key=lambda name: -seconds[name])}
 
     def comparisons(self) -> list[Comparison]:
-        """All tests beside the time that they may take."""
+        """Return the row that compares all tests with the goal."""
         return [] if math.isnan(self.wall) else [within("all", "s", np.array([self.wall]), LIMIT)]
 
     def show(self, console: Console) -> None:
@@ -131,7 +131,7 @@ def run(arguments: Arguments, console: Console) -> TestTimes:
 
 
 def cpu_time() -> float:
-    """CPU seconds of this process and of those it started that have ended."""
+    """Return the CPU time [s] of this process and of its child processes that have ended."""
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system
 
@@ -142,14 +142,14 @@ _measured: dict[str, float] = {}  # [s] by test
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Note when a test begins."""
+    """Record the CPU time at the start of a test."""
     _began[item.nodeid] = cpu_time()
     return (yield)
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, Any, Any]:
-    """Give the last report of a test its CPU time."""
+    """Add the CPU time of a test to its last report."""
     if call.when == "teardown":
         item.user_properties.append((PROPERTY, cpu_time() - _began.pop(item.nodeid)))
     return (yield)
@@ -163,7 +163,7 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_unconfigure(config: pytest.Config) -> None:
-    """Write or show what was measured; the workers have ended."""
+    """Write or show the figures, once the workers have ended."""
     if hasattr(config, "workerinput"):
         return
     whole = cpu_time()

@@ -1,11 +1,11 @@
-"""Steps a second of many missions at once: ``SafeFlightVectorEnv`` beside Gymnasium's ``AsyncVectorEnv``.
+"""Steps a second of many concurrent missions: ``SafeFlightVectorEnv`` compared with Gymnasium's ``AsyncVectorEnv``.
 
     python -m benchmarks.vector_environments [--missions 256] [--repetitions 5]
 
 Both step the same missions of ``mathnavi/SafeFlight-v1`` on the same cores under the same random actions: ours in this
-process, on one of them, Gymnasium's in a process for each mission. Processes are forked where all is imported, compiled
-and built, so that they share what they can; starting them is not in the times. Wall-clock time, in turns; an action is
-held for a control step, 1/60 s, and for half a second. At 256 missions the processes need some 10 GB of memory.
+process, on one core, Gymnasium's in one process for each mission. Processes are forked after everything is imported,
+compiled and built, so that they share memory; their start is excluded. Times are wall-clock times, measured in turns;
+an action is held for a control step, 1/60 s, and for half a second. For 256 missions the processes need about 10 GB.
 """
 
 from __future__ import annotations
@@ -40,23 +40,23 @@ TARGET = {"jacksboro": (13320.0, 11610.0, 642.0)}  # [m], one for all missions
 
 @configuration
 class Arguments:
-    """Measure how fast many missions are stepped at once."""
+    """Measure how fast many concurrent missions are stepped."""
 
     terrain: str = "jacksboro"
     """name of a terrain, or an .npz file"""
     missions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 256
-    """missions at once"""
+    """number of concurrent missions"""
     steps: Annotated[int, Within(Ge(1), allowed=">= 1")] = 10
-    """steps of all missions in a repetition, of ours ten times as many"""
+    """number of steps of all missions in a repetition; ten times as many by ``SafeFlightVectorEnv``"""
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 5
-    """runs of each"""
+    """number of runs of each environment"""
     out: Path = Path("renders/out/vector_environments.json")
     """file of the figures"""
 
 
 @dataclass(frozen=True)
 class VectorFindings:
-    """Times [s] of a step of all missions, (R,) of ours and of the others' by hold."""
+    """Times (R,) [s] of a step of all missions, of ours and of Gymnasium's, by hold."""
 
     missions: int
     seconds: dict[str, tuple[Array, Array]]
@@ -85,7 +85,7 @@ class VectorFindings:
 
 
 def made(arguments: Arguments, mode: str, hold: float) -> Any:
-    """The missions, stepped by ours ("vector_entry_point") or in a process each ("async")."""
+    """Return the missions as one environment, stepped by ours ("vector_entry_point") or in a process each ("async")."""
     target = TARGET.get(arguments.terrain)
     fields: dict[str, Any] = {} if target is None else {"target": target, "drawn_separation": (0.15, 0.75)}
     if mode == "vector_entry_point":
@@ -100,7 +100,7 @@ def made(arguments: Arguments, mode: str, hold: float) -> Any:
 
 
 def stepped(envs: Any, steps: int, rng: np.random.Generator) -> float:
-    """Mean time [s] of a step of all missions."""
+    """Return the mean time [s] of a step of all missions."""
     low, high = envs.single_action_space.low, envs.single_action_space.high
     actions = rng.uniform(0.5 * low, 0.5 * high, (steps, envs.num_envs, len(low)))
     began = time.perf_counter()
@@ -110,7 +110,7 @@ def stepped(envs: Any, steps: int, rng: np.random.Generator) -> float:
 
 
 def run(arguments: Arguments, console: Console) -> VectorFindings:
-    """Step the same missions in turns."""
+    """Step the same missions by both environments in turns."""
     seconds = {}
     with progress(console, "stepping", len(HOLDS) * arguments.repetitions) as report:
         for k, (name, hold) in enumerate(HOLDS.items()):

@@ -1,7 +1,8 @@
-"""CPU time of a video's parts, in a process that draws: RUN WIDTH HEIGHT FRAMES; the figures as JSON, in seconds.
+"""CPU time [s] of the parts of a video, as JSON: a script with the arguments RUN WIDTH HEIGHT FRAMES.
 
-``benchmarks.video_time`` starts it, since OpenGL's backend must be chosen before mujoco is imported. *Bare* is MuJoCo's
-renderer alone, with the scene as the camera sees it: no drawing of this size takes less.
+``benchmarks.video_time`` starts it in a separate process, for OpenGL's backend must be chosen before mujoco is
+imported. *Bare* is MuJoCo's renderer alone with the scene in the camera's view: the least time of a drawing of this
+size.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from mathnavi.renders.video import FPS, VIDEO_SAMPLES
 
 
 def measured(directory: Path, width: int, height: int, count: int) -> dict[str, float]:
-    """[s] of CPU time: of the scene, once; of a frame's drawing, the bare part of it, and all of it, on average."""
+    """Return CPU times [s]: of the scene, once; per frame of the drawing, of its bare part, and of the whole frame."""
     taken: dict[str, float] = defaultdict(float)
 
     def timed(name: str, work: Callable[[], Any]) -> Any:

@@ -1,11 +1,11 @@
-"""How long the 1080p video of a mission takes, and what takes it.
+"""Time of the 1080p video of a mission, and of its parts.
 
     python -m benchmarks.video_time [--repetitions 2]
 
-The mission of ``make fly`` is flown once; its video is written as ``mathnavi render`` does, by a process for each core
-that draws and one that encodes, timed by the clock. Then the parts: the scene, made once; a frame's drawing, of which
-the bare scene is what OpenGL takes (OSMesa, a software renderer, on one thread, if there is no graphics card); the
-overlay; and the process that collects and encodes the frames.
+The mission of ``make fly`` is flown once; its video is written as by ``mathnavi render``, with one drawing process for
+each core and one that encodes, and wall-clock time is measured. Then the parts are measured: the scene, made once; the
+drawing of a frame, of which the bare scene is OpenGL's share (OSMesa, a software renderer, on one thread, if there is
+no graphics card); the overlay; and the process that collects and encodes the frames.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ PARTS = Path(__file__).with_name("video_parts.py")
 
 @configuration
 class Arguments:
-    """Measure how long the video of a mission takes."""
+    """Measure the time of the video of a mission."""
 
     terrain: str = "tian_shan"
     """name of a terrain, or an .npz file"""
@@ -53,18 +53,18 @@ class Arguments:
     height: int = 1080
     """height of the video [pixels]"""
     fps: int = FPS
-    """frames a second"""
+    """frame rate of the video [1/s]"""
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 2
-    """videos"""
+    """number of videos"""
     frames: Annotated[int, Within(Ge(1), allowed=">= 1")] = 48
-    """number of frames that the parts are measured on"""
+    """number of frames on which the parts are measured"""
     out: Path = Path("renders/out/video_time.json")
     """file of the figures"""
 
 
 @dataclass(frozen=True, eq=False)
 class VideoFindings:
-    """Time of the whole, and CPU time of the parts."""
+    """Wall-clock time of the video, and CPU time of its parts."""
 
     size: tuple[int, int]  # [pixels]
     frames: int  # of the video
@@ -103,7 +103,7 @@ class VideoFindings:
 
 
 def run(arguments: Arguments, console: Console, mission: dict[str, Any] = MISSION) -> VideoFindings:
-    """Fly a mission, write its videos, and measure the parts."""
+    """Fly a mission, write its videos, and measure the parts of a video."""
     with mock.patch.dict(os.environ, MUJOCO_GL=OPENGL):
         return _run(arguments, console, mission)
 
@@ -131,7 +131,7 @@ def _run(arguments: Arguments, console: Console, mission: dict[str, Any]) -> Vid
 
 
 def drawn(directory: Path, size: tuple[int, int], frames: int) -> dict[str, float]:
-    """CPU time [s] of the parts that are drawn; RuntimeError if the process that draws fails."""
+    """Return the CPU time [s] of the drawn parts; RuntimeError if the drawing process fails."""
     root = Path(__file__).parents[1]
     environment = opengl.environment() | {"LP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": ""}
     done = subprocess.run(

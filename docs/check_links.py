@@ -1,10 +1,10 @@
-"""Follow every link of the pages that were built; fail, a line for each, where one leads nowhere.
+"""Check every link of the built pages, and fail with one line for each broken link.
 
     python docs/check_links.py docs/_build/html
 
-A link within the site leads to a file that is there and, behind ``#``, to something of that name in it. A link to
-elsewhere is looked at for its form only: nothing is asked of a network. Whatever a page needs to be shown, scripts,
-styles, pictures and fonts, lies in the site itself.
+A link within the site must lead to an existing file and, behind ``#``, to an element of that name in it. Of an external
+link only the form is checked: no network is used. Scripts, styles, pictures and fonts of a page must be files of the
+site.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ NOT_SHOWN = {"canonical", "next", "prev", "index", "search", "author", "help"}  
 
 
 class Page(HTMLParser):
-    """The links of one page, and the names that a link may ask for."""
+    """Links of one page, and the names to which links may lead."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -39,7 +39,7 @@ class Page(HTMLParser):
 
 
 def check(site: Path) -> tuple[list[str], int, int]:
-    """Faults, the number of pages, and that of links."""
+    """Return the faults, the number of pages, and the number of links."""
     pages = {path: Page(path.read_text(encoding="utf-8")) for path in sorted(site.rglob("*.html"))}
     wrong = [
         f"{path.relative_to(site)}:{line}: {target}: {error}"
@@ -52,7 +52,7 @@ def check(site: Path) -> tuple[list[str], int, int]:
 
 
 def _wrong(path: Path, target: str, shown: bool, site: Path, pages: dict[Path, Page]) -> str:
-    """Why a link leads nowhere; "" if it leads somewhere."""
+    """Return why a link is broken; "" if it is not."""
     if target.startswith("data:"):
         return ""
     parts = urlsplit(target)
@@ -72,7 +72,7 @@ def _wrong(path: Path, target: str, shown: bool, site: Path, pages: dict[Path, P
 
 
 def _styles(site: Path) -> Iterator[str]:
-    """Files that a style sheet asks for and that lie elsewhere or nowhere."""
+    """Return the files that a style sheet uses and that are external or missing."""
     for path in sorted(site.rglob("*.css")):
         for target in re.findall(r"url\(\s*[\"']?([^\"')]+)", path.read_text(encoding="utf-8")):
             if not target.startswith(("data:", "#")) and not (path.parent / target.partition("?")[0]).is_file():

@@ -147,7 +147,7 @@ def reduced(arrows: Mapping[str, set[str]]) -> dict[str, set[str]]:
 
 
 def depth(room: str, arrows: Mapping[str, set[str]]) -> int:
-    """The length of the longest way down from a room."""
+    """Return the length of the longest path down from a room."""
     return 1 + max((depth(other, arrows) for other in arrows[room]), default=-1)
 
 

@@ -2,8 +2,8 @@
 
     python docs/list_licences.py
 
-What stands in the page outside of the tables is written by hand. Packages that are not installed here keep the row that
-the page has; one without a row has to be installed first.
+The text outside of the tables is written by hand. Packages that are not installed keep their rows in the page; a
+package without a row must be installed first.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def licence(name: str) -> str:
 
 
 def closure(requirements: Iterable[str]) -> dict[str, str]:
-    """All that requirements bring, as far as it is installed: by name, what asks for it ("" for mathnavi itself)."""
+    """Return all installed packages that requirements bring, with the packages that require them ("" for mathnavi)."""
     found: dict[str, str] = {}
     waiting = [(Requirement(text), "") for text in requirements]
     while waiting:
@@ -105,7 +105,7 @@ def rows(group: Mapping[str, str], known: Mapping[str, str]) -> Iterator[str]:
 
 
 def written() -> str:
-    """The page with the tables as they are now."""
+    """Return the page with the present tables."""
     tables, known = groups(), stated()
     text = PAGE.read_text(encoding="utf-8")
     return TABLE.sub(lambda found: f"{found[1]}{''.join(rows(tables[found[2]], known))}{found[3]}", text)

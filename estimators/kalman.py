@@ -63,7 +63,7 @@ class KalmanConfig:
     noise_floor: Positive = 0.1
     """least standard deviation that the filter assumes for a fix, so that R stays positive [m]"""
     gust_floor: Positive = 0.05
-    """least rms of the gusts that the filter assumes; without gusts its gain would fall to zero [m/s^2]"""
+    """least rms of the gusts that the filter assumes [m/s^2]; without gusts its gain would fall to zero"""
 
 
 @dataclass(frozen=True, eq=False)

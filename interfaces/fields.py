@@ -60,7 +60,7 @@ def with_fields(config: Any, fields: Mapping[str, Any], where: str = "") -> Any:
     for first, inner in nested.items():
         part = own.get(first, getattr(config, first))
         if not dataclasses.is_dataclass(part):
-            raise FieldError(f"{_joined(where, first)} has no fields of its own; allowed: {_joined(where, first)}")
+            raise FieldError(f"{_joined(where, first)} has no fields; allowed: {_joined(where, first)}")
         own[first] = with_fields(part, inner, _joined(where, first))
     with _refusing(type(config), where):
         return dataclasses.replace(config, **own)

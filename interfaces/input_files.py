@@ -98,8 +98,7 @@ def input_digests(config: Any, prefix: str = "", known: Digests | None = None) -
 
 
 def argument_digests(value: Any) -> list[str]:
-    """Return the digests of the files that the arguments of a call name, in their order: paths, and fields of
-    dataclasses.
+    """Return the digests of the files that arguments of a call name, in order: paths, and fields of dataclasses.
 
     Errors as of ``input_digests``.
     """

@@ -44,9 +44,7 @@ def state_names(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[str, ...]
 
 
 def quaternions(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[slice, ...]:
-    """Return the places in q of the quaternions of the ball and free joints among these, which are adjacent in the
-    model.
-    """
+    """Return the places in q of the quaternions of the ball and free joints among these adjacent joints."""
     first = int(model.jnt_qposadr[joints[0]])
     before = {BALL: 0, FREE: 3}  # numbers of the joint that come before its quaternion
     kinds = [(j, int(model.jnt_type[j])) for j in joints]

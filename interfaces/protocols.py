@@ -29,8 +29,7 @@ class StateView(Protocol):
         ...
 
     def sensed(self, name: str) -> Array:
-        """Return the present reading of one of the vehicle's MuJoCo sensors, for example a rangefinder or an encoder; a
-        copy.
+        """Return a copy of the present reading of one of the vehicle's MuJoCo sensors, for example a rangefinder.
 
         Raises ValueError if the vehicle has none of that name, or none that follows from the positions alone.
         """
@@ -126,9 +125,7 @@ class Plant(Protocol):
         ...
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
-        """Advance by a number of ticks with inputs (nu,) by vehicle and forces held; return events, for example
-        contacts.
-        """
+        """Advance by a number of ticks, inputs (nu,) by vehicle and forces held; return events, such as contacts."""
         ...
 
 
@@ -139,9 +136,7 @@ class Estimator(Protocol):
     period: float  # [s]
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """Return the estimate at ``t`` [s], from the readings since the last call and the input ``command`` (nu,) held
-        since.
-        """
+        """Return the estimate at ``t`` [s], from readings and the held input ``command`` (nu,) since the last call."""
         ...
 
 
@@ -157,7 +152,7 @@ class Planner(Protocol):
     period: float  # [s]
 
     def plan(self, request: PlanRequest) -> Plan:
-        """Return a plan for ``request``, or a Plan whose status says why there is none."""
+        """Return a plan for ``request``, or a failed Plan whose status is the reason."""
         ...
 
 
@@ -272,9 +267,7 @@ class EstimatorPlugin(Protocol):
 
     @staticmethod
     def quality(config: Any, mission: Any) -> Any:
-        """Return the quality of its estimates, in the terms of the scenario (``EstimateQuality`` for an aerial
-        mission).
-        """
+        """Return the quality of its estimates in the scenario's terms, ``EstimateQuality`` for aerial missions."""
         ...
 
     @staticmethod

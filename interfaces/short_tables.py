@@ -11,6 +11,11 @@ Row = tuple[str, str, str]
 """name, value, unit"""
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun: "1 trial", "2 trials"."""
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
 def short_table(title: str, rows: Sequence[Row]) -> str:
     """Return a title, and below it a line for each row, values aligned to the right."""
     if not rows:

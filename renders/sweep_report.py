@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from mathnavi.interfaces.short_tables import counted
 from mathnavi.interfaces.writing import write_text
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders import page
@@ -70,7 +71,7 @@ def write_sweep_report(
 def report(sweep: Sweep, terrain: HeightField | None, tracks: Sequence[Track], command: str) -> Markup:
     """Return the page's HTML."""
     scenarios = ", ".join(dict.fromkeys(record.scenario for record in sweep.records))
-    title = f"{scenarios}: {len(sweep.records)} trials"
+    title = f"{scenarios}: {counted(len(sweep.records), 'trial')}"
     return page.document(
         title,
         *_headline(title, sweep),
@@ -91,14 +92,14 @@ def _headline(title: str, sweep: Sweep) -> tuple[Markup, Markup]:
     failed = sum(record.status != "ok" for record in sweep.records)
     missed = sum(record.status == "ok" and not record.success for record in sweep.records)
     counts = {
-        "of the missions were unsuccessful": missed,
+        f"of the missions {_were(missed)} unsuccessful": missed,
         "of the trials did not run to their end": failed,
     }
     faults = [f"{count:,} {words}" for words, count in counts.items() if count]
     alone = sum(map(planned_by_none, sweep.records))
     sentences = [
         *([f"{', '.join(faults)}."] if faults else []),
-        *([f"{alone:,} of the missions were flown without the planner."] if alone else []),
+        *([f"{alone:,} of the missions {_were(alone)} flown without the planner."] if alone else []),
     ]
     faulty = bool(sentences)
     verdict = " ".join(sentences or ["Every mission succeeded."])
@@ -308,13 +309,18 @@ def _times(sweep: Sweep) -> Markup:
     )
 
 
+def _were(number: int) -> str:
+    return "was" if number == 1 else "were"
+
+
 def _origins(sweep: Sweep) -> str:
     """Sentence on the environments that the trials were run in."""
     others = sum(record.origin.digest != environment_digest() for record in sweep.records)
     made = ", ".join(f"{name} {value}" for name, value in environment().items())
     if not others:
         return f"All were run with {made}."
-    return f"{others} of {len(sweep.records)} were run in another environment than the others, which had {made}."
+    where = f"{others} of {len(sweep.records)} {_were(others)} run in another environment"
+    return f"{where} than the others, which had {made}."
 
 
 def _again(sweep: Sweep, command: str) -> tuple[Markup, ...]:

@@ -2,11 +2,11 @@
 
     python -m benchmarks.ocp_references [--problems NAME NAME ...]
 
-A problem with a solution on paper is computed from that and by collocation with Radau IIA, any other by Radau IIA and
-by Gauss and Legendre, whose points and degrees differ. Exit code 1 unless both agree to 1e-7, and the library with
-them, relative to the optimum's distance from its origin.
+A problem with a closed-form solution is computed from that and by collocation with Radau IIA, any other by Radau IIA
+and by Gauss-Legendre, whose points and degrees differ. The exit code is 1 unless both methods and the library agree to
+1e-7, relative to the optimum's distance from its origin.
 
-Optima that are known on paper, or but for a quadrature or a root.
+Optima that are known in closed form, or up to a quadrature or a root.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from mathnavi.interfaces.field_table import TOGETHER
 
 
 def cycloid(across: float, drop: float, gravity: float) -> float:
-    """Time of the brachistochrone x = a (φ - sin φ), y = a (1 - cos φ): φ sqrt(a / g)."""
+    """Return the time of the brachistochrone x = a (φ - sin φ), y = a (1 - cos φ): φ sqrt(a / g)."""
     phi = brentq(lambda p: across * (1.0 - math.cos(p)) - drop * (p - math.sin(p)), 0.1, 6.2, xtol=1e-14)
     return float(phi * math.sqrt(drop / (1.0 - math.cos(phi)) / gravity))
 
 
 def boundary_layers(start: float, end: float) -> float:
-    """The hypersensitive problem over a long time: S(start, -1) + S(end, 1), S(a, ±1) = ∫_0^a x sqrt(x^4 + 1) ± x^3."""
+    """Return J of the long hypersensitive problem, S(start, -1) + S(end, 1), S(a, ±1) = ∫_0^a x √(x^4 + 1) ± x^3 dx."""
 
     def layer(a: float, sign: float) -> float:
         return float(quad(lambda x: x * math.sqrt(x**4 + 1.0) + sign * x**3, 0.0, a, epsabs=1e-13)[0])
@@ -50,7 +50,7 @@ def boundary_layers(start: float, end: float) -> float:
 
 
 def linear_layers(start: float, end: float, duration: float) -> float:
-    """The linear hypersensitive problem: x = A e^(√2 t) + B e^(-√2 t), J = -(λ x) / 2 between its ends, u = -λ."""
+    """Return J of the linear hypersensitive problem: x = A e^(√2 t) + B e^(-√2 t), u = -λ, J = -λ x / 2 at the ends."""
     s = math.sqrt(2.0)
     A, B = np.linalg.solve(
         [[math.exp(-s * duration), 1.0], [1.0, math.exp(-s * duration)]], [start, end]
@@ -62,12 +62,12 @@ def linear_layers(start: float, end: float, duration: float) -> float:
 
 
 def resting_on_the_wall(wall: float) -> float:
-    """Bryson and Denham's problem for walls up to 1/6: 4 / (9 L)."""
+    """Return J of the Bryson-Denham problem for state bounds L up to 1/6: 4 / (9 L)."""
     return 4.0 / (9.0 * wall)
 
 
 def fall_and_brake(height: float, speed: float, gravity: float, thrust: float) -> float:
-    """Fuel of a soft landing that falls and then brakes: thrust times the time of braking from the speed at the switch.
+    """Return the fuel of a soft landing that falls and then brakes: thrust times the time of braking from the switch.
 
     v_s^2 = v^2 + 2 g (h - h_s) and v_s^2 = 2 (F - g) h_s.
     """
@@ -76,7 +76,7 @@ def fall_and_brake(height: float, speed: float, gravity: float, thrust: float) -
 
 
 def catenary(length: float, start: float, end: float) -> float:
-    """Energy ∫ x ds of a chain x = c + a cosh((t - b) / a) over a distance of 1."""
+    """Return the energy ∫ x ds of a hanging chain x = c + a cosh((t - b) / a) over a distance of 1."""
     a = brentq(
         lambda a: 2.0 * a * math.sinh(0.5 / a) - math.sqrt(length**2 - (end - start) ** 2), 0.05, 10.0, xtol=1e-15
     )
@@ -102,7 +102,7 @@ CLOSED_FORMS: dict[str, Callable[[], float]] = {
     "lunar landing": lambda: fall_and_brake(10.0, -2.0, 1.5, 3.0),
     "hanging chain": lambda: catenary(4.0, 1.0, 3.0),
 }
-"""the quantity that is compared, by the problem's name"""
+"""function that returns the known quantity, by the problem's name"""
 
 
 AGREEMENT = 1e-7
@@ -132,17 +132,17 @@ class Agreement:
 
     @property
     def known(self) -> KnownOptimum:
-        """The library's entry."""
+        """Entry of the library."""
         return KNOWN[self.name]
 
     @property
     def difference(self) -> float:
-        """|difference of both values|, relative to the optimum's distance from its origin."""
+        """Absolute difference of both values, relative to the optimum's distance from its origin."""
         return abs(self.values[0] - self.values[1]) / abs(self.known.optimum - self.known.origin)
 
     @property
     def error(self) -> float:
-        """The library's error, relative in the same way, from the value that is farther."""
+        """Error of the library, relative to the optimum's distance from its origin: the larger one of both methods."""
         return max(self.known.error(self.known.sign * value) for value in self.values)
 
     @property
@@ -152,7 +152,7 @@ class Agreement:
 
 
 def agreement(name: str) -> Agreement:
-    """Compute an optimum twice; NoReferenceError where a method does not converge."""
+    """Compute an optimum by both methods; NoReferenceError if one does not converge."""
     known, chain = KNOWN[name], CHAINS[name]
     problem = known.problem()
     guess = chain.guess(problem)

@@ -1,4 +1,4 @@
-"""The arcs of every optimum, in the order of time: what each control does, and how long for, as a guess."""
+"""Arcs of every optimum in the order of time: the structure of each control, and a guess of each duration."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mathnavi.interfaces.signals import Array
 
 @dataclass(frozen=True)
 class Chain:
-    """How an optimum is computed: arcs, degrees of the two methods, and a uniform grid to begin with."""
+    """Computation of an optimum: arcs, degrees of the two methods, and a uniform grid for the guess."""
 
     arcs: tuple[Arc, ...]
     radau: int = 7
@@ -24,46 +24,46 @@ class Chain:
     moving: bool = True  # widths are unknowns
 
     def guess(self, problem: ProblemFunctions) -> Reference | None:
-        """The optimum on the uniform grids; None without one. NoReferenceError where a solve does not converge."""
+        """Return the optimum on the uniform grids, None without grids; NoReferenceError if a solve fails."""
         found: Reference | None = None
         for intervals in self.uniform:
             found = collocate(problem, [Arc(1.0, intervals=intervals)], radau(3), found, moving=False, tolerance=1e-8)
         return found
 
     def optimum(self, problem: ProblemFunctions, points: Array, guess: Reference | None) -> float:
-        """J on the arcs with these points in an interval; NoReferenceError where the solve does not converge."""
+        """Return the optimum on the arcs with these points in an interval; NoReferenceError if the solve fails."""
         return collocate(problem, self.arcs, points, guess, moving=self.moving).cost
 
 
 def smooth(intervals: int, uniform: tuple[int, ...] = (20,)) -> Chain:
-    """One arc, of equal intervals."""
+    """Return a chain of one arc with equal intervals."""
     return Chain((Arc(1.0, intervals=intervals),), uniform=uniform, moving=False)
 
 
 def bunt_load(x: ca.SX, u: ca.SX, t: ca.SX) -> ca.SX:
-    """Normal load at its least, L / (m g) = -4."""
+    """Return the residual of the active limit of the normal load, L / (m g) = -4."""
     air = manuals.BUNT_C1 * x[3] ** 2 + manuals.BUNT_C2 * x[3] + manuals.BUNT_C3
     lift = manuals.BUNT_B1 * u[1] * air * x[1] ** 2 * manuals.BUNT_AREA / 2
     return lift / (manuals.BUNT_MASS * manuals.BUNT_GRAVITY) + manuals.BUNT_MOST_LOAD
 
 
 def rayleigh_bound(x: ca.SX, u: ca.SX, t: ca.SX) -> ca.SX:
-    """The mixed constraint u + x1 / 6 = 0."""
+    """Return the residual of the active mixed constraint, u + x1 / 6 = 0."""
     return u[0] + x[0] / 6
 
 
 def on_parabola(x: ca.SX, t: ca.SX) -> ca.SX:
-    """The state of stc1 on its bound, x2 = 8 (t - 1/2)^2 - 1/2."""
+    """Return the residual of the state bound of stc1, x2 = 8 (t - 1/2)^2 - 1/2, at its entry."""
     return 8 * (t - 0.5) ** 2 - 0.5 - x[1]
 
 
 def along_parabola(x: ca.SX, u: ca.SX, t: ca.SX) -> ca.SX:
-    """The control that keeps it there, u - x2 = 16 (t - 1/2)."""
+    """Return the residual of the control of stc1 along its state bound, u - x2 = 16 (t - 1/2)."""
     return u[0] - x[1] - 16 * (t - 0.5)
 
 
 def _layers(duration: float) -> Chain:
-    """The hypersensitive problem: finer towards its ends."""
+    """Return the chain of the hypersensitive problem, finer towards its ends."""
     widths = ((1.0, 20), (3.0, 20), (12.0, 24))  # [s], intervals
     rest = duration - 2 * sum(width for width, _ in widths)
     arcs = [Arc(width, intervals=n) for width, n in widths]
@@ -71,23 +71,23 @@ def _layers(duration: float) -> Chain:
 
 
 def _graded(starts: tuple[tuple[float, int], ...]) -> tuple[Arc, ...]:
-    """Arcs from where they start [s], with their intervals; the last start is the end."""
+    """Return the arcs between start times [s], with their numbers of intervals; the last time is the end."""
     return tuple(Arc(end - start, intervals=n) for (start, n), (end, _) in pairwise(starts))
 
 
 def _crane(width: float, u1: float | None, u2: float, intervals: int) -> Arc:
-    """An arc of the crane, of a width in seconds; u1 is singular where it is None."""
+    """Return an arc of the crane with a width [s]; u1 is singular if it is None."""
     held = {"u2": u2} if u1 is None else {"u1": u1, "u2": u2}
     return Arc(width, held, intervals=intervals, degree=None if u1 is not None else 4)
 
 
 def _thrusters(width: float, *firing: int) -> Arc:
-    """An arc of the free-flying robot, of a width in seconds."""
+    """Return an arc of the free-flying robot with a width [s]."""
     return Arc(width, {f"u{k}": float(k in firing) for k in (1, 2, 3, 4)}, intervals=3)
 
 
 def _torques(width: float, **u: float) -> Arc:
-    """An arc of a robot arm, of a width in seconds."""
+    """Return an arc of a robot arm with a width [s]."""
     return Arc(width, u, intervals=3)
 
 
@@ -98,7 +98,8 @@ ALP_RIDER = (
     (0.0, 8), (0.012, 6), (0.05, 6), (0.34, 20), (0.4, 24), (2.6, 14), (2.9, 30), (5.6, 14), (5.95, 40), (9.65, 12),
     (9.95, 44), (14.6, 14), (14.95, 36), (18.4, 16), (18.46, 12), (19.8, 8), (19.95, 14), (20.0, 0),
 )  # fmt: skip
-"""finer at both ends, where the constraint begins and ends to bind, and at the foot of every peak: layers of 0.01 s"""
+"""start times [s] and intervals: finer at both ends, where the constraint becomes active and inactive, and at the foot
+of every peak, where layers last 0.01 s"""
 
 CHAINS: dict[str, Chain] = {
     "brachistochrone": smooth(12),
@@ -208,4 +209,4 @@ CHAINS: dict[str, Chain] = {
         radau=6, gauss=6, uniform=(60,),
     ),
 }  # fmt: skip
-"""the chain of every problem of the library by its name"""
+"""chain of every problem of the library, by the problem's name"""

@@ -1,14 +1,14 @@
 """Collocation on arcs whose lengths are unknowns: the optimum of a problem whose control jumps, to ten digits.
 
 The horizon is a chain of arcs a = 1 ... A, each of width d_a > 0 and of equal intervals. On an arc a control is held
-at a value, follows from an equation that holds there, or is free; so it is smooth inside every arc, and what jumps,
-jumps where two arcs meet. On a singular arc a control with a value at each point would exploit the errors of the
+at a value, follows from an equation that holds there, or is free; so it is smooth inside every arc and jumps only where
+two arcs meet. On a singular arc a control with a value at each point would exploit the errors of the
 quadrature: there it is a polynomial of lower degree. In every interval of width d the dynamics hold at the k points of
 an implicit Runge-Kutta method,
 
     X_j = x_0 + d Σ_i A_ji f(X_i, u_i),      x_1 = x_0 + d Σ_i b_i f(X_i, u_i),      J = Σ d Σ_i b_i L(X_i, u_i) + Psi,
 
-with the points of Radau IIA or those of Gauss and Legendre: two discretisations that share no point.
+with the points of Radau IIA or of Gauss-Legendre: two discretisations that share no point.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.interfaces.signals import Array
 
 Equation = Callable[[ca.SX, ca.SX, ca.SX], ca.SX]
-"""(x, u, t) -> expressions that vanish along an arc"""
+"""function (x, u, t) -> expressions that vanish along an arc"""
 
 Entry = Callable[[ca.SX, ca.SX], ca.SX]
-"""(x, t) -> expressions that vanish where an arc begins"""
+"""function (x, t) -> expressions that vanish where an arc begins"""
 
 
 class NoReferenceError(RuntimeError):
-    """A reference that did not converge."""
+    """A reference solution did not converge."""
 
 
 @dataclass(frozen=True)
@@ -60,25 +60,25 @@ class Reference:
 
 
 def radau(k: int) -> Array:
-    """Points (k,) of Radau IIA: the zeros of P_k - P_(k-1) on [0, 1], 1 among them."""
+    """Return the points (k,) of Radau IIA: the zeros of P_k - P_(k-1) on [0, 1], which include 1."""
     points = np.sort(np.real((Legendre.basis(k) - Legendre.basis(k - 1)).roots()))
     points[-1] = 1.0
     return 0.5 * (points + 1.0)
 
 
 def gauss(k: int) -> Array:
-    """Points (k,) of Gauss and Legendre on [0, 1]."""
+    """Return the Gauss-Legendre points (k,) on [0, 1]."""
     return 0.5 * (np.polynomial.legendre.leggauss(k)[0] + 1.0)
 
 
 def lagrange(c: Array, at: Array) -> Array:
-    """Lagrange's basis l_i (n, k) on the points c at n places."""
+    """Return the Lagrange basis l_i (n, k) on the points c (k,) at n places."""
     k = len(c)
     return np.array([[np.prod([(s - c[m]) / (c[i] - c[m]) for m in range(k) if m != i]) for i in range(k)] for s in at])
 
 
 def coefficients(c: Array) -> tuple[Array, Array]:
-    """A (k, k) and b (k,) of the collocation method with points c: A_ji = ∫_0^c_j l_i, b_i = ∫_0^1 l_i."""
+    """Return A (k, k) and b (k,) of the collocation method with points c: A_ji = ∫_0^c_j l_i, b_i = ∫_0^1 l_i."""
     k = len(c)
     nodes, share = np.polynomial.legendre.leggauss(k)
 
@@ -96,18 +96,18 @@ def collocate(
     moving: bool = True,
     tolerance: float = 1e-11,
 ) -> Reference:
-    """The optimum on a chain of arcs.
+    """Return the optimum on a chain of arcs.
 
     Args:
         problem: the problem as compiled functions.
         arcs: the chain.
         points: points c of the method in an interval.
-        guess: another optimum to start from; None for the problem's own guess.
-        moving: take the widths for unknowns; if not, the arcs keep their proportions.
-        tolerance: of IPOPT.
+        guess: another optimum to start from; None for the problem's guess.
+        moving: whether the widths are unknowns; if not, the arcs keep their proportions.
+        tolerance: tolerance of IPOPT.
 
     Raises:
-        NoReferenceError: without a solution.
+        NoReferenceError: IPOPT finds no solution.
     """
     A, b = coefficients(points)
     nx, p = problem.nx, ca.DM(problem.nominal)
@@ -226,7 +226,7 @@ def collocate(
 def _guesses(
     problem: ProblemFunctions, guess: Reference | None
 ) -> tuple[Callable[[float], Array], Callable[[float], Array]]:
-    """States and controls at a fraction of T."""
+    """Return the guess of states and controls as a function of the fraction of T."""
     if guess is None:
         at, x, u = problem.guess_times, problem.guess_states, problem.guess_controls
     else:

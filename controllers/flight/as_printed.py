@@ -10,8 +10,8 @@ At each step the NLP (A.2), in its form (A.3), over the accelerations a_1 ... a_
                 h (|a_N|^2 + beta) + Psi(p_N + h v_N) - Psi(p_N) <= -epsilon,     a_N in S_epsilon (Definition A.1)
 
 H is the terrain's triangles; Psi is trilinear on the 33 x 33 x 5 grid (A.5), beta / v_c per metre. a_N stands in
-S_epsilon alone, where nothing is better than a_N = 0. Behind it goes the manoeuvre of (A.4), predetermined, not
-optimised:
+S_epsilon alone, where nothing is better than a_N = 0. It is followed by the manoeuvre of (A.4), which is predetermined,
+not optimised:
 
     (p^_1, v^_1) = (p_N + h v_N, v_N + h a_N),  N_bar nodes by forward Euler under one constant acceleration,
 
@@ -20,10 +20,10 @@ sin(alpha_bar), alpha_bar the terrain's steepest slope. It is verified at its no
 NLP fails or the manoeuvre is infeasible, the previous concatenated solution goes on (Remark A.5). From S_s the
 vehicle completes the task "continuing upward and upon a full turn above the target" (A.4).
 
-Where the thesis is silent: what is flown are the accelerations, each held for h, so the arcs of a plan are the exact
-motion; only the optimiser uses Euler. The vehicle's force is bounded in the Euclidean norm, so the thesis's
-box for a_i is the largest one in that ball. S_f is p = p_f, and no node is made to lie there: the vehicle arrives
-if it happens to pass within the radius, else by completion.
+Where the thesis is silent: the accelerations are flown, each held for h, so the arcs of a plan are the exact motion;
+only the optimiser uses Euler. The vehicle's force is bounded in the Euclidean norm, so the thesis's
+box for a_i is the largest one in that ball. S_f is p = p_f, and no node is constrained to it: the vehicle arrives if it
+happens to pass within the radius, else by completion.
 """
 
 from __future__ import annotations

@@ -294,7 +294,7 @@ class OptimalControlProblem:
         return plus + minus
 
     def largest(self, *values: Expression, name: str = "") -> ca.SX:
-        """max(values) without its kink, for a cost that grows with it; returns the symbol of a control above them all.
+        """Return max(values) without its kink, for a cost that grows with it: a control above all values.
 
         The least of several is -largest(-a, -b), for a cost that falls with it.
         """

@@ -5,10 +5,10 @@ At each planning instant two trajectories are computed:
     whole   from the committed trajectory towards the goal, over the horizon, without a stop at its end;
     safe    from a point R on the whole one to rest, within free space.
 
-What is committed to is the whole trajectory up to R and the safe one from there on. If either of the two is not found,
-the trajectory committed to before goes on, whose safe part is the fallback. R is as far along the whole trajectory
-as the vehicle can still brake before the place H where it leaves free space, |v|^2 / (2 a_max) <= the way to H; a whole
-trajectory that stays in free space up to the target is committed to up to its end, as in the authors' program.
+The whole trajectory up to R, and the safe one from there, are committed. If either is not found, the trajectory
+committed before continues, whose safe part is the fallback. R is the last point of the whole trajectory from which the
+vehicle can brake before the place H where it leaves free space, |v|^2 / (2 a_max) <= the distance to H; a whole
+trajectory that stays in free space up to the target is committed up to its end, as in the authors' program.
 
 Our interpretation: the whole trajectory is that of the receding horizon of ``flight``, of which the optimised arcs are
 used; H is where these come closer to the ground than allowed, else their end. The safe trajectory is the one of least

@@ -5,8 +5,8 @@ candidate is
 
     the nominal trajectory on [0, T_S],   then the backup manoeuvre into the backup set, where the vehicle stays.
 
-The candidate of the greatest valid T_S is committed to, T_S = max {T_S in [0, T_H] : the candidate is safe for ever}.
-Where none is valid, or the nominal planner has no answer, the trajectory committed to before goes on.
+The candidate of the greatest valid T_S is committed, T_S = max {T_S in [0, T_H] : the candidate is safe for ever}. If
+none is valid, or the nominal planner has no answer, the trajectory committed before continues.
 
 Our interpretation: the nominal planner is the receding horizon of ``flight``, of which the optimised arcs are used and
 the way behind them is not; the backup manoeuvre is a stop at the acceleration bound into a climb, and the backup set

@@ -1,7 +1,7 @@
-"""The pages of the API, a page a folder, written from the sources before the others are read.
+"""Pages of the API, one for each folder, generated from the sources before the other pages are read.
 
-The sources are read and not imported: a compiled function keeps its signature, types and defaults stand as they are
-written, and what the comment beside a field says of its shape, unit and frame stands with it.
+The sources are parsed, not imported: so a compiled function keeps its signature, types and defaults are printed as
+written, and the comment next to a field, with its shape, unit and frame, is printed with it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Module:
         self.meaning = dict(self._meaning())
 
     def _meaning(self) -> Iterator[tuple[str, str]]:
-        """Every name that is imported or made here, with its module: a short one might be taken for another's."""
+        """Yield every name imported or defined in the module, with its full name, since short names are ambiguous."""
         for node in ast.walk(self.tree):
             if isinstance(node, ast.ImportFrom) and node.module:
                 yield from ((name.asname or name.name, f"{node.module}.{name.name}") for name in node.names)
@@ -46,7 +46,7 @@ class Module:
                 yield node.targets[0].id, f"{self.name}.{node.targets[0].id}"
 
     def type_text(self, annotation: ast.expr | None) -> str:
-        """An annotation, each name of ours with its module, so that it leads to the right place."""
+        """Return an annotation with each name of mathnavi qualified by its module, so that links are unambiguous."""
         if annotation is None:
             return ""
         text = ast.unparse(_Qualified(self.meaning).visit(ast.parse(ast.unparse(annotation), mode="eval")).body)
@@ -64,7 +64,7 @@ class _Qualified(ast.NodeTransformer):
 
 
 def page(folder: Path, modules: Sequence[Module]) -> str:
-    """Page of one folder: a table of its modules, then each with its classes and functions."""
+    """Return the page of one folder: a table of its modules, then each module with its classes and functions."""
     title = ".".join(("mathnavi", *folder.relative_to(ROOT).parts))
     lines = [
         ".. highlight:: text",
@@ -92,7 +92,7 @@ def _heading(text: str, level: str) -> list[str]:
 
 
 def _members(module: Module, body: Iterable[ast.stmt], owner: ast.ClassDef | None) -> list[str]:
-    """The public statements of a module or a class as reStructuredText."""
+    """Return the public statements of a module or a class as reStructuredText."""
     lines: list[str] = []
     statements = list(body)
     for k, node in enumerate(statements):
@@ -139,7 +139,7 @@ def _function(module: Module, node: Function, owner: ast.ClassDef | None) -> lis
 def _data(
     module: Module, node: ast.AnnAssign | ast.Assign, below: ast.stmt | None, owner: ast.ClassDef | None
 ) -> list[str]:
-    """A field or a constant, if it is public and something is said of it or it has a type."""
+    """Return a public field, or a public constant that is documented."""
     target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]
     if not isinstance(target, ast.Name) or target.id.startswith("_"):
         return []
@@ -157,7 +157,7 @@ def _data(
 
 
 def _arguments(module: Module, arguments: ast.arguments, skip: int) -> str:
-    """The parameters as they are written, but for ``self`` and the names of types."""
+    """Return the parameters as written, without ``self`` and with qualified types."""
     copy: Any = ast.parse(f"def f({ast.unparse(arguments)}): ...").body[0]
     for kind in ("posonlyargs", "args"):
         parameters = getattr(copy.args, kind)
@@ -177,7 +177,7 @@ def _directive(kind: str, signature: str, options: Iterable[tuple[str, str]], in
 
 
 def write_pages(app: Sphinx) -> None:
-    """A page for every folder with modules, and the index; a page that says the same already is not touched."""
+    """Write a page for every folder with modules, and the index; unchanged pages are not written."""
     folder = Path(app.srcdir) / "reference" / "api"
     pages = {}
     for package in PACKAGES:

@@ -1,7 +1,7 @@
-"""Parts of the pages that are read from the software when they are built, so that they cannot go stale.
+"""Parts of pages that are generated from the software when the pages are built, so that they are never out of date.
 
-A line ``<!-- generated: NAME -->`` of a page gives way to what ``PARTS[NAME]`` writes in Markdown, and a line
-``<!-- outside: PATH -->`` to a file of the repository, its links made to lead there from the page.
+A line ``<!-- generated: NAME -->`` of a page is replaced by the Markdown that ``PARTS[NAME]`` returns, and a line
+``<!-- outside: PATH -->`` by a file of the repository, with its links adapted to the page.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ KINDS = {float: "number", int: "whole number", bool: "yes or no", str: "text", P
 
 
 def commands() -> str:
-    """Every command: what it is for, its help as printed, and its flags where the help leaves them to a scenario."""
+    """Return every command: its purpose, its help as printed, and its flags if the help leaves them to a scenario."""
     parts = []
     for name, (_, purpose) in cli.COMMANDS.items():
         usage = _printed(name, "--help")
@@ -49,12 +49,12 @@ def commands() -> str:
 
 
 def common() -> str:
-    """The flags of every scenario."""
+    """Return the flags that all scenarios have."""
     return table(CommonOptions)
 
 
 def scenarios() -> str:
-    """Every scenario: what it is, what flies it unless something else is asked for, and its fields."""
+    """Return every scenario: its description, its default controller and estimator, and its fields."""
     parts = []
     for name in names("scenarios"):
         scenario = load("scenarios", name)
@@ -68,7 +68,7 @@ def scenarios() -> str:
 
 
 def plug_ins() -> str:
-    """Every plug-in of every kind, and the fields of those that have some."""
+    """Return every plug-in of every kind, with the fields of those that have any."""
     parts = []
     for kind, group in GROUPS.items():
         points = sorted(entry_points(group=group))
@@ -89,7 +89,7 @@ PARTS: dict[str, Callable[[], str]] = {
 
 
 def table(owner: type, prefix: str = "") -> str:
-    """The flags of a frozen dataclass: what is given with each, its default, what it means."""
+    """Return the flags of a frozen dataclass: kind of value, default and meaning."""
     factories = {entry.name: entry.default_factory for entry in dataclasses.fields(owner)}
     rows = []
     for leaf in leaves_of(owner, prefix):
@@ -106,7 +106,7 @@ def _asked(factory: Any) -> str:
 
 
 def _kind(form: Form) -> str:
-    """Value that is given with a flag."""
+    """Return the kind of value that a flag takes, in words."""
     items = [_kind(item) for item in form.members]
     if form.origin is Union:
         return " or ".join(dict.fromkeys(items))
@@ -143,7 +143,7 @@ def _first_paragraph(documented: Any) -> str:
 
 
 def _printed(*words: str) -> str:
-    """Help text of a command, in a terminal of ``COLUMNS``."""
+    """Return the help text of a command in a terminal with ``COLUMNS``."""
     before = os.environ.get("COLUMNS")
     os.environ["COLUMNS"] = COLUMNS
     try:
@@ -174,7 +174,7 @@ def _code(text: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Words as they are in Markdown, in one line; double backquotes are a literal, as in the source."""
+    """Return a text escaped for Markdown, in one line; double backquotes mark a literal, as in the source."""
     parts = re.split(r"``(.+?)``", " ".join(text.split()))
     for k, part in enumerate(parts):
         parts[k] = _code(part) if k % 2 else re.sub(r"([\\*_`|<>\[\]$#{}])", r"\\\1", part)
@@ -191,7 +191,7 @@ PAGES = {"ARCHITECTURE.md": ROOT / "docs" / "architecture.md", "CHANGELOG.md": R
 
 
 def outside(path: str, page: Path) -> str:
-    """A file of the repository, its links and pictures made to lead there from a page."""
+    """Return a file of the repository with links and pictures adapted to a page."""
     file = ROOT / path
 
     def moved(found: re.Match[str]) -> str:
@@ -209,7 +209,7 @@ def outside(path: str, page: Path) -> str:
 
 
 def fill(app: Sphinx, docname: str, source: list[str]) -> None:
-    """Put what is generated and what stands outside into a page that asks for it."""
+    """Insert the generated parts and the files of the repository into a page."""
     page = Path(app.env.doc2path(docname))
 
     def part(found: re.Match[str]) -> str:

@@ -15,7 +15,7 @@ logger = logging.getLogger(__name__)
 
 
 def mathml(latex: str, display: str, node: nodes.Node) -> str:
-    """The MathML of LaTeX; a warning where a command is not known, which would be drawn by its name."""
+    """Return LaTeX as MathML; warn of an unknown command, which would be drawn as its name."""
     known = re.sub(r"\\(begin|end)\{(?:aligned|align|gathered)\}", r"\\\1{align*}", latex)
     try:
         made = convert(known, display=display)

@@ -1,7 +1,7 @@
-"""The papers' pages and the exercises as PDF, ``papers/NAME.pdf``, printed from the built pages by Chromium.
+"""Pages of papers and exercises as PDF, ``papers/NAME.pdf``, printed from the built pages by Chromium.
 
-A browser sets MathML and the style sheet's part for paper as a reader's own browser would; LaTeX would need a second
-description of every page. Where there is no Chromium the build says so, and the pages have no link to a PDF.
+A browser typesets MathML and the print style sheet as a reader's browser does; LaTeX would need a second description of
+every page. Without Chromium the build prints a note, and the pages have no link to a PDF.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ logger = logging.getLogger(__name__)
 
 
 def browser() -> str | None:
-    """The path of a Chromium, None where there is none."""
+    """Return the path of a Chromium; None if it is not installed."""
     return next((path for name in BROWSERS if (path := shutil.which(name))), None)
 
 
@@ -41,7 +41,7 @@ def add_link(app: Sphinx, page: str, template: str, context: dict[str, Any], doc
 
 
 def print_pages(app: Sphinx, error: Exception | None) -> None:
-    """Print every page that has a link; ExtensionError where the browser fails."""
+    """Print every page that has a link; ExtensionError if the browser fails."""
     if error is not None or app.builder.format != "html":
         return
     found = browser()
@@ -54,7 +54,7 @@ def print_pages(app: Sphinx, error: Exception | None) -> None:
 
 
 def print_page(found: str, page: Path, pdf: Path) -> None:
-    """Print one page; ExtensionError where the browser fails."""
+    """Print one page; ExtensionError if the browser fails."""
     with tempfile.TemporaryDirectory() as profile:
         command = [
             found, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={profile}",

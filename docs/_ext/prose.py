@@ -1,7 +1,7 @@
-"""Docstrings as they are written here, plain prose with ``literals``, turned into reStructuredText that says the same.
+"""Conversion of docstrings, plain prose with ``literals``, to reStructuredText.
 
-A paragraph that is indented is a formula or a sketch and is shown as it stands; one whose lines start with ``*`` or
-``-`` is a list; whatever else is prose, in which no sign but the double backquote means anything.
+An indented paragraph is a formula or a sketch and is shown verbatim; one whose lines start with ``*`` or ``-`` is a
+list; any other is prose, in which only double backquotes have a meaning.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ _NUMBER = re.compile(r"\d+[.)] +")
 
 
 def prose(text: str | None) -> list[str]:
-    """Lines of reStructuredText, with an empty one after each paragraph."""
+    """Return lines of reStructuredText, with an empty one after each paragraph."""
     lines: list[str] = []
     for paragraph in re.split(r"\n\s*\n", inspect.cleandoc(text or "")):
         if paragraph.strip():
@@ -23,7 +23,7 @@ def prose(text: str | None) -> list[str]:
 
 
 def inline(text: str) -> str:
-    """One paragraph's words on one line; only ``literals`` are more than words."""
+    """Return a paragraph as one line, in which only ``literals`` are marked up."""
     parts = re.split(r"(``.+?``)", " ".join(text.split()))
     for k, part in enumerate(parts):
         if k % 2 == 0:
@@ -56,7 +56,7 @@ def _sentence(lines: list[str]) -> str:
 
 
 def _items(lines: list[str], marker: re.Pattern[str]) -> list[str]:
-    """The text of each item; lines without a marker go on with the item above."""
+    """Return the text of each item; lines without a marker continue the item above."""
     depth = len(lines[0]) - len(lines[0].lstrip())
     items: list[str] = []
     for line in lines:

@@ -16,7 +16,7 @@ class FilteredDifferencesConfig:
     """Fields of ``--estimator``."""
 
     cutoff: NonNegative = 20.0
-    """frequency at which the filter's gain is 1 / sqrt(2); 0 for unfiltered differences [Hz]"""
+    """frequency at which the filter's gain is 1 / sqrt(2) [Hz]; 0 for unfiltered differences"""
     timeout: Positive = 0.5
     """time without a reading after which the estimate is lost [s]"""
 

@@ -39,7 +39,7 @@ class HighGainConfig:
     """Fields of ``--estimator``."""
 
     bandwidth: Positive = 10.0
-    """bandwidth omega; the observer has a double pole at -omega [1/s]"""
+    """bandwidth omega [1/s]; the observer has a double pole at -omega"""
     timeout: Positive = 0.5
     """time without a reading after which the estimate is lost [s]"""
 

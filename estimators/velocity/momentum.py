@@ -40,7 +40,7 @@ class MomentumObserverConfig:
     """Fields of ``--estimator``."""
 
     bandwidth: Positive = 30.0
-    """bandwidth omega; the observer has a triple pole at -omega [1/s]"""
+    """bandwidth omega [1/s]; the observer has a triple pole at -omega"""
     timeout: Positive = 0.5
     """time without a reading after which the estimate is lost [s]"""
 

@@ -39,7 +39,7 @@ def usable(reading: Measurement, manifold: Manifold) -> Array | None:
 
 
 def innovation(manifold: Manifold, x: Array, y: Array) -> Array | None:
-    """Coordinates (n,) of y (size,) about x (size,); None where there are none."""
+    """Coordinates (n,) of y (size,) about x (size,); None at the cut locus of x."""
     try:
         return manifold.coordinates(x, y)
     except CutLocusError:

@@ -40,7 +40,7 @@ OUTCOMES = ("arrived", "crashed", "off the map", "late")
 
 
 def features(observation: dict[str, np.ndarray]) -> np.ndarray:
-    """(n, 46) of order 1, from observations of n missions."""
+    """Return features (n, 46) of order 1 from the observations of n missions."""
     velocity, target = turned(observation["velocity"], observation, -1.0), observation["target"]
     distance = np.hypot(target[:, 0], target[:, 1])[:, np.newaxis]
     needed = distance / np.maximum(observation["time_left"], 1.0)
@@ -126,7 +126,7 @@ class Missions(VecEnv):
 
 
 def made(count: int, seed: int, missions: int) -> Any:
-    """``count`` missions at once, of so many different ones from ``seed`` on."""
+    """Return a vector environment of ``count`` concurrent missions, ``missions`` different ones from ``seed`` on."""
     return gymnasium.make_vec(
         ENVIRONMENT, num_envs=count, vectorization_mode="vector_entry_point", seed=seed, missions=missions,
         terrain=TERRAIN, target=TARGET, drawn_separation=SEPARATION, discount=DISCOUNT,
@@ -134,7 +134,7 @@ def made(count: int, seed: int, missions: int) -> Any:
 
 
 def straight(observation: dict[str, np.ndarray]) -> np.ndarray:
-    """Actions (n, 3) that lead straight to the target at 150 m/s, whatever is in the way: what a policy has to beat."""
+    """Return actions (n, 3) straight to the target at 150 m/s, regardless of obstacles: the baseline of a policy."""
     offset = observation["target"]
     ahead = 150.0 * turned(offset, observation, -1.0) / np.linalg.norm(offset, axis=1, keepdims=True)
     return np.clip(ahead / FASTEST, -1.0, 1.0)

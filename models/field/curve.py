@@ -71,7 +71,7 @@ class Curve:
         return self._series(s, 2)
 
     def symbolic(self, s: casadi.SX) -> casadi.SX:
-        """theta(s) (2,) as a CasADi expression."""
+        """Point theta(s) (2,) as a CasADi expression."""
         x, y = casadi.SX(self.coefficients[0][0]), casadi.SX(self.coefficients[0][2])
         for k, (ax, bx, ay, by) in enumerate(self.coefficients[1:], start=1):
             c, sn = casadi.cos(k * s), casadi.sin(k * s)
@@ -120,9 +120,7 @@ class Curve:
         return float(np.linalg.norm(a + along[:, None] * d - p, axis=1).min())
 
     def ranges(self, pose: Array, angles: Array) -> tuple[Array, Array]:
-        """Ranges rho (l,) [m] and ray ends s (l,) [rad] of sensors at ``angles`` (l,) [rad] off the heading of a pose
-        (3,), (C.4).
-        """
+        """Ranges rho (l,) [m] and ray ends s (l,) [rad] of sensors at ``angles`` (l,) [rad] from a pose (3,), (C.4)."""
         rho, s = cast_rays(self.table, self.polyline, np.asarray(pose, np.float64), np.asarray(angles, np.float64))
         return rho, s
 

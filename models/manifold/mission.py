@@ -27,11 +27,16 @@ EncoderBits = Annotated[int, Interval(ge=0, le=32), FINITE]
 class PositionQuality:
     """Errors of a position reading, in coordinates of the manifold about the truth: of each joint, for a mechanism."""
 
-    noise: Annotated[float, Radians(0.0, 1.0, unit="rad or m")] = 0.0  # [rad, m] standard deviation of each coordinate
-    resolution: EncoderBits = 0  # bits of an encoder over a turn, or over a metre; 0: it does not round
-    dropout: Fraction = 0.0  # fraction of readings that are lost
-    jump: Fraction = 0.0  # fraction of readings that are off by ``jump_size`` in every coordinate
-    jump_size: Annotated[float, Radians(0.0, 10.0, unit="rad or m")] = 0.0  # [rad, m]
+    noise: Annotated[float, Radians(0.0, 1.0, unit="rad or m")] = 0.0
+    """standard deviation of each coordinate of a reading [rad, m]"""
+    resolution: EncoderBits = 0
+    """resolution of an encoder, in bits per turn or per metre; 0 for none"""
+    dropout: Fraction = 0.0
+    """fraction of readings that are lost"""
+    jump: Fraction = 0.0
+    """fraction of readings with an error of jump_size in every coordinate"""
+    jump_size: Annotated[float, Radians(0.0, 10.0, unit="rad or m")] = 0.0
+    """error of such a reading in every coordinate [rad, m]"""
 
 
 @dataclass(frozen=True)

@@ -134,7 +134,7 @@ CASES = {
 
 @dataclass(frozen=True)
 class Target:
-    """Target: its place at time ``t``, and its velocity from then on as far as it is known."""
+    """Target: its position at time ``t``, and its known velocity from then on."""
 
     place: Place  # [m] Earth frame
     velocity: Place = (0.0, 0.0, 0.0)  # [m/s] Earth frame

@@ -175,8 +175,7 @@ class HeightField:
         return kernels.sights(self.z, self.spacing, _vector("p", p), _rows("points", points))
 
     def inflated(self, horizontal: float, vertical: float) -> HeightField:
-        """Ground that lies ``vertical`` [m] above the highest ground within ``horizontal`` [m] of each point, or
-        higher.
+        """Ground at least ``vertical`` [m] above the highest ground within ``horizontal`` [m] of each point.
 
         Every node is raised by vertical + horizontal * G, G the steepest triangle in the (2n + 2) x (2n + 2) cells
         around the node, n = ceil(horizontal / spacing), at least 1. The corners of a triangle then agree on the (2n +

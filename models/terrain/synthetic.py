@@ -7,7 +7,7 @@ The gorge's middle is a curve from west to east,
     y(x) = y_0 + A_1 sin(2 pi x / L_1 + phi_1) + A_2 sin(2 pi x / L_2 + phi_2),
 
 and that of its branch leaves it for the north and ends on the plateau. With d [m] the distance to the nearest curve,
-pushed about by noise so that walls have alcoves and spurs, w half the width of the floor and W that of a wall, the
+perturbed by noise so that walls have alcoves and spurs, w half the width of the floor and W that of a wall, the
 ground is
 
     z = floor + (plateau - floor) ledges((d - w) / W),

@@ -22,8 +22,8 @@ from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, diff
 from mathnavi.renders.figures import STYLE, canvas, draw_map, thinned
 from mathnavi.renders.page import Drawn, number
 from mathnavi.renders.statistics_figures import SERIES
-from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
 from mathnavi.sim.records.field_names import recorded_fields
+from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
 from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_state_names
 from mathnavi.sim.records.table import Table
 

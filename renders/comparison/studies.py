@@ -73,7 +73,7 @@ def compare_studies(left: Path, right: Path) -> Comparison:
     }
     return Comparison(
         f"studies: {', '.join(map(_called, shared)) if len(shared) <= MOST_NAMED else f'{len(shared)} in common'}",
-        f"{len(verdicts)} of {len(both)} claims changed their verdict{changes}.",
+        f"{len(verdicts)} of {len(both)} claims changed verdict{changes}.",
         str(left),
         str(right),
         [

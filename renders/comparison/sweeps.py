@@ -101,7 +101,7 @@ def _rates(groups: tuple[TrialGroup, TrialGroup], happened: Test) -> tuple[Propo
 
 
 def _rates_table(known: Mapping[str, tuple[Proportion, Proportion]], verdicts: Mapping[str, str], pairs: int) -> Table:
-    how = f"; {pairs:,} trials are paired by their seeds" if pairs else ""
+    how = f"; trials paired by their seeds: {pairs:,}" if pairs else ""
     return Table(
         f"Rates with 95 % limits (Clopper-Pearson){how}",
         ("event", LEFT, RIGHT, "difference", "differ"),

@@ -202,7 +202,7 @@ def _check_file(log: RunLog, mechanism: str) -> None:
     if recorded is not None and recorded != now:
         raise RunFolderError(
             f"mechanism {mechanism!r} is no longer the one that run {str(log.directory)!r} moved: its digest is {now}, "
-            f"the run's {recorded}; allowed: the file as it was"
+            f"the run's {recorded}; allowed: the unchanged file"
         )
 
 

@@ -215,8 +215,9 @@ class EpisodeRunner:
             self.outcome = Outcome.LATE
 
     def info(self, since: int) -> dict[str, Any]:
-        """Return information besides the observation: the "outcome", "" while the mission goes on; the "clearance" [m]
-        of the true state, if there is something to touch; and the kinds of the "events" from number ``since`` on.
+        """Return information in addition to the observation: the "outcome", "" while the mission goes on; the
+        "clearance" [m] of the true state, if there is something to touch; and the kinds of the "events" from number
+        ``since`` on.
         """
         loop, terms = self._loop, self._terms
         info: dict[str, Any] = {

@@ -200,9 +200,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode in every row; ``seed`` is that of the first row, one more for each next one, or a list of
-        one for each row.
-        """
+        """Begin an episode in every row; ``seed`` is that of the first row, plus one for each next row, or a list."""
         if isinstance(seed, int):
             given: list[int | None] = [seed + i for i in range(self.num_envs)]
         else:
@@ -219,8 +217,9 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         return self._observation(), {**info, "seed": seeds, "_seed": every}
 
     def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, dict[str, Any]]:
-        """Hold an action (num_envs, 3) in every row; ValueError for another shape, for values that are not finite, and
-        before ``reset``.
+        """Hold an action (num_envs, 3) in every row.
+
+        Raises ValueError for another shape, for values that are not finite, and before ``reset``.
         """
         if not self._begun:
             raise ArgumentError("no episode has begun; allowed: after reset()")

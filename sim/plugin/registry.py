@@ -54,6 +54,7 @@ class PluginSpec:
 
     @property
     def name(self) -> str:
+        """Place of the class, "package.module:Class"."""
         return f"{self.plugin.__module__}:{self.plugin.__qualname__}"
 
 

@@ -34,7 +34,7 @@ class Claim:
 def tally(claims: Sequence[Claim]) -> str:
     """Return the numbers of claims that hold and that do not, in words."""
     counts = Counter(claim.verdict for claim in claims)
-    counted = [f"{counts['yes']} of {len(claims)} claims hold"]
+    counted = [f"{counts['yes']} of {len(claims)} claims {'holds' if counts['yes'] == 1 else 'hold'}"]
     if missed := counts["no"]:
         counted.append(f"{missed} {'does' if missed == 1 else 'do'} not")
     if unknown := counts["not measured"]:

@@ -64,7 +64,7 @@ class AttitudeTrackingFields(LagrangianFields):
     inertia: Inertia = SphereObserverConfig.inertia
     """moment of inertia of the body about every axis [kg m^2]"""
     principal_inertia: Annotated[NumberList, FINITE_NUMBERS] = ()
-    """moments of inertia about the three axes, in place of inertia; none greater than the sum of the others [kg m^2]"""
+    """moments of inertia about the three axes [kg m^2], in place of inertia; none greater than the sum of the others"""
     attitude_tolerance: Annotated[float, Radians(0.0, math.pi, open_low=True)] = 0.1
     """largest root mean square angle to the reference after settled [rad]"""
 

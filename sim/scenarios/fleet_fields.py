@@ -170,7 +170,7 @@ class FleetFields(LimitFields, FleetEndFields):
     graph: GraphName = "ring"
     """graph of the vehicles that agree on the arrival time (a ring of two is a line); plans go to all"""
     edge: tuple[tuple[str, str, float], ...] = ()
-    """edge NAME NAME WEIGHT of your own graph, in place of --graph; may be given several times"""
+    """edge NAME NAME WEIGHT of a user-defined graph, in place of --graph; may be given several times"""
     consensus: Annotated[str, PluginName(partial(load, "consensus"))] = "maximum"
     """consensus plug-in that agrees on the arrival time"""
     consensus_with: tuple[str, ...] = ()
@@ -178,9 +178,9 @@ class FleetFields(LimitFields, FleetEndFields):
     separation_rule: SeparationRuleName = "agreement"
     """rule that keeps plans apart: flown if all others agree, or (RMADER) if no plan received meanwhile conflicts"""
     delay_check: NonNegative = 0.5
-    """duration delta_DC of RMADER's check of received plans; vehicles keep apart if no message takes longer [s]"""
+    """duration delta_DC of RMADER's check of received plans [s]; vehicles keep apart if no message takes longer"""
     control_rate: Rate = MissionFields.control_rate
-    """rate of estimator, tracker and log; the physics runs at 300 Hz [Hz]"""
+    """rate of estimator, tracker and log [Hz]; the physics runs at 300 Hz"""
 
     def __post_init__(self) -> None:
         if self.start and len(self.start) != self.vehicles:

@@ -87,7 +87,7 @@ class MissionFields(LimitFields, EndFields):
     """Mission, without changes on the way."""
 
     control_rate: Rate = 1.0 / (CONTROL_TICKS * TICK)
-    """rate of estimator, tracker and log; the physics runs at 300 Hz [Hz]"""
+    """rate of estimator, tracker and log [Hz]; the physics runs at 300 Hz"""
 
 
 @configuration
@@ -95,8 +95,8 @@ class SafeFlightConfig(ChangeFields, ChanceFields, MissionFields):
     """Fields of the scenario."""
 
     target_path: tuple[tuple[float, float, float, float], ...] = ()
-    """place X Y Z of the target at the time T, given as T X Y Z; it moves there at a constant speed, at least as high
-    above ground as at first; may be given several times [s, m, m, m]"""
+    """position of the target at a time, T X Y Z [s, m, m, m], reached at constant speed and initial height above ground
+    or more; may be given several times"""
     filter: bool = False
     """whether the controller's commands are filtered, in place of certifying its plans"""
     noise: FlightNoise = field(default_factory=FlightNoise)

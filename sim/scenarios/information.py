@@ -37,13 +37,13 @@ class ChangeFields:
     radar_until: float | None = None
     """time at which the radars are switched off [s]; never if not given"""
     radar_velocity: Annotated[tuple[float, float], TWO_FINITE_NUMBERS] = (0.0, 0.0)
-    """velocity of the radars from the time at which they are switched on, up to the map's edge [m/s east, north]"""
+    """velocity of the radars, east and north [m/s], from when they are switched on, up to the map's edge"""
     radar_known: bool = True
     """whether the planner is informed of the radars at all"""
     report_period: Annotated[float, Ge(_SOONEST), FINITE] = 5.0
-    """time between two reports of moving radars or targets; each report requires a new cost-to-go [s]"""
+    """time between two reports of moving radars or targets [s]; each report requires a new cost-to-go"""
     uncharted: tuple[tuple[float, float, float, float], ...] = ()
-    """hill X Y RADIUS HEIGHT that the map does not show; may be given several times [m]"""
+    """hill X Y RADIUS HEIGHT [m] that the map does not show; may be given several times"""
     uncharted_time: NonNegative = 0.0
     """time at which the planner is informed of the true ground [s]"""
 

@@ -98,7 +98,7 @@ class Thrusters:
     moment: Annotated[Positive, Le(1e9)] = 3_000.0
     """largest moment about each axis across it [N m]"""
     delay: Delay = 0.0
-    """delay from a command to the thrusters' response, in whole milliseconds [s]"""
+    """delay from a command to the thrusters' response [s], in whole milliseconds"""
     declared_delay: Delay | None = None
     """delay that controller and estimator assume [s]; the true one if not given"""
 
@@ -157,7 +157,7 @@ class MissileGuidanceConfig(ChanceFields):
     target_velocity: Vector = (0.0, 0.0, 0.0)
     """initial velocity x, y, z of the target [m/s]"""
     target_change: tuple[tuple[float, float, float, float], ...] = ()
-    """change TIME VX VY VZ of the target's velocity; may be given several times [s, m/s]"""
+    """change TIME VX VY VZ [s, m/s] of the target's velocity; may be given several times"""
     target_announcement_delay: Magnitude = 0.0
     """delay after which the planner is informed of a change of the target's velocity [s]"""
     aspect_angle: Annotated[float, Degrees(-90.0, 90.0)] = -90.0
@@ -167,7 +167,7 @@ class MissileGuidanceConfig(ChanceFields):
     aspect_allowed: Annotated[float, Degrees(0.0, 180.0, open_low=True)] = 2.0
     """largest angle between the nose and the aspect angle at a hit [deg]"""
     control_rate: Annotated[float, TickRate(TICK)] = 250.0
-    """rate of estimator, autopilot and log; the physics runs at 1 kHz [Hz]"""
+    """rate of estimator, autopilot and log [Hz]; the physics runs at 1 kHz"""
     mismatch: MissileMismatch = field(default_factory=MissileMismatch)
     gust: MissileGust = field(default_factory=MissileGust)
     actuator: Thrusters = field(default_factory=Thrusters)

@@ -75,13 +75,13 @@ class QuadrotorCanyonConfig(ChanceFields):
     speed_max: PositiveMagnitude = 14.0
     """largest speed v_max [m/s]"""
     acceleration_max: PositiveMagnitude = 2.5
-    """largest acceleration a_max; plans use no more than the rotors' moments permit [m/s^2]"""
+    """largest acceleration a_max [m/s^2]; plans use no more than the rotors' moments permit"""
     deadline_factor: DeadlineFactor = 1.5
     """ratio gamma of the deadline to the duration of the first plan, which is based on the way over the plateau"""
     arrival_radius: PositiveMagnitude = 2.5
     """distance r_f from the target that counts as arrived [m]"""
     control_rate: Rate = 150.0
-    """rate of estimator, tracker and log; the physics runs at 300 Hz [Hz]"""
+    """rate of estimator, tracker and log [Hz]; the physics runs at 300 Hz"""
     noise: FlightNoise = field(default_factory=FlightNoise)
     faults: AerialFaults = field(default_factory=AerialFaults)
     mismatch: QuadrotorMismatch = field(default_factory=QuadrotorMismatch)

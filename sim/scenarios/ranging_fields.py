@@ -153,7 +153,7 @@ class RangeLocalisationConfig(ChanceFields):
     start_known: bool = False
     """whether the estimator knows the start"""
     start_error: tuple[float, float, float] = _START_ERROR
-    """standard deviations X Y HEADING of the known start; only with start_known [m, m, deg]"""
+    """standard deviations X Y HEADING of the known start [m, m, deg]; only with start_known"""
     drive: DriveName = "ideal"
     """drive; ideal: the exact motion of a unicycle; differential: wheels and casters on a floor, in MuJoCo"""
     friction: Annotated[float, Interval(ge=0.01, le=10.0), FINITE] = 1.0
@@ -165,9 +165,9 @@ class RangeLocalisationConfig(ChanceFields):
     turn_rate_max: Annotated[float, Radians(0.0, 10.0, open_low=True, unit="rad/s")] = 2.0
     """bound of the turn rate [rad/s]"""
     margin: Annotated[float, Interval(ge=RADIUS, le=_LONGEST), FINITE] = 0.3
-    """distance from the wall of the robot's centre in plans and drawn starts; slipping wheels may violate it [m]"""
+    """distance of the robot's centre from the wall in plans and drawn starts [m]; slipping wheels may violate it"""
     outage: Annotated[tuple[tuple[float, float], ...], Each(_OUTAGE)] = ()
-    """outage T0 T1 of the ranges, from T0 to T1; may be given several times [s]"""
+    """outage T0 T1 [s] of the ranges, from T0 to T1; may be given several times"""
     noise: RangingNoise = dataclasses.field(default_factory=RangingNoise)
     mismatch: RangingMismatch = dataclasses.field(default_factory=RangingMismatch)
 

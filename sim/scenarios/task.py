@@ -122,9 +122,7 @@ class LearningTerms(Protocol):
 
 @dataclass(frozen=True)
 class Endurance:
-    """Learning terms of a mission without a target: the whole state is observed, and the mission is completed when its
-    time is up.
-    """
+    """Learning terms of a mission without a target, which is completed when its time is up; the state is observed."""
 
     cost_max: float
     deadline: float  # [s]

@@ -1,19 +1,20 @@
 """Simultaneous arrival with real vehicles (A.8, Figure A.11).
 
-The thesis flew one vehicle and invented the others. Here whole fleets fly in MuJoCo: what they agree on is the largest
-of their least times of arrival, and for comparison the average of (A.12) by the Laplacian protocol, as printed.
+The thesis flew one vehicle and simulated the values of the others. Here whole fleets fly in MuJoCo. They agree on the
+largest of their least times of arrival, and for comparison on the average of (A.12) by the Laplacian protocol, as
+printed.
 
-Fleets fly where it is narrow, too: over the ridges of jacksboro messages are lost, late or cut off, or the vehicles are
-slow or fast; in made-up canyons of 640 m up to twenty vehicles have slots 20 m apart; and twenty that swap places start
-on a ring around their slots, each opposite to its own, so that all ways cross in the middle.
+Fleets also fly in narrow places: over the ridges of jacksboro messages are lost, late or cut off, or the vehicles are
+slow or fast; in synthetic canyons of 640 m up to twenty vehicles have slots 20 m apart; and twenty that swap places
+start on a ring around their slots, each opposite to its slot, so that all paths cross in the middle.
 
-One vehicle by itself is asked, as in the simulations of A.8.4, for a time that deviates from its own by up to a given
-share: is one planning step enough? The vehicle is on its way on plans of its own. At some step k it is given eta_d,
-which deviates from its eta_k, (A.12), by a share drawn uniformly; its next plan is to satisfy (A.13),
+A single vehicle is given, as in the simulations of A.8.4, a desired time that deviates from its estimate by up to a
+given share: is one planning step enough? The vehicle flies its plans. At some step k it is given eta_d, which deviates
+from its eta_k, (A.12), by a share drawn uniformly; its next plan is to satisfy (A.13),
 
     T_p + L(p_N) / v_max + h = eta_d,
 
-L the length to go. It has done so in one step if a certified plan's (A.12) is what (A.13) asks for to ``TOLERANCE``.
+with the length to go L. The step succeeds if (A.12) of a certified plan equals eta_d to ``TOLERANCE``.
 """
 
 from __future__ import annotations
@@ -103,13 +104,13 @@ class ArrivalConfig:
     """Sample sizes: missions that are flown."""
 
     seeds: Count = 8
-    """fleets of each size, and with failures"""
+    """number of fleets of each size, with and without failures"""
     sizes: Count = len(SIZES)
-    """sizes of fleets, at most"""
+    """largest number of sizes of fleets"""
     steps: Count = 40
-    """times that a single vehicle is asked to deviate, at each share"""
+    """number of changes of the desired time of a single vehicle, at each share"""
     narrow: Count = 31
-    """fleets where it is narrow, at most: thirty, and one that swaps places"""
+    """largest number of fleets in narrow places: thirty, and one that swaps places"""
 
 
 class Arrival:
@@ -163,7 +164,7 @@ def _fleet(seed: int, fields: Mapping[str, Any], terrain: str | None, vehicles: 
 
 
 def narrow_fleets(count: int) -> dict[tuple[str, int], list[Trial]]:
-    """The first ``count`` fleets, each by its condition and its number of vehicles: the small first, the swap last."""
+    """Return the first ``count`` fleets in narrow places, by condition and size: small ones first, the swap last."""
     trials: dict[tuple[str, int], list[Trial]] = {}
     for size in NARROW_SIZES:
         for (condition, fields), number in zip(CONDITIONS.items(), CANYONS, strict=True):
@@ -174,9 +175,9 @@ def narrow_fleets(count: int) -> dict[tuple[str, int], list[Trial]]:
 
 
 def swapping(terrain: str, vehicles: int, ring: float | np.ndarray, height: float) -> dict[str, Any]:
-    """Fields of a fleet that starts on a ``ring`` [m] about the middle of a map, each opposite to its own slot.
+    """Return fields of a fleet that starts on a ``ring`` [m] about the middle of a map, each opposite to its slot.
 
-    ``ring`` is one radius, or (vehicles,) one of each; ``height`` [m] is that of starts and target above the ground.
+    ``ring`` is one radius, or (vehicles,) one for each; ``height`` [m] is that of starts and target above the ground.
     """
     ground = load_terrain(terrain)
     x, y = 0.5 * ground.width, 0.5 * ground.depth
@@ -264,7 +265,7 @@ def _steps_table(steps: Sequence[ArrivalStep]) -> Table:
 
 
 def _done(steps: Sequence[ArrivalStep], share: float, *, later: bool) -> list[bool]:
-    """Whether each change of up to a share, to a later or to a sooner time, was done in one step."""
+    """Tell for each change of up to a share, to a later or an earlier time, whether one step achieved it."""
     return [step.done for step in steps if step.share == share and step.later is later]
 
 
@@ -331,7 +332,7 @@ def _share(done: Sequence[bool]) -> str:
 
 
 def _narrow_claim(rows: Sequence[Mapping[str, Any]]) -> Claim:
-    """Claim that all but two of thirty arrive within a planning period, the swap too, and none has a contact."""
+    """Evaluate the claim: all but two of thirty, and the swap, arrive within a planning period, without contacts."""
     spreads = {(row["narrow"], row["vehicles"]): row["spread_s"] if row["arrived"] else math.nan for row in rows}
     worst = float(np.nanmax([*spreads.values(), 0.0]))
     swap = spreads.pop((SWAP, SWAPPING), None)
@@ -363,7 +364,7 @@ def _figure(shown: RunResult, spreads: Mapping[tuple[str, int], Array], steps: S
 
 
 def _draw_fleet(axes: Axes, shown: RunResult) -> None:
-    """Distance from each vehicle to its slot; that is where one time of arrival is seen."""
+    """Draw the distance of each vehicle from its slot, which shows the common time of arrival."""
     places = shown.config["mission"]["vehicles"]
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, len(places)))
     t = shown.recording.t
@@ -414,7 +415,7 @@ def _draw_steps(axes: Axes, steps: Sequence[ArrivalStep]) -> None:
 
 @dataclass(frozen=True)
 class ArrivalChange:
-    """A change of the time of arrival that one vehicle is asked for, on its way."""
+    """Change of the desired time of arrival of one vehicle in flight."""
 
     place: TerrainReference
     share: float
@@ -423,7 +424,7 @@ class ArrivalChange:
 
 @dataclass(frozen=True)
 class ArrivalStep:
-    """Result of one planning step after a change of the time of arrival."""
+    """Result of one planning step after a change of the desired time of arrival."""
 
     share: float
     later: bool  # whether a later time was asked for
@@ -432,9 +433,9 @@ class ArrivalStep:
 
 
 def one_step(change: ArrivalChange) -> ArrivalStep | None:
-    """Fly one vehicle until it is asked once, and plan one step.
+    """Fly one vehicle until its desired time changes, and plan one step.
 
-    None where it has no mission, or has come too near to its target before.
+    Return None if it has no first plan, or came too near to its target before.
     """
     rng = np.random.default_rng(change.seed)
     mission = _drawn(change.place.ground, rng)

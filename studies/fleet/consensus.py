@@ -1,7 +1,7 @@
-"""Section A.8.1 measured: the Laplacian protocol's rate on graphs of each kind, and what delays, links and outliers do.
+"""Section A.8.1 measured: rate of the Laplacian protocol by kind of graph, with delays, changing links and outliers.
 
-Every value passes through the network of ``mathnavi.sim.engine.network`` in messages, in rounds short enough that they
-are nearly the continuous time of (A.11), unless said otherwise.
+All values are exchanged in messages through the network of ``mathnavi.sim.engine.network``, in rounds so short that
+they approximate the continuous time of (A.11), unless stated otherwise.
 """
 
 from __future__ import annotations
@@ -88,9 +88,9 @@ class ConsensusConfig:
     """Sample sizes: cases that are computed."""
 
     sizes: Annotated[Count, Within(Le(len(_SIZES)), allowed=f"1 to {len(_SIZES)}")] = 3
-    """numbers of vehicles: 4, 8, 16"""
+    """number of fleet sizes, of 4, 8 and 16 vehicles"""
     seeds: Count = 5
-    """random graphs of each size, and draws of lost messages"""
+    """number of random graphs of each size, and of draws of lost messages"""
     vehicles: EvenCount = 8
     """number of vehicles on the graphs with long rounds, delays, links that change, and clocks"""
 
@@ -147,7 +147,7 @@ class ConsensusStudy:
 
 @dataclass(frozen=True)
 class Found:
-    """What is measured, each in the order of its cases."""
+    """Results of all cases, each kind in the order of its cases."""
 
     rates: list[RateFound]
     coarse: list[RateFound]  # of every kind by every amount
@@ -194,7 +194,7 @@ def _tables(found: Found) -> tuple[Table, ...]:
 
 
 def _span(values: Sequence[float], form: str) -> str:
-    """The least and the largest."""
+    """Return the least and the largest value as text."""
     return f"{min(values):{form}} to {max(values):{form}}"
 
 
@@ -343,7 +343,7 @@ def _draw_outlier(axes: Axes, found: OutlierFound) -> None:
 
 
 def _shown(values: Array, follows: bool) -> Array:
-    """Values that an outlier sends; NaN in its first round, in which it has nothing to send."""
+    """Return the values that an outlier sends; NaN in its first round, in which it sends nothing."""
     shown = values.copy()
     if follows:
         shown[0] = np.nan

@@ -1,7 +1,7 @@
-"""Vehicles that exchange messages in rounds over a network: the fast time scale of A.8.2 alone, where no plant flies.
+"""Vehicles that exchange messages in rounds over a network: the fast time scale of A.8.2, without dynamics.
 
-For the study ``consensus``: the rate of the Laplacian protocol, with delays, on links that switch or lose messages;
-clocks that agree (Remark A.6); and outliers that follow (A.14).
+The study ``consensus`` uses it for the rate of the Laplacian protocol, with delays, on links that switch or lose
+messages; for the agreement of clocks (Remark A.6); and for outliers that follow (A.14).
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ _BACK = 3  # planning period at which its arrival time is as the others' again
 
 
 def names_of(n: int) -> tuple[str, ...]:
-    """vehicle-00, vehicle-01, ..."""
+    """Return the names vehicle-00, vehicle-01, ..."""
     return tuple(f"vehicle-{k:02d}" for k in range(n))
 
 
 def graph_of(kind: Kind, n: int, seed: int = 0) -> Graph:
-    """A connected graph; a random one has weights from .5 to 2."""
+    """Return a connected graph; a random one has weights from 0.5 to 2."""
     if kind == "random":
         return Graph.random_connected(names_of(n), 0.3, np.random.default_rng([n, seed]), 0.5, 2.0)
     return {"line": Graph.line, "ring": Graph.ring, "complete": Graph.complete}[kind](names_of(n))
@@ -62,10 +62,10 @@ def exchanged(
     begin: float = 0.0,
     clocks: Mapping[str, Callable[[float], float]] | None = None,
 ) -> Array:
-    """(rounds + 1, n) values after each round, the first at ``begin`` [s].
+    """Return the values (rounds + 1, n) after each round, the first at ``begin`` [s].
 
     In a round every vehicle processes the messages that have arrived, and then sends to its present neighbours in the
-    graph. ``clocks`` map the true time [s] to each vehicle's own, with which its messages are stamped.
+    graph. ``clocks`` map the true time [s] to the clock of each vehicle, which stamps its messages.
     """
     network = Linked(network, graph.linked) if isinstance(graph, Switching) else network
     union = graph.union if isinstance(graph, Switching) else graph
@@ -84,7 +84,7 @@ def exchanged(
 
 
 def laplacians(graph: Graph | Switching, starts: Sequence[float] | Array, **fields: Any) -> dict[str, Consensus]:
-    """A vehicle each with the Laplacian protocol, started."""
+    """Start the Laplacian protocol in each vehicle of a graph, and return the protocols by name."""
     config = LaplacianConfig(**fields)
     parts: dict[str, Consensus] = {name: LaplacianConsensus(config, graph.neighbourhood(name)) for name in graph.names}
     for part, start in zip(parts.values(), starts, strict=True):
@@ -93,18 +93,18 @@ def laplacians(graph: Graph | Switching, starts: Sequence[float] | Array, **fiel
 
 
 def disagreement(values: Array) -> Array:
-    """(k,) Euclidean distance of the values (k, n) from their average."""
+    """Return the Euclidean distance (k,) of the values (k, n) from their average."""
     distance: Array = np.linalg.norm(values - values.mean(axis=1, keepdims=True), axis=1)
     return distance
 
 
 def slope(t: Array, size: Array) -> float:
-    """[1/s] of log size by least squares."""
+    """Return the slope [1/s] of log ``size`` over ``t`` [s] by least squares."""
     return float(np.polyfit(t, np.log(size), 1)[0])
 
 
 def moved(values: Array) -> float:
-    """How far the average of the values (k, n) has moved, over the first disagreement."""
+    """Return how far the average of the values (k, n) has moved, divided by the first disagreement."""
     return float(abs(values[-1].mean() - values[0].mean()) / disagreement(values)[0])
 
 
@@ -135,12 +135,12 @@ class RateFound:
 
     @property
     def error(self) -> float:
-        """Of the rate, relative to the connectivity."""
+        """Error of the rate, relative to the algebraic connectivity."""
         return self.rate / self.connectivity - 1.0
 
 
 def rate_on(case: RateCase) -> RateFound:
-    """The decay of log disagreement, started in the slowest mode and a tenth of noise; and max-consensus beside it."""
+    """Measure the decay from the slowest mode with a tenth of noise, and the rounds of max-consensus."""
     graph = graph_of(case.kind, case.n, case.seed)
     second = graph.algebraic_connectivity
     valency = float(graph.weights.sum(axis=1).max())
@@ -183,7 +183,7 @@ def _rounds_to_maximum(graph: Graph, rng: np.random.Generator) -> int:
 
 @dataclass(frozen=True)
 class DelayCase:
-    """A delay, as a multiple of the bound pi / (2 s lambda_n)."""
+    """Delay as a multiple of the bound pi / (2 s lambda_n)."""
 
     fraction: float
     own: Literal["now", "then"]
@@ -257,7 +257,7 @@ class LinkFound:
 
 
 def over_links(case: LinkCase) -> LinkFound:
-    """Switching among connected graphs; among two of which neither is connected; and a ring that loses messages."""
+    """Run consensus on links that switch among connected graphs, or between two unconnected ones, or lose messages."""
     names = names_of(case.n)
     ring, line, complete = Graph.ring(names), Graph.line(names), Graph.complete(names)
     s, rounds = 0.04 / H, 240 if case.name == "switching" else 720
@@ -288,7 +288,7 @@ def over_links(case: LinkCase) -> LinkFound:
 
 
 def _alternating(graphs: Sequence[Graph], stay: int) -> Switching:
-    """Switch between graphs, each for ``stay`` rounds, over and over; it changes between two rounds."""
+    """Return a graph that cycles through ``graphs``, each for ``stay`` rounds; it changes between two rounds."""
     return Switching(tuple((H * (stay * k - 0.5), graph) for k, graph in enumerate(islice(cycle(graphs), 1000))))
 
 
@@ -297,7 +297,7 @@ def _alternating(graphs: Sequence[Graph], stay: int) -> Switching:
 
 @dataclass(frozen=True)
 class ClockCase:
-    """Delays [s] from a vehicle to the next and back, each with its spread."""
+    """Delays [s] from a vehicle to the next and back, each as (least, largest)."""
 
     name: str
     there: tuple[float, float]
@@ -318,7 +318,7 @@ class ClockFound:
 
 
 class _EachWay:
-    """Delays of their own to vehicles that are later in the alphabet, and to earlier ones."""
+    """Network with different delays to vehicles that are later in the alphabet and to earlier ones."""
 
     def __init__(self, network: IdealNetwork, case: ClockCase, rng: np.random.Generator) -> None:
         self._network = network
@@ -377,12 +377,12 @@ class OutlierFound:
 
     @property
     def shift(self) -> float:
-        """[s] of the others' agreement from their own average, in the first period in which the outlier follows."""
+        """Shift [s] of the others' agreement from their average, in the first period in which the outlier follows."""
         return float(self.agreed[1] - self.others[1])
 
 
 def with_outlier(case: OutlierCase) -> OutlierFound:
-    """Eight vehicles on a line over some planning periods; each one's estimate falls as time passes."""
+    """Run eight vehicles on a line over some planning periods, in which the estimates decrease with time."""
     graph, n = graph_of("line", 8), 8
     period = PLANNING / case.rounds
     delta = 1.0 if case.delta is None else case.delta  # with 1 the rule lets everything up to twice the own time pass

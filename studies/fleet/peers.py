@@ -1,9 +1,9 @@
 """Two rules that keep the plans of a fleet apart, on the same missions: agreement, and the delay check of RMADER.
 
-The vehicles swap places: they start on a ring above a canyon, each opposite to its own slot. Planner, certificate,
-zones and network are the same, only the rule differs. Messages are delayed by as much as in the paper (0 to 300 ms), by
-more than the delay check allows, lost, or cut off. The delay check's own time delta_DC is tuned on other seeds: of the
-values under which no two vehicles come too close at 300 ms, the one with the earliest arrival.
+The vehicles swap places: they start on a ring above a canyon, each opposite to its slot. Planner, certificate, zones
+and network are the same, only the rule differs. Messages are delayed by as much as in the paper (0 to 300 ms), by more
+than the delay check allows, lost, or cut off. The waiting time delta_DC of the delay check is tuned on other seeds: of
+the values with which the fewest fleets come too close at 300 ms, the one with the earliest arrival.
 """
 
 from __future__ import annotations
@@ -60,17 +60,17 @@ class FleetPeersConfig:
     """Sample sizes: missions that are flown."""
 
     seeds: Count = 5
-    """fleets of each size, in each condition, under each rule"""
+    """number of fleets of each size, in each condition, under each rule"""
     vehicles: Annotated[int, Interval(ge=2, le=32)] = 10
     """number of vehicles of the smallest fleet"""
     sizes: Annotated[int, Interval(ge=1, le=2)] = 2
-    """sizes of fleets: that one, and twice as many vehicles"""
+    """number of sizes of fleets: the smallest, and one with twice as many vehicles"""
     conditions: Annotated[int, Interval(ge=1, le=len(CONDITIONS))] = len(CONDITIONS)
     """number of conditions of the network"""
     tuning: Count = 3
-    """fleets on which the delay check is tuned"""
+    """number of fleets on which the delay check is tuned"""
     checks: Annotated[int, Interval(ge=1, le=len(CHECKS))] = len(CHECKS)
-    """values of delta_DC that are tried"""
+    """number of values of delta_DC that are tried"""
 
 
 class FleetPeers:
@@ -117,7 +117,7 @@ class FleetPeers:
 
 
 def fleet(vehicles: int, seed: int, fields: Mapping[str, Any], rule: str, check: float) -> Trial:
-    """Trial of one fleet that swaps places; ``check`` [s] is delta_DC, which counts for the delay check alone."""
+    """Return the trial of one fleet that swaps places; ``check`` [s] is delta_DC, used by the delay check only."""
     rings = RING * (1.0 + UNEVEN * np.random.default_rng(seed).uniform(-1.0, 1.0, vehicles))
     fields = {**LIMITS, **swapping(GROUND, vehicles, rings, HEIGHT), **fields, "separation_rule": rule}
     if rule == THEIRS:
@@ -126,7 +126,7 @@ def fleet(vehicles: int, seed: int, fields: Mapping[str, Any], rule: str, check:
 
 
 def standing(outcome: RunResult) -> dict[str, float]:
-    """Stops of all vehicles, and the time [s] that each stands still on average between its start and its arrival."""
+    """A measure: stops of all vehicles, and the mean time [s] that one stands still between start and arrival."""
     mission, t = outcome.config["mission"], outcome.recording.t
     stops, seconds = 0, 0.0
     for name, vehicle in mission["vehicles"].items():
@@ -141,12 +141,12 @@ def standing(outcome: RunResult) -> dict[str, float]:
 
 
 def best_check(tuned: Mapping[float, Sequence[Record]]) -> float:
-    """delta_DC [s] with the earliest mean arrival of those with the fewest fleets that came too close."""
+    """Return delta_DC [s] with the earliest mean arrival, of those with the fewest fleets that came too close."""
     return min(tuned, key=lambda check: (_close(tuned[check]), _mean(tuned[check], "arrival_time_s"), check))
 
 
 def claim(groups: Mapping[tuple[int, str, str], Sequence[Record]]) -> Claim:
-    """Claim that agreement lets no vehicles come too close, whatever the network does; of the other, what happened."""
+    """Evaluate the claim that agreement keeps vehicles apart in any network; report what the delay check does."""
     ours = [record for (_, _, rule), group in groups.items() for record in group if rule == OURS]
     declared, beyond = (
         [
@@ -176,14 +176,14 @@ def claim(groups: Mapping[tuple[int, str, str], Sequence[Record]]) -> Claim:
 
 
 def _close(records: Sequence[Record]) -> int:
-    """Fleets in which two vehicles came closer than allowed."""
+    """Count the fleets in which two vehicles came closer than allowed."""
     if not records:
         return 0
     return int((figures(records, "separation_min_m") < figures(records, "separation_allowed_m")).sum())
 
 
 def _mean(records: Sequence[Record], key: str) -> float:
-    """Mean of a figure; infinity if a fleet has none, as one that did not arrive has no time."""
+    """Return the mean of a figure; infinity if a fleet lacks it, as one that did not arrive lacks a time of arrival."""
     values = [record.summary[key] for record in records]
     return float("inf") if any(value is None for value in values) else float(np.mean(values))
 

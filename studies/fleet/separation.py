@@ -1,7 +1,7 @@
-"""Fleets under faults hit neither the ground nor each other, and what separation costs.
+"""Fleets under faults hit neither the ground nor each other; the cost of separation.
 
-Solvers fail, messages are lost, late and doubled, and for a while half of the fleet does not hear the other. What is
-judged is the truth of MuJoCo, between the samples of the log too.
+Solvers fail, messages are lost, late and duplicated, and for a while the halves of the fleet cannot communicate.
+Contacts and distances are those of the true states in MuJoCo, between the samples of the log too.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ class SeparationConfig:
     """Sample sizes: missions that are flown."""
 
     seeds: Count = 8
-    """fleets of each size, under each kind of faults"""
+    """number of fleets of each size, under each kind of faults"""
     sizes: Count = len(SIZES)
-    """sizes of fleets, at most"""
+    """largest number of sizes of fleets"""
     grown: Count = len(GROWN)
-    """sizes of which the cost is measured, at most"""
+    """largest number of sizes whose cost is measured"""
     repetitions: Count = 3
-    """flights of each of those"""
+    """number of timed flights of each size"""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class TimedFleet:
 
 
 class SeparationStudy:
-    """Fleets under faults hit neither the ground nor each other; what that costs (A.8)."""
+    """Fleets under faults hit neither the ground nor each other; cost of separation (A.8)."""
 
     Config = SeparationConfig
     quick = SeparationConfig(seeds=1, sizes=2, grown=1, repetitions=1)
@@ -110,7 +110,7 @@ class SeparationStudy:
 
 
 def cpu_share(fleet: TimedFleet) -> MeasuredTime:
-    """CPU seconds over simulated seconds of a whole fleet."""
+    """A job: CPU time over simulated time of a whole fleet."""
     fields = {"terrain": fleet.place.terrain, "vehicles": fleet.vehicles}
     closed_loop = trial("simultaneous-arrival", fleet.seed, fields=fields).build()
     began = time.process_time()

@@ -1,8 +1,8 @@
-"""The planner as printed, low over the ground: what "safe" means when it is asked at the nodes only.
+"""The planner as printed, low over the ground: safety when clearance is required at the nodes only.
 
-The thesis imposes the clearance at sampling instants, N of them a plan, and proves that a feasible sequence of plans
-never collides (Propositions A.1 to A.3). Between two instants the vehicle is somewhere, too: over every arc of every
-plan that was flown, this study takes the exact least clearance and asks whether both its ends would have shown it.
+The thesis imposes the clearance at N sampling instants of a plan, and proves that a feasible sequence of plans never
+collides (Propositions A.1 to A.3). For every arc between two instants, in every plan that was flown, this study
+computes the exact least clearance, and counts the arcs that come below h_min although both ends are above it.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class AsPrintedStudyConfig:
     """Sample sizes: missions that are flown."""
 
     seeds: Count = 60
-    """low-flying missions for each of the two planners"""
+    """number of low-flying missions for each of the two planners"""
 
 
 class AsPrintedStudy:
@@ -90,7 +90,7 @@ class AsPrintedStudy:
 
 
 def arcs(outcome: RunResult) -> dict[str, Any]:
-    """Count optimised arcs of flown plans that dip below h_min at their ends and between them."""
+    """A measure: number of optimised arcs in flown plans, and of those below h_min between two ends above it."""
     mission = outcome.config["mission"]
     terrain, least = load_terrain(outcome.config["terrain"]["path"]), mission["clearance_min"]
     found = {"arcs": 0, "arcs_dipping": 0, "arcs_under_ground": 0, "deepest_m": 0.0}

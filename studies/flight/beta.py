@@ -1,7 +1,8 @@
 """Table A.4, Figure A.8: beta trades time against effort.
 
-N = 13 and gamma = 2: with a smaller gamma the deadline would refuse the slow flights that a small beta asks for. The
-print compares beta = 1 and 10^4 and names sum of |u| or a like measure "energy consumption"; ours is sum h |a|^2.
+N = 13 and gamma = 2: with a smaller gamma the deadline would exclude the slow flights of a small beta. The thesis
+compares beta = 1 and 10^4 and reports an "energy consumption", sum of |u| or a similar measure; here it is
+sum h |a|^2.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class BetaConfig:
     """Sample sizes: missions that are flown."""
 
     seeds: Count = 20
-    """missions for each beta, the same for all"""
+    """number of missions for each beta, the same for all"""
 
 
 class Beta:

@@ -1,9 +1,8 @@
-"""A.5: the terminal cost: how fast it is built and changed, how far its metric is off, and whether its gradient
-arrives.
+"""The terminal cost of A.5: time to build and to change it, error of its metric, and starts that get stuck.
 
-The thesis' figures, on its grid of 33 x 33 x 5 nodes in MATLAB: 15.8 s to build graph and cost, 1.5 s to change them. A
-start of the gradient flow is stuck if the flow does not come within 200 m of the target. Targets are drawn; a radar
-stands either in the way, further from the target than it sees, or over the target itself. The error of the metric is
+The thesis reports, for its grid of 33 x 33 x 5 nodes in MATLAB, 15.8 s to build graph and cost and 1.5 s to change
+them. A start of the gradient flow is stuck if the flow does not come within 200 m of the target. Targets are drawn; a
+radar stands either in the way, farther from the target than its range, or over the target. The error of the metric is
 that of the graph's 26 neighbours on flat, empty ground: the length of its paths over the straight line.
 """
 
@@ -61,11 +60,11 @@ class CostToGoConfig:
     """Sample sizes: cases that are measured."""
 
     targets: Count = 10
-    """targets, each with a radar of its own"""
+    """number of targets, each with its radar"""
     starts: Count = 200
-    """random starts of the gradient flow to each target"""
+    """number of random starts of the gradient flow to each target"""
     repetitions: Count = 7
-    """times that each cost is built"""
+    """number of times that each cost is built"""
 
 
 class CostToGo:
@@ -143,7 +142,7 @@ class FlowTarget:
 
 @dataclass(frozen=True)
 class DrawnTargets:
-    """Targets that are drawn over a terrain, each with a number of starts."""
+    """Targets drawn over a terrain, each with a number of starts."""
 
     place: TerrainReference
     targets: int
@@ -152,7 +151,7 @@ class DrawnTargets:
 
 @dataclass(frozen=True)
 class GradientFlow:
-    """The gradient flow to drawn targets, on one grid, by one interpolation, with one place of the radar."""
+    """Gradient flow to drawn targets, on one grid, by one interpolation, with one place of the radar."""
 
     draw: DrawnTargets
     grid: tuple[int, int]  # nodes along a side, layers
@@ -160,7 +159,7 @@ class GradientFlow:
     radar: str  # of CASES
 
     def paths(self, to: FlowTarget) -> tuple[Array, Array]:
-        """Instants (m, n, 3) [m] of the flow to one target, and the target (3,) [m] as the grid has it."""
+        """Return positions (m, n, 3) [m] of the flow to one target, and the target (3,) [m] on the grid."""
         ground = self.draw.place.ground
         radars = [to.radars[self.radar]] if self.radar in to.radars else []
         cost = COSTS[self.interpolation](ground, to.target, radars, *self.grid)
@@ -174,24 +173,24 @@ def _targets(draw: DrawnTargets) -> list[FlowTarget]:
 
 
 def stuck_starts(case: GradientFlow) -> list[int]:
-    """Numbers of starts, by target, from which the flow does not arrive."""
+    """A job: number of starts, by target, from which the flow does not arrive."""
     found = map(case.paths, _targets(case.draw))
     return [int((np.linalg.norm(paths[-1] - target, axis=1) > NEAR).sum()) for paths, target in found]
 
 
 def flow_lines(case: GradientFlow) -> list[Array]:
-    """(m, 3) [m] the first lines of the flow to the first target, for the 3-D view."""
+    """A job: the first lines (m, 3) [m] of the flow to the first target, for the 3-D view."""
     paths, _ = case.paths(_targets(case.draw)[0])
     return list(np.swapaxes(paths[:, :SHOWN], 0, 1))
 
 
 def flat_metric_error(place: TerrainReference) -> Array:
-    """``metric_error`` on flat ground of the size of a terrain."""
+    """A job: ``metric_error`` on flat ground of the size of a terrain."""
     return metric_error(place.ground)
 
 
 def _target(terrain: HeightField, count: int, rng: np.random.Generator) -> FlowTarget:
-    """A target, random starts, and its radars; on a small map the radars see less far."""
+    """Draw a target, its starts and its radars; radars on a small map have a smaller range."""
     size = np.array([terrain.width, terrain.depth])
     radius = min(RADIUS, 0.2 * float(size.min()))
     x, y = rng.uniform(0.1 * size, 0.9 * size)
@@ -213,10 +212,10 @@ def _target(terrain: HeightField, count: int, rng: np.random.Generator) -> FlowT
 
 
 def flow(cost: FactoredCost | TrilinearCost, terrain: HeightField, starts: Array, keep: int) -> Array:
-    """Follow the negative gradient from the points (n, 3) [m]; (m, n, 3) are a few instants, the last one the end.
+    """Follow the negative gradient from the points (n, 3) [m]; return positions (m, n, 3) [m] over time.
 
-    Only the first ``keep`` points matter but in the last instant: in the others, the rest stands where it started.
-    A point that is ``THERE`` stays, and when all are there the flow ends.
+    Before the end only the first ``keep`` points are recorded; the others stand at their starts. A point within
+    ``THERE`` of the target stays, and the flow ends when all points are there.
     """
     p, instants = starts.copy(), [starts.copy()]
     across = max(terrain.width, terrain.depth)
@@ -237,7 +236,7 @@ def flow(cost: FactoredCost | TrilinearCost, terrain: HeightField, starts: Array
 
 
 def metric_error(terrain: HeightField) -> Array:
-    """Length of the graph's way over the straight line, less one, to every node of the thesis' grid on flat ground."""
+    """Return the length of the graph's path over the straight line, less one, to every node of the thesis' grid."""
     flat = HeightField(np.zeros((2, 2)), max(terrain.width, terrain.depth), "flat")
     nodes, layers = GRIDS[0]
     target = np.array([0.5 * flat.width, 0.5 * flat.depth, 300.0])
@@ -250,7 +249,7 @@ def metric_error(terrain: HeightField) -> Array:
 
 
 def timed_grid(size: tuple[int, int], draw: DrawnTargets, repetitions: int) -> dict[str, Any]:
-    """Times [s] to build the cost to the first target on a grid, and to change it for a radar in the way."""
+    """A job: times [s] to build the cost to the first target on a grid, and to change it for a radar in the way."""
     terrain, first = draw.place.ground, _targets(draw)[0]
     target, radar = first.target, first.radars["in the way"]
     grid = TerrainGrid.around(terrain, target, *size)
@@ -272,7 +271,7 @@ def timed_grid(size: tuple[int, int], draw: DrawnTargets, repetitions: int) -> d
 
 
 def _seconds(work: Callable[[], object], repetitions: int) -> MeasuredTime:
-    """Median wall time [s]."""
+    """Return the median wall-clock time [s]."""
     spent = []
     for _ in range(repetitions):
         began = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Missions whose ends are drawn by a job, as drawing plans them."""
+"""Missions whose ends are drawn by a job, because drawing needs first plans."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mathnavi.studies.framework.study import TerrainReference
 
 @dataclass(frozen=True)
 class MissionToDraw:
-    """A mission whose ends are wanted."""
+    """A mission whose ends are to be drawn."""
 
     place: TerrainReference
     seed: int

@@ -1,14 +1,14 @@
-"""The safety filter under commands that nobody would fly: is the ground kept clear, and what does it change and cost?
+"""The safety filter under dangerous commands: clearance from the ground, share of changed commands, and cost.
 
 Three policies command the acceleration of ``safe-flight``, behind ``mathnavi.controllers.flight.command_filter``:
 
-    random     accelerations within the bound, each held for a time that is drawn
-    diving     at the greatest speed in a direction that is drawn, and down
-    searched   u = a_max tanh(W phi), W (3, 10) by the cross-entropy method, so that the least clearance is as small as
-               can be with the filter in place; phi = (1, velocity, slope, height, direction to the target)
+    random     accelerations within the bound, each held for a random time
+    diving     at the greatest speed downwards in a random direction
+    searched   u = a_max tanh(W phi), W (3, 10) by the cross-entropy method, which minimises the least clearance with
+               the filter in place; phi = (1, velocity, slope, height, direction to the target)
 
-Every other mission has noise and gusts, as declared. Contact and clearance are taken from the truth over every step,
-which is one arc of constant acceleration; a violation is a clearance below h_min that was not announced before.
+Every other mission has noise and gusts, as declared. Contacts and clearance are computed from the true state over every
+step, which is one arc of constant acceleration; a violation is a clearance below h_min that was not announced before.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ class SafetyFilterConfig:
     seconds: Positive = 30.0
     """longest duration of an episode [s]"""
     timed: Count = 5
-    """episodes of each policy, flown one after the other, in which the filter is timed"""
+    """number of episodes of each policy in which the filter is timed, flown one after the other"""
     population: Count = 24
-    """policies that are tried in each generation of the search"""
+    """number of policies in each generation of the search"""
     generations: Count = 12
     """number of generations of the search"""
 
@@ -76,7 +76,7 @@ class Episodes:
 
 @dataclass(frozen=True)
 class EpisodeFigures:
-    """Figures of episodes, an item each, and the processor time of a step in all but the first."""
+    """Figures of episodes, one item each, and the CPU time of a step in all episodes but the first."""
 
     least: tuple[float, ...]  # [m] clearance
     contacts: tuple[int, ...]
@@ -90,7 +90,7 @@ class EpisodeFigures:
 
 
 class SafetyFilterStudy:
-    """The safety filter under random, diving and searched policies: contacts, commands that are changed, cost."""
+    """The safety filter under random, diving and searched policies: contacts, changed commands, cost."""
 
     Config = SafetyFilterConfig
     quick = SafetyFilterConfig(episodes=4, seconds=10.0, timed=1, population=4, generations=2)
@@ -153,13 +153,13 @@ class SafetyFilterStudy:
 
 
 def fly(asked: Episodes) -> EpisodeFigures:
-    """A job: episodes of a policy, filtered."""
+    """A job: fly episodes of a policy behind the filter."""
     runner = _runner(asked)
     return _flown(runner, asked, [np.random.default_rng([asked.seed, k]) for k in range(asked.episodes)])
 
 
 def searched(asked: Episodes, population: int, generations: int) -> tuple[float, ...]:
-    """A job: weights (30,) of a linear policy that brings the least clearance as low as it can, by cross-entropy."""
+    """A job: weights (30,) of a policy that minimises the least clearance, by the cross-entropy method."""
     rng, runner = np.random.default_rng(asked.seed), _runner(asked)
     mean, deviation = np.zeros(3 * FEATURES), np.ones(3 * FEATURES)
     best, least = mean, np.inf
@@ -174,7 +174,7 @@ def searched(asked: Episodes, population: int, generations: int) -> tuple[float,
 
 
 def _least(runner: EpisodeRunner, asked: Episodes, weights: tuple[float, ...]) -> float:
-    """The least clearance [m] of one episode with these weights."""
+    """Return the least clearance [m] of one episode with these weights."""
     one = Episodes(asked.place, asked.seed, "searched", 1, asked.seconds, weights)
     return _flown(runner, one, [np.random.default_rng(asked.seed)]).least[0]
 
@@ -224,7 +224,7 @@ def _flown(runner: EpisodeRunner, asked: Episodes, rngs: Sequence[np.random.Gene
 
 
 def _clearances(ground: HeightField, runner: EpisodeRunner, steps: int) -> Array:
-    """Least clearance (steps,) [m] of the truth over each step."""
+    """Return the least clearance (steps,) [m] of the true state over each step."""
     recording = runner.recording
     t, x = recording.t, recording.truths[VEHICLE]
     duration = np.diff(t)
@@ -233,7 +233,7 @@ def _clearances(ground: HeightField, runner: EpisodeRunner, steps: int) -> Array
 
 
 class _Policy:
-    """A policy of one episode."""
+    """Policy of one episode, by the name in ``Episodes``."""
 
     def __init__(self, asked: Episodes, runner: EpisodeRunner, ground: HeightField, rng: np.random.Generator) -> None:
         self._name, self._rng, self._ground = asked.policy, rng, ground
@@ -251,7 +251,7 @@ class _Policy:
         self._held, self._until = np.zeros(3), -math.inf
 
     def command(self, t: float, x: Array) -> Array:
-        """The acceleration (3,) [m/s^2] that is proposed at t [s] for an estimate (6,)."""
+        """Return the proposed acceleration (3,) [m/s^2] at t [s] for an estimate (6,) [m, m/s]."""
         if self._name == "random":
             if t >= self._until:
                 direction = self._rng.normal(size=3)

@@ -1,14 +1,14 @@
-"""A interwoven with B: what nodes spread unevenly over the prediction horizon buy the flight planner.
+"""Papers A and B combined: benefit of unevenly spaced nodes in the prediction horizon of the flight planner.
 
 The thesis leaves it open whether the planner of Paper A gains by the node distribution of Paper B. Here the arcs of the
-horizon are stretched, h_{i+1} = r h_i, so that N = 13 nodes reach T_p = 40 s: fine over what is flown before the next
-plan, coarse over what will be planned again. The same missions are flown on uniform grids of T_p = 20 and 40 s and on
-stretched ones, all with a plan every 5/3 s. The cost of a mission is what each of them minimises, sum h |a|^2 + beta
-times the time, here of the whole flight.
+horizon are stretched, h_{i+1} = r h_i, so that N = 13 nodes reach T_p = 40 s: they are dense over the part that is
+flown before the next plan, and sparse over the part that is planned again. The same missions are flown on uniform grids
+of T_p = 20 and 40 s and on stretched ones, all with a plan every 5/3 s. The cost of a mission is the planner's
+objective over the whole flight, sum h |a|^2 + beta times the time.
 
 A certificate examines arcs of any length, so the guarantees must hold on a stretched grid as on a uniform one: no
-mission below h_min or on the ground, every arrival by gamma V_0, with solvers that fail, plans that are corrupted or
-late, noise and gusts.
+mission below h_min or on the ground, every arrival by gamma V_0, with failing solvers, corrupted or late plans, noise
+and gusts.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ COST_TICKS = (-4.0, -2.0, 0.0, 2.0, 4.0, 10.0, 20.0, 40.0)
 
 @dataclass(frozen=True)
 class HorizonGrid:
-    """A horizon and how its nodes are spread."""
+    """Prediction horizon and the spacing of its nodes."""
 
     nodes: int
     horizon: float  # [s]
@@ -55,13 +55,13 @@ class HorizonGrid:
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Fields of the planner, as on the command line."""
+        """Fields of the planner, named as on the command line."""
         wanted = {"nodes": self.nodes, "horizon": self.horizon, "stretch": self.stretch, "period": PERIOD}
         return {f"planner.{name}": value for name, value in wanted.items()}
 
     @property
     def lengths(self) -> tuple[float, ...]:
-        """[s] of the arcs."""
+        """Lengths [s] of the arcs."""
         return FlightConfig(nodes=self.nodes, horizon=self.horizon, stretch=self.stretch).lengths
 
 
@@ -93,9 +93,9 @@ class FlightGridsConfig:
     """Sample sizes: missions that are flown."""
 
     seeds: Count = 20
-    """missions on each grid, the same for all"""
+    """number of missions on each grid, the same for all"""
     faulted: Count = 40
-    """missions with each kind of fault, on the stretched grid"""
+    """number of missions with each kind of fault, on the stretched grid"""
 
 
 class FlightGrids:
@@ -150,7 +150,7 @@ class FlightGrids:
 
 
 def _cost(records: Sequence[Record]) -> np.ndarray:
-    """(n,) sum h |a|^2 + beta times the time of flight."""
+    """Return the cost (n,) of missions, sum h |a|^2 + beta times the time of flight."""
     return figures(records, "control_effort") + FlightConfig().beta * figures(records, "flight_time_s")
 
 
@@ -271,7 +271,7 @@ def _draw_arcs(axes: Axes) -> None:
 def _draw_costs(
     axes: Axes, rows: Mapping[HorizonGrid, Mapping[str, Any]], by_condition: Mapping[HorizonGrid, Sequence[Record]]
 ) -> None:
-    """The cost of every mission over that on the uniform grid, and the mean cost over that."""
+    """Draw the cost of every mission over that on the uniform grid, and the ratio of the mean costs."""
     reference = _cost(by_condition[UNIFORM])
     axes.axvline(0.0, color=UNIFORM.colour, lw=1.0, ls=":")
     for row, grid in enumerate(GRIDS):

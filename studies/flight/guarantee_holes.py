@@ -1,15 +1,15 @@
-"""Holes in the guarantee, for the study ``hunt``: how a mission shows one, and four controllers that have one.
+"""Holes in the guarantee, for the study ``hunt``: detection in a mission, and four controllers that have one.
 
-A mission shows a hole by a violation that no event has announced: ``violations`` has the first, and its time.
+A mission shows a hole by a violation that no event announced; ``violations`` returns the first and its time.
 
-The controllers lack one part of the guarantee each. They are named by their place,
-"mathnavi.studies.flight.guarantee_holes:NoClearanceCheck", and are no installed plug-ins. All else is as ``flight``
-has it: faults act on the planner, within what certifies its plans.
+Each of the controllers lacks one part of the guarantee. They are addressed as
+"mathnavi.studies.flight.guarantee_holes:NoClearanceCheck", and are not installed plug-ins. Otherwise they are the
+controller ``flight``: faults act on the planner, before its plans are certified.
 
-    NoClearanceCheck    a plan is flown however low it is; the planner keeps its clearance at the nodes, softly
-    NoStartCheck        a plan is flown wherever it starts; the planner predicts its start at constant velocity
-    LatePlansFlown      a plan that is ready after its start is flown all the same, from when it is ready
-    HalvedBound         plans are certified for half the distance that the tracker can be from them
+    NoClearanceCheck    a plan is flown at any height; the planner keeps its soft clearance at the nodes
+    NoStartCheck        a plan is flown from any start; the planner predicts its start at constant velocity
+    LatePlansFlown      a plan that is ready after its start is flown from when it is ready
+    HalvedBound         plans are certified for half the distance that the tracker can have from them
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ def violations(outcome: RunResult) -> dict[str, Any]:
     """A measure: the least relative margin of a mission, and its first violation.
 
     ``relative_margin`` is the least of (clearance - h_min) / h_min, (separation - d_s) / d_s and (deadline - arrival) /
-    deadline, and ``ANNOUNCED`` where it is negative and was announced: what a search for a silent violation minimises.
-    A hill that no map shows yet cannot be announced, and counts as if it had been.
+    deadline, and ``ANNOUNCED`` if every violation was announced: a search for a silent violation minimises it. A
+    violation at a hill that no map shows yet cannot be announced, and counts as announced.
     """
     found = [*_clearance(outcome), *_separation(outcome), *_deadline(outcome)]
     margin = min(share for _, share, _ in found)
@@ -71,13 +71,13 @@ def violations(outcome: RunResult) -> dict[str, Any]:
 
 
 def clearance_in_bounds(outcome: RunResult) -> dict[str, Any]:
-    """A measure: the margin of clearance over the tracking bound that the controller declares."""
+    """A measure: the margin of clearance, in units of the vertical tracking bound that the controller declares."""
     bound = outcome.config["mission"]["tracking_bound"]["vertical"]
     return {"clearance_in_bounds": outcome.summary["clearance_margin_m"] / bound}
 
 
 def _clearance(outcome: RunResult) -> list[tuple[str, float, float]]:
-    """(kind, relative margin, time [s])."""
+    """Return (kind, relative margin, time [s]) of the clearance."""
     h_min = outcome.config["fields"]["clearance_min"]
     margin = outcome.summary["clearance_margin_m"] / max(h_min, 1.0)
     contacts = [event.t for event in outcome.events if event.kind in CONTACTS]
@@ -86,7 +86,7 @@ def _clearance(outcome: RunResult) -> list[tuple[str, float, float]]:
 
 
 def _lowest(outcome: RunResult, h_min: float) -> float:
-    """Time [s] of the first sample below ``h_min`` [m], or of the lowest one."""
+    """Return the time [s] of the first sample below ``h_min`` [m], or of the lowest one."""
     config = outcome.config
     reach = REACH if config["scenario"] == "quadrotor-canyon" else 0.0
     ground = _ground(config["terrain"]["path"], tuple(map(tuple, config["fields"].get("uncharted", ()))), reach)
@@ -107,7 +107,7 @@ def _ground(path: str, hills: tuple[tuple[float, ...], ...], reach: float) -> He
 
 
 def _uncharted(outcome: RunResult, t: float) -> bool:
-    """True if at ``t`` [s] there are hills that no map shows yet, and the mapped ground was kept clear of."""
+    """Tell whether at ``t`` [s] there are hills that no map shows yet, and the mapped ground was kept clear."""
     config = outcome.config
     fields = config["fields"]
     if not fields.get("uncharted") or t >= fields["uncharted_time"]:
@@ -128,7 +128,7 @@ def _separation(outcome: RunResult) -> list[tuple[str, float, float]]:
 
 
 def _nearest(t: Array, truths: Mapping[str, Array], least: float) -> float:
-    """Time [s] of the first sample at which two vehicles are nearer than ``least`` [m], or nearest."""
+    """Return the time [s] of the first sample at which two vehicles are nearer than ``least`` [m], or are nearest."""
     distance = np.min(
         [np.linalg.norm(a[:, :3] - b[:, :3], axis=1) for a, b in combinations(truths.values(), 2)], axis=0
     )
@@ -141,7 +141,7 @@ def _deadline(outcome: RunResult) -> list[tuple[str, float, float]]:
 
 
 def _announced(kind: str, t: float, events: list[Event]) -> bool:
-    """True if an event before ``t`` [s] said that this was no longer guaranteed, and none since that it is."""
+    """Tell whether an event before ``t`` [s] announced the loss of this guarantee, and no later event its return."""
     if kind == "deadline":
         return any(event.kind in DELAYS and event.t < t for event in events)
     for loss, end in LOSSES.items():
@@ -167,7 +167,7 @@ def _certified(
     certificate: type[Certificate] = Certificate,
     kind: type[Certified] = Certified,
 ) -> Certified:
-    """The planner behind a certificate, as ``Certified.for_mission`` makes it, with the classes that are given."""
+    """Return the planner behind a certificate, as made by ``Certified.for_mission``, with the given classes."""
     sound = Certificate.for_mission(mission, tracker.bound, tracker.held)
     made = certificate(**{entry.name: getattr(sound, entry.name) for entry in dataclasses.fields(sound)})
     fallback = partial(StopAndHover, period=planner.period)
@@ -176,27 +176,27 @@ def _certified(
 
 
 class BlindCertificate(Certificate):
-    """A certificate that does not ask for clearance, only for a plan over the map."""
+    """Certificate that requires no clearance, only a plan over the map."""
 
     def check_clearance(self, plan: Plan) -> Refusal | None:
         return Certificate.check_clearance(dataclasses.replace(self, clearance_min=-HIGHEST), plan)
 
 
 class NoClearanceCheck(FlightController):
-    """Flies plans however low they are."""
+    """Controller that flies plans at any height."""
 
     certifier = partial(_certified, certificate=BlindCertificate)
 
 
 class ConstantVelocityStart:
-    """A planner that starts from where the vehicle would be at constant velocity."""
+    """Planner whose plans start where the vehicle would be at constant velocity."""
 
     def __init__(self, planner: Planner) -> None:
         self.period = planner.period
         self._planner = planner
 
     def plan(self, request: PlanRequest) -> Plan:
-        """The plan from the predicted start."""
+        """Return the plan from the predicted start."""
         x = request.estimate.x
         start = np.concatenate([x[:3] + (request.t_start - request.t) * x[3:], x[3:]])
         estimate = Estimate(request.t_start, start)
@@ -204,7 +204,7 @@ class ConstantVelocityStart:
 
 
 class CertifiedFromAnywhere(Certified):
-    """Certifies plans wherever they start."""
+    """Certified planner that accepts any start of a plan."""
 
     def _examined(self, plan: Plan, request: PlanRequest) -> Plan:
         if not plan.ok:
@@ -214,7 +214,7 @@ class CertifiedFromAnywhere(Certified):
 
 
 class NoStartCheck(FlightController):
-    """Flies plans wherever they start."""
+    """Controller that flies plans from any start."""
 
     certifier = partial(_certified, kind=CertifiedFromAnywhere)
 
@@ -226,23 +226,23 @@ class NoStartCheck(FlightController):
 
 
 class CertifiedTooEarly(Certified):
-    """Certifies plans for when they were asked for, and has those that are late begin when they are ready."""
+    """Certified planner that certifies plans for the requested start, and delays late ones until they are ready."""
 
     def plan(self, request: PlanRequest) -> Plan:
-        """The plan, later than it was certified for if it is late."""
+        """Return the plan; a late one starts later than it was certified for."""
         plan = super().plan(request)
         late = plan.ready - plan.t_start if plan.ok else 0.0
         return dataclasses.replace(plan, t=plan.t + late) if late > 0.0 else plan
 
 
 class LatePlansFlown(FlightController):
-    """Flies plans that are ready after their start."""
+    """Controller that flies plans that are ready after their start."""
 
     certifier = partial(_certified, kind=CertifiedTooEarly)
 
 
 class HalvedBound(FlightController):
-    """Certifies plans for half of what the tracker may be beside them."""
+    """Controller that certifies plans for half of the tracking bound."""
 
     @staticmethod
     def build(config: FlightConfig, mission: FlightMission) -> Parts:

@@ -1,14 +1,15 @@
-"""Peers on the same missions: other published rules of safety beside the certificate, under the same faults.
+"""The certified planner compared with other published safety rules, on the same missions under the same faults.
 
-Everybody flies from the same starts to the same targets over the same ground, with the same h_min, bounds of speed and
-acceleration, tracker and tracking bound, and the same wrapper takes away the same share of everybody's answers. To
-arrive is to pass within the arrival radius, at whatever speed. A *violation* is a flight below h_min; it is *announced*
+All planners fly from the same starts to the same targets over the same ground, with the same h_min, bounds of speed and
+acceleration, tracker and tracking bound, and the same wrapper discards the same share of their answers. A vehicle
+arrives when it passes within the arrival radius, at any speed. A *violation* is a flight below h_min; it is *announced*
 if the loss of the guarantee was recorded before.
 
-What is compared is time, and by their defaults the planners weigh it differently: the optimiser that three of them
-share trades a second for beta m^2/s^4 of squared acceleration, the barrier's law none at all, but brakes towards the
-target. So everybody is tuned for time, in the same number of settings, on other seeds than are judged: of the settings
-with the fewest missions lost or violated over all conditions the fastest is flown, one for all conditions.
+The comparison is of flight times, which the planners weigh differently by default: the optimiser that three of them
+share trades a second for beta m^2/s^4 of squared acceleration; the barrier's law does not weigh time, but brakes
+towards the target. So every planner is tuned for time, over the same number of settings, on seeds that are not
+evaluated: of the settings with the fewest missions lost or violated over all conditions the fastest is flown in all
+conditions.
 """
 
 from __future__ import annotations
@@ -85,19 +86,19 @@ class GuaranteesConfig:
     """Sample sizes: missions that are flown."""
 
     missions: Annotated[int, Interval(ge=1, le=TUNING_SEED)] = 100
-    """each by every planner under every one of the conditions"""
+    """number of missions, each flown by every planner under every condition"""
     conditions: Annotated[int, Interval(ge=1, le=len(CONDITIONS))] = len(CONDITIONS)
-    """number of conditions under which they fly"""
+    """number of conditions under which the missions are flown"""
     timed: Count = 5
     """number of these missions in which the CPU time of every planner is measured"""
     tuning: Annotated[int, Interval(ge=1, le=100)] = 4
-    """other missions on which every planner is tuned, under every condition"""
+    """number of other missions on which every planner is tuned, under every condition"""
     settings: Annotated[int, Interval(ge=1, le=_SETTINGS)] = _SETTINGS
-    """number of settings of each planner that are tried; with one, the defaults, nothing is tuned"""
+    """number of settings of each planner that are tried; 1 for the defaults without tuning"""
 
 
 class Guarantees:
-    """Peers on the same missions: the certified planner beside gatekeeper, a barrier filter, FASTER and the thesis."""
+    """The certified planner compared with gatekeeper, a barrier filter, FASTER and the thesis, on the same missions."""
 
     Config = GuaranteesConfig
     quick = GuaranteesConfig(missions=2, timed=1, tuning=1, settings=2)
@@ -157,7 +158,7 @@ class Guarantees:
 
 
 def _flights(setup: Setup, seeds: Sequence[int]) -> Callable[[int, str, str, Mapping[str, Any]], Trial]:
-    """The trial of a seed, a condition, a planner and one of its settings, between the ends drawn for the seed."""
+    """Return a function that makes the trial of a seed, a condition, a planner and a setting."""
     drawn = dict(
         zip(seeds, setup.compute(mission_ends, [MissionToDraw(setup.place, k, IN_GUSTS) for k in seeds]), strict=True)
     )
@@ -170,7 +171,7 @@ def _flights(setup: Setup, seeds: Sequence[int]) -> Callable[[int, str, str, Map
 
 
 def fly_settings(config: GuaranteesConfig, setup: Setup) -> dict[str, list[Sequence[Record]]]:
-    """For each planner, the records of each of its settings on the tuning's missions; none where there is no choice."""
+    """Fly the missions of the tuning; return the records of each setting by planner, none if there is one setting."""
     if config.settings == 1:
         return {planner: [()] for planner in PLANNERS}
     seeds = range(TUNING_SEED, TUNING_SEED + config.tuning)
@@ -185,7 +186,7 @@ def fly_settings(config: GuaranteesConfig, setup: Setup) -> dict[str, list[Seque
 
 
 def best_setting(tried: Sequence[Sequence[Record]]) -> int:
-    """Index of the setting with the fewest missions lost or violated, and of these with the least mean time."""
+    """Return the index of the setting with the fewest missions lost or violated, then with the least mean time."""
 
     def rank(k: int) -> tuple[int, float]:
         return _spoilt(tried[k]), float(figures(tried[k], "flight_time_s").mean())
@@ -194,7 +195,7 @@ def best_setting(tried: Sequence[Sequence[Record]]) -> int:
 
 
 def _spoilt(records: Sequence[Record]) -> int:
-    """Missions that did not arrive, or came below h_min."""
+    """Count the missions that did not arrive, or came below h_min."""
     return int(((figures(records, "arrived") == 0) | (figures(records, "violated") > 0)).sum())
 
 
@@ -213,7 +214,7 @@ def violations(outcome: RunResult) -> dict[str, Any]:
 
 
 class TimedPlanner:
-    """A planner whose calls are timed."""
+    """Planner whose calls are timed."""
 
     def __init__(self, planner: Planner) -> None:
         self.period = planner.period
@@ -224,7 +225,7 @@ class TimedPlanner:
             self.monitor = monitor
 
     def plan(self, request: PlanRequest) -> Plan:
-        """The planner's answer."""
+        """Return the plan of the timed planner."""
         began = time.thread_time()
         plan = self._planner.plan(request)
         self.spent_ms.append(1e3 * (time.thread_time() - began))
@@ -266,7 +267,7 @@ def _row(condition: str, planner: str, records: Sequence[Record], cpu_ms: float)
 
 
 def times_over(cells: Mapping[tuple[str, str], Sequence[Record]], condition: str, peer: str) -> float:
-    """Time of the certified planner over that of a peer, on the missions on which both arrive; NaN without any."""
+    """Return the certified planner's time over that of a peer, on missions in which both arrive; NaN without any."""
     ours, theirs = cells[condition, OURS], cells[condition, peer]
     both = (figures(ours, "arrived") > 0) & (figures(theirs, "arrived") > 0)
     sums = [float(figures(records, "flight_time_s")[both].sum()) for records in (ours, theirs)]
@@ -274,7 +275,7 @@ def times_over(cells: Mapping[tuple[str, str], Sequence[Record]], condition: str
 
 
 def peers_claim(cells: Mapping[tuple[str, str], Sequence[Record]], rows: Sequence[Mapping[str, Any]]) -> Claim:
-    """The certified planner has no contact and no unannounced violation, and is hardly slower than who has none."""
+    """Evaluate the claim: no contact, no unannounced violation, and hardly slower than the fastest peer without any."""
     ours = [row for row in rows if row["planner"] == OURS]
     contacts, unannounced = (sum(row[name] for row in ours) for name in ("contacts", "unannounced"))
     ratios: dict[str, tuple[float, str]] = {}

@@ -1,7 +1,7 @@
-"""Tables A.1 and A.2, Figure A.5: what a longer prediction horizon buys, and what it costs.
+"""Tables A.1 and A.2, Figure A.5: benefit and cost of a longer prediction horizon.
 
 The same missions are flown with T_p = 5, 10, 15 and 20 s, N = T_p / h + 1 nodes at h = 5/3 s. The thesis' column
-||a||_2 is taken to be sqrt(sum_k |a_k|^2) over the flown accelerations of the nodes; its unit is unknown, ours is
+||a||_2 is interpreted as sqrt(sum_k |a_k|^2) over the flown accelerations of the nodes; its unit is unknown, here it is
 m/s^2.
 """
 
@@ -49,7 +49,7 @@ class HorizonConfig:
     """Sample sizes: missions that are flown."""
 
     seeds: Count = 20
-    """missions for each horizon, the same for all"""
+    """number of missions for each horizon, the same for all"""
 
 
 class Horizon:

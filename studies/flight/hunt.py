@@ -1,12 +1,13 @@
-"""A hunt for holes in the guarantee: is there a mission that violates it without a word?
+"""Search for holes in the guarantee: is there a mission that violates it unannounced?
 
-Four directed searches look for the least margin of clearance, separation and deadline that no event has announced the
-loss of. Whether such a search would find a hole is measured on four controllers that have one (``guarantee_holes``):
-how many missions it takes, and how many random draws take. The product's controller is searched in the same spaces.
+Four directed searches minimise the margin of clearance, separation and deadline, excluding violations that an event
+announced. Whether such a search would find a hole is measured on four controllers that have one (``guarantee_holes``),
+the mutants: by the number of missions until it is found, compared with random draws. The product's controller, which
+has all checks, is searched in the same spaces.
 
-All missions are short, in canyons of 640 m and over level ground. What is searched over are noise and gusts as
-declared to the controller, faults, bounds, ends, heights, seeds and what changes on the way; for the mutants also the
-planner's horizon, period and nodes.
+All missions are short, in canyons of 640 m and over level ground. The search spaces contain noise and gusts as declared
+to the controller, faults, bounds, ends, heights, seeds and changes on the way; for the mutants also the planner's
+horizon, period and nodes.
 """
 
 from __future__ import annotations
@@ -68,13 +69,13 @@ class HuntConfig:
     tries: Count = ENOUGH
     """largest number of missions of a search for the hole of a mutant"""
     draws: Count = 400
-    """largest number of random draws for the same hole"""
+    """largest number of random draws for the hole of a mutant"""
     repeats: Count = 3
-    """searches for each hole, and as many lots of random draws"""
+    """number of searches for each hole, and of lots of random draws"""
 
 
 class HuntStudy:
-    """Directed searches for a mission that violates the guarantee without an event that says so."""
+    """Directed searches for a mission that violates the guarantee without an event that announces it."""
 
     Config = HuntConfig
     quick = HuntConfig(missions=8, tries=8, draws=8, repeats=1)
@@ -113,41 +114,42 @@ class HuntStudy:
 
 @dataclass(frozen=True)
 class Hole:
-    """Missions until the hole of a mutant was found, by each search and by each lot of random draws; None: not."""
+    """Missions until the hole of a mutant was found, by each search and lot of random draws; None if it was not."""
 
     name: str
     searches: tuple[int | None, ...]
     draws: tuple[int | None, ...]
     most_draws: int
     of_product: tuple[int | None, ...]
-    """likewise, by each search in the same space with the product's controller"""
+    """missions until a violation of the product was found, by each search in the same space; None if it was not"""
 
     @property
     def median(self) -> float:
-        """Missions of the median search; inf where that found nothing."""
+        """Missions of the median search; inf if it found nothing."""
         return median(math.inf if count is None else float(count) for count in self.searches)
 
     @property
     def drawn(self) -> int:
-        """Missions of all lots of random draws."""
+        """Total number of missions in all lots of random draws."""
         return sum(self.most_draws if count is None else count for count in self.draws)
 
     @property
     def mean_draws(self) -> float:
-        """Missions that random draws take in the mean, the estimate of a geometric distribution; inf without a find."""
+        """Mean number of random draws until the hole is found, of a geometric distribution; inf without a find."""
         found = sum(count is not None for count in self.draws)
         return self.drawn / found if found else math.inf
 
     @property
     def shown(self) -> bool:
-        """True if the median search found it within ``ENOUGH`` missions, random draws need more, and no search found
-        one in the product.
+        """True if a search finds the hole sooner than random draws, and none in the product.
+
+        The median search takes less than ``ENOUGH`` missions, and random draws more.
         """
         return self.median < ENOUGH < self.mean_draws and not any(self.of_product)
 
     @property
     def row(self) -> dict[str, Any]:
-        """A line of the study's table."""
+        """Row of the study's table."""
         return {
             "hunt": self.name, "searches": _counts(self.searches), "draws": _counts(self.draws),
             "mean_draws": self.mean_draws if math.isfinite(self.mean_draws) else None,
@@ -156,7 +158,7 @@ class Hole:
 
     @property
     def text(self) -> str:
-        """All counts, to be read."""
+        """All counts as text."""
         row, mean = self.row, self.mean_draws
         drawn = f"{mean:.0f}" if math.isfinite(mean) else f"more than {self.drawn}"
         return f"{self.name}: {row['searches']} against {drawn} draws; product: {row['product']}"
@@ -167,7 +169,7 @@ def _counts(counts: Sequence[int | None]) -> str:
 
 
 def _flown(found: Sequence[Evaluation]) -> list[tuple[Evaluation, dict[str, Any]]]:
-    """The missions that were flown, with their summaries."""
+    """Return the missions that were flown, with their summaries."""
     return [(each, each.record.summary) for each in found if each.ending == "flown" and each.record is not None]
 
 
@@ -187,7 +189,7 @@ def _row(name: str, found: Sequence[Evaluation]) -> dict[str, Any]:
 
 
 def _violations(found: dict[str, list[Evaluation]]) -> list[str]:
-    """A sentence for each hunt with silent violations: which, and the first mission that shows it."""
+    """Return a sentence for each hunt with silent violations: their kinds, and the worst mission."""
     sentences = []
     for name, evaluations in found.items():
         flown = _flown(evaluations)
@@ -282,7 +284,7 @@ def _figure(found: dict[str, list[Evaluation]], holes: Sequence[Hole]) -> Figure
 def _searched(
     setup: Setup, pool: Pool, hunt: Hunt, objective: Objective, missions: int, **named: Any
 ) -> list[Evaluation]:
-    """The evaluations of one search; StudyError where no mission could be flown.
+    """Return the evaluations of one search; StudyError if no mission could be flown.
 
     ``named`` are ``sampler``, ``seed`` and ``until`` of ``directed``.
     """
@@ -300,11 +302,11 @@ def _searched(
 
 
 def _hole_found(search: Callable[..., list[Evaluation]], holed: HoledHunt, config: HuntConfig) -> Hole:
-    """Search for a hole, draw for it, and search for one in the product."""
+    """Search for a hole, draw missions at random until it is found, and search for one in the product."""
     objective = Objective(holed.figure)
 
     def counts(hunt: Hunt, sampler: Sampler, most: int) -> tuple[int | None, ...]:
-        """Missions until the hole, of each repetition."""
+        """Return the number of missions until the hole is found, of each repetition; None if it is not."""
         lots = [
             search(hunt, objective, most, sampler=sampler, seed=seed, until=BELOW) for seed in range(config.repeats)
         ]
@@ -326,7 +328,7 @@ def _hole_found(search: Callable[..., list[Evaluation]], holed: HoledHunt, confi
 
 @dataclass(frozen=True)
 class Hunt:
-    """A scenario and what is searched over."""
+    """Scenario and the space that is searched."""
 
     name: str
     space: tuple[Dimension, ...]
@@ -337,7 +339,7 @@ class Hunt:
     measure: str = f"{FLOWN}:violations"
 
     def make(self, values: Values) -> Trial:
-        """The trial at these values; FieldError where the configuration refuses them."""
+        """Return the trial at these values; FieldError if the configuration refuses them."""
         fields = {**self.fields, **self.derived(values)}
         seed = fields.pop("seed")
         return trial(self.scenario, seed, self.controller, fields=fields, measure=self.measure)
@@ -357,7 +359,7 @@ AIR = (
 
 
 def _course(fixed: Mapping[str, Any], values: Values) -> dict[str, Any]:
-    """Start and target on either side of a middle, each so high above what a plan has to keep."""
+    """Return fields with start and target on opposite sides of a middle, above the lowest certified height."""
     fields = {name: value for name, value in values.items() if name not in COURSE_NAMES}
     keep = _lowest({**fixed, **fields})
     heading, half = float(values["heading"]), 0.5 * float(values["distance"])
@@ -369,8 +371,9 @@ def _course(fixed: Mapping[str, Any], values: Values) -> dict[str, Any]:
 
 
 def _lowest(fields: Mapping[str, Any]) -> Callable[[float, float], float]:
-    """The least height z [m] at (x, y) [m] at which a plan of ``safe-flight`` with these fields is certified: h_min
-    above the ground, which is raised by the tracking bound and the hull.
+    """Return a function of (x, y) [m]: the least height z [m] of a certified plan of ``safe-flight`` with these fields.
+
+    It is h_min above the ground, which is raised by the tracking bound and the hull.
     """
     mission, bound = _to_certify(fields)
     ground = raised_ground(mission.terrain, bound.horizontal + mission.reach, bound.vertical)
@@ -378,7 +381,7 @@ def _lowest(fields: Mapping[str, Any]) -> Callable[[float, float], float]:
 
 
 def _to_certify(fields: Mapping[str, Any]) -> tuple[FlightMission, TrackingBound]:
-    """The mission of ``safe-flight`` with these fields, but for its ends, and the tracking bound of the product."""
+    """Return the mission of ``safe-flight`` with these fields, without its ends, and the product's tracking bound."""
     spec = RunSpec.of("safe-flight", fields={name: value for name, value in fields.items() if name != "seed"})
     mission = mission_but_ends(spec.config, load_terrain(spec.config.terrain), spec.estimator)
     return mission, tracking_bound(spec["planner.bandwidth"], mission)
@@ -405,7 +408,7 @@ SAFE_FLIGHT = Hunt(
 
 
 def _low(values: Values) -> dict[str, Any]:
-    """Ends drawn between ``LEAST`` and ``height`` above h_min."""
+    """Return fields whose ends are drawn between ``LEAST`` and ``LEAST`` + ``height`` [m] above h_min."""
     fields = dict(values)
     fields["drawn_heights"] = (LEAST, LEAST + fields.pop("height"))
     return fields
@@ -446,9 +449,9 @@ QUADROTOR = Hunt(
 
 
 def _changing(values: Values) -> dict[str, Any]:
-    """A hill that becomes known on the way, a radar that appears and drives, and a target that moves.
+    """Return fields with a hill that becomes known on the way, a radar that appears and moves, and a target that moves.
 
-    Places are shares of the map, the target's a step [m] from the middle of the map.
+    Places are shares of the map; that of the target is a step [m] from the middle of the map.
     """
     given = {name: values[name] for name in CHANGES}
     fields = _course(CHARTED, {name: value for name, value in values.items() if name not in CHANGES})
@@ -497,9 +500,9 @@ HUNTS = (SAFE_FLIGHT, FLEET, QUADROTOR, UPDATES)
 
 @dataclass(frozen=True)
 class HoledHunt:
-    """Missions of a mutant, and the same ones of the product's controller, which has no hole.
+    """Missions of a mutant, and the same missions of the product's controller, which has no hole.
 
-    The hole is found where a mission comes below h_min; ``figure`` is what a search for it minimises.
+    The hole is found if a mission comes below h_min; a search for it minimises ``figure``.
     """
 
     mutant: Hunt
@@ -532,10 +535,10 @@ def _hole(
 
 
 def _to_the_plateau(values: Values) -> dict[str, Any]:
-    """From the gorge to the plateau, both ends ``ABOVE`` h_min.
+    """Return fields of missions from the gorge to the plateau, both ends ``ABOVE`` h_min.
 
-    ``period_share`` is the period of the planner in horizons, ``reading`` that of the estimator in control steps, and
-    ``late`` the time [s] by which late plans are.
+    ``period_share`` is the planner's period in horizons, ``reading`` the estimator's in control steps, and ``late`` the
+    delay [s] of late plans.
     """
     fields = _ends(values, CANYONS[0], ABOVE)
     period = max(1, round(fields.pop("period_share") * fields["planner.horizon"] * CONTROL_RATE)) / CONTROL_RATE
@@ -548,15 +551,13 @@ def _to_the_plateau(values: Values) -> dict[str, Any]:
 
 
 def _level(bounds: float, values: Values) -> dict[str, Any]:
-    """Over level ground at the least height that is certified with so many tracking bounds, and ``height`` of the
-    tracking bound more.
-    """
+    """Return fields of missions over level ground, ``bounds`` + ``height`` vertical tracking bounds above h_min."""
     _, bound = _to_certify({**LEVEL, **{name: value for name, value in values.items() if name not in ENDS_NAMES}})
     return _ends(values, LEVEL["terrain"], (bounds + float(values["height"])) * bound.vertical + ROUNDING)
 
 
 def _ends(values: Values, terrain: str, height: float) -> dict[str, Any]:
-    """Start and target so high [m] above h_min."""
+    """Return fields with start and target ``height`` [m] above h_min."""
     fields = {name: value for name, value in values.items() if name not in ENDS_NAMES} | {"terrain": terrain}
     ground = load_terrain(terrain)
     for name in ("start", "target"):

@@ -1,10 +1,9 @@
-"""Table A.3, Figure A.7: once a period the vehicle is thrown aside, p := p + w, w uniform in a cube of half-width
-w_bar.
+"""Table A.3, Figure A.7: position jumps once a period, p := p + w, w uniform in a cube of half-width w_bar.
 
-T_p = 10 s and N = 6 as in the thesis, whose w_bar of 1 is 3670 m. Nothing guards against a jump: it may throw a vehicle
-into a mountain. So the missions begin and end 2 to 3 km above ground, and the planner flies them with its usual margin
-and with one that grows with the jumps, 25 m + 2.5 w_bar; the planner as printed flies them too. Within a jump of the
-target no planner can hit it, so arrival means within 2 km of the target.
+T_p = 10 s and N = 6 as in the thesis, whose w_bar of 1 is 3670 m. Nothing prevents a jump into a mountain, so the
+missions begin and end 2 to 3 km above ground, and the planner flies them with its usual margin and with one that grows
+with the jumps, 25 m + 2.5 w_bar; the planner as printed flies them too. No planner can reach a target more closely than
+by a jump, so arrival means within 2 km of the target.
 """
 
 from __future__ import annotations
@@ -59,9 +58,9 @@ class NoiseConfig:
     """Sample sizes: missions that are flown."""
 
     seeds: Count = 12
-    """missions for each half-width and planner, the same for all"""
+    """number of missions for each half-width and planner, the same for all"""
     offsets: Annotated[Count, Within(Interval(ge=1, le=len(PRINTED)))] = len(PRINTED)
-    """how many of the half-widths, the smallest first"""
+    """number of half-widths, the smallest first"""
 
 
 class Noise:

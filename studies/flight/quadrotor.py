@@ -1,8 +1,8 @@
-"""Quadrotors through canyons by the hundred, in gusts and heavier than declared: is what was certified kept?
+"""Missions of a quadrotor through canyons, in gusts and with more mass than declared: is the certificate kept?
 
-The planner, its certificate and its guarantee are those of the point mass; beneath them a body with four rotors follows
-within a bound that was computed, not measured. Every mission has gusts, a tenth more mass than its controller believes
-and slower rotors; the ends are drawn on the canyon's floor.
+The planner, its certificate and its guarantee are those of the point mass; a body with four rotors follows its plans
+within a bound that was computed, not measured. Every mission has gusts, a tenth more mass than declared and slower
+rotors; the ends are drawn on the canyon's floor.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ class QuadrotorStudyConfig:
     """Sample sizes: missions that are flown."""
 
     canyons: Count = 20
-    """canyons, made from the numbers 0, 1, ..."""
+    """number of canyons, generated from the seeds 0, 1, ..."""
     missions: Count = 5
-    """number of missions in each of them"""
+    """number of missions in each canyon"""
     drawn: Count = 4
-    """canyons whose missions are drawn on their maps, at most"""
+    """largest number of canyons whose maps are drawn with the paths flown"""
 
 
 class QuadrotorStudy:
@@ -93,14 +93,14 @@ def _mission(config: QuadrotorStudyConfig, canyon: int, k: int) -> Trial:
 
 
 def path(outcome: RunResult) -> dict[str, Any]:
-    """A measure: where on the map the vehicle was, two or three times a second, [[x, y], ...] [m]."""
+    """A measure: positions of the vehicle on the map, [[x, y], ...] [m], two or three times a second."""
     recording = outcome.recording
     places = recording.truths[VEHICLE][:: max(1, round(EVERY / float(np.diff(recording.t[:2])[0])))]
     return {"path": np.round(np.vstack([places, recording.truths[VEHICLE][-1:]])[:, :2], 1).tolist()}
 
 
 def _share(records: Sequence[Record]) -> np.ndarray:
-    """(n,) the greatest distance from the plan over the greatest that the bound allows for."""
+    """Return the greatest distance (n,) from the plan over the greatest that the bound allows."""
     share: np.ndarray = figures(records, "tracking_error_max_m") / figures(records, "tracking_bound_m")
     return share
 

@@ -48,15 +48,15 @@ class RunTimeConfig:
     """Sample sizes: missions that are flown."""
 
     seeds: Count = 6
-    """missions for each pair of nodes and horizon, the same for all"""
+    """number of missions for each pair of nodes and horizon, the same for all"""
     nodes: Annotated[Count, Within(Interval(ge=4, le=len(NODES)))] = len(NODES)
-    """how many of N = 4, 7, 10, 13, 16, 19"""
+    """number of node counts, of N = 4, 7, 10, 13, 16, 19"""
     horizons: Annotated[Count, Within(Interval(ge=4, le=len(HORIZONS)))] = len(HORIZONS)
-    """how many of T_p = 5, 10, 15, 20, 30 s"""
+    """number of horizons, of T_p = 5, 10, 15, 20, 30 s"""
 
 
 class RunTime:
-    """Run-time against the number of nodes, and which horizons are useful (Figure A.4)."""
+    """Run-time against the number of nodes, and useful prediction horizons (Figure A.4)."""
 
     Config = RunTimeConfig
     quick = RunTimeConfig(seeds=1)
@@ -133,7 +133,7 @@ def _cell(n: int, horizon: float, records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _area(cell: Mapping[str, Any], useful: Sequence[Mapping[str, Any]]) -> str:
-    """The area of a pair, given the shorter horizons in C at the same N."""
+    """Return the area of a pair, given the shorter horizons in C at the same N."""
     if 1e3 * cell["h_s"] < cell["mean_ms"]:
         return "D"
     if cell["spacing_m"] > FURTHEST:
@@ -160,7 +160,7 @@ def _loads(load: Mapping[int, Mapping[str, float]]) -> Table:
 
 
 def _axes(cells: Mapping[tuple[int, float], Any]) -> tuple[list[int], list[float]]:
-    """The numbers of nodes and the horizons of the pairs."""
+    """Return the numbers of nodes and the horizons [s] of the pairs."""
     return list(dict.fromkeys(n for n, _ in cells)), list(dict.fromkeys(horizon for _, horizon in cells))
 
 

@@ -1,8 +1,8 @@
-"""Missions by the hundred with failing solvers, and with noise and gusts: is the guarantee kept?
+"""Hundreds of missions with failing solvers, and with noise and gusts: is the guarantee kept?
 
-What is guaranteed: the clearance over the triangles never falls below h_min, and the vehicle arrives by gamma V_0,
-whatever the planner answers. With noise and gusts the guarantee holds as long as the tracker keeps its stated bound; a
-breach is counted.
+The guarantee: the clearance over the triangles never falls below h_min, and the vehicle arrives by gamma V_0, for any
+answers of the planner. With noise and gusts the guarantee holds as long as the tracker keeps its stated bound; breaches
+are counted.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class SafetyConfig:
 
 
 class Safety:
-    """Missions by the hundred: clearance and arrival with failing solvers, noise and gusts (A.4, A.7)."""
+    """Hundreds of missions: clearance and arrival with failing solvers, noise and gusts (A.4, A.7)."""
 
     Config = SafetyConfig
     quick = SafetyConfig(missions=5)

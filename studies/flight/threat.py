@@ -1,8 +1,8 @@
-"""Figure A.6: a radar of 10 km stands in the middle of the way; does the planner keep out of its sight?
+"""Figure A.6: a radar with a range of 10 km in the middle of the way; does the planner avoid its line of sight?
 
-Each mission is flown without knowledge of the radar, and with it under two weights of the threat in the terminal cost.
-The exposure is the time in the radar's line of sight over the true terrain. The thesis' statement on the height is
-measured where it says it: within one and a half radii of the radar.
+Each mission is flown without knowledge of the radar, and with it, at two weights of the threat in the terminal cost.
+The exposure is the time in the radar's line of sight over the true terrain. The height above ground, which the thesis
+makes a statement about, is measured within one and a half radii of the radar.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class ThreatConfig:
     """Sample sizes: missions that are flown."""
 
     seeds: Count = 20
-    """missions, each unaware and aware of its radar"""
+    """number of missions, each flown without and with knowledge of its radar"""
 
 
 class Threat:
@@ -102,7 +102,7 @@ class Threat:
 
 
 def _missions(setup: Setup, seed: int, drawn: Mapping[str, Sequence[float]]) -> dict[str, Trial]:
-    """The mission between the drawn ends of a seed, with a radar in its middle."""
+    """Return the trials between the drawn ends of a seed, with a radar in the middle."""
     start, target = drawn["start"], drawn["target"]
     middle = (0.5 * (start[0] + target[0]), 0.5 * (start[1] + target[1]))
 
@@ -117,7 +117,7 @@ NEAR_MEASURE = "mathnavi.studies.flight.threat:near_radar"
 
 
 def near_radar(outcome: RunResult) -> dict[str, Any]:
-    """Mean height above ground [m] within ``NEAR`` radii of the radar; null if the path stays out of there."""
+    """A measure: mean height above ground [m] within ``NEAR`` radii of the radar; None if the path stays outside."""
     (radar,) = outcome.config["mission"]["radars"]
     x, above = outcome.recording.truths[VEHICLE], heights(outcome)
     near = np.hypot(x[:, 0] - radar["x"], x[:, 1] - radar["y"]) <= NEAR * radar["radius"]
@@ -125,8 +125,10 @@ def near_radar(outcome: RunResult) -> dict[str, Any]:
 
 
 def _row(name: str, records: Sequence[Record], unaware: Sequence[Record], near: Booleans) -> dict[str, Any]:
-    """``near`` are the missions that come near the radar with and without knowing it: only they can be compared
-    there."""
+    """Return a row of the table; ``near`` are the missions that come near the radar with and without knowing it.
+
+    Heights near the radar are compared over them only.
+    """
     exposure, path = figures(records, "radar_exposure_s"), figures(records, "path_length_m")
     return {
         "planner": name,

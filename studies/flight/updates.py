@@ -1,8 +1,8 @@
-"""Changes on the way: is the guarantee kept, and where it cannot be, is its loss announced?
+"""Information updates in flight: is the guarantee kept, or its loss announced if it cannot be?
 
-The thesis allows for information updates by a new terminal cost (A.1, A.5). Here radars appear in the way, drive into
-it, and vanish; the target moves; and the ground turns out to be higher than the map, so that the path of the same
-mission would lead through a hill, which becomes known to the planner some seconds before it would hit.
+The thesis allows for information updates by a new terminal cost (A.1, A.5). Here radars appear in the way, move into
+it, and vanish; the target moves; and the ground is higher than the map, so that the path of the undisturbed mission
+leads through a hill, which becomes known to the planner some seconds before the vehicle would hit it.
 """
 
 from __future__ import annotations
@@ -54,13 +54,13 @@ class UpdatesConfig:
     """Sample sizes: missions that are flown."""
 
     seeds: Count = 20
-    """missions, each with every change"""
+    """number of missions, each flown with every change"""
     notices: Count = len(NOTICES)
-    """times of notice of a hill, at most"""
+    """largest number of times of notice of a hill"""
 
 
 class Updates:
-    """Radars, targets and maps that change on the way: is the guarantee kept, or its loss announced?"""
+    """Radars, targets and maps that change in flight: is the guarantee kept, or its loss announced?"""
 
     Config = UpdatesConfig
     quick = UpdatesConfig(seeds=2, notices=3)
@@ -98,7 +98,7 @@ class Updates:
 
 
 class Change:
-    """What became of the missions with one change."""
+    """Outcomes of the missions with one change."""
 
     def __init__(self, name: str, records: Sequence[Record]) -> None:
         def total(key: str) -> int:
@@ -219,7 +219,7 @@ def announced(outcome: RunResult) -> dict[str, Any]:
 
 
 def build_ms(place: TerrainReference) -> MeasuredTime:
-    """CPU time [ms] of a new terminal cost, with a threat, of the planner's default grid: the least of some."""
+    """A job: CPU time [ms] of a new terminal cost with a threat on the planner's default grid, the least of several."""
     ground = place.ground
     middle = 0.5 * np.array([ground.width, ground.depth])
     flight = FlightConfig()
@@ -237,13 +237,13 @@ def build_ms(place: TerrainReference) -> MeasuredTime:
 
 
 def hill_name(notice: float) -> str:
-    """Name of a mission with a hill that becomes known ``notice`` [s] ahead."""
+    """Return the name of a mission with a hill that becomes known ``notice`` [s] ahead."""
     return f"hill announced {notice:g} s ahead"
 
 
 @dataclass(frozen=True)
 class MissionToVary:
-    """A mission of which variations are wanted."""
+    """A mission to be flown with variations."""
 
     place: TerrainReference
     seed: int
@@ -251,7 +251,7 @@ class MissionToVary:
 
 
 def varied_mission(mission: MissionToVary) -> dict[str, Trial]:
-    """A mission as it was, and with each change, by the path that it had."""
+    """A job: fly a mission, and return its trials without and with each change, which depends on the path flown."""
     terrain, ground = mission.place.terrain, mission.place.ground
     outcome = trial("safe-flight", mission.seed, fields={"terrain": terrain}).flown()
     drawn = outcome.config["mission"]
@@ -283,25 +283,25 @@ class Flown:
         return float(self.t[-1])
 
     def at(self, share: float) -> Array:
-        """(6,) at a share of the time."""
+        """Return the state (6,) [m, m/s] at a share of the flight time."""
         state: Array = self.x[np.searchsorted(self.t, share * self.t[-1])]
         return state
 
     @property
     def aside(self) -> Array:
-        """(2,) [m] to the left of the way, as far as a radar drives and the target moves."""
+        """Displacement (2,) [m] to the left of the path, by which a radar or the target moves."""
         vx, vy = self.at(_WAY)[3:5]
         left: Array = np.array([-vy, vx]) / max(float(np.hypot(vx, vy)), 1e-9)
         return ASIDE * _side(self.ground) * left
 
 
 def _side(ground: HeightField) -> float:
-    """[m] the shorter one."""
+    """Return the shorter side [m] of the map."""
     return min(ground.width, ground.depth)
 
 
 def _radars(flown: Flown) -> dict[str, dict[str, Any]]:
-    """Fields of a radar that appears in the way, of one that drives into it, and of one that vanishes before."""
+    """Return fields of a radar that appears in the way, of one that moves into it, and of one that vanishes before."""
     ground, way, announced_at = flown.ground, flown.at(_WAY)[:2], _ANNOUNCED * flown.duration
     radius, aside = RADIUS * _side(ground), flown.aside
     if not ground.contains(*(way + aside)):
@@ -320,7 +320,7 @@ def _radars(flown: Flown) -> dict[str, dict[str, Any]]:
 
 
 def _path(flown: Flown) -> tuple[tuple[float, ...], ...]:
-    """The target moves to the side, or, at the border, towards the middle of the map."""
+    """Return the path of a target that moves to the side, or, near the border, towards the middle of the map."""
     here, size, side = flown.target[:2], np.array([flown.ground.width, flown.ground.depth]), _side(flown.ground)
     there, inside = here + flown.aside, _INSIDE * side
     if np.any(there < inside) or np.any(there > size - inside):
@@ -331,7 +331,7 @@ def _path(flown: Flown) -> tuple[tuple[float, ...], ...]:
 
 
 def _hills(flown: Flown, notices: Sequence[float]) -> dict[str, dict[str, Any]]:
-    """A hill through which the path would lead."""
+    """Return fields of a hill through which the path would lead, for each time of notice [s]."""
     ground, top = flown.ground, flown.at(_HILL)
     height = float(top[2] - ground.height(*top[:2])) + ABOVE
     hill = (float(top[0]), float(top[1]), HILL_RADIUS * _side(ground), height)

@@ -39,9 +39,9 @@ def heat_map(
 ) -> ScalarMappable:
     """Draw ``values`` (rows, columns) > 0 as colours on a log scale around 1, good below it.
 
-    NaN has the colour that ``lacking`` has for its text, "none" to leave the cell out, else grey. ``decades`` below and
-    above 1 have colours of their own, values beyond them have the colours of their ends. ``texts`` stand in the cells,
-    ``framed`` cells (row, column) have a frame. Returns what a colour bar wants.
+    The colour of a NaN is that of its text in ``lacking``, "none" to leave the cell out, else grey. The scale covers
+    ``decades`` below and above 1; values beyond have the colours of its ends. ``texts`` are written in the cells, and
+    ``framed`` cells (row, column) have a frame. Returns the mappable of a colour bar.
     """
     norm = TwoSlopeNorm(0.0, -decades[0], decades[1])
     logarithms = np.clip(np.log10(values), -decades[0], decades[1])
@@ -69,7 +69,7 @@ def heat_map(
 
 
 def readable_on(colour: tuple[float, float, float]) -> str:
-    """The colour of a text on a ground: that of the higher contrast, (L_light + 0.05) / (L_dark + 0.05) (WCAG 2)."""
+    """Return the text colour of the higher contrast, (L_light + 0.05) / (L_dark + 0.05), to a background (WCAG 2)."""
     ground, dark = _luminance(colour) + 0.05, _luminance(to_rgb(DARK)) + 0.05
     return LIGHT if 1.05 / ground > ground / dark else DARK
 

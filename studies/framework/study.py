@@ -1,10 +1,9 @@
-"""A study: a table or a figure of the thesis, done again, and its verdict on the claims.
+"""Studies: a study reproduces a table or a figure of the thesis and evaluates claims.
 
-A study is a class with a frozen dataclass ``Config`` of its sample sizes, ``quick``, such a configuration for a first
-look, a ``title``, and a static ``run(config, setup)``. It flies its missions through ``Setup.fly`` and computes all
-else through ``Setup.compute``, so each result is stored as it ends and a study that was interrupted goes on where it
-stopped. It is done on a terrain unless it declares
-``on_terrain = False``; then it is done once, whatever terrains the others are done on.
+A study is a class with a frozen dataclass ``Config`` of its sample sizes, ``quick``, a configuration for a first look,
+a ``title``, and a static ``run(config, setup)``. It flies its missions through ``Setup.fly`` and computes everything
+else through ``Setup.compute``, so each result is stored when it is ready, and an interrupted study continues where it
+stopped. A study runs on every requested terrain; one that declares ``on_terrain = False`` runs once, without a terrain.
 
 **Computations** of several kinds are requested by key and done by one pool of workers.
 """
@@ -47,17 +46,17 @@ from mathnavi.sim.sweep.trial import Trial, trial
 
 
 class Jobs:
-    """Computations by key, so that one pool of workers does them all."""
+    """Computations by key that one pool of workers executes together."""
 
     def __init__(self) -> None:
         self._jobs: list[tuple[Any, Job]] = []
 
     def add(self, key: Any, function: Callable[..., Any], arguments: Iterable[Any], **named: Any) -> None:
-        """Ask for a module-level function of each argument; ``named`` are passed on with every one of them."""
+        """Add a job for each argument of a module-level function; ``named`` are passed on to every call."""
         self._jobs += [(key, call(function, argument, **named)) for argument in arguments]
 
     def done(self, setup: Setup) -> dict[Any, list[Any]]:
-        """The results by key, in the order in which they were asked for; StudyError as for ``Setup.perform``."""
+        """Execute the jobs; return the results by key, in the order of ``add``. Raises as ``Setup.perform`` does."""
         results: dict[Any, list[Any]] = {}
         for (key, _), result in zip(self._jobs, setup.perform([each for _, each in self._jobs]), strict=True):
             results.setdefault(key, []).append(result)
@@ -70,22 +69,22 @@ Result = TypeVar("Result")
 
 
 class StudyError(RuntimeError):
-    """A study that cannot say anything."""
+    """A study could not be completed."""
 
 
 @dataclass(frozen=True)
 class TerrainReference:
-    """A terrain as a job names it: where it is, and the digest of what is there."""
+    """Reference to a terrain in the arguments of a job: its name or file, and the digest of its heights."""
 
     terrain: str  # name, or an .npz file
     digest: str
 
     @property
     def ground(self) -> HeightField:
-        """The heights; TerrainError if they are others than those that the reference was made of."""
+        """The heights; TerrainError if they have changed since the reference was made."""
         ground = _loaded(self.terrain)
         if ground.digest != self.digest:
-            raise TerrainError(f"terrain {self.terrain!r} has changed meanwhile; allowed: heights {self.digest}")
+            raise TerrainError(f"terrain {self.terrain!r} has changed; allowed: heights with the digest {self.digest}")
         return ground
 
 
@@ -108,25 +107,25 @@ class Setup:
 
     @cached_property
     def ground(self) -> HeightField:
-        """The terrain itself; StudyError where there is none."""
+        """The terrain; StudyError if the study declares ``on_terrain = False``."""
         if self.terrain is None:
-            raise StudyError("it asks for a terrain, though it declares on_terrain = False")
+            raise StudyError("the study requests a terrain; allowed: none, for it declares on_terrain = False")
         return load_terrain(self.terrain)
 
     @property
     def place(self) -> TerrainReference:
-        """The terrain as the argument of a job; StudyError where there is none."""
+        """The terrain as the argument of a job; StudyError if the study declares ``on_terrain = False``."""
         return TerrainReference(str(self.terrain), self.ground.digest)
 
     def trial(self, seed: int, measure: str = "", **named: Any) -> Trial:
-        """A mission of ``safe-flight`` here; ``named`` are ``controller``, ``estimator`` and ``fields``."""
+        """Return a trial of ``safe-flight`` here; ``named`` are ``controller``, ``estimator`` and ``fields``."""
         here = {"terrain": self.terrain, **named.pop("fields", {})}
         return trial("safe-flight", seed, fields=here, measure=measure, **named)
 
     def fly(self, trials: Sequence[Trial]) -> list[Record]:
-        """The records of the trials, in their order, flown where the store has none.
+        """Return the records of the trials in order; those that the store lacks are flown.
 
-        StudyError if a trial did not run to its end: a table over what is left would not be the one it claims to be.
+        StudyError if a trial did not run to its end, for a table over the others would be biased.
         """
         records = run_trials(
             trials, self.store, workers=self.workers, cluster=self.cluster, progress=self.progress, retry=True,
@@ -140,25 +139,25 @@ class Setup:
         return records
 
     def fly_each(self, trials: Mapping[Key, Trial]) -> dict[Key, Record]:
-        """The record of each trial, by its name; errors as of ``fly``."""
+        """Return the record of each trial by its name; raises as ``fly`` does."""
         return dict(zip(trials, self.fly(list(trials.values())), strict=True))
 
     def fly_groups(self, groups: Mapping[Key, Sequence[Trial]]) -> dict[Key, list[Record]]:
-        """The records of each group of trials, by its name; errors as of ``fly``."""
+        """Return the records of each group of trials by its name; raises as ``fly`` does."""
         records = iter(self.fly([trial for trials in groups.values() for trial in trials]))
         return {name: [next(records) for _ in trials] for name, trials in groups.items()}
 
     def compute(self, function: Callable[..., Result], arguments: Iterable[Any], **named: Any) -> list[Result]:
-        """``function``, of a module, of each argument, in their order, computed where the store has no result.
+        """Return the results of a module-level function for each argument in order, computed or from the store.
 
-        ``named`` are passed on with each. Arguments are plain data or dataclasses of plain data; their field ``seed``,
-        where they have one, seeds the global generators too. What is timed is returned as a ``MeasuredTime``.
-        StudyError if a call did not return.
+        ``named`` are passed on to every call. Arguments are plain data or dataclasses of plain data; their field
+        ``seed``, if any, seeds the global generators too. A function returns measured times as ``MeasuredTime``.
+        StudyError if a call raised an exception.
         """
         return self.perform([call(function, argument, **named) for argument in arguments])
 
     def perform(self, jobs: Sequence[Job]) -> list[Any]:
-        """The results of the jobs, in their order, as ``compute`` has them."""
+        """Return the results of the jobs in order, as ``compute`` does."""
         records = run_jobs(
             jobs, self.store, workers=self.workers, cluster=self.cluster, progress=self.progress, retry=True,
             mix_environments=self.mix_environments, elsewhere=self.elsewhere,
@@ -170,13 +169,13 @@ class Setup:
         return [record.value for record in records]
 
     def flown(self, missions: Mapping[Key, Trial]) -> dict[Key, RunResult]:
-        """The runs of some missions with their logs, for pictures, without processor and wall-clock times."""
+        """Return the runs of missions with their logs, for figures, without CPU and wall-clock times."""
         made = [job(logged_run, mission.document, mission.content, seed=mission.seed) for mission in missions.values()]
         return dict(zip(missions, self.perform(made), strict=True))
 
 
 def call(function: Callable[..., Any], argument: Any, **named: Any) -> Job:
-    """``function(argument, **named)`` as a job, with the seed of the argument if that is a dataclass with one."""
+    """Return ``function(argument, **named)`` as a job, with the seed of the argument if it has one."""
     seed = getattr(argument, "seed", 0)
     return job(function, argument, seed=seed if type(seed) is int else 0, **named)
 
@@ -192,7 +191,7 @@ def recorded_trial(document: Mapping[str, Any], content: str) -> Trial:
 def logged_run(document: Mapping[str, Any], content: str) -> RunResult:
     """A job: the run of a mission, its log and all; ``content`` is the hash of all that the mission depends on.
 
-    Left out are processor and wall-clock times, and the solver's, which no other run repeats, and the scene.
+    CPU and wall-clock times, which no other run reproduces, and the scene are left out.
     """
     outcome = recorded_trial(document, content).flown()
     agents = {
@@ -233,12 +232,12 @@ class StudyPlugin(Protocol):
 
     @staticmethod
     def run(config: Any, setup: Setup) -> StudyResult:
-        """Fly, measure, judge."""
+        """Run the study: fly, measure, and evaluate the claims."""
         ...
 
 
 def checked_result(name: str, plugin: Any, config: Any, setup: Setup) -> StudyResult:
-    """The result of a study; PluginError where a stranger's fails, or returns something else."""
+    """Return the result of a study; PluginError if a third-party study fails or returns another type."""
     with of_stranger(plugin, f"studies: {name!r}: run() failed:"):
         result = plugin.run(config, setup)
     if not isinstance(result, StudyResult):
@@ -248,12 +247,12 @@ def checked_result(name: str, plugin: Any, config: Any, setup: Setup) -> StudyRe
 
 
 def on_terrain(plugin: Any) -> bool:
-    """Tell whether a study is done on a terrain."""
+    """Tell whether a study runs on a terrain."""
     return bool(getattr(plugin, "on_terrain", True))
 
 
 def first_look(config: Any) -> str:
-    """Fields of a configuration that are smaller than in full, "seeds 2 instead of 20"; "" if none is."""
+    """Return the fields that are smaller than their defaults as text, "seeds 2 instead of 20"; "" if there are none."""
     full = type(config)()
     pairs = {entry.name: (getattr(config, entry.name), getattr(full, entry.name)) for entry in fields(config)}
     smaller = [
@@ -269,7 +268,7 @@ def write_result(
 ) -> None:
     """Write NAME.csv, NAME.png, NAME.html and NAME.json, all or none.
 
-    ``small`` is what makes it a ``first_look`` only, if anything. OSError names the file that could not be written.
+    ``small`` is the text of ``first_look``. OSError names the file that could not be written.
     """
     ground = None if setup.terrain is None else setup.ground
     folder.mkdir(parents=True, exist_ok=True)
@@ -313,7 +312,7 @@ def write_result(
 
 
 def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows as CSV, under the names of all of them."""
+    """Return the rows as CSV with a header of all their names."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     out = io.StringIO()
     writer = csv.DictWriter(out, names, lineterminator="\n")
@@ -323,12 +322,12 @@ def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def median(sample: np.ndarray) -> Band:
-    """The median with its bootstrap band, where the sample supports one; what is NaN is left out."""
+    """Return the median with its bootstrap band, if the sample supports one; NaN is left out."""
     return supported_band(sample[np.isfinite(sample)], np.random.default_rng(0))
 
 
 def effort_norm(records: Sequence[Record], h: float) -> np.ndarray:
-    """||a||_2 [m/s^2] = sqrt(sum_k |a_k|^2) over accelerations held for h [s]: the measure of effort in A.6 and A.7."""
+    """Return ||a||_2 = sqrt(sum_k |a_k|^2) [m/s^2] over accelerations held for h [s]: the effort of A.6 and A.7."""
     return np.sqrt(figures(records, "control_effort") / h)
 
 
@@ -338,9 +337,9 @@ def falls(sequence: Sequence[float]) -> bool:
 
 
 def node_spacing(outcome: RunResult) -> dict[str, Any]:
-    """A measure: d of (A.8) [m], the longest way between two subsequent sampling instants of a planner.
+    """A measure: d of (A.8) [m], the longest distance between two successive sampling instants of a planner.
 
-    Its grid is uniform, and it plans again after each arc.
+    The grid is uniform, and the planner plans again after each arc.
     """
     fields = outcome.config["controller"]["fields"]
     h = (fields["horizon"] or (fields["nodes"] - 1) * 5.0 / 3.0) / (fields["nodes"] - 1)  # [s]
@@ -354,17 +353,17 @@ SPACING = "mathnavi.studies.framework.study:node_spacing"
 
 
 def track(name: str, outcome: RunResult, colour: str, *, dashed: bool = False) -> Track:
-    """The path flown, for the 3-D view."""
+    """Return the path flown, for the 3-D view."""
     return Track(name, outcome.recording.truths[VEHICLE][:, :3], colour, dashed)
 
 
 def heights(outcome: RunResult) -> np.ndarray:
-    """(n,) [m] height of the path flown above the ground."""
+    """Return the heights (n,) [m] of the path flown above the ground."""
     x = outcome.recording.truths[VEHICLE]
     above: np.ndarray = x[:, 2] - load_terrain(outcome.config["terrain"]["path"]).height(x[:, 0], x[:, 1])
     return above
 
 
 def ends(outcome: RunResult) -> dict[str, np.ndarray]:
-    """Start and target of a mission, for the 3-D view."""
+    """Return start and target (3,) [m] of a mission, for the 3-D view."""
     return {name: np.array(outcome.config["mission"][name]) for name in ("start", "target")}

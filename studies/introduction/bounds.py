@@ -1,7 +1,7 @@
-"""Distance of estimators to the posterior Cramér-Rao bound, and the price of an update.
+"""Distance of estimators from the posterior Cramér-Rao bound, and the cost of an update.
 
-Each system moves under inputs that do not depend on any estimate, with process noise and readings drawn from the very
-model that is declared to the estimators, so that an error above the bound is the estimator's own.
+Each system moves under inputs that do not depend on any estimate, with process noise and readings drawn from the model
+that is declared to the estimators, so that an error above the bound is due to the estimator.
 """
 
 from __future__ import annotations
@@ -66,12 +66,12 @@ TUNED: dict[str, tuple[str, dict[str, float]]] = {
         },
     )
 }
-"""estimators with other fields than the standard ones, by the name that they have here"""
+"""estimators with non-standard fields: name in this study -> (plug-in, fields)"""
 
 
 @dataclass(frozen=True)
 class BoundScenario:
-    """The estimators that fit a system, and how it is run."""
+    """The estimators of a system, and the length, number and noise of its runs."""
 
     estimators: tuple[str, ...]
     seconds: float  # of a run
@@ -101,11 +101,11 @@ class BoundsConfig:
     scenarios: Count = len(SCENARIOS)
     """largest number of scenarios"""
     shortened: Count = 1
-    """times that a run is shorter"""
+    """factor by which runs are shorter"""
 
 
 class Bounds:
-    """Every estimator on every scenario against the posterior Cramér-Rao bound."""
+    """Every estimator on every scenario, compared with the posterior Cramér-Rao bound."""
 
     Config = BoundsConfig
     quick = BoundsConfig(seeds=2, shortened=2)
@@ -114,7 +114,7 @@ class Bounds:
 
     @staticmethod
     def run(config: BoundsConfig, setup: Setup) -> StudyResult:
-        """Run the study."""
+        """Run the study on the scenarios and seeds of ``config``."""
         jobs = Jobs()
         for name in list(SCENARIOS)[: config.scenarios]:
             seconds, runs = SCENARIOS[name].seconds / config.shortened, config.seeds * SCENARIOS[name].repeats
@@ -141,7 +141,7 @@ class Bounds:
 
 
 def _row(errors: Sequence[BoundErrors]) -> dict[str, Any]:
-    """The efficiency of an estimator, of its errors run by run; its standard error is the jackknife's over runs."""
+    """Return the row of an estimator from its errors run by run; the standard error is the jackknife's over runs."""
     squares, bounds = np.array([e.squares for e in errors]), np.array([e.bounds for e in errors])
     n, spread = len(errors), math.inf
     if n >= FEWEST:
@@ -248,7 +248,7 @@ Readings = list[list[tuple[str, Array]]]
 
 @dataclass(frozen=True)
 class BoundRun:
-    """A run of a scenario."""
+    """Run of a scenario, by name, seed and duration [s]."""
 
     scenario: str
     seed: int
@@ -257,7 +257,7 @@ class BoundRun:
 
 @dataclass(frozen=True)
 class BoundErrors:
-    """An estimator over the second half of a run and, piece by piece, all of it, in the components that are judged."""
+    """Errors of an estimator over the second half of a run, and over each piece of it, in the evaluated components."""
 
     scenario: str
     estimator: str
@@ -279,7 +279,7 @@ class _Recorded:
 
 
 def compared(run: BoundRun) -> list[BoundErrors]:
-    """Errors of each estimator that fits over one run."""
+    """A job: errors of each estimator of the scenario over one run."""
     recorded = _RECORDERS[run.scenario](np.random.default_rng(run.seed), run.seconds)
     late = slice(len(recorded.calls) // 2, None)
     squared_bounds = np.square(recorded.bound.deviation[:, list(recorded.bound.judged)]).sum(axis=1)
@@ -308,7 +308,7 @@ def compared(run: BoundRun) -> list[BoundErrors]:
 
 
 def _ranges(rng: np.random.Generator, seconds: float) -> _Recorded:
-    """A figure of eight in an ellipse with three sensors; the start is known roughly."""
+    """Record a figure of eight in an ellipse with three sensors; the start is known roughly."""
     pose, deviation = np.array([0.6, -0.3, 0.8]), np.array([0.1, 0.1, 0.1])
     known = pose + deviation * rng.standard_normal(3)
     quality, odometry = RangeQuality(0.02, 0.01), OdometryQuality((0.05, 0.05), 0.02)
@@ -337,7 +337,7 @@ def _ranges(rng: np.random.Generator, seconds: float) -> _Recorded:
 
 
 def _flight(rng: np.random.Generator, seconds: float) -> _Recorded:
-    """A point mass under gusts that sways, with ten fixes a second."""
+    """Record a point mass that sways under gusts, with ten position fixes a second."""
     mission = FlightMission(
         HeightField(np.zeros((3, 3)), 5000.0), (4000.0, 4000.0, 900.0), (9000.0, 9000.0, 900.0), position_noise=3.0,
         gust=DeclaredGusts(0.5),
@@ -358,7 +358,7 @@ def _flight(rng: np.random.Generator, seconds: float) -> _Recorded:
 
 
 def _missile(rng: np.random.Generator, seconds: float) -> _Recorded:
-    """Nearly level flight in a plane under gusts, all of the state read."""
+    """Record nearly level flight in a plane under gusts; the whole state is measured."""
     start = np.zeros(PLANAR.state_size)
     start[PLANAR.index("u")], start[PLANAR.index("z_e")] = 120.0, -300.0
     mission = MissileMission(
@@ -386,7 +386,7 @@ def _missile(rng: np.random.Generator, seconds: float) -> _Recorded:
 
 
 def _mechanism(rng: np.random.Generator, seconds: float) -> _Recorded:
-    """An arm with two joints under torques, its angles read with noise; nothing disturbs it."""
+    """Record an undisturbed arm with two joints under torques; its angles are measured with noise."""
     system = MechanismSystem(build_model("two-link", name="arm"))
     mission = LagrangianMission(system, PositionQuality(1e-3), 5e-3, speed_max=30.0)
     n, x = system.manifold.size, mission.start_state
@@ -410,7 +410,7 @@ def _simulated(
     command: Callable[[float], Array],
     read: Callable[[Array, int], list[tuple[str, Array]]],
 ) -> tuple[list[Array], Readings, list[Array]]:
-    """States, readings and inputs of a model with its start and its process noise drawn."""
+    """Return states, readings and inputs of a model whose start and process noise are drawn."""
     started = model.start(None)
     assert started is not None
     x = started[0] + square_root(started[1]) @ rng.standard_normal(model.size)
@@ -429,7 +429,7 @@ def _simulated(
 def _logged(
     h: float, truths: Sequence[Array], readings: Readings, inputs: Sequence[Array]
 ) -> tuple[Recording, list[RecordedCall]]:
-    """The run as the bounds take it, and as the calls of an estimator."""
+    """Return the run with its bound, and with the calls of an estimator."""
     n = len(truths)
     kept: dict[str, Array] = {}
     calls = []

@@ -1,11 +1,10 @@
-"""What is measured for ``scaling``: CPU time and memory of one process for each size of what grows, and sweeps.
+"""Measurements of ``scaling``: CPU time and memory of one process for each size of every curve, and rates of sweeps.
 
-Each size is a job of its own. It does its work once in the smallest size, so that kernels are loaded, and then in the
-size that is asked for. No map is read twice: each has a file that is new.
+Each size is a separate job. It does its work once at the smallest size, so that kernels are loaded, and then at the
+requested size. No map is read twice: each is written to a new file.
 
-Sweeps are of trials that do nothing: how many a second one process after the other, a Dask cluster and the store hold.
-The cluster's workers are processes of this machine that reach their scheduler through a relay which holds every byte
-back, as a network would.
+Sweeps consist of empty trials: their rate with local processes, with a Dask cluster, and into the store. The cluster's
+workers are processes of this machine that reach their scheduler through a relay which delays every byte like a network.
 """
 
 from __future__ import annotations
@@ -64,7 +63,7 @@ _RESET_PEAK = "5"  # proc(5): the peak becomes what is resident now
 
 @dataclass(frozen=True)
 class Measured:
-    """Cost of one size."""
+    """Measured cost of one size."""
 
     cost: MeasuredTime  # in the unit of the curve
     memory: MeasuredTime  # [MB] that the process grew by at most; NaN where the system does not say
@@ -83,8 +82,8 @@ class SizedCase:
 class ScalingCurve:
     """Growth of a cost with a size.
 
-    ``cost(made(size, seed))`` is the cost; what ``made`` takes does not count. Up to ``limit`` it serves; ``today`` is
-    the size that is ordinary now.
+    ``cost(made(size, seed))`` is the cost; the time of ``made`` is excluded. A size is usable while its cost is below
+    ``limit``; ``today`` is the usual size.
     """
 
     size: str
@@ -114,9 +113,9 @@ def measured(case: SizedCase) -> Measured:
 
 
 class PeakMemory:
-    """Context in which the memory of this process is watched: ``grown`` [MB] is how far its peak rose above the start.
+    """Context that measures the memory of this process: ``grown`` [MB] is the rise of its peak above the start.
 
-    NaN where the system does not say, outside Linux for one.
+    It is NaN where the system does not report memory, as outside Linux.
     """
 
     def __init__(self) -> None:
@@ -162,14 +161,14 @@ _moments = itertools.count(1)  # [s] at which files were changed last
 
 @cache
 def _folder() -> Path:
-    """A folder of this process that goes with it."""
+    """Return a folder of this process, which is removed at its exit."""
     folder = tempfile.TemporaryDirectory()
     atexit.register(folder.cleanup)
     return Path(folder.name)
 
 
 def _over_map(side: int, seed: int) -> Trial:
-    """A mission over the same ground, with so many nodes along each side, in a file that no mission has read."""
+    """Return a mission over the same ground with ``side`` x ``side`` nodes, in a file that no mission has read."""
     path = _folder() / f"{side}.npz"
     if not path.exists():
         ground = load_terrain(GROUND)
@@ -212,7 +211,7 @@ def _flying(closed_loop: ClosedLoop) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Replay:
-    """An estimator and what it is to be called with."""
+    """An estimator and the arguments of its updates."""
 
     estimator: Estimator
     readings: Sequence[Sequence[Measurement]]
@@ -221,7 +220,7 @@ class _Replay:
 
 
 def _bank(count: int, seed: int) -> _Replay:
-    """The bank, none of whose hypotheses is dropped."""
+    """Return the bank with ``count`` hypotheses, none of which is dropped."""
     mission = declared_mission(STANDARD, "2s")
     readings = noisy_run(mission, np.array(START), UPDATES * mission.period, np.random.default_rng(seed)).readings
     plugin = load("estimators", "feasible_set_bank")
@@ -230,7 +229,7 @@ def _bank(count: int, seed: int) -> _Replay:
 
 
 def _observer(joints: int, seed: int) -> _Replay:
-    """The intrinsic observer of a chain of hinges."""
+    """Return the intrinsic observer of a chain of hinges."""
     path = _folder() / f"chain-{joints}.xml"
     path.write_text(_chain(joints), encoding="utf-8")
     system = MechanismSystem(build_model(str(path), name="chain"))
@@ -246,7 +245,7 @@ def _observer(joints: int, seed: int) -> _Replay:
 
 
 def _chain(joints: int) -> str:
-    """MJCF of a chain of ever lighter links, about two axes by turns."""
+    """Return the MJCF of a chain of links of decreasing mass, with hinges about two alternating axes."""
     opened = "".join(
         f'<body pos="0 0 {0.0 if k == 0 else -0.2}"><joint name="j{k}" type="hinge" axis="{k % 2} {1 - k % 2} 0"/>'
         f'<geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02" mass="{0.9**k:.6g}" contype="0" conaffinity="0"/>'
@@ -257,7 +256,7 @@ def _chain(joints: int) -> str:
 
 
 def _updating(replay: _Replay) -> float:
-    """[us] the median of an update, of those after the first quarter."""
+    """Return the median CPU time [us] of the updates after the first quarter."""
     taken = []
     for k, read in enumerate(replay.readings):
         began = time.thread_time_ns()
@@ -293,7 +292,7 @@ def _stored(count: int, seed: int) -> _StoredSweep:
 
 
 def _resuming(sweep: _StoredSweep) -> float:
-    """[s] in which the sweep finds that nothing is left to fly, and has its records."""
+    """Return the CPU time [s] in which the sweep finds all its trials in the store, and reads their records."""
     began = time.process_time()
     with Store.open(sweep.store) as store:
         run_trials(sweep.trials, store)
@@ -329,7 +328,7 @@ CURVES: dict[str, ScalingCurve] = {
         "stored trials", "s to go on", (250, 1000, 4000, 16_000), 1000, 60.0, "a minute", _stored, _resuming
     ),
 }
-"""by name"""
+"""curves by name"""
 
 
 # ---- sweeps of trials that do nothing
@@ -337,7 +336,7 @@ CURVES: dict[str, ScalingCurve] = {
 
 @dataclass(frozen=True)
 class SweepCase:
-    """A sweep."""
+    """A sweep of empty trials, with local processes or on a cluster."""
 
     workers: int
     trials: int
@@ -345,26 +344,26 @@ class SweepCase:
 
 
 def nothing(number: int) -> int:
-    """A trial."""
+    """A job: an empty trial."""
     return number
 
 
 def trials(count: int) -> list[Job]:
-    """So many trials that do nothing."""
+    """Return ``count`` empty trials."""
     return [job(nothing, number) for number in range(count)]
 
 
 def swept(cases: Sequence[SweepCase]) -> list[dict[str, Any]]:
-    """A job: rows of the sweeps, one after the other; those on a cluster only where Dask is installed.
+    """A job: rows of the sweeps, run one after the other; those on a cluster only if Dask is installed.
 
-    ``start_wall_s`` is the time until every worker had ended a trial, ``cost_wall_s`` that between the ends of two
-    trials after that.
+    ``start_wall_s`` is the time until as many trials had ended as there are workers, ``cost_wall_s`` the mean time
+    between the ends of two trials after that.
     """
     return [_swept(case) for case in cases if case.delay is None or importlib.util.find_spec("distributed")]
 
 
 def written(count: int) -> MeasuredTime:
-    """A job: [s] in which the store commits a record, each by itself."""
+    """A job: mean time [s] in which the store commits one record."""
     made = [each.record(each.content, "ok", result=str(number)) for number, each in enumerate(trials(count))]
     with tempfile.TemporaryDirectory() as folder, Store.open(Path(folder) / "trials.db") as store:
         began = time.perf_counter()
@@ -395,7 +394,7 @@ def _swept(case: SweepCase) -> dict[str, Any]:
 
 @contextmanager
 def _cluster(workers: int, delay: float) -> Iterator[str]:
-    """The address of a Dask scheduler on this machine, with workers that are ``delay`` away from it."""
+    """Start a Dask scheduler and workers with ``delay`` [s] between them on this machine, and yield its address."""
     dask: Any = importlib.import_module("distributed")  # an extra, without types
     with dask.LocalCluster(n_workers=0, dashboard_address=None) as cluster, ExitStack() as opened:
         scheduler = str(cluster.scheduler_address)
@@ -416,7 +415,7 @@ def _cluster(workers: int, delay: float) -> Iterator[str]:
 
 @contextmanager
 def delayed(host: str, port: int, delay: float) -> Iterator[int]:
-    """Port of this machine whose connections lead to ``host:port``, ``delay`` [s] away in both directions."""
+    """Yield a port of this machine that relays connections to ``host:port`` with ``delay`` [s] in both directions."""
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever, daemon=True)
     thread.start()
@@ -446,7 +445,7 @@ def delayed(host: str, port: int, delay: float) -> Iterator[int]:
 
 
 async def _carry(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, delay: float) -> None:
-    """Write what is read, each chunk ``delay`` after it came; what comes meanwhile does not wait for it."""
+    """Write each chunk ``delay`` [s] after it was read, while later chunks are read."""
     waiting: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue()
     clock = asyncio.get_running_loop().time
 

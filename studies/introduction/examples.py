@@ -1,7 +1,7 @@
-"""The examples that the Introduction explains observers by (thesis 2.4, 2.5), run and held against what it says.
+"""The Introduction's examples of observers (thesis 2.4, 2.5), run and compared with its statements.
 
-Example 2.1 is observable and has no smooth observer; Example 2.2 has an observer and is not observable. (2.3) promises
-linear error dynamics in the right coordinates, (2.4) the same in the original ones, if its sign is put right.
+Example 2.1 is observable and has no smooth observer; Example 2.2 has an observer and is not observable. (2.3) yields
+linear error dynamics in suitable coordinates, (2.4) the same in the original ones, if its sign is corrected.
 """
 
 from __future__ import annotations
@@ -63,11 +63,11 @@ class IntroductionExamplesConfig:
     """Sample sizes: runs."""
 
     grid: Count = 15
-    """values of alpha, and of beta"""
+    """number of values of alpha, and of beta"""
     starts: Count = 25
-    """drawn errors at the start for each observer of 2.4"""
+    """number of drawn start errors for each observer of 2.4"""
     pairs: Count = 200
-    """pairs of initial points of Example 2.1"""
+    """number of pairs of initial points of Example 2.1"""
 
 
 class IntroductionExamples:
@@ -119,7 +119,7 @@ class IntroductionExamples:
 
 
 def _column(rows: Rows, name: str, *kinds: str) -> Array:
-    """(n,) A figure of the runs of some kinds, NaN where there is none."""
+    """Return a figure (n,) of the runs of some kinds, NaN for runs that lack it."""
     return np.array([row[name] for kind in kinds for row in rows if row["kind"] == kind], dtype=np.float64)
 
 
@@ -252,7 +252,7 @@ def _indistinguishable(still: Axes, driven: Axes) -> None:
 
 
 def _output(x_2: float, u: float, end: float) -> tuple[Array, Array]:
-    """Times and outputs of Example 2.1, up to an escape."""
+    """Return times [s] and outputs of Example 2.1, up to an escape."""
     x, t, y, held = np.array([0.2, x_2]), [0.0], [0.2], np.array([u])
     while t[-1] < end:
         x, reached = EXAMPLE_2_1.reach(x, held, 0.005)
@@ -348,14 +348,14 @@ def _signal(constant: float, sine: float) -> dict[str, Any]:
 
 
 def _drawn(system: str, estimator: str, fields: Mapping[str, Any], seed: int) -> Trial:
-    """Trial from a start error drawn with a seed, uniformly on each state; the same for every observer of a system."""
+    """Return the trial with a start error drawn uniformly by a seed; equal for all observers of a system."""
     error = DRAWN[system] * np.random.default_rng(seed).uniform(-1.0, 1.0, 2)
     own = {"system": system, "start_error": tuple(error.tolist()), "duration": 5.0, "estimator.poles": POLES}
     return trial(SCENARIO, seed, estimator=estimator, fields={**own, **fields}, measure=f"{__name__}:in_coordinates")
 
 
 def output_separation(pairs: int) -> dict[str, float]:
-    """Largest |dy| under u = 0 and least under u = 1 over pairs of initial points of Example 2.1 with one x_1."""
+    """A job: largest |dy| / |dx_2| under u = 0 and least under u = 1, over pairs with equal x_1 in Example 2.1."""
     rng = np.random.default_rng(0)
     still: list[float] = []
     driven: list[float] = []
@@ -369,7 +369,7 @@ def output_separation(pairs: int) -> dict[str, float]:
 
 
 def _outputs(system: System, x: Array, u: float) -> Array:
-    """y (20,) over the next 0.4 s with one input held."""
+    """Return y (20,) over the next 0.4 s under a constant input."""
     held, seen = np.array([u]), []
     for _ in range(20):
         x = system.flow(x, held, 0.02)
@@ -378,7 +378,7 @@ def _outputs(system: System, x: Array, u: float) -> Array:
 
 
 def unseen_directions(system: System, eigenvalue: float) -> int:
-    """n - rank [s I - F; H] of the linearisation at the origin without an input: eigenvectors that y does not see."""
+    """Return n - rank [s I - F; H] of the linearisation at x = 0, u = 0: the number of unobservable eigenvectors."""
     n = len(system.states)
     x, u = casadi.SX.sym("x", n), casadi.SX.zeros(len(system.inputs))
     F, H = casadi.jacobian(system.f(x, u), x), casadi.jacobian(system.h(x, u), x)
@@ -387,7 +387,7 @@ def unseen_directions(system: System, eigenvalue: float) -> int:
 
 
 def _hidden() -> float:
-    """Largest |dy| between initial points of Example 2.2 that differ in x_3, under inputs held at some values."""
+    """Return the largest |dy| between initial points of Example 2.2 that differ in x_3, under some constant inputs."""
     start = np.array(EXAMPLE_2_2.start)
     other = start + np.array([0.0, 0.0, 5.0])
     return max(
@@ -396,7 +396,7 @@ def _hidden() -> float:
 
 
 def example_2_2(outcome: RunResult) -> dict[str, Any]:
-    """Measure the error e = x^ - x of Example 2.2 against its linear equation; the exponent is that of (e_1, e_2)."""
+    """A measure: error e = x^ - x of Example 2.2, compared with its linear equation, and exponent of (e_1, e_2)."""
     fields = outcome.config["estimator"]["fields"]
     t, x_hat, x = estimates(outcome)
     matrix = error_dynamics(fields["alpha"], fields["beta"])
@@ -405,7 +405,7 @@ def example_2_2(outcome: RunResult) -> dict[str, Any]:
 
 
 def in_coordinates(outcome: RunResult) -> dict[str, Any]:
-    """Measure T(x^) - T(x) against d/dt (z - x~) = A (z - x~), with the T and the A of the observer."""
+    """A measure: T(x^) - T(x), compared with d/dt (z - x~) = A (z - x~), with T and A of the observer."""
     fields = outcome.config["estimator"]["fields"]
     system = SYSTEMS[outcome.config["fields"]["system"]]
     immersion = Immersion.for_system(system, tuple(fields["poles"]), fields.get("order", 1))
@@ -421,7 +421,7 @@ def in_coordinates(outcome: RunResult) -> dict[str, Any]:
 
 
 def estimates(outcome: RunResult) -> tuple[Array, Array, Array]:
-    """Times (k,) [s], estimates (k, n) and truths (k, n), up to an escape."""
+    """Return times (k,) [s], estimates (k, n) and true states (k, n), up to an escape."""
     recording = outcome.recording
     found = recording.agents[VEHICLE].estimates
     t = np.array([estimate.t for estimate in found])
@@ -432,7 +432,7 @@ def estimates(outcome: RunResult) -> tuple[Array, Array, Array]:
 
 
 def predicted(t: Array, start: Array, matrix: Array) -> Array:
-    """(k, n) exp(t A) e(0) at equally spaced times (k,)."""
+    """Return exp(t A) e(0) (k, n) at equally spaced times (k,) [s]."""
     over_a_period, e = expm((t[1] - t[0]) * matrix), [start]
     for _ in t[1:]:
         e.append(over_a_period @ e[-1])
@@ -440,15 +440,15 @@ def predicted(t: Array, start: Array, matrix: Array) -> Array:
 
 
 def _deviation(t: Array, e: Array, matrix: Array) -> float:
-    """Largest distance of e (k, n) from exp(t A) e(0), over the largest of the latter."""
+    """Return the largest component of e - exp(t A) e(0) (k, n), over the largest one of exp(t A) e(0)."""
     expected = predicted(t, e[0], matrix)
     return float(np.abs(e - expected).max() / np.abs(expected).max())
 
 
 def _exponent(t: Array, e: Array, matrix: Array) -> float:
-    """[1/s] by which the slowest of the modes of A has decayed, or the fastest has grown, in e (k, n).
+    """Return the exponent [1/s] of the slowest decaying, or fastest growing, mode of A in e (k, n).
 
-    In the coordinates of its eigenvectors each mode that the equation has is an exponential by itself.
+    In the coordinates of the eigenvectors of A each mode is a separate exponential.
     """
     _, vectors = np.linalg.eig(matrix)
     modes = np.abs(np.linalg.solve(vectors, e[[0, -1]].T.astype(complex)))  # (n, 2) at first and at last

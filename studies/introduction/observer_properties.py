@@ -1,9 +1,9 @@
-"""Properties that estimators declare in the terms of Table 2.1 of the thesis, beside those that their runs show.
+"""Properties that estimators declare in the terms of Table 2.1 of the thesis, compared with those that their runs show.
 
-Every run is without noise. Starts are drawn over the whole space of the system, the same for every estimator of that
-system. Runs can refute a promise, and cannot prove one: global attraction is refuted by one start from which nothing is
-found, and the weakest entries, an operation that is nowhere restricted or a system that is to stay near a state, by
-none. What an estimator says that it does *not* do, to converge under every input for one, has to be seen not to happen.
+All runs are without noise. Starts are drawn over the whole state space, the same for every estimator of a system. Runs
+can refute a declaration but not prove it: one start without convergence refutes global attraction, while the weakest
+entries, local operation of the observer or of the system, cannot be refuted. A declared failure, such as no convergence
+under some input, must be observed.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ KEPT, BROKEN = "#2b7a4b", "#b3202f"
 
 @dataclass(frozen=True)
 class Textbook:
-    """A system of the textbook, whose start is known with an error."""
+    """Textbook system whose start is known with an error."""
 
     system: str
     tells_certainty = False
@@ -104,7 +104,7 @@ class Textbook:
 
 @dataclass(frozen=True)
 class Wall:
-    """The robot within a wall: near is .05 m and 3 degrees off, far is anywhere."""
+    """Robot within a wall; a near start is known to 0.05 m and 3 degrees, a far one is unknown."""
 
     inputs = RANGE_INPUTS
     tells_certainty = True
@@ -117,7 +117,7 @@ class Wall:
 
 @dataclass(frozen=True)
 class Space:
-    """A body on a curved space, of whose start only the position is known: the error is the velocity."""
+    """Body on a curved space; only the position of its start is known, so the error is the velocity."""
 
     space: str = "body"
     tells_certainty = False
@@ -139,15 +139,15 @@ class Space:
 
 
 Arena = Textbook | Wall | Space
-"""The scenario that an estimator is run in, under any of ``inputs``, and how hard a start in it is: ``fields`` are the
-scenario and its fields where the start is known with a share of the usual error, under "" for the system's own input.
-``tells_certainty`` where a start that is given exactly also counts as certain, so that starts on the truth need more.
+"""scenario of an estimator with its ``inputs``; ``fields`` returns the scenario's name and its fields for a start that
+is known with a share of the usual error, with signal "" for the system's input. ``tells_certainty`` if a start that is
+given exactly also counts as certain, so that starts on the truth are run by ``ranging_drift``
 """
 
 
 @dataclass(frozen=True)
 class Subject:
-    """An estimator with a configuration, and where it is run."""
+    """An estimator with a configuration, and its scenario."""
 
     name: str
     estimator: str
@@ -156,20 +156,20 @@ class Subject:
 
     @property
     def declared(self) -> ObserverProperties:
-        """Table 2.1, as it says."""
+        """Entries of Table 2.1 that the plug-in declares."""
         plugin = load("estimators", self.estimator)
         properties: ObserverProperties = plugin.properties(with_fields(plugin.Config(), self.configuration))
         return properties
 
     def trial(self, share: float, seed: int, seconds: float, signal: str = "") -> Trial:
-        """From a start that is known with a share of the usual error, or not at all."""
+        """Return the trial from a start that is known with a share of the usual error, or unknown."""
         own = {f"estimator.{name}": value for name, value in self.configuration.items()}
         scenario, fields = self.arena.fields(seed, seconds, share, signal)
         measure = f"{__name__}:property_figures"
         return trial(scenario, seed, estimator=self.estimator, fields={**fields, **own}, measure=measure)
 
     def on_truth(self, seed: int) -> OnTruth:
-        """Argument of ``ranging_drift``, for what declares a start certain that is known as it is."""
+        """Return the argument of ``ranging_drift``, for scenarios in which an exactly known start counts as certain."""
         return OnTruth(self.estimator, dict(self.configuration), seed)
 
 
@@ -207,9 +207,9 @@ class ObserverPropertiesConfig:
     """Sample sizes: runs."""
 
     starts: Count = 20
-    """starts nearby, and anywhere, for each estimator; on the truth and under each input a quarter of it"""
+    """number of near and of far starts for each estimator; a quarter of it on the truth and under each input"""
     subjects: Count = len(SUBJECTS)
-    """estimators, at most"""
+    """largest number of estimators"""
     seconds: Count = 10
     """duration of a run of a textbook system [s]; twice as long for a robot within a wall, less for a velocity"""
 
@@ -252,7 +252,7 @@ class ObserverPropertiesStudy:
 
 
 def _flown(subjects: Sequence[Subject], config: ObserverPropertiesConfig, setup: Setup) -> dict[str, PropertyRuns]:
-    """The runs of each estimator, by its name here."""
+    """Fly the runs of each estimator, and return them by its name in the study."""
     few, seconds = max(1, config.starts // 4), float(config.seconds)
     asked = {}
     for subject in subjects:
@@ -289,39 +289,39 @@ class PropertyRuns:
 
     @property
     def drift(self) -> float:
-        """The largest error within a second from the truth."""
+        """The largest error within a second of starts on the truth."""
         return max(self.drifts)
 
     @property
     def decays(self) -> list[tuple[Decay, int]]:
-        """The ways in which errors fall from nearby, and how many do, the most frequent first."""
+        """Kinds of decay from near starts with their counts, the most frequent first."""
         return Counter(Decay(int(record.summary["decay"])) for record in self.near).most_common()
 
     @property
     def decay(self) -> Decay:
-        """The most frequent way in which errors fall from nearby."""
+        """The most frequent kind of decay from near starts."""
         return self.decays[0][0]
 
     @property
     def failing(self) -> list[str]:
-        """The inputs under which it does not converge from most of the starts."""
+        """Inputs under which the estimator does not converge from most starts."""
         return [name for name, runs in self.inputs.items() if found(runs).value <= 0.5]
 
     @property
     def peak(self) -> float:
-        """The largest error of a run from nearby over that of its start."""
+        """The largest error of a run from a near start over that of its start."""
         return float((figures(self.near, "largest") / figures(self.near, "start")).max())
 
 
 def found(runs: Sequence[Record]) -> Proportion:
-    """The share of runs whose error has gone."""
+    """Return the share of runs that have converged."""
     return rate(sum(bool(record.summary["found"]) for record in runs), len(runs))
 
 
 def verdicts(declared: ObserverProperties, e: PropertyRuns, depends: bool) -> list[dict[str, Any]]:
-    """Property 2.1 and the entries of Table 2.1, declared beside measured, as rows.
+    """Return rows that compare Property 2.1 and the entries of Table 2.1, as declared and as measured.
 
-    ``depends`` says whether the plug-in has been seen to fail under some input, of this system or of another.
+    ``depends`` tells whether the plug-in failed under some input, of this system or of another.
     """
     near, far, size = found(e.near), found(e.far), len(e.near)
     falls = ", ".join(f"{Rate[decay.name].value} {count}/{size}" for decay, count in e.decays)
@@ -357,9 +357,9 @@ def verdicts(declared: ObserverProperties, e: PropertyRuns, depends: bool) -> li
 
 
 def _attracts(declared: ObserverProperties, e: PropertyRuns) -> bool:
-    """Tell whether starts converge as they should: all for global, most of those nearby for less, few for none.
+    """Tell whether starts converge as declared: all for global attraction, most near ones for local, few for none.
 
-    What converges from nowhere may come close, if it does not come closer.
+    An estimator that declares no attraction may come near the truth if its error does not decay.
     """
     near, far = found(e.near), found(e.far)
     if declared.domain_of_attraction is Domain.GLOBAL:
@@ -435,7 +435,7 @@ def _share(axes: Axes, height: float, share: Proportion, colour: str) -> None:
 
 
 class Decay(IntEnum):
-    """Ways in which an error falls, ordered by the strength of the claim; the names are those of ``Rate``."""
+    """Kinds of decay of an error, ordered by the strength of the claim; the names are those of ``Rate``."""
 
     NONE = 0
     ASYMPTOTIC = 1
@@ -444,11 +444,12 @@ class Decay(IntEnum):
 
 
 def property_figures(outcome: RunResult) -> dict[str, Any]:
-    """Measure the length of the error, from the first estimate that is not initialising on, in the units of the state.
+    """A measure: lengths of the error in the units of the state, from the first estimate that is not initialising.
 
-    ``start`` is that of the start that the estimator was given, or that of its first estimate if it was given none;
-    ``late`` that of the last tenth of the run, ``largest`` the largest, ``drift`` the largest of the first second.
-    ``found`` says that a tenth of the start's is left at the end; without a start, what the scenario says.
+    ``start`` is that of the given start, or of the first estimate if no start was given; ``late`` is the root mean
+    square over the last tenth of the run, ``largest`` the largest, ``drift`` the largest of the first second.
+    ``found`` tells whether at most a tenth of the start's error is left at the end; if no start was given, the scenario
+    decides.
     """
     given = _given_error(outcome)
     t, error = errors(outcome)
@@ -469,7 +470,7 @@ def property_figures(outcome: RunResult) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class OnTruth:
-    """A ranging estimator that is given its true start, with standard deviations ``UNSURE``."""
+    """Ranging estimator that is given its true start with standard deviations ``UNSURE``."""
 
     estimator: str
     fields: Mapping[str, Any]
@@ -477,7 +478,7 @@ class OnTruth:
 
 
 def ranging_drift(started: OnTruth) -> float:
-    """The largest error [m, rad] within a second; what a scenario gives exactly it also declares certain."""
+    """A job: largest error [m, rad] within a second of a start on the truth that is declared uncertain."""
     case = MapCase("ellipse", 0.0, STANDARD, "2s")
     start = drawn_start(STANDARD, np.random.default_rng(started.seed))
     known = KnownStart((float(start[0]), float(start[1]), float(start[2])), UNSURE)
@@ -490,7 +491,7 @@ def ranging_drift(started: OnTruth) -> float:
 
 
 def errors(outcome: RunResult) -> tuple[Array, Array]:
-    """Times (k,) [s] and lengths of the error (k,), of the estimates that are not initialising, up to an escape."""
+    """Return times (k,) [s] and error lengths (k,) of the estimates that are not initialising, up to an escape."""
     recording = outcome.recording
     ((name, agent),) = recording.agents.items()
     ready = [estimate for estimate in agent.estimates if estimate.status is not Status.INITIALISING]
@@ -504,7 +505,7 @@ def errors(outcome: RunResult) -> tuple[Array, Array]:
 
 
 def lengths(outcome: RunResult, x: Array, truth: Array) -> Array:
-    """(k,) of the errors of estimates (k, nx) to truths (k, nx), as the scenario compares them."""
+    """Return lengths (k,) of the errors of estimates (k, nx) to true states (k, nx), as the scenario compares them."""
     scenario = load("scenarios", outcome.config["scenario"])
     config = instance(scenario.Config, outcome.config["fields"], "fields")
     length: Array = np.linalg.norm(np.array(list(scenario.errors(config, x, truth).values())), axis=0)
@@ -512,11 +513,11 @@ def lengths(outcome: RunResult, x: Array, truth: Array) -> Array:
 
 
 def decay(error: Array, start: float) -> Decay:
-    """Classify how errors (k,) at equal intervals fall that were ``start`` at first.
+    """Classify the decay of errors (k,) at equal intervals from the initial error ``start``.
 
-    Exact from the second estimate on is finite time. An exponential falls to a hundredth, and in the second half of the
-    time until it meets its floor not much slower than in the first; what falls by less, or ever more slowly, and is
-    still less in the last third than in the second, is asymptotic.
+    Exact estimates from the second on are finite-time decay. Exponential decay falls to a hundredth, and until it meets
+    its floor is not much slower in the second half of the time than in the first. Decay by less, or ever more slowly,
+    which is still smaller in the last third than in the second, is asymptotic.
     """
     if float(error[1:].max()) <= _EXACT * max(start, 1.0):
         return Decay.FINITE_TIME
@@ -535,7 +536,7 @@ def decay(error: Array, start: float) -> Decay:
 
 
 def _given_error(outcome: RunResult) -> float | None:
-    """Length of the error of the start that the estimator was given; None if it was given none."""
+    """Return the length of the error of the start that was given to the estimator; None if none was given."""
     if outcome.config["scenario"] == "textbook-observer":
         config = instance(TextbookConfig, outcome.config["fields"], "fields")
         believed, true = config.mission.start_state, config.start_state

@@ -1,4 +1,4 @@
-"""Time and memory of everything that can grow, against its size, and what breaks first at a hundred times today's."""
+"""Time and memory against size, and the first limit that is met at a hundred times today's size."""
 
 from __future__ import annotations
 
@@ -49,13 +49,13 @@ class ScalingConfig:
     trials: Annotated[Count, Within(Interval(ge=10, le=100_000))] = 200
     """number of trials of a sweep"""
     worker_counts: Annotated[Count, Within(Interval(ge=1, le=len(WORKERS)))] = len(WORKERS)
-    """how many of 1, 2, 4 processes for a sweep"""
+    """number of process counts of a sweep, of 1, 2, 4"""
     slow_network: bool = True
-    """whether sweeps on a cluster are measured too, where Dask is installed"""
+    """whether to measure sweeps on a cluster too, if Dask is installed"""
 
 
 class Scaling:
-    """Growth of time and memory."""
+    """Growth of time and memory with maps, plans, fleets, estimators and sweeps."""
 
     Config = ScalingConfig
     quick = ScalingConfig(repetitions=1, sizes=2, trials=10, worker_counts=1, slow_network=False)
@@ -64,7 +64,7 @@ class Scaling:
 
     @staticmethod
     def run(config: ScalingConfig, setup: Setup) -> StudyResult:
-        """Run the study."""
+        """Run the study with the sizes and repetitions of ``config``."""
         cases = [
             SizedCase(name, size, seed)
             for name, curve in CURVES.items()
@@ -132,7 +132,7 @@ def _times(factor: float) -> str:
 
 
 def of_cluster(rates: Rows, commit: float) -> str:
-    """A cluster's work, and what holds it up, by the rows of sweeps and the time [s] of a commit."""
+    """Return a text on the rate of a cluster and its bottleneck, from rows of sweeps and the time [s] of a commit."""
     needed = MACHINES * CORES / MISSION
     far = [trials_a_second(row) for row in rates if row["delay_s"]]
     parts = {"the store's single writer": 1.0 / commit}
@@ -177,7 +177,7 @@ def _place(row: dict[str, Any]) -> str:
 
 
 def trials_a_second(row: dict[str, Any]) -> float:
-    """Rate of a sweep; infinite where all others had ended when the last worker's first trial had."""
+    """Return the rate [1/s] of a sweep; infinite if all trials had ended when the last worker's first one had."""
     return 1.0 / row["cost_wall_s"] if row["cost_wall_s"] > 0.0 else math.inf
 
 
@@ -216,7 +216,7 @@ def _figure(found: Sequence[Growth], rates: Rows) -> Figure:
 
 
 def medians(cases: Sequence[SizedCase], results: Sequence[Measured]) -> Rows:
-    """Rows of the curves, of the medians over the repetitions."""
+    """Return rows of the curves: medians over the repetitions."""
     by_size: dict[tuple[str, int], list[Measured]] = {}
     for case, result in zip(cases, results, strict=True):
         by_size.setdefault((case.curve, case.size), []).append(result)
@@ -231,7 +231,7 @@ def medians(cases: Sequence[SizedCase], results: Sequence[Measured]) -> Rows:
 
 
 class Growth:
-    """A curve as it was measured, of its rows."""
+    """Measured curve, from its rows."""
 
     def __init__(self, name: str, rows: Rows) -> None:
         self.name, self.curve = name, CURVES[name]
@@ -245,32 +245,32 @@ class Growth:
 
     @property
     def memory_exponent(self) -> float:
-        """That of the memory; NaN where it is too little to be seen."""
+        """Exponent of the memory; NaN if the memory is too small to be measured."""
         seen = min(self.memory[-LEAST_FIT:]) >= LEAST_MEMORY
         return exponent(self.sizes, self.memory) if seen else math.nan
 
     @property
     def factor(self) -> float:
-        """Times today's size up to which it serves."""
+        """Largest usable size as a multiple of today's."""
         return serves_up_to(self.curve, self.sizes, self.costs)
 
 
 def grown(rows: Rows) -> list[Growth]:
-    """The curves, by their rows."""
+    """Return the measured curves from their rows."""
     names = dict.fromkeys(row["curve"] for row in rows)
     return [Growth(name, [row for row in rows if row["curve"] == name]) for name in names]
 
 
 def exponent(sizes: Sequence[int], costs: Sequence[float]) -> float:
-    """p of cost ~ size^p, by least squares of logarithms over the largest sizes."""
+    """Return p of cost ~ size^p, by least squares of logarithms over the largest sizes."""
     x, y = np.log(sizes[-LEAST_FIT:]), np.log(costs[-LEAST_FIT:])
     return float(np.polyfit(x, y, 1)[0])
 
 
 def serves_up_to(curve: ScalingCurve, sizes: Sequence[int], costs: Sequence[float]) -> float:
-    """Times today's size at which the limit is met, by the fit through the largest size.
+    """Return the size at which the limit is met as a multiple of today's, by the fit through the largest size.
 
-    Infinite where that is more than a billion times.
+    Infinite if that is more than a billion times.
     """
     if costs[-1] >= curve.limit:
         within = [size for size, cost in zip(sizes, costs, strict=True) if cost < curve.limit]

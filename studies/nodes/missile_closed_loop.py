@@ -1,10 +1,10 @@
-"""The missile in MuJoCo: what its planner, its autopilots and its estimators are worth (B.4).
+"""The missile in MuJoCo: performance of its planner, autopilots and estimators (B.4).
 
-The thesis stops at the reference trajectory and assumes an autopilot. Here the plan is flown: open loop, by feedback
-linearisation with an integral term, and by a time-varying linear-quadratic regulator; with a plan once and for all or
-with a new one ten times a second; against a body that is heavier than declared, weak thrusters, wind, limits, delay,
-noise, and a target that moves; and in space with everything drawn at random. The miss is the closest approach to the
-true target, the aspect error that of the nose then.
+The thesis ends with the reference trajectory and assumes an autopilot. Here the plan is flown: open loop, by feedback
+linearisation with an integral term, and by a time-varying linear-quadratic regulator; with one plan or with a new one
+ten times a second; with more mass than declared, weak thrusters, wind, limits, delay, noise, and a moving target; and
+in three dimensions with all parameters drawn at random. The miss is the closest approach to the true target, the aspect
+error that of the nose at that time.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ STREAM = 20061121  # of the draws, beside the number of the flight
 
 @dataclass(frozen=True)
 class Kind:
-    """Flights of one kind: the same fields over cases or seeds."""
+    """Flights of one kind, with the same fields over cases or seeds."""
 
     name: str
     fields: Mapping[str, Any] = field(default_factory=dict)
@@ -127,17 +127,17 @@ class MissileClosedLoopConfig:
     """Sample sizes: missions that are flown."""
 
     cases: Annotated[Count, Within(Interval(ge=1, le=len(CASES)))] = 4
-    """how many of SM, SM2, SM3, FAST are flown"""
+    """number of cases, of SM, SM2, SM3, FAST"""
     seeds: Count = 20
-    """flights of each kind with noise or failures"""
+    """number of flights of each kind with noise or failures"""
     replans: Count = 200
     """least number of replans that are timed with each solver"""
     others: Annotated[Count, Within(Interval(ge=1, le=OTHERS))] = OTHERS
-    """how many of the kinds of flights that no claim is about"""
+    """number of kinds of flights that no claim is about"""
     pairs: Annotated[Count, Within(Interval(ge=1, le=PAIRS))] = PAIRS
-    """how many flights in space are planned apart and as one problem"""
+    """number of flights in three dimensions that are planned by separate planners and as one problem"""
     draws: Count = 100
-    """flights in space with heading, target, gusts and body drawn"""
+    """number of flights in three dimensions with heading, target, gusts and body drawn"""
 
 
 class MissileClosedLoop:
@@ -202,7 +202,7 @@ def _row(kind: Kind, records: Sequence[Record]) -> dict[str, Any]:
 def _claims(
     rows: Mapping[str, Mapping[str, Any]], replans: Mapping[str, Mapping[str, Any]], drawn_misses: Array
 ) -> list[Claim]:
-    """Evaluate every claim of the study, of rows by kind, replans by solver, and misses (n,) of the drawn flights."""
+    """Evaluate every claim from rows by kind, replans by solver, and misses (n,) [m] of the drawn flights."""
 
     def largest(figure: str, *kinds: Kind) -> float:
         return float(np.max([rows[kind.name][figure] for kind in kinds]))
@@ -268,7 +268,7 @@ def _flights(rows: Sequence[tuple[Kind, Mapping[str, Any]]]) -> Table:
 
 
 def _drawn(records: Sequence[Record]) -> Table:
-    """Table of the misses and aspect errors of the drawn flights: median and 90 %, with their limits."""
+    """Return the table of misses and aspect errors of the drawn flights: median and 90 % quantile, with limits."""
     cells = [
         (name, *_median_and_most(values), f"{values.max():.3g}")
         for name, values in (
@@ -282,7 +282,7 @@ def _drawn(records: Sequence[Record]) -> Table:
 
 
 def _decoupling(records: Mapping[str, Sequence[Record]], config: MissileClosedLoopConfig) -> Table:
-    """Table of the cost of planning pitch and yaw apart, each seeing the other's motion only."""
+    """Return the table of the cost of planning pitch and yaw separately, each with the other's motion given."""
     columns = ("flight", "case", "J planned, apart", "as one", "J flown, apart", "as one", "miss, apart [m]",
                "CPU time of a replan, apart [ms]", "as one [ms]")  # fmt: skip
     rows = []
@@ -307,7 +307,7 @@ def _times(replans: Mapping[str, Mapping[str, Any]]) -> Table:
 
 
 def _median_and_most(values: Array) -> tuple[str, str]:
-    """The median and the 90 % quantile of values (n,) as text, with the limits between which they lie, if any."""
+    """Return the median and the 90 % quantile of values (n,) as text, with their confidence limits, if any."""
     band = median_band(values, np.random.default_rng(0), CONFIDENCE)
     median, most = (
         f"{value:.2g}" if np.isnan([low, high]).any() else f"{value:.2g} [{low:.2g}, {high:.2g}]"
@@ -317,10 +317,10 @@ def _median_and_most(values: Array) -> tuple[str, str]:
 
 
 def quantile_limits(values: Array, share: float, confidence: float = CONFIDENCE) -> tuple[float, float, float]:
-    """The quantile of a share of values (n,), and order statistics that enclose the population's with a confidence.
+    """Return the quantile of a share of values (n,), and order statistics that enclose the population's quantile.
 
-    The k-th smallest of n values is below the quantile if at least k of them are: a binomial number. A limit that no
-    order statistic is left for is NaN.
+    The k-th smallest of n values is below the quantile if at least k of them are, whose number is binomial. A limit
+    without an order statistic is NaN.
     """
     ordered, n = np.sort(values), len(values)
     tail = 0.5 * (1.0 - confidence)
@@ -372,14 +372,14 @@ def _misses(axes: Axes, misses: Sequence[tuple[Kind, Array]]) -> None:
 
 
 def selected_kinds(others: int, pairs: int) -> tuple[Kind, ...]:
-    """Kinds of flights that the claims need, with so many of the pairs of ``DECOUPLED``, and so many of the others."""
+    """Return the kinds of flights that the claims need, ``pairs`` of ``DECOUPLED``, and ``others`` other kinds."""
     rest = [kind for kind in KINDS if kind not in (*CLAIMED, *PAIRED)]
     asked = (*CLAIMED, *PAIRED[: 2 * pairs], *rest[:others])
     return tuple(kind for kind in KINDS if kind in asked)
 
 
 def drawn_trial(number: int) -> Trial:
-    """The flight of a number: the case SM2 with everything that is drawn from its own stream."""
+    """Return the flight of a number: the case SM2 with fields drawn from a separate random stream."""
     rng = np.random.default_rng([STREAM, number])
 
     def between(low: float, high: float) -> float:
@@ -409,7 +409,7 @@ def drawn_trial(number: int) -> Trial:
 
 
 def timed_replans(backend: str, least: int) -> dict[str, Any]:
-    """Times [ms] of at least so many replans with a solver, and how many failed; a flight ends when they are there."""
+    """A job: times [ms] of at least ``least`` replans with a solver, and the number of failures."""
     times: list[MeasuredTime] = []
     failures, flights = 0, 0
     while len(times) < least:

@@ -1,10 +1,10 @@
 """Figures B.2, B.5, B.6 and B.7: the missile's dive on uniform and on adaptive grids.
 
-The thesis gives neither the objective nor its numbers, only curves. Here the cases of
-``mathnavi.controllers.ocp.problems.missile`` stand for it, FAST first, whose dive resembles Figure B.5 most. The
-control error is the relative L2 distance, over the controls' scales and in fractions of T, to a Hermite-Simpson
-solution on 301 uniform nodes, which itself is held against Pontryagin's conditions; the miss is where the control
-takes the missile in the true dynamics, against where the transcription believes it to be.
+The thesis shows curves, but neither the objective nor its parameters. Here the cases of
+``mathnavi.controllers.ocp.problems.missile`` replace it, FAST first, whose dive resembles Figure B.5 most. The control
+error is the relative L2 distance, over the controls' scales and in fractions of T, to a Hermite-Simpson solution on 301
+uniform nodes, which itself is compared with Pontryagin's conditions; the miss is the distance between the end of the
+replay in the true dynamics and the end that the transcription predicts.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ SCHEMES: tuple[Scheme, ...] = (Euler(), Trapezoid(), HermiteSimpson())
 MAIN = HermiteSimpson().name
 METHODS = {"uniform": "#6b7785", "equidistributed": "#c2183b", "redistributed, arclength": "#e08a1e",
            "redistributed, curvature": "#1b7fbd", "redistributed, local error": "#2f9e5b"}  # fmt: skip
-"""ways to place the nodes, and their colours"""
+"""methods of placing the nodes, and their colours"""
 FIGURE_B_5 = "SM3"  # the case of Figure B.5
 EVERY_FIGURE = 1e-8
-"""tolerance of the replay gate here: methods are compared, and nothing is good enough to be excused"""
+"""tolerance of the replay gate, so small that no solution is exempt from the comparison with uniform nodes"""
 FRACTIONS = np.linspace(0.0, 1.0, 2001)  # of T, at which controls are compared
 PATH = Monitor(
     "arclength of the path",
@@ -65,15 +65,15 @@ class MissileNodesConfig:
     """Sample sizes: problems and grids that are solved."""
 
     repeats: Count = 5
-    """solves of which the median time is taken"""
+    """number of solves of which the median time is taken"""
     cases: Annotated[Count, Within(Interval(ge=1, le=len(OPTIMA)))] = 2
-    """how many of FAST, SM2, SM3, SM are solved on every grid"""
+    """number of cases solved on every grid, of FAST, SM2, SM3, SM"""
     grids: Annotated[Count, Within(Interval(ge=5, le=len(NODES)))] = 8
-    """how many of N = 10, 15, 20, 25, 30, 35, 40, 50"""
+    """number of grids, of N = 10, 15, 20, 25, 30, 35, 40, 50"""
     reference_nodes: Count = 301
     """number of nodes of the uniform solution that the others are compared with"""
     indirect: Annotated[Count, Within(Interval(ge=1, le=len(OPTIMA)))] = len(OPTIMA)
-    """how many cases are solved by Pontryagin's conditions too"""
+    """number of cases solved by Pontryagin's conditions too"""
 
 
 class MissileNodes:
@@ -127,7 +127,7 @@ class MissileNodes:
 def _targets(
     table: Rows, indirect: Mapping[str, Mapping[str, float]], nodes: int, status: SolverOutcome, message: str
 ) -> list[Claim]:
-    """Evaluate the claims of our own; ``status`` and ``message`` are those of free nodes after the replay gate."""
+    """Evaluate the project's targets; ``status`` and ``message`` are those of free nodes after the replay gate."""
     worst_time, worst_control = (
         max(row[measure] for row in indirect.values()) for measure in ("duration_error_s", "control_error")
     )
@@ -207,7 +207,7 @@ def _printed(table: Rows, cases: Sequence[str], nodes: Sequence[int]) -> list[Cl
 
 
 def _densities(even: PlannedPath, adaptive: PlannedPath) -> str:
-    """Nodes for each 100 m of path, as B.4 counts them."""
+    """Return a text on the number of nodes for each 100 m of path, as counted in B.4."""
     a, b = (100.0 / path.steps for path in (even, adaptive))
     refused = worse_figures(adaptive.replay, even.replay, EVERY_FIGURE)
     verdict = f"would refuse for its {'; '.join(refused)}" if refused else "accepts"
@@ -219,7 +219,7 @@ def _densities(even: PlannedPath, adaptive: PlannedPath) -> str:
 
 
 def _ratio(table: Rows, key: tuple[str, str, int, str], measure: str) -> float:
-    """An adaptive method's figure over that of the uniform grid."""
+    """Return the figure of an adaptive method over that of the uniform grid."""
     case, scheme, n, _ = key
     return float(table[key][measure] / table[case, scheme, n, "uniform"][measure])
 
@@ -250,7 +250,7 @@ def _indirect_table(indirect: Mapping[str, Mapping[str, float]], nodes: int) -> 
 
 
 def _figure(planned: tuple[PlannedPath, PlannedPath], table: Rows, case: str, nodes: Sequence[int]) -> Figure:
-    """Figures B.5, B.6, B.7 and B.2 side by side."""
+    """Draw Figures B.5, B.6, B.7 and B.2 side by side."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(10.4, 7.0), layout="constrained")
         (paths, errors), (times, load) = figure.subplots(2, 2)
@@ -292,7 +292,7 @@ def _paths(axes: Axes, even: PlannedPath, adaptive: PlannedPath) -> None:
 
 
 def _load(axes: Axes, table: Rows, nodes: Sequence[int]) -> None:
-    """Mean and largest time of a uniform solve over the cases and transcriptions."""
+    """Draw the mean and largest time of a uniform solve over the cases and transcriptions."""
     spent = {
         n: [row["solve_ms"] for (_, _, m, method), row in table.items() if m == n and method == "uniform"]
         for n in nodes
@@ -305,36 +305,36 @@ def _load(axes: Axes, table: Rows, nodes: Sequence[int]) -> None:
 
 
 def control_error(solution: Solution, reference: Solution) -> float:
-    """Relative L2 distance of the controls over their scales, in fractions of T."""
+    """Return the relative L2 distance of the controls over their scales, in fractions of T."""
     return relative_distance(sampled_control(solution), sampled_control(reference))
 
 
 def sampled_control(solution: Solution) -> Array:
-    """(2001, nu) the control over its scale, at equal fractions of T."""
+    """Return the control (2001, nu) over its scale, at equally spaced fractions of T."""
     sampled: Array = solution.control(FRACTIONS * solution.duration) / solution.problem.control_scale
     return sampled
 
 
 def relative_distance(u: Array, v: Array) -> float:
-    """sqrt(sum |u - v|^2 / sum |v|^2)."""
+    """Return sqrt(sum |u - v|^2 / sum |v|^2)."""
     return float(np.sqrt(((u - v) ** 2).sum() / (v**2).sum()))
 
 
 def miss(solution: Solution) -> float:
-    """[m] between where the replay ends and where the transcription does, in the pitch plane."""
+    """Return the distance [m] between the ends of the replay and of the transcription, in the pitch plane."""
     if solution.replay is None:
         return float("nan")
     return float(np.hypot(*(solution.replay.end - solution.x[-1])[4:6]))
 
 
 def solved_reference(case: str, nodes: int, indirect: bool) -> tuple[Array, dict[str, float]]:
-    """The control (2001, nu) of a fine uniform grid, and, if asked for, its distance from the boundary-value one."""
+    """A job: control (2001, nu) on a fine uniform grid, and, if ``indirect``, its distance from the indirect one."""
     solution = solve(missile(case), nodes)
     return sampled_control(solution), _against_pontryagin(solution) if indirect else {}
 
 
 def free_nodes(case: str) -> tuple[SolverOutcome, str]:
-    """Forward Euler with free nodes, N = 20: the status after the replay gate, and its message."""
+    """A job: status after the replay gate, and its message, of forward Euler with free nodes, N = 20."""
     solution = distribute(missile(case), 20, Free(), scheme=Euler(), tolerance=EVERY_FIGURE)
     return solution.status, solution.message
 
@@ -353,7 +353,7 @@ def _solved(case: str, scheme: Scheme, n: int, method: str) -> Solution:
 
 
 def solved_on_grid(case: str, scheme_name: str, nodes: int, repeats: int) -> list[tuple[dict[str, Any], Array]]:
-    """Solve by every method: rows without the control error, and controls (2001, nu) over their scales."""
+    """A job: solutions by every method: rows without the control error, and controls (2001, nu) over their scales."""
     (scheme,) = (each for each in SCHEMES if each.name == scheme_name)
     found: list[tuple[dict[str, Any], Array]] = []
     for method in METHODS:
@@ -378,7 +378,7 @@ def solved_on_grid(case: str, scheme_name: str, nodes: int, repeats: int) -> lis
 
 
 def _against_pontryagin(direct: Solution) -> dict[str, float]:
-    """Distance of the direct solution from the boundary-value one."""
+    """Return the distances of the direct solution from the solution of the boundary-value problem."""
     found = solve_indirect(direct)
     scale = direct.problem.control_scale
     error = (direct.control(found.t) - found.u) / scale
@@ -392,7 +392,7 @@ def _against_pontryagin(direct: Solution) -> dict[str, float]:
 
 
 def paths_of_figure_b_5(case: str) -> tuple[PlannedPath, PlannedPath]:
-    """The paths on both grids of Figure B.5, the adaptive one whatever the replay gate says."""
+    """A job: paths on both grids of Figure B.5; the adaptive one is not subject to the replay gate."""
     problem, n = missile(case), 50
     even = solve(problem, n)
     programme = transcription(problem, HermiteSimpson(), n, Equidistributed(PATH))
@@ -402,7 +402,7 @@ def paths_of_figure_b_5(case: str) -> tuple[PlannedPath, PlannedPath]:
 
 @dataclass(frozen=True, eq=False)
 class PlannedPath:
-    """A planned path of the missile, at its nodes and between them."""
+    """Planned path of the missile, at its nodes and between them."""
 
     x: Array  # (N, nx) states at the nodes
     between: Array  # (400, nx) states at equal times
@@ -410,11 +410,11 @@ class PlannedPath:
 
     @staticmethod
     def from_solution(solution: Solution) -> PlannedPath:
-        """The path of a solution that was replayed."""
+        """Return the path of a replayed solution."""
         assert solution.replay is not None
         return PlannedPath(solution.x, solution.state(np.linspace(0.0, solution.duration, 400)), solution.replay)
 
     @property
     def steps(self) -> Array:
-        """(N - 1,) [m] between the nodes."""
+        """Distances (N - 1,) [m] between successive nodes."""
         return np.asarray(np.hypot(*np.diff(self.x[:, 4:6], axis=0).T), float)

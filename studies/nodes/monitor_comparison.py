@@ -1,9 +1,10 @@
-"""Monitor functions side by side (B.3): where each puts the same number of nodes, and what that is worth.
+"""Comparison of monitor functions (B.3): accuracy of a solution with the same number of nodes.
 
-N nodes, by Hermite-Simpson's scheme and by Radau collocation of order 5, one and three redistributions of the uniform
-solution, without the replay gate. Two figures as ratios to the uniform solution by the same scheme at the same N: the
-control error, the relative L2 distance of the controls over their scales to a solution on many nodes, and the miss of
-the replay in the true dynamics. The thesis claims that the arclength is the most efficient of the monitor functions.
+Problems are solved on N nodes, by the Hermite-Simpson scheme and by Radau collocation of order 5, after one and three
+redistributions of the uniform solution, without the replay gate. Two figures are reported as ratios to the uniform
+solution by the same scheme at the same N: the control error, the relative L2 distance of the controls over their scales
+to a solution on many nodes, and the miss of the replay in the true dynamics. The thesis claims that the arclength is
+the most efficient monitor function.
 """
 
 from __future__ import annotations
@@ -48,14 +49,14 @@ NAMES = (
 
 
 def _raw_arclength(solution: Solution, tau: Array, epsilon: float) -> Array:
-    """w = sqrt(ε + |x'|^2) with the states in their own units."""
+    """Return w = sqrt(ε + |x'|^2) with the states in SI units."""
     rates = solution.scaled_derivative(tau, 1) * solution.problem.state_scale
     w: Array = np.sqrt(epsilon + (rates**2).sum(axis=1))
     return w
 
 
 def _control_arclength(solution: Solution, tau: Array, epsilon: float) -> Array:
-    """w = sqrt(ε + |u~'|^2), u~ = u over its scale: what a user may give who wants the control well resolved."""
+    """Return w = sqrt(ε + |u~'|^2), u~ = u over its scale: a user's function that resolves the control."""
     step = 1e-4
     ends = [np.clip(tau + side * step, 0.0, 1.0) for side in (-0.5, 0.5)]
     u_0, u_1 = (solution.control(end * solution.duration) / solution.problem.control_scale for end in ends)
@@ -79,11 +80,11 @@ class MonitorsConfig:
     """Sample sizes: problems and grids that are solved."""
 
     nodes: Annotated[int, Interval(ge=4, le=400)] = 20
-    """nodes"""
+    """number of nodes"""
     reference_nodes: Annotated[int, Interval(ge=20, le=4000)] = 301
-    """nodes of the solution that the controls are compared with"""
+    """number of nodes of the reference solution of the controls"""
     problems: Annotated[int, Interval(ge=1, le=len(NAMES))] = len(NAMES)
-    """how many of the problems"""
+    """number of problems"""
 
     def __post_init__(self) -> None:
         if self.reference_nodes < 5 * self.nodes:
@@ -121,7 +122,7 @@ class Monitors:
 
 
 def monitor_rows(name: str, nodes: int, reference_nodes: int) -> list[dict[str, Any]]:
-    """A row for each scheme, monitor function and number of redistributions; a scheme's first is its uniform grid's."""
+    """A job: a row for each scheme, monitor function and number of redistributions, uniform grids first."""
     known: KnownOptimum = BOOKS[name]
     problem = known.problem()
     evens = [solve(problem, nodes, scheme=scheme) for scheme in SCHEMES]
@@ -164,7 +165,7 @@ def _row(
 def _figure_of_problems(
     rows: Sequence[Mapping[str, Any]], monitor: str, rounds: int, figure: str, scheme: Scheme = HERMITE_SIMPSON
 ) -> Array:
-    """The figure of every problem, in order."""
+    """Return a figure (n,) of every problem, in order."""
     wanted = (scheme.name, monitor, rounds)
     return np.array(
         [row[figure] for row in rows if (row["transcription"], row["monitor"], row["redistributions"]) == wanted]
@@ -172,12 +173,12 @@ def _figure_of_problems(
 
 
 def _mean(ratios: Array) -> float:
-    """Geometric; infinite where a solve failed."""
+    """Return the geometric mean; infinite if a solve failed."""
     return float(np.exp(np.log(ratios).mean())) if np.isfinite(ratios).all() else math.inf
 
 
 def _means(rows: Sequence[Mapping[str, Any]], scheme: Scheme) -> dict[str, float]:
-    """Geometric mean of the control errors' ratio to uniform, after all redistributions, by monitor function."""
+    """Return the geometric mean of the control error's ratio to uniform after all rounds, by monitor function."""
     others = [monitor.name for monitor in MONITORS if monitor is not UNIFORM]
     return {name: _mean(_figure_of_problems(rows, name, max(ROUNDS), "control_error_ratio", scheme)) for name in others}
 

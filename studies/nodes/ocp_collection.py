@@ -1,13 +1,13 @@
-"""The collection of problems with known optima by ``OptimalControlProblem.solve()`` alone, and what its statuses say.
+"""All problems with known optima solved by ``OptimalControlProblem.solve()``, and the truth of its statuses.
 
-Each problem is stated with the coarse guess of its literature and solved by its name, with nothing chosen: the library
-takes the method, the grid and the tolerance. An optimum is reached where J, as the transcription sees it, and J, as the
-solution is replayed in the true dynamics, are both within the problem's precision of it: 1e-6, and 1e-5 where the
-control is singular, relative to the optimum's distance from its origin.
+Each problem is stated with the coarse guess of its literature and solved by its name without options: the library
+chooses the method, the grid and the tolerance. An optimum is reached if J of the transcription and J of the replay in
+the true dynamics are both within the problem's precision of it: 1e-6, and 1e-5 if the control is singular, relative to
+the optimum's distance from its origin.
 
-A status lies in one of three ways: it says OPTIMAL though a figure of the replay exceeds the tolerance; it says OPTIMAL
-and J is better than the least there is, by more than the precision; it says anything else though the optimum is reached
-and every figure is within the tolerance.
+A status is false in one of three ways: it is OPTIMAL though a figure of the replay exceeds the tolerance; it is OPTIMAL
+and J is better than the known optimum by more than the precision; it is another one though the optimum is reached and
+every figure is within the tolerance.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 
 FEWEST = 24
-"""problems that the claims ask for"""
+"""number of problems that the claims require"""
 
 
 def solved_by_name(name: str) -> dict[str, Any]:
-    """The row of a problem, solved with nothing but its name."""
+    """A job: the row of a problem that is solved by its name without options."""
     return row(name, OptimalControlProblem(name).solve())
 
 
 def row(name: str, solution: Solution) -> dict[str, Any]:
-    """Figures of a solution beside the known optimum of its problem."""
+    """Return the figures of a solution, compared with the known optimum of its problem."""
     known, replay = PROBLEMS[name], solution.replay
     error = known.error(solution.cost)
     error_replayed = known.error(replay.cost) if replay is not None else math.nan
@@ -76,7 +76,7 @@ def row(name: str, solution: Solution) -> dict[str, Any]:
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> Table:
-    """A line for each problem."""
+    """Return the table with a row for each problem."""
     columns = (
         "problem", "source", "control", "optimum", "J error", "replayed J error", "miss", "violation", "status",
         "time",
@@ -96,7 +96,7 @@ def table(rows: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def claims(rows: Sequence[Mapping[str, Any]]) -> tuple[Claim, Claim]:
-    """Claims that every optimum is reached, and that every status is true."""
+    """Evaluate the claims that every optimum is reached and every status is true."""
     missed = [each["problem"] for each in rows if not each["reached"]]
     lies = [f"{each['problem']} ({each['lie']})" for each in rows if each["lie"]]
     whole = len(rows) >= max(FEWEST, len(PROBLEMS))

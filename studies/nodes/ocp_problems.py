@@ -1,13 +1,13 @@
 """Problems with known optima: the whole collection by ``solve()``, and some by every adaptive method of the thesis.
 
-The collection is ``mathnavi.controllers.ocp.problems.library``; what ``solve()`` makes of it is judged in
-``ocp_collection``. The methods of the thesis are compared on ``COMPARED``, within a number of nodes. They stand in a
-fixed order. A method has reached an optimum if its solution passed the replay gate and if both
-figures are within the problem's tolerance of it: J as the transcription sees it, and J as it is replayed in the true
-dynamics. What is reported for a problem is the first method that reached it; the figure shows all.
+The collection is ``mathnavi.controllers.ocp.problems.library``; ``ocp_collection`` evaluates ``solve()`` on it. The
+methods of the thesis are compared on ``COMPARED``, in a fixed order and with a limited number of nodes. A method has
+reached an optimum if its solution passed the replay gate and both J of the transcription and J of the replay in the
+true dynamics are within the problem's tolerance of it. The table reports the first method that reached the optimum of a
+problem; the figure shows all.
 
-N counts the points whose states are unknowns: the grid's nodes, and inside an interval those that a
-Legendre-Gauss-Lobatto scheme of degree K > 1 has more than its ends.
+N counts the points whose states are unknowns: the grid's nodes, and the interior points of the intervals of a
+Legendre-Gauss-Lobatto scheme of degree K > 1.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ LOBATTO = LegendreGaussLobatto(DEGREE)
 
 
 def _intervals_by_degree(most: int) -> int:
-    """Nodes of the finest grid whose points are at most ``most``."""
+    """Return the number of nodes of the finest grid with at most ``most`` points."""
     return max(2, (most - 1) // DEGREE + 1)
 
 
@@ -80,11 +80,11 @@ class OcpProblemsConfig:
     """Sample sizes: problems and grids that are solved."""
 
     nodes: Annotated[int, Interval(ge=6, le=1000)] = 60
-    """nodes that a method may use"""
+    """largest number of nodes of a method"""
     problems: Annotated[int, Interval(ge=1, le=len(PROBLEMS))] = len(PROBLEMS)
-    """how many of the problems, in the order of the library"""
+    """number of problems, in the order of the library"""
     exhaustive: bool = True
-    """whether every method solves every problem; if not, a problem is done with the first method that reaches it"""
+    """whether every method solves every problem; if not, methods are tried until one reaches the optimum"""
 
 
 class OcpProblems:
@@ -125,7 +125,7 @@ class OcpProblems:
 
 
 def attempts(name: str, nodes: int, exhaustive: bool) -> list[dict[str, Any]]:
-    """A row for each method that was tried: up to the first that reaches the tolerance, or all of them."""
+    """A job: a row for each method tried, up to the first that reaches the tolerance, or all if ``exhaustive``."""
     rows: list[dict[str, Any]] = []
     for method in METHODS:
         rows.append(_row(name, method, METHODS[method](PROBLEMS[name].problem(), nodes)))
@@ -167,7 +167,7 @@ def _row(name: str, method: str, solution: Solution) -> dict[str, Any]:
 
 
 def _first_reached(tried: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """The row that is reported: the first adaptive method that reached the optimum, else the least error of those."""
+    """Return the row of the first adaptive method that reached the optimum, else that of the least error."""
     adaptive = [row for row in tried if row["adaptive"]]
     for row in adaptive:
         if row["reached"]:
@@ -176,7 +176,7 @@ def _first_reached(tried: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _excess(row: Mapping[str, Any]) -> float:
-    """The larger error over the tolerance; infinite without a solution that the gate passed."""
+    """Return the larger error over the tolerance; infinite without a solution that passed the gate."""
     excess = float(np.max([row["error"], row["error_replayed"]])) / row["tolerance"]  # NaN if either is
     return excess if row["status"] in ("optimal", "converged") and math.isfinite(excess) else math.inf
 
@@ -249,7 +249,7 @@ def _figure(rows: Sequence[Mapping[str, Any]], best: Mapping[str, Mapping[str, A
 
 
 def _ratio(excess: float) -> str:
-    """Short: 0.036, 2.4, 71, 6e-4."""
+    """Return a short text of a ratio: 0.036, 2.4, 71, 6e-4."""
     if 1e-2 <= excess < 1e3:
         return f"{excess:.2g}" if excess < 100.0 else f"{excess:.0f}"
     mantissa, exponent = f"{excess:.0e}".split("e")

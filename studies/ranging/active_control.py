@@ -1,13 +1,13 @@
-"""Active control: how much sooner a robot finds itself that drives where it learns most (Paper C, C.1, C.3 and C.6).
+"""Active control: localisation with the most informative inputs, compared with others (Paper C, C.1, C.3 and C.6).
 
-The input that is expected to leave the least covariance, against inputs that are fixed or drawn: with a turn rate of at
-most .15 rad/s and with 1 rad/s. And a path that is kept once the robot knows where it is, or from the first estimate
-on, on a slippery floor.
+The input with the least expected covariance is compared with fixed and with random inputs, at a turn rate of at most
+0.15 rad/s and of 1 rad/s. In addition a robot on a slippery floor keeps a path, from when it is localised or from the
+first estimate on.
 
 Every mode of active sensing drives the same robot from the same starts: two sensors at ±60°, 5 % range noise, and an
-EKF that knows the start with standard deviations of .3 m and .3 rad. Starts are drawn uniformly among the poses from
-which every fixed pattern keeps the margin for as long as is flown; the start, its known part and the noise are those of
-the seed, whatever drives.
+EKF that knows the start with standard deviations of 0.3 m and 0.3 rad. Starts are drawn uniformly among the poses from
+which every fixed pattern keeps the margin during the run; the start, its known part and the noise depend on the seed
+only.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ HALO = [patheffects.withStroke(linewidth=3.0, foreground="white")]
 
 Row = dict[str, Any]
 Key = tuple[str, float]
-"""mode, bound of the turn rate [rad/s]; of a search with the pose known: mode or "best", limit [m]"""
+"""(mode, bound of the turn rate [rad/s]); for a search with known pose (mode or "best", limit [m])"""
 
 
 @configuration
@@ -81,21 +81,21 @@ class ActiveControlConfig:
     """Sample sizes: missions that are flown."""
 
     seeds: Count = 100
-    """runs of each mode that the target compares"""
+    """number of runs of each mode that the target compares"""
     others: Count = 40
-    """runs of each other mode, and of each at the higher turn rate"""
+    """number of runs of each other mode, and of each mode at the higher turn rate"""
     tracked: Count = 6
-    """runs that keep a path, of each kind"""
+    """number of runs that keep a path, of each kind"""
     searched: Count = 100
-    """starts from which every sequence of inputs is gone through, the pose being known"""
+    """number of starts of the exhaustive search over sequences of inputs, with known pose"""
     depth: Annotated[int, Interval(ge=1, le=4)] = 3
-    """inputs of such a sequence"""
+    """number of inputs in a sequence of the exhaustive search"""
     seconds: Count = 20
-    """duration of a run [s]; it also counts for a run that is never within the limit for good"""
+    """duration of a run [s], also used as the time of a run whose error does not stay below the limit"""
 
 
 class ActiveControl:
-    """Active sensing: how much sooner a robot localises itself that chooses the most informative input (Paper C)."""
+    """Active sensing: gain in the time to localise by choosing the most informative input (Paper C)."""
 
     Config = ActiveControlConfig
     quick = ActiveControlConfig(seeds=6, others=2, tracked=1, searched=10, depth=2)
@@ -148,7 +148,7 @@ class ActiveControl:
 
 
 def _row(mode: str, turn_rate: float, record: Record, seconds: float) -> Row:
-    """A row of the CSV: the time [s] until the error is below the limit for good is at most that of the run."""
+    """Return a row of the CSV; the time [s] until the error stays below the limit is at most that of the run."""
     summary = record.summary
     return {
         "mode": mode,
@@ -162,7 +162,7 @@ def _row(mode: str, turn_rate: float, record: Record, seconds: float) -> Row:
 
 
 class ModeRuns:
-    """Times and outcomes of the runs by one mode, at one bound of the turn rate."""
+    """Times and outcomes of the runs with one mode, at one bound of the turn rate."""
 
     def __init__(self, rows: Sequence[Row], seconds: float) -> None:
         times = np.array([row["time_s"] for row in rows])
@@ -172,16 +172,16 @@ class ModeRuns:
 
     @property
     def share(self) -> float:
-        """Share of the runs in which the error is below the limit for good before the end."""
+        """Share of the runs in which the error stays below the limit from before the end."""
         return self.found / self.runs
 
     def times_longer(self, other: ModeRuns) -> float:
-        """Ratio of the median times, whose denominator is nought only where every run begins within the limit."""
+        """Return the median time over that of ``other``, which is zero only if every run begins within the limit."""
         return self.time.median / max(other.time.median, 1e-9)
 
 
 def _sooner(searched: Mapping[Key, Band], mode: str, limit: float) -> float:
-    """Ratio of the times until a known pose is found to a limit [m]: with random inputs over another mode's."""
+    """Return the time to find a known pose to a limit [m] with random inputs, over that with another mode."""
     return searched["random", limit].median / searched[mode, limit].median
 
 
@@ -277,9 +277,9 @@ def claims(
 
 
 def figure(records: Mapping[Any, Sequence[Record]], modes: Mapping[Key, ModeRuns], seconds: float) -> Figure:
-    """Three panels: errors as they fall, when they have, and where the robot drove.
+    """Draw three panels: errors over time, times until they stay below the limit, and paths.
 
-    ``records`` are the runs by mode and bound of the turn rate, and those that keep a path by their kind.
+    ``records`` are the runs by mode and bound of the turn rate [rad/s], and by kind those that keep a path.
     """
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(13.0, 12.0))
@@ -331,7 +331,7 @@ def _draw_errors(axes: Axes, records: Mapping[Any, Sequence[Record]], seconds: f
 
 
 def _series(rows: Sequence[Sequence[float]]) -> Array:
-    """(n, m), NaN after a run that ended early."""
+    """Return a series (n, m) of n runs, padded with NaN after runs that ended early."""
     filled = np.full((len(rows), max(len(row) for row in rows)), np.nan)
     for k, row in enumerate(rows):
         filled[k, : len(row)] = row
@@ -370,7 +370,7 @@ def _draw_times(axes: Axes, modes: Mapping[Key, ModeRuns], seconds: float) -> No
 
 
 def _draw_path(axes: Axes, summary: Mapping[str, Sequence[float]], title: str, colour: str) -> None:
-    """The wall and the way driven in it, coloured by the error."""
+    """Draw the wall and the path driven in it, coloured by the error."""
     places, errors = np.array(summary["places_m"]), np.array(summary["errors_m"])
     axes.add_patch(Polygon(WALL.polyline, closed=True, facecolor="#f6f4ee", edgecolor=INK, lw=1.4, zorder=0))
     pieces = np.stack([places[:-1], places[1:]], axis=1)
@@ -385,7 +385,7 @@ def _draw_path(axes: Axes, summary: Mapping[str, Sequence[float]], title: str, c
 
 
 def fields_of(mode: str, turn_rate: float) -> dict[str, float]:
-    """Fields of the planner: the patterns turn as fast as the robot can, the line comes back every 4 s."""
+    """Return fields of the planner: patterns turn as fast as the robot can, the line returns every 4 s."""
     patterns = {
         "circle": {"speed": CIRCLES[turn_rate], "cycle": 2.0 * math.pi / turn_rate},
         "figure-eight": {"speed": 0.08, "cycle": EIGHT_SPAN / turn_rate},
@@ -395,7 +395,7 @@ def fields_of(mode: str, turn_rate: float) -> dict[str, float]:
 
 
 def localisation(mode: str, turn_rate: float, seed: int, seconds: float) -> Trial:
-    """A run of a robot that drives by one mode, its turn rate [rad/s] bounded."""
+    """Return the trial of a robot that drives by one mode, with a bound on its turn rate [rad/s]."""
     planner = {"mode": mode, **fields_of(mode, turn_rate), **({"seed": 1 + seed} if mode == "random" else {})}
     fields = {
         "turn_rate_max": turn_rate,
@@ -409,7 +409,7 @@ def localisation(mode: str, turn_rate: float, seed: int, seconds: float) -> Tria
 
 
 def tracking(kind: str, seed: int, seconds: float) -> Trial:
-    """A differential drive on a slippery floor that is to keep a figure of eight, from a start it does not know."""
+    """Return the trial of a differential drive that keeps a path on a slippery floor, from an unknown start."""
     planner = {
         f"planner.{name}": value for name, value in {**PATH, **(NEVER_UNSURE if kind == AT_ONCE else {})}.items()
     }
@@ -419,7 +419,7 @@ def tracking(kind: str, seed: int, seconds: float) -> Trial:
 
 @cache
 def start(turn_rate: float, seconds: float, seed: int) -> tuple[float, float, float]:
-    """X Y HEADING [m, m, deg]."""
+    """Draw a start X Y HEADING [m, m, deg] from which every fixed pattern keeps the margin."""
     margin, rng = RangeLocalisationConfig().margin, np.random.default_rng(seed)
     paths = _pattern_paths(turn_rate, seconds)
     while True:
@@ -432,7 +432,7 @@ def start(turn_rate: float, seconds: float, seed: int) -> tuple[float, float, fl
 
 @cache
 def _pattern_paths(turn_rate: float, seconds: float) -> Array:
-    """(n, 2) places to which the fixed patterns lead from the origin, from the farthest to the nearest."""
+    """Return positions (n, 2) [m] of the fixed patterns from the origin, from the farthest to the nearest."""
     steps = round(seconds / STEP) + 1
     pattern = (PATTERNS[m](ActiveSensing.Config(mode=m, **fields_of(m, turn_rate))) for m in MODES if m in PATTERNS)  # type: ignore[arg-type]
     places = np.vstack([path(one, np.zeros(3), STEP)[:steps:4, :2] for one in pattern])
@@ -441,7 +441,7 @@ def _pattern_paths(turn_rate: float, seconds: float) -> Array:
 
 
 def course(outcome: RunResult) -> dict[str, Any]:
-    """A measure: the last instant with an error above the limit, and error and place every fifth of a second."""
+    """A measure: last time [s] with an error above the limit, and error and position [m] every fifth of a second."""
     errors = _errors(outcome)
     above = np.flatnonzero(~(errors.position <= LIMIT))
     kept = _kept(outcome)
@@ -453,7 +453,7 @@ def course(outcome: RunResult) -> dict[str, Any]:
 
 
 def tracked(outcome: RunResult) -> dict[str, Any]:
-    """A measure of a run that keeps a path: how far off it is, and how far the wheels slipped."""
+    """A measure: distance from the path [m], and slip of the wheels [m]."""
     recording, reference = outcome.recording, _reference(outcome.config["controller"]["fields"])
     truth = recording.truths[VEHICLE]
     error = np.array([np.linalg.norm(reference - place, axis=1).min() for place in truth[:, :2]])
@@ -471,13 +471,13 @@ def tracked(outcome: RunResult) -> dict[str, Any]:
 
 
 def _reference(fields: Mapping[str, Any]) -> Array:
-    """(n, 2) places of the path that a planner with these fields keeps."""
+    """Return positions (n, 2) [m] of the path that a planner with these fields keeps."""
     config = ActiveSensing.Config(**fields)
     return ReferencePath(PATTERNS[config.then](config), RangingMission(WALL, (0.0,))).poses[:, :2]
 
 
 def _errors(outcome: RunResult) -> RangingErrors:
-    """Modulo the wall's symmetry, which is all that a mission says of them."""
+    """Return the errors modulo the wall's symmetry."""
     return RangingErrors.from_recording(outcome.recording, VEHICLE, RangingMission(WALL, (0.0,)))
 
 
@@ -487,7 +487,7 @@ def _kept(outcome: RunResult) -> slice:
 
 
 def _slip(measured: Array, truth: Array) -> float:
-    """[m] by which the wheels' way, from their speed (n,) [m/s], differs from the robot's, added up over OFTEN."""
+    """Return the slip [m]: distance by the wheels' speed (n,) [m/s] less the robot's, over intervals OFTEN, summed."""
     period = RangingMission(WALL, (0.0,)).period
     every = round(OFTEN / period)
     blocks = (len(truth) - 1) // every

@@ -1,13 +1,13 @@
-"""Runs of a robot that reads ranges on a figure of eight, what estimators make of its readings, and what they cost.
+"""Runs of a robot that measures ranges on a figure of eight: errors and cost of estimators over its readings.
 
-The robot is the ideal unicycle, which moves exactly (``mathnavi.estimators.observability.region``), so nothing is
-simulated but its readings. A run's errors are drawn for it alone: the ranges' noise, the odometry's noise, and the
-sign of its bias. Every estimator of a run reads the same.
+The robot is the ideal unicycle, which moves exactly (``mathnavi.estimators.observability.region``), so only its
+readings are simulated. The errors of each run are drawn separately: the noise of ranges and odometry, and the sign of
+the odometry's bias. All estimators of a run have the same readings.
 
-The cost of an update is thread CPU time on one thread, over one and the same readings. The compiled ones are loops over
-the kernels that the plug-ins call, without the plug-ins' Python: the bank as it is flown, the bank if no hypothesis
-were ever dropped, a single filter of the bank, and 1000 particles: the kernels of the particle filter with a number of
-particles that stays. The plug-in itself has as many as it needs.
+The cost of an update is CPU time on one thread, over the same readings. The compiled estimators are loops over the
+kernels that the plug-ins call, without Python: the bank as used in a run, the bank if no hypothesis were ever dropped,
+a single filter of the bank, and the kernels of the particle filter with a constant number of 1000 particles. The
+plug-in of the particle filter adapts its number of particles.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ _KLD = (0.05, 2.33)  # epsilon and z, which decide nothing where the number of p
 
 @dataclass(frozen=True)
 class RangeRun:
-    """A run with noise, and the estimators that follow it."""
+    """A run with noise, and its estimators."""
 
     curve: Curve
     sensors: str
@@ -97,13 +97,13 @@ class EstimatorResult:
 
 
 def declared_mission(curve: Curve, sensors: str) -> RangingMission:
-    """Mission with the standard noise, and an unknown start."""
+    """Return a mission with the standard noise and an unknown start."""
     noise, angles = RangingNoise(), tuple(math.radians(angle) for angle in SENSORS[sensors])
     return RangingMission(curve, angles, noise.ranging(), noise.odometry(_SLIP))
 
 
 def noisy_run(mission: RangingMission, start: Array, seconds: float, rng: np.random.Generator) -> ExactRun:
-    """A run from a pose (3,) with what sensors of the quality that the mission declares read."""
+    """Return a run from a pose (3,) [m, m, rad] with readings of the quality that the mission declares."""
     exact = exact_run(mission, start, driving, seconds)
     odometry, n = mission.odometry, len(exact.t)
     rho = np.array([readings[0].value for readings in exact.readings])
@@ -118,7 +118,7 @@ def noisy_run(mission: RangingMission, start: Array, seconds: float, rng: np.ran
 
 
 def estimator_results(asked: RangeRun) -> dict[str, EstimatorResult]:
-    """Run each of the estimators over the readings; the same seed is the same run."""
+    """A job: results of the estimators over the readings of one run, by name; the seed determines the run."""
     rng = np.random.default_rng(asked.seed)
     start, mission = drawn_start(asked.curve, rng), declared_mission(asked.curve, asked.sensors)
     run = noisy_run(mission, start, asked.seconds, rng)
@@ -162,7 +162,7 @@ def _nees(estimates: Sequence[Estimate], differences: Array) -> Array:
 
 @dataclass(frozen=True)
 class ExactAttempt:
-    """A start and a first estimate, both from anywhere, without noise."""
+    """A run without noise, whose start and first estimate are drawn anywhere."""
 
     curve: Curve
     sensors: str
@@ -190,14 +190,14 @@ class Readings:
 
 
 def read(sensors: str, seconds: float, rng: np.random.Generator) -> Readings:
-    """Draw readings with a set of ``SENSORS``, by name, and the standard noise."""
+    """Draw readings of a set of ``SENSORS``, given by name, with the standard noise."""
     mission = declared_mission(STANDARD, sensors)
     readings = noisy_run(mission, np.array(START), seconds, rng).readings[1:]
     return Readings(mission, *(np.array([pair[k].value for pair in readings]) for k in (0, 1)))
 
 
 def costs(readings: Readings, repetitions: int) -> Mapping[str, Array]:
-    """(R,) [us] an update, by name: each once in each of R rounds, after a round that compiles."""
+    """Return CPU times (R,) [us] of an update by name: each once in each of R rounds, after a round that compiles."""
     config = FeasibleSetBankConfig()
     prepared: dict[str, Callable[[], Callable[[], int]]] = {
         ALL_ALIVE: partial(_bank, readings, config.hypotheses, -math.inf, 0.0),
@@ -218,7 +218,7 @@ def costs(readings: Readings, repetitions: int) -> Mapping[str, Array]:
 
 
 def _plugin(readings: Readings, plugin: Any) -> Callable[[], int]:
-    """Prepare all updates of a plug-in, as the loop calls it."""
+    """Prepare all updates of a plug-in, called as by the closed loop."""
     estimator, period = plugin.build(plugin.Config(), readings.mission), readings.mission.period
     calls = [
         (k * period, (Measurement("ranges", k * period, rho), Measurement("odometry", k * period, u)), u)
@@ -234,7 +234,7 @@ def _plugin(readings: Readings, plugin: Any) -> Callable[[], int]:
 
 
 def _bank(readings: Readings, count: int, lowest: float, twin: float) -> Callable[[], int]:
-    """Updates of so many of the bank's own first hypotheses, over all readings but those that made them."""
+    """Prepare updates of ``count`` of the bank's first hypotheses over all readings but those that created them."""
     config, model, mission = FeasibleSetBankConfig(), RangeModel(readings.mission), readings.mission
     bank, n, period = FeasibleSetBank(config, mission), config.readings, mission.period
     for k in range(n):
@@ -251,7 +251,7 @@ def _bank(readings: Readings, count: int, lowest: float, twin: float) -> Callabl
 
 
 def _particles(readings: Readings) -> Callable[[], int]:
-    """Updates of so many particles that start anywhere."""
+    """Prepare updates of 1000 particles that start anywhere."""
     config, model, rng = RangeParticleConfig(), RangeModel(readings.mission), np.random.default_rng(0)
     x, z, u, period = model.particles(_PARTICLES, rng), readings.ranges, readings.inputs, readings.mission.period
     sensors = model.sensors(math.inf)._replace(outliers=config.outliers)
@@ -282,7 +282,7 @@ class Quality(NamedTuple):
 def bank_updates(
     bank: Hypotheses, run: RecordedReadings, wall: WallShape, quality: Quality, scoring: Scoring, symmetry: Symmetry
 ) -> int:
-    """Update hypotheses, in place, by all n readings of a run; returns n."""
+    """Update hypotheses in place by all n readings of a run, and return n."""
     z, u, dt = run
     W, sensors, noise, innovations = quality
     best = 0
@@ -306,7 +306,7 @@ def particle_updates(
     dt: float,
     rng: np.random.Generator,
 ) -> int:
-    """Particles x (n, 4), whose number stays, over ranges z (m, l) and inputs u (m, 2); returns m."""
+    """Update a constant number of particles x (n, 4) by ranges z (m, l) and inputs u (m, 2), and return m."""
     w, limits = np.full(len(x), 1.0 / len(x)), (len(x), len(x))
     for k in range(len(z)):
         propagate(x, u[k], deviation, scale, wall, dt, rng)

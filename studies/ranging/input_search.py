@@ -1,15 +1,15 @@
-"""How soon any inputs can find the pose: an exhaustive search over sequences of them, with the pose known.
+"""Least time in which any inputs can find the pose: an exhaustive search over sequences of inputs, with known pose.
 
-With the pose x_j known at every node j, h apart, the covariance that readings leave of the one at the start, P,
+With known poses x_j at nodes j, h apart, the covariance after the readings, from P at the start, is
 
     F_j (P^-1 + sum_{i <= j} F_i' H_i' (h / dt) R_i^-1 H_i F_i)^-1 F_j',     F_j = d x_j / d x_0,   H_j = d rho / d x,
 
-is the posterior Cramer-Rao bound of an exact odometry, and below that of any other. The pose counts as found as soon
-as the bound's root mean square position error is below a limit. A robot that an input would bring nearer to the wall
-than the margin rests.
+which is the posterior Cramér-Rao bound with exact odometry, and below the bound with any other. The pose counts as
+found as soon as the bound's root mean square position error is below a limit. A robot rests if an input would bring it
+nearer to the wall than the margin.
 
-The search goes through every sequence of inputs, each held for a piece of so many nodes and the last held on, depth
-first, and leaves a branch as soon as it takes as long as the best that is known.
+The search is depth first over all sequences of inputs, each held for a fixed number of nodes and the last until the
+end; it leaves a branch as soon as that takes as long as the best sequence so far.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ SEARCHED: tuple[ModeName, ...] = ("active", "random")  # modes that the best seq
 
 
 class KnownPoseProblem(NamedTuple):
-    """Data that the bound depends on, and the errors at which the pose counts as found."""
+    """Data that the bound depends on, and the error below which the pose counts as found."""
 
     wall: WallTable
     sensors: RangeSensors
@@ -52,7 +52,7 @@ class KnownPoseProblem(NamedTuple):
 
 @dataclass(frozen=True)
 class InputSearch:
-    """A search from the start of the runs of a seed, at the low turn rate."""
+    """A search from the start of a seed, at the low turn rate."""
 
     seed: int
     start: tuple[float, float, float]  # X Y HEADING [m, m, deg]
@@ -62,7 +62,7 @@ class InputSearch:
 
 
 def soonest(search: InputSearch) -> dict[str, float]:
-    """A job: time [s] until the pose is found by the best sequence, and by each mode of the planner that chooses."""
+    """A job: time [s] until the pose is found by the best sequence, and by each exploration policy."""
     fields = RangeLocalisationConfig()
     mission = RangingMission(
         WALL, tuple(map(math.radians, fields.sensors)), fields.noise.ranging(), turn_rate_max=SLOW,
@@ -81,7 +81,7 @@ def soonest(search: InputSearch) -> dict[str, float]:
 
 
 def known_pose_problem(mission: RangingMission, limit: float, seconds: float) -> KnownPoseProblem:
-    """The problem of a mission, in which a pose counts as found below ``limit`` [m]; runs end after ``seconds`` [s]."""
+    """Return the problem of a mission: a pose counts as found below ``limit`` [m]; runs end after ``seconds`` [s]."""
     noise = np.array([mission.ranging.relative, np.hypot(mission.ranging.absolute, LEAST_NOISE)])
     return KnownPoseProblem(
         WallTable(mission.curve.table, mission.curve.polyline),
@@ -94,9 +94,9 @@ def known_pose_problem(mission: RangingMission, limit: float, seconds: float) ->
 
 
 def policy_nodes(policy: ExplorationPolicy, problem: KnownPoseProblem, pose: Array, P: Array, piece: int) -> int:
-    """Nodes until a policy has found the pose (3,), with P (3, 3) at the start; it chooses anew every ``piece`` nodes.
+    """Return the number of nodes until a policy has found the pose (3,) from P (3, 3), choosing every ``piece`` nodes.
 
-    Its belief is the pose itself and the bound.
+    Its belief is the true pose and the bound.
     """
     x, F, information = pose, np.eye(3), inverse(P)
     for j in range(problem.most):
@@ -112,7 +112,7 @@ def policy_nodes(policy: ExplorationPolicy, problem: KnownPoseProblem, pose: Arr
 
 @njit(cache=True, nogil=True)
 def advance(problem: Any, pose: Array, F: Array, information: Array, u: Array) -> tuple[Array, Array, Array, float]:
-    """Pose (3,), F (3, 3) and information (3, 3) a node later under u (2,), and the position's error [m] there."""
+    """Return pose (3,), F (3, 3) and information (3, 3) a node later under u (2,), and the position error [m] there."""
     coefficients, polyline = problem.wall
     angles, noise = problem.sensors
     after = integrate(pose, u[0], u[1], NODE)
@@ -135,9 +135,10 @@ def advance(problem: Any, pose: Array, F: Array, information: Array, u: Array) -
 
 @njit(cache=True, nogil=True)
 def soonest_nodes(problem: Any, pose: Array, P: Array, inputs: Array, piece: int, depth: int) -> int:
-    """Nodes until the best sequence of ``depth`` of ``inputs`` (m, 2) has found the pose (3,), with P (3, 3) before.
+    """Return the number of nodes until the best sequence of ``depth`` inputs has found the pose (3,) from P (3, 3).
 
-    Each is held for ``piece`` nodes, the last until the end; ``problem.most`` if none finds it.
+    Each of the ``inputs`` (m, 2) is held for ``piece`` nodes, the last until the end; ``problem.most`` if none finds
+    the pose.
     """
     best: int = problem.most
     level = 0

@@ -1,8 +1,8 @@
-"""Errors that were not declared: whether the bank of feasible poses finds the pose, or says that it cannot.
+"""Undeclared errors: does the bank of feasible poses find the pose, or report that it cannot?
 
-More range noise, outliers, odometry of another scale and wheels that slip, none of them declared, and a wall that is
-nearly round, beside runs that are as declared. The robot drives by the default inputs, ``active``, from a start that is
-drawn and not known, two sensors at ±60° unless a case says otherwise.
+More range noise, outliers, odometry of another scale and slipping wheels, all undeclared, and a nearly round wall are
+compared with runs as declared. The robot drives by the default inputs, ``active``, from an unknown start that is drawn,
+with two sensors at ±60° unless a case differs.
 """
 
 from __future__ import annotations
@@ -57,13 +57,13 @@ class MismatchConfig:
     """Sample sizes: missions that are flown."""
 
     seeds: Count = 20
-    """runs of each case"""
+    """number of runs of each case"""
     seconds: Count = 10
     """duration of a run [s]"""
 
 
 class Mismatch:
-    """The bank of feasible poses with errors that were not declared (Paper C)."""
+    """The bank of feasible poses under undeclared errors (Paper C)."""
 
     Config = MismatchConfig
     quick = MismatchConfig(seeds=2, seconds=5)
@@ -108,7 +108,7 @@ class Mismatch:
 
 
 class Case:
-    """What became of the runs of a case."""
+    """Outcomes of the runs of a case."""
 
     def __init__(self, name: str, rows: list[dict[str, Any]]) -> None:
         self.runs, self.declared = len(rows), name in HELD
@@ -163,7 +163,7 @@ def claims(cases: dict[str, Case], rows: list[dict[str, Any]]) -> list[Claim]:
 
 
 def figure(cases: dict[str, Case]) -> Figure:
-    """Two panels: what became of the runs, and how consistent the estimates are."""
+    """Draw two panels: outcomes of the runs, and consistency of the estimates."""
     with matplotlib.rc_context(STYLE):
         drawn = Figure(figsize=(11.0, 4.6), layout=ConstrainedLayoutEngine(w_pad=0.08))
         outcomes, nees = drawn.subplots(1, 2, sharey=True)
@@ -192,11 +192,11 @@ def figure(cases: dict[str, Case]) -> Figure:
 
 
 def honesty(outcome: RunResult) -> dict[str, Any]:
-    """A measure: over the last quarter of a run, how often the estimator was sure, and how right it then was.
+    """A measure: how often the estimator was sure in the last quarter of a run, and how accurate it then was.
 
-    ``known`` is the share of samples with the status OK, and ``nees_known`` the mean NEES of those, None without any.
-    ``ok_and_wrong`` is the share of samples at which the status is OK and the error beyond .3 m or .2 rad, and
-    ``sure_and_wrong`` that of those at which two standard deviations of the estimate are less than both, too.
+    ``known`` is the share of samples with the status OK, and ``nees_known`` their mean NEES, None without any.
+    ``ok_and_wrong`` is the share of samples with the status OK and an error above 0.3 m or 0.2 rad, and
+    ``sure_and_wrong`` the share of those whose two standard deviations are also below both limits.
     """
     recording, record = outcome.recording, outcome.config["mission"]
     mission = RangingMission(Curve(tuple(map(tuple, record["coefficients"])), record["field"]), (0.0,))
@@ -215,6 +215,6 @@ def honesty(outcome: RunResult) -> dict[str, Any]:
 
 
 def _is_sure(estimate: Estimate) -> bool:
-    """True if two standard deviations are within the limits of an estimate that has converged."""
+    """Tell whether two standard deviations of an estimate are within the limits of a converged one."""
     P = estimate.covariance
     return P is None or bool(4.0 * np.linalg.eigvalsh(P[:2, :2])[-1] < POSITION**2 and 4.0 * P[2, 2] < HEADING**2)

@@ -1,8 +1,8 @@
-"""Observability of Paper C, measured: what is feasible, what separates it, and how the map decides convergence.
+"""Observability of Paper C, measured: feasible states, what distinguishes them, and convergence by map.
 
-Feasible sets and output flows (Definitions C.9 to C.11, Proposition C.1), states that nothing distinguishes, standing
-still, Example C.2, empirical Gramians of scenarios, and the question that the thesis leaves open (3.2): the relation
-between the given environmental map and the global convergence of the observer.
+Feasible sets and output flows (Definitions C.9 to C.11, Proposition C.1), indistinguishable states, standing still,
+Example C.2, empirical Gramians of scenarios, and the question that the thesis leaves open (3.2): the relation between
+the environmental map and the global convergence of the observer.
 """
 
 from __future__ import annotations
@@ -99,25 +99,25 @@ class ObservabilityConfig:
     """Sample sizes: cases that are measured."""
 
     starts: Count = 60
-    """starts in each wall"""
+    """number of starts in each wall"""
     walls: Count = 7
-    """walls of each family, at most"""
+    """largest number of walls of each family"""
     states: Count = 20
-    """states at which others are counted and Proposition C.1 is tried"""
+    """number of states at which indistinguishable ones are counted and Proposition C.1 is tested"""
     places: Count = 80
-    """places of the first estimate in a map of where an estimator converges"""
+    """number of positions of the first estimate in a map of convergence"""
     headings: Count = 4
-    """headings of the first estimate at each place"""
+    """number of headings of the first estimate at each position"""
     searches: Count = 150
-    """starts of a search for the states that read the same"""
+    """number of starts of a search for indistinguishable states"""
     gramians: Count = len(GRAMIANS)
-    """runs of scenarios whose empirical Gramian is taken, at most"""
+    """largest number of runs of scenarios with an empirical Gramian"""
     seconds: Count = 20
     """duration of a run in which an estimator may find the true state [s]"""
 
 
 class Observability:
-    """Feasible states, what distinguishes them, and how the map decides global convergence (Paper C)."""
+    """Feasible states, what distinguishes them, and the effect of the map on global convergence (Paper C)."""
 
     Config = ObservabilityConfig
     quick = ObservabilityConfig(starts=4, walls=3, states=3, places=12, headings=1)
@@ -151,7 +151,7 @@ class Observability:
 
 
 def _selected(family: Sequence[MapCase], walls: int) -> list[MapCase]:
-    """Select so many walls at most for each set of sensors, the first and the last among them; or so many sets."""
+    """Select at most ``walls`` walls for each set of sensors, with the first and the last; or as many sets."""
     selected: list[MapCase] = []
     one_wall = len({case.curve for case in family}) == 1
     for sensors in (None,) if one_wall else dict.fromkeys(case.sensors for case in family):
@@ -162,7 +162,7 @@ def _selected(family: Sequence[MapCase], walls: int) -> list[MapCase]:
 
 
 class Region:
-    """Places [m] of the first estimate, on a square grid within the wall, from which a run is tried."""
+    """Positions [m] of the first estimate of a run, on a square grid within the wall."""
 
     def __init__(self, title: str, case: MapCase, estimator: str, places: int) -> None:
         self.title, self.case, self.estimator = title, case, estimator
@@ -177,7 +177,7 @@ class Region:
 
 
 def _jobs(config: ObservabilityConfig, cases: Sequence[MapCase], regions: Sequence[Region]) -> Jobs:
-    """All that is computed; in the standard ellipse, states are counted at more of them."""
+    """Return all jobs; in the standard ellipse, indistinguishable states are counted at more states."""
     jobs, seconds = Jobs(), config.seconds
     for case in cases:
         jobs.add(("isolation", case), isolation, [case])
@@ -207,7 +207,7 @@ def _jobs(config: ObservabilityConfig, cases: Sequence[MapCase], regions: Sequen
 
 
 def _rows(done: Results, cases: Sequence[MapCase]) -> list[Row]:
-    """Rows of the CSV, one for each thing that was measured, distinguished by ``what``."""
+    """Return the rows of the CSV, whose kind is ``what``."""
     return [
         *({"what": "map", "family": case.family, "value": case.value, "sensors": case.sensors, "estimator": name,
            **_share(done["map", case, name]), "isolation": done["isolation", case][0]}
@@ -231,7 +231,7 @@ def _share(outcomes: Sequence[bool]) -> dict[str, Any]:
 
 
 def _counts(done: Results) -> dict[tuple[str, str, str], list[tuple[int, int]]]:
-    """States that read the same, and known images among them, at each state: by wall, sensors and motion."""
+    """Return counts (indistinguishable states, known images among them) of each state, by wall, sensors and motion."""
     return {
         (wall, sensors, motion): done["count", wall, sensors, motion]
         for wall in WALLS for sensors in COUNTED for motion in MOTIONS
@@ -239,12 +239,12 @@ def _counts(done: Results) -> dict[tuple[str, str, str], list[tuple[int, int]]]:
 
 
 def chosen(rows: Sequence[Row], **values: Any) -> list[Row]:
-    """Rows that have these values."""
+    """Return the rows that have these values."""
     return [row for row in rows if all(row.get(name) == value for name, value in values.items())]
 
 
 def _text(row: Row) -> str:
-    """The share of a row with its limits."""
+    """Return the share of a row with its limits, as text."""
     return rate(row["converged"], row["starts"]).text()
 
 
@@ -252,7 +252,7 @@ def _text(row: Row) -> str:
 
 
 def _map_table(rows: Sequence[Row]) -> Table:
-    """Shares of starts that converge, of the observer beside the EKF."""
+    """Return the table of shares of starts that converge, of the observer and of the EKF."""
     columns = (
         "family", "value", "sensors", "isolation [m/(m, rad)]", *(f"{name}: converged" for name in ESTIMATOR_COLOURS),
     )  # fmt: skip
@@ -264,7 +264,7 @@ def _map_table(rows: Sequence[Row]) -> Table:
 
 
 def _count_table(done: Results) -> Table:
-    """Table of how many states read the same, or that there is no end of them."""
+    """Return the table of numbers of indistinguishable states, which may be infinite."""
     numbers = {key: sorted({n for n, _ in counts}) for key, counts in _counts(done).items()}
     texts = {key: "a continuum" if n[-1] > 20 else " or ".join(map(str, n)) for key, n in numbers.items()}
     cells = [
@@ -275,7 +275,7 @@ def _count_table(done: Results) -> Table:
 
 
 def _standing_table(rows: Sequence[Row], done: Results) -> Table:
-    """Table of the worth of standing still, by the number of sensors."""
+    """Return the table of convergence while standing still, by the set of sensors."""
     columns = ("sensors", "directions [°]", "poses with rank h' = 3", "least singular value, median", "standing still",
                "figure of eight")  # fmt: skip
     cells = []
@@ -435,7 +435,7 @@ def _definitions(still: Mapping[str, float], done: Results) -> list[Claim]:
 
 
 def _of_the_map(rows: Sequence[Row]) -> Claim:
-    """Evaluate the claim for two sensors: from one to three their number would say more than the wall."""
+    """Evaluate the claim on the map for two sensors, for their number would have more effect than the wall."""
     two = [row for row in chosen(rows, what="map", estimator="observer") if row["sensors"] in ("2s", "2t")]
     least, most = min(two, key=lambda row: row["share"]), max(two, key=lambda row: row["share"])
     texts = [f"{row['family']} {row['value']:.3g} with {row['sensors']}: {_text(row)}" for row in (least, most)]
@@ -451,7 +451,7 @@ def _of_the_map(rows: Sequence[Row]) -> Claim:
 
 
 def figure(cases: Sequence[MapCase], rows: Sequence[Row], regions: Sequence[tuple[Region, Sequence[float]]]) -> Figure:
-    """Draw feasible states and what separates them, how the map decides, and shares by places of regions."""
+    """Draw feasible states and what distinguishes them, the effect of the map, and shares by position in regions."""
     with matplotlib.rc_context(STYLE):
         drawn = Figure(figsize=(11.8, 10.6), layout="constrained")
         top, middle, bottom = np.array(drawn.subfigures(3, 1, height_ratios=(1.2, 1.0, 0.62)))
@@ -503,7 +503,7 @@ def _held(u: tuple[float, float]) -> Array:
 
 
 def _along(flow: Axes, outputs: RangeOutputs, x_0: Array, points: Array, motions: Mapping[str, Array]) -> None:
-    """The mismatch along the curve through the true state."""
+    """Return the mismatch along the curve through the true state."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     along -= along[np.argmin(np.linalg.norm(pose_difference(points, x_0), axis=1))]
     for name, motion in motions.items():
@@ -544,7 +544,7 @@ def _robot(axes: Axes, x: Array, face: str, size: float = 0.13) -> None:
 
 
 def _family(axes: Axes, name: str, cases: Sequence[MapCase], rows: Sequence[Row]) -> None:
-    """Draw the shares of a family over its walls, a line for each estimator, and for each set of sensors but there."""
+    """Draw the shares of a family over its walls, a line for each estimator and, if the wall varies, set of sensors."""
     title, xlabel = PANELS[name]
     sets = list(dict.fromkeys(case.sensors for case in cases))
     walls = [case for case in cases if name == "sensors" or case.sensors == sets[0]]

@@ -1,15 +1,15 @@
-"""Measures of the study ``observability``: how walls decide convergence, what reads the same, ranks and Gramians.
+"""Measures of the study ``observability``: convergence by wall, indistinguishable states, ranks and Gramians.
 
-The map decides global convergence. Families of walls,
+Global convergence depends on the map. It is measured in families of walls,
 
     eccentricity   ellipses of c_1 / c_2 = 1.05, ..., 4
     symmetry       theta(s) = (1 + a cos ms) e^{is}, which m rotations map onto itself; an egg for m = 1
     asymmetry      an ellipse that becomes an egg: theta(s) = (a cos s, b sin s) + d (cos 2s, b / a sin 2s)
     sensors        the standard ellipse, and 1 to 8 sensors
 
-all of the area of the standard field. From a start that is drawn the robot drives a figure of eight, its estimator
-given another pose that is drawn, without any noise. How well the outputs y(x) of a whole figure of eight fix the state
-is measured by ``isolation``, the least singular value of dy/dx.
+all of the area of the standard field. From a drawn start the robot drives a figure of eight without noise; its
+estimator starts from another drawn pose. ``isolation``, the least singular value of dy/dx, measures how well the
+outputs y(x) of a whole figure of eight determine the state.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ SENSORS: dict[str, tuple[float, ...]] = {
     "4": (0.0, 90.0, 180.0, 270.0),
     "8": tuple(45.0 * k for k in range(8)),
 }
-"""directions of the sensors off the heading [deg]"""
+"""directions of the sensors relative to the heading [deg], by name of the set"""
 THESIS_START = np.array([1.0, -1.0, 0.5 * math.pi])  # x(0) of C.5
 
 CONVERGED = ConvergenceCriterion(POSITION, HEADING, LAST)
@@ -82,22 +82,22 @@ ESTIMATORS: dict[str, tuple[str, Mapping[str, Any], RangeQuality]] = {
     "fast observer": ("range_observer", {"feedforward": "manifold", "k_v": 100.0, "k_q": 100.0}, RangeQuality()),
     "EKF": ("range_ekf", {}, RangeQuality(relative=0.05)),
 }
-"""by name: plug-in, fields, and the quality that it believes ranges to have; an EKF that knows the truth, that they are
-exact, believes its first guess too much to move"""
+"""estimators by name: plug-in, fields, and the assumed quality of ranges; an EKF that assumes exact ranges, as they
+are, trusts its first estimate too much to converge"""
 
 
 def driving(t: float) -> tuple[float, float]:
-    """Commands (v, omega) [m/s, rad/s] of a figure of eight of 1.5 m by .55 m in 8 s."""
+    """Return commands (v, omega) [m/s, rad/s] of a figure of eight of 1.5 m by 0.55 m in 8 s."""
     return figure_eight(t, 0.5, 8.0)
 
 
 def standing(t: float) -> tuple[float, float]:
-    """Commands of a robot that stands still."""
+    """Return the commands (v, omega) [m/s, rad/s] of a robot that stands still."""
     return 0.0, 0.0
 
 
 def outputs_of(curve: Curve, sensors: str) -> RangeOutputs:
-    """Ranges of a set of sensors within a wall."""
+    """Return the ranges of a set of sensors within a wall."""
     return RangeOutputs(curve, tuple(math.radians(angle) for angle in SENSORS[sensors]))
 
 
@@ -116,20 +116,20 @@ class MapCase:
 
 
 def eccentric(ratio: float) -> Curve:
-    """The ellipse with c_1 / c_2 = ratio and the standard area."""
+    """Return the ellipse with c_1 / c_2 = ratio and the standard area."""
     c_2 = math.sqrt(HALF_AXES[0] * HALF_AXES[1] / ratio)
     return ellipse(ratio * c_2, c_2)
 
 
 def symmetric(m: int) -> Curve:
-    """(1 + a cos ms) e^{is}, of the standard area, m >= 2: k = 1 + m and 1 - m beside k = 1. An egg for m = 1."""
+    """Return (1 + a cos ms) e^{is} of the standard area, m >= 2, with modes k = 1, 1 + m, 1 - m; an egg for m = 1."""
     if m == 1:
         return egged(0.5)
     return _of_standard_area({1: 1.0, 1 + m: 0.5 * AMPLITUDE, 1 - m: 0.5 * AMPLITUDE}, f"wall of order {m}")
 
 
 def egged(d: float) -> Curve:
-    """(a cos s, b sin s) + d (cos 2s, b / a sin 2s), of the standard area: the larger d, the less symmetric."""
+    """Return (a cos s, b sin s) + d (cos 2s, b / a sin 2s), of the standard area: the larger d, the less symmetric."""
     a, b = EGG_BASE
     mean, difference = 0.5 * (1.0 + b / a), 0.5 * (1.0 - b / a)
     return _of_standard_area(
@@ -138,7 +138,7 @@ def egged(d: float) -> Curve:
 
 
 def _of_standard_area(c: Mapping[int, float], name: str) -> Curve:
-    """theta_x + i theta_y = sum_k c_k e^{iks} with real c_k, scaled."""
+    """Return theta_x + i theta_y = sum_k c_k e^{iks} with real c_k, scaled to the standard area."""
     table = np.zeros((max(abs(k) for k in c) + 1, 4))
     for k, value in c.items():
         table[abs(k)] += [value, 0.0, 0.0, value if k > 0 else -value if k < 0 else 0.0]
@@ -172,12 +172,12 @@ MOTIONS: dict[str, Array] = {
 
 @cache
 def driven_path() -> Array:
-    """(n, 3) one figure of eight."""
+    """Return poses (n, 3) [m, m, rad] of one figure of eight."""
     return motion_under(driving, 8.0, 33)
 
 
 def drawn_start(curve: Curve, rng: np.random.Generator) -> Array:
-    """A pose (3,) from which the figure of eight keeps the margin; ArgumentError if there seems to be none."""
+    """Draw a pose (3,) from which the figure of eight keeps the margin; ArgumentError if none is found."""
     for _ in range(10_000):
         x = curve.draw(rng, MARGIN)
         c, s = math.cos(x[2]), math.sin(x[2])
@@ -189,14 +189,14 @@ def drawn_start(curve: Curve, rng: np.random.Generator) -> Array:
 
 @cache
 def spread(curve: Curve) -> tuple[float, float, float]:
-    """Standard deviations [m, m, rad] of a pose that may be anywhere."""
+    """Return the standard deviations [m, m, rad] of a pose that may be anywhere in the field."""
     rng = np.random.default_rng(0)
     x_1, x_2, phi = np.std([curve.draw(rng) for _ in range(500)], axis=0)
     return float(x_1), float(x_2), float(phi)
 
 
 def converged(seed: int, case: MapCase, estimator: str, seconds: float) -> bool:
-    """Tell whether an estimator finds the true state from anywhere; a seed draws the same for every estimator."""
+    """A job: whether an estimator finds the true state from anywhere; a seed draws the same for every estimator."""
     rng = np.random.default_rng(seed)
     start, estimate = drawn_start(case.curve, rng), case.curve.draw(rng)
     return bool(_found(case, estimator, start, driving, seconds, [estimate], spread(case.curve), CONVERGED)[0])
@@ -205,16 +205,16 @@ def converged(seed: int, case: MapCase, estimator: str, seconds: float) -> bool:
 def share_converged(
     place: tuple[float, float], case: MapCase, estimator: str, start: Array, headings: int, seconds: float
 ) -> float:
-    """Share of the headings of a first estimate at a place [m] from which a run from ``start`` (3,) is found."""
+    """A job: share of headings of a first estimate at a position [m] from which a run from ``start`` (3,) is found."""
     estimates = [np.array([*place, turn]) for turn in 2.0 * math.pi * np.arange(headings) / headings]
     return float(_found(case, estimator, start, driving, seconds, estimates, spread(case.curve), CONVERGED).mean())
 
 
 def found_exactly(seed: int, sensors: str, drives: bool, seconds: float) -> bool:
-    """Tell whether the fast observer finds a pose of the standard ellipse to 1 mm and 1 mrad.
+    """A job: whether the fast observer finds a pose of the standard ellipse to 1 mm and 1 mrad.
 
-    It has to do so from most of several first estimates that are nearly right: one alone may happen to be as near as
-    that on the feasible set, where it stays if nothing distinguishes its states.
+    It must do so from most of several first estimates near the truth, for a single one may happen to lie that near on
+    the feasible set, where it stays if nothing distinguishes the states.
     """
     case, rng = MapCase("ellipse", 0.0, STANDARD, sensors), np.random.default_rng(seed)
     start, u = drawn_start(case.curve, rng), driving if drives else standing
@@ -238,7 +238,7 @@ def _found(
     deviation: tuple[float, float, float],
     criterion: ConvergenceCriterion,
 ) -> NDArray[np.bool_]:
-    """(n,) whether an estimator finds the state of a run from each of the first estimates (n, 3)."""
+    """Tell (n,) whether an estimator finds the state of a run from each of the first estimates (n, 3)."""
     name, fields, quality = ESTIMATORS[estimator]
     run = exact_run(RangingMission(case.curve, case.outputs.angles, ranging=quality), start, u, seconds)
     plugin = _plugin(name)
@@ -246,7 +246,7 @@ def _found(
 
 
 def _near(curve: Curve, x: Array, deviation: tuple[float, float, float], rng: np.random.Generator) -> Array:
-    """A pose (3,) within the wall, off by a Gaussian."""
+    """Draw a pose (3,) within the wall from a Gaussian about x (3,)."""
     while True:
         estimate: Array = x + deviation * rng.standard_normal(3)
         if curve.contains(estimate[:2]):
@@ -254,9 +254,9 @@ def _near(curve: Curve, x: Array, deviation: tuple[float, float, float], rng: np
 
 
 def isolation(case: MapCase) -> float:
-    """[m per m or rad] the least singular value of a reading's derivative by the state, over a figure of eight.
+    """A job: least singular value [m per m or rad] of the derivative of the readings of a figure of eight by the state.
 
-    The root mean square over the readings; the median over 20 starts.
+    It is the root mean square over the readings, and the median over 20 starts.
     """
     values = []
     for seed in range(20):
@@ -269,9 +269,9 @@ def isolation(case: MapCase) -> float:
 
 
 def counted(seed: int, wall: str, sensors: str, motion: str, searches: int) -> tuple[int, int]:
-    """Count the states that read the same, and those of them that are images of the truth by the wall's symmetry.
+    """A job: numbers of states with the same outputs, and of those that are images of the truth by the wall's symmetry.
 
-    They are searched for from so many starts.
+    The search for them has ``searches`` starts.
     """
     rng, curve = np.random.default_rng(seed), WALLS[wall]
     x = drawn_start(curve, rng)
@@ -283,7 +283,7 @@ def counted(seed: int, wall: str, sensors: str, motion: str, searches: int) -> t
 
 @dataclass(frozen=True)
 class PropositionTrial:
-    """Condition (C.1) at one state of the standard field under one input, and what it promises."""
+    """Condition (C.1) at one state of the standard field under one input, and its consequence."""
 
     singleton: bool  # FS_y, OF and a neighbourhood have the state alone in common
     weakly_observable: bool  # small-time, under that input
@@ -291,7 +291,7 @@ class PropositionTrial:
 
 
 def proposition_tried(seed: int, sensors: str) -> tuple[PropositionTrial, PropositionTrial]:
-    """Try Proposition C.1 at a state, under an input that is drawn, held for 0.3 s, and standing still."""
+    """A job: tests of Proposition C.1 at a state, under a drawn input held for 0.3 s, and standing still."""
     rng, T, outputs = np.random.default_rng(seed), 0.3, outputs_of(STANDARD, sensors)
     x = drawn_start(STANDARD, rng)
     feasible = feasible_set(outputs, outputs.at(x)[0], step=0.03)
@@ -305,9 +305,9 @@ def proposition_tried(seed: int, sensors: str) -> tuple[PropositionTrial, Propos
 
 
 def apart_with_equal_rates(seed: int, sensors: str) -> float:
-    """[m] by how much the output flow over 0.3 s differs, at least, on {Q = 0} farther than 0.1 from the true state.
+    """A job: least difference [m] of the output flow over 0.3 s, on {Q = 0} farther than 0.1 from the true state.
 
-    NaN where {Q = 0} does not reach as far.
+    NaN if {Q = 0} does not reach that far.
     """
     outputs, u = outputs_of(STANDARD, sensors), (0.5, 0.5)
     x = drawn_start(STANDARD, np.random.default_rng(seed))
@@ -322,7 +322,7 @@ def apart_with_equal_rates(seed: int, sensors: str) -> float:
 
 
 def least_singular_value(seed: int, sensors: str) -> float:
-    """[m per m or rad] of h' (l, 3) at a state; nought where l < 3."""
+    """A job: least singular value [m per m or rad] of h' (l, 3) at a state; zero if l < 3."""
     x = drawn_start(STANDARD, np.random.default_rng(seed))
     outputs = outputs_of(STANDARD, sensors)
     system = range_system(outputs)
@@ -330,10 +330,10 @@ def least_singular_value(seed: int, sensors: str) -> float:
 
 
 def flags_ranks(poses: int) -> list[dict[str, Any]]:
-    """Rows of Example C.2: the rank of d(h, y', ..., y^(order)) under an input that is held.
+    """A job: rows of Example C.2 with the rank of d(h, y', ..., y^(order)) under a constant input.
 
-    It is the least at poses drawn off the flags' axis, and on it; the largest where the robot stands. Beside it stands
-    the least singular value that is not nought.
+    The rank is the least over poses drawn off the flags' axis, and on it; for a robot at rest it is the largest. Rows
+    also contain the least singular value that is not zero.
     """
     rows = []
     for known in (True, False):
@@ -355,7 +355,7 @@ def flags_ranks(poses: int) -> list[dict[str, Any]]:
 
 
 def _flag_states(known: bool, on_axis: bool, poses: int) -> list[Array]:
-    """States (3,) or (4,) from which both flags are ahead, where the tangents of the outputs have no poles."""
+    """Return states (3,) or (4,) from which both flags are ahead, so that the tangents of the outputs have no poles."""
     states = []
     for rng in np.random.default_rng(0).spawn(poses):
         d_0 = 4.0
@@ -374,7 +374,7 @@ def _flag_states(known: bool, on_axis: bool, poses: int) -> list[Array]:
 
 @dataclass(frozen=True)
 class GramianCase:
-    """A scenario, how it is commanded, and what of its state is moved."""
+    """Scenario of an empirical Gramian, with its commands and the perturbed components of its state."""
 
     scenario: str
     described: str  # as in a table
@@ -388,7 +388,7 @@ class GramianCase:
     deviations: Mapping[str, float]  # by sensor
 
     def gramian(self) -> EmpiricalGramian:
-        """W of the readings over the run, in units of their deviations."""
+        """Return the Gramian W of the readings over the run, in units of their standard deviations."""
         wanted = trial(self.scenario, GRAMIAN_SEED, estimator=self.estimator, fields=self.fields)
         n = round(self.duration / self.period)
         commands = np.array([self.input_at((k + 0.5) * self.period) for k in range(n)])
@@ -403,10 +403,10 @@ class GramianCase:
 
 
 def observability_gramian(number: int) -> dict[str, Any]:
-    """Row of the Gramian of one of ``GRAMIANS``: directions of the start of which the readings say nothing.
+    """A job: row of the Gramian of one of ``GRAMIANS``, with the number of unobservable directions of the start.
 
-    Where there are none, the deviation of the one that they say least of; a direction of which they say nothing has the
-    eigenvalue nought.
+    Without any it contains the standard deviation along the least observable direction; an unobservable direction has
+    the eigenvalue zero.
     """
     case = GRAMIANS[number]
     gramian = case.gramian()
@@ -421,7 +421,7 @@ def observability_gramian(number: int) -> dict[str, Any]:
 
 
 def _named(direction: Array, names: Sequence[str]) -> str:
-    """A direction by its larger components."""
+    """Return the larger components of a direction, as text."""
     sign = 1.0 if direction[np.argmax(np.abs(direction))] > 0.0 else -1.0
     large = [(sign * float(part), name.partition(" ")[0]) for part, name in zip(direction, names, strict=True)]
     return " ".join(f"{part:+.2f} {name.removeprefix('position_')}" for part, name in large if abs(part) > 0.1)

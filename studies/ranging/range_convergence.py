@@ -1,8 +1,8 @@
-"""Range estimators from an unknown start: how often they find the pose, how exactly, how sure, and at what cost.
+"""Range estimators from an unknown start: convergence, accuracy, consistency and cost.
 
-The observer (C.5) without noise, the feasible-set bank beside filterpy's filters with the standard noise (ranges 5 %
-off, odometry .05 per reading and 2 % always), the bank in a wall that is not convex and on two driven wheels in MuJoCo,
-and what an update costs.
+The observer (C.5) without noise, the feasible-set bank and filterpy's filters with the standard noise (5 % of the
+range; odometry 0.05 per reading and a bias of 2 %), the bank within a non-convex wall and on two driven wheels in
+MuJoCo, and the cost of an update.
 """
 
 from __future__ import annotations
@@ -60,13 +60,13 @@ ELLIPSE, BEAN_WALL = "ellipse", "bean"
 WALLS = {ELLIPSE: STANDARD, BEAN_WALL: BEAN}
 TIMED = 10  # [s] of readings that updates are timed over
 OBSERVED: Mapping[str, float] = {"2s": 0.95, "3": 0.95, "4": 0.95, "2t": 0.85}
-"""shares of starts from which the observer is to find the state, by sensors"""
+"""required shares of starts from which the observer finds the state, by sensors"""
 BEYOND_EKF: Mapping[str, float] = {"2s": 1.25, "2t": 1.25, "4": 1.15}
-"""times the share of the EKF that the bank's is to be"""
+"""required ratios of the bank's share of converged runs to the EKF's, by sensors"""
 FOUND, IN_BEAN = 0.98, 0.95  # shares of starts from which the bank is to find the pose
 OVER_FLOOR, OVER_PARTICLES, CHEAPER = 1.4, 1.0, 20.0
 DRIVEN: Mapping[str, float] = {"2s": 0.03, "4": 0.02}
-"""[m] that the RMS position error on wheels may be, by sensors"""
+"""largest allowed RMS position errors on wheels [m], by sensors"""
 REAL_TIME = 10.0
 
 GREY = hexadecimal(COLOURS[SceneElement.IMAGE])
@@ -93,9 +93,9 @@ TIMES: Mapping[str, tuple[str, str]] = {  # name, colour of what is timed
 }
 
 FoundKey = tuple[str, str, str]
-"""wall, sensors, estimator"""
+"""(wall, sensors, estimator)"""
 Costs = Mapping[str, Mapping[str, Array]]
-"""(R,) [us] an update, by sensors and name"""
+"""CPU times (R,) [us] of an update, by sensors and name"""
 
 
 @configuration
@@ -103,11 +103,11 @@ class RangeConvergenceConfig:
     """Sample sizes: cases that are measured."""
 
     seeds: Count = 200
-    """runs of the observer, the bank and the EKF with each set of sensors"""
+    """number of runs of the observer, the bank and the EKF with each set of sensors"""
     peers: Count = 60
-    """number of runs that the UKF and the particle filter estimate too"""
+    """number of runs with the UKF and the particle filter too"""
     drives: Count = 10
-    """runs on wheels with each set of sensors and friction"""
+    """number of runs on wheels with each set of sensors and friction"""
     repetitions: Count = 7
     """number of measurements of each time"""
     seconds: Count = 20
@@ -175,7 +175,7 @@ class RangeConvergence:
 
 
 class Found:
-    """Runs of an estimator with a set of sensors in a wall: how many converged, how exact and how sure those are."""
+    """Runs of an estimator with a set of sensors in a wall: share, accuracy and consistency of the converged ones."""
 
     def __init__(self, runs: Sequence[EstimatorResult]) -> None:
         self.runs = runs
@@ -186,13 +186,13 @@ class Found:
 
     @property
     def nees(self) -> Consistency | None:
-        """Average NEES at the end of the runs in which it converged; None without any."""
+        """Average NEES at the end of the converged runs; None without any."""
         squares = [run.nees[-1] for run in self.converged]
         return consistency(squares, 3) if squares else None  # degrees of freedom of a pose
 
     @property
     def nis(self) -> float:
-        """A ray, of the runs in which it converged: 1 of a consistent filter; NaN where it has none."""
+        """Average NIS per ray of the converged runs, 1 for a consistent filter; NaN without any."""
         ratios = [run.nis / run.rays for run in self.converged]
         return float(np.mean(ratios)) if ratios else math.nan
 
@@ -216,7 +216,7 @@ def _rows(
     drives: Mapping[tuple[str, float], Drives],
     run_cpu: float,
 ) -> list[dict[str, Any]]:
-    """The CSV: a row for each thing that was measured, distinguished by ``what``."""
+    """Return the rows of the CSV, whose kind is ``what``."""
     return [
         *(
             {"what": "observer", "wall": ELLIPSE, "sensors": name, "estimator": "observer", **_share(share)}
@@ -358,7 +358,7 @@ def _ratio(one: RootMeanSquare | None, other: RootMeanSquare | None) -> float:
 
 
 def _cheaper(cost: Mapping[str, Array], name: str) -> float:
-    """Ratio of the costs of an update: the particle filter's over that of a loop of the bank's kernels."""
+    """Return the cost of an update of the particle filter over that of a loop of the bank's kernels."""
     return float(np.median(cost[PARTICLE_LOOP] / cost[name]))
 
 
@@ -373,7 +373,7 @@ def figure(
     drives: Mapping[tuple[str, float], Drives],
     seconds: float,
 ) -> Figure:
-    """Six panels."""
+    """Draw six panels: shares, errors over time, accuracy, cost, consistency, and runs on wheels."""
     with matplotlib.rc_context(STYLE):
         drawn = Figure(figsize=(12.4, 9.4), layout=ConstrainedLayoutEngine(h_pad=0.1, w_pad=0.08))
         parts = drawn.subplot_mosaic([["share", "error", "rms"], ["cost", "nees", "wheels"]])
@@ -434,7 +434,7 @@ def _errors(axes: Axes, found: Mapping[FoundKey, Found], seconds: float) -> None
 
 
 def _apart(values: list[float]) -> list[float]:
-    """Heights in a logarithmic scale, each far enough above the one before to be read."""
+    """Return heights on a logarithmic scale, each far enough above the one before to be legible."""
     placed: list[float] = []
     for value in values:
         placed.append(value if not placed else max(value, 1.6 * placed[-1]))
@@ -528,7 +528,7 @@ def _wheels(axes: Axes, drives: Mapping[tuple[str, float], Drives]) -> None:
 
 
 def _logarithmic(axes: Axes, ticks: Sequence[float]) -> None:
-    """A logarithmic scale of metres."""
+    """Set a logarithmic scale of metres."""
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(FixedLocator(list(ticks)))
     axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
@@ -547,13 +547,13 @@ def _on_wheels(sensors: str, friction: float, seed: int, seconds: int) -> Trial:
 
 
 def timed_updates(sensors: str, seconds: float, repetitions: int) -> dict[str, list[MeasuredTime]]:
-    """(R,) CPU time [us] of an update by estimator, over readings of a set of sensors."""
+    """A job: CPU times (R,) [us] of an update by estimator, over readings of a set of sensors."""
     found = costs(read(sensors, seconds, np.random.default_rng(0)), repetitions)
     return {name: [MeasuredTime(one) for one in taken] for name, taken in found.items()}
 
 
 def timed_runs(seconds: int, repetitions: int) -> list[MeasuredTime]:
-    """(R,) CPU time of a run on wheels, physics and bank, over its duration; what is compiled is compiled before."""
+    """A job: CPU times (R,) of a run on wheels over its duration, physics and bank, after compilation."""
     taken = []
     for _ in range(repetitions + 1):
         closed_loop = _on_wheels("4", FRICTIONS[-1], 0, seconds).build()

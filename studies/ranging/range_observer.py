@@ -1,7 +1,7 @@
-"""The observer of Paper C in the simulations of C.5 (Figures C.3 to C.8), as printed and with what it lacks.
+"""The observer of Paper C in the simulations of C.5 (Figures C.3 to C.8), as printed and with feed-forward.
 
-The observer as printed (C.5) beside the three feed-forwards that put it on Psi(x): in Z and in X, without noise and
-with 5 % of it, from the thesis' own start, and the effect of gains.
+The observer as printed (C.5) is compared with three feed-forwards that keep it on Psi(x): in Z and in X, without noise
+and with 5 % noise, from the start of the thesis; and with other gains.
 """
 
 from __future__ import annotations
@@ -93,17 +93,17 @@ class RangeObserverStudyConfig:
     """Sample sizes: runs."""
 
     starts: Count = 15
-    """first estimates that are drawn around the thesis' start"""
+    """number of first estimates drawn around the start of the thesis"""
     drives: Count = 10
-    """starts that are drawn over the field, for each set of sensors"""
+    """number of starts drawn over the field, for each set of sensors"""
     states: Count = 500
-    """states at which the identities are checked, for each set of sensors"""
+    """number of states at which the identities are checked, for each set of sensors"""
     seconds: Count = 20
     """duration of a run [s]"""
 
 
 class RangeObserverStudy:
-    """The active range observer: Figures C.3 to C.8, the observer as printed beside its feed-forwards."""
+    """The active range observer as printed and with feed-forward (Figures C.3 to C.8)."""
 
     Config = RangeObserverStudyConfig
     quick = RangeObserverStudyConfig(starts=2, drives=1, states=50)
@@ -138,7 +138,7 @@ class RangeObserverStudy:
 
 
 def _jobs(config: RangeObserverStudyConfig) -> Jobs:
-    """All that is computed; groups of runs by their kind, sensors, motion, and observer or gains."""
+    """Return all jobs, with groups of runs by kind, sensors, motion, and observer or gains."""
     jobs, seconds = Jobs(), config.seconds
     for name, observer in OBSERVERS.items():
         jobs.add(("shown", name), shown_run, [ThesisRun(SHOWN, observer, 0, seconds)])
@@ -168,7 +168,7 @@ def _jobs(config: RangeObserverStudyConfig) -> Jobs:
 
 
 def _rows(done: Mapping[Any, list[Any]], residuals: Mapping[str, Mapping[str, Array]]) -> list[Row]:
-    """A row for each run, and for each set of sensors what is left of the identities."""
+    """Return a row for each run, and the residuals of the identities for each set of sensors."""
     groups = [(*key, found) for key, found in done.items() if key[0] in (THESIS, NOISY, KNOWN)]
     groups += [
         (*key[:-1], RangeObserverConfig("none", k, k), [errors[i] for errors in found])
@@ -187,22 +187,22 @@ def _rows(done: Mapping[Any, list[Any]], residuals: Mapping[str, Mapping[str, Ar
 
 
 def chosen(rows: Sequence[Row], **values: Any) -> list[Row]:
-    """Rows that have these values."""
+    """Return the rows that have these values."""
     return [row for row in rows if all(row.get(name) == value for name, value in values.items())]
 
 
 def median(rows: Sequence[Row], name: str = "position_rms_m") -> float:
-    """Median over runs of one of their errors."""
+    """Return the median of an error over runs."""
     return float(np.median([row[name] for row in rows]))
 
 
 def locked(rows: Sequence[Row], flag: str = "keeps_lock") -> int:
-    """Number of runs that kept lock in X, or ``keeps_lock_in_z``."""
+    """Count the runs that kept lock in X, or in Z with ``keeps_lock_in_z``."""
     return sum(row[flag] for row in rows)
 
 
 def falls(rows: Sequence[Row], **values: Any) -> list[float]:
-    """Ratios of the position errors at k = 1 and k = 10 from drawn starts, where lock is kept at both."""
+    """Return the ratios of the position errors at k = 1 and k = 10, of runs from drawn starts with lock at both."""
     return [
         slow["position_rms_m"] / fast["position_rms_m"]
         for slow, fast in zip(*(chosen(rows, what=DRAWN, k_v=k, **values) for k in (1.0, 10.0)), strict=True)
@@ -211,7 +211,7 @@ def falls(rows: Sequence[Row], **values: Any) -> list[float]:
 
 
 def by_gain(rows: Sequence[Row], what: str, sensors: str) -> dict[float, float]:
-    """Median position error [m] of the standard drive from drawn starts, by gain."""
+    """Return the median position error [m] of the standard drive from drawn starts, by gain."""
     own = chosen(rows, what=what, sensors=sensors, motion="standard")
     return {k: median(chosen(own, k_v=k)) for k in dict.fromkeys(row["k_v"] for row in own)}
 
@@ -269,7 +269,7 @@ def _identities_table(residuals: Mapping[str, Mapping[str, Array]]) -> Table:
 def claims(
     rows: Sequence[Row], residuals: Mapping[str, Mapping[str, Array]], averages: Sequence[tuple[float, float]]
 ) -> list[Claim]:
-    """Evaluate every claim; ``averages`` are RMS errors [m] by the mean of both rays and by the one that errs."""
+    """Evaluate every claim; ``averages`` are RMS errors [m] by the mean of both rays and by the faulty one."""
     return [_identities(residuals), _as_printed(rows), *_printed(rows), *_noise(rows, averages), *_depends(rows)]
 
 
@@ -385,7 +385,7 @@ def _noise(rows: Sequence[Row], averages: Sequence[tuple[float, float]]) -> list
 
 
 def _depends(rows: Sequence[Row]) -> list[Claim]:
-    """Evaluate what depends on input and gain: with two rays 100 readings a second are too few for the gain of C.2."""
+    """Evaluate the claims on input and gain; with two rays 100 readings a second are too few for the gain of C.2."""
     moving, still = (median(chosen(rows, what=THESIS, motion=m, feedforward="s")) for m in (SHOWN, STILL))
     errors = {s: list((by_gain(rows, FAST, s) or by_gain(rows, DRAWN, s)).values()) for s in SETS}
     return [
@@ -412,7 +412,7 @@ def _depends(rows: Sequence[Row]) -> list[Claim]:
 def range_observer_figure(
     exact: Mapping[FeedForward, ObserverRun], noisy: Mapping[FeedForward, ObserverRun], rows: Sequence[Row]
 ) -> Figure:
-    """Draw Figures C.3 to C.8 again, as printed and with feed-forward, a row after the other, then all runs."""
+    """Draw Figures C.3 to C.8, as printed and with feed-forward, row by row, then all runs."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(12.4, 16.0), layout=ConstrainedLayoutEngine(w_pad=0.09, h_pad=0.07))
         parts = np.array(figure.subfigures(5, 1, height_ratios=(0.85, 1.1, 0.95, 1.1, 1.1), hspace=0.03))
@@ -505,7 +505,7 @@ def _errors(axes: Axes, runs: Mapping[FeedForward, ObserverRun], name: str, titl
 
 
 def _at_the_end(axes: Axes, errors: Mapping[FeedForward, Array], t: Array) -> None:
-    """Write each line's name beside its end, no two on top of each other."""
+    """Write the name of each line next to its end, without overlaps."""
     axes.set_xlim(0.0, t[-1])
     order = sorted(errors, key=lambda f: -float(np.median(errors[f][-len(t) // 8 :])))
     least, last = 1.2, np.inf  # decades between two names
@@ -563,7 +563,7 @@ def _noise_errors(axes: Axes, runs: Mapping[FeedForward, ObserverRun]) -> None:
 
 
 def _shares(axes: Axes, rows: Sequence[Row]) -> None:
-    """Share of runs that keep lock, by input and feed-forward, with the median error."""
+    """Draw the share of runs that keep lock, by input and feed-forward, with the median error."""
     for i, motion in enumerate(MOTIONS):
         for j, feedforward in enumerate(NAMES):
             own = chosen(rows, what=THESIS, motion=motion, feedforward=feedforward)

@@ -1,10 +1,10 @@
-"""Runs of the range observer from the thesis' start and from drawn ones, and what on the truth its rates leave.
+"""Runs of the range observer from the start of the thesis and from drawn ones, and residuals of its rates on the truth.
 
-The robot moves exactly as a unicycle; its ranges are exact, or err by a Gaussian of 5 % of their lengths (C.5). What it
-does with its inputs the thesis does not say, so several are tried.
+The robot moves exactly as a unicycle; its ranges are exact, or have Gaussian errors of 5 % of their lengths (C.5). The
+thesis does not state the inputs, so several are tried.
 
-Is Q = 0 on the truth, and is each feed-forward Psi_* F there? Both are held against derivatives that are not theirs.
-The rates of rho and s are taken by a complex step through the ray itself: with x(t + ih) = x + ih F(x, u), the ray
+Is Q = 0 on the truth, and is each feed-forward Psi_* F there? Both are compared with independent derivatives. The rates
+of rho and s are computed by a complex step through the ray: with x(t + ih) = x + ih F(x, u), the ray
 solves q_1^2 + q_2^2 = 1 for q = (p_1 / c_1, p_2 / c_2) at p = (x_1, x_2) + rho e. The imaginary parts over h are the
 derivatives, to round-off, and s' = q_1 q_2' - q_2 q_1' as q = (cos s, sin s).
 """
@@ -52,12 +52,12 @@ MOTIONS: Mapping[str, Callable[[float], tuple[float, float]]] = {
     "up and down": lambda t: (0.5 if t % 8.0 < 4.0 else -0.5, 0.0),
     "standing still": lambda t: (0.0, 0.0),
 }
-"""inputs from the thesis' start"""
+"""inputs of runs from the start of the thesis, by name"""
 DRIVES: Mapping[str, Callable[[float], tuple[float, float]]] = {
     "standard": driving,
     "half as fast": lambda t: figure_eight(t, 0.25, 16.0),
 }
-"""inputs from starts that are drawn: one figure of eight, in 8 s and in 16 s"""
+"""inputs of runs from drawn starts, by name: one figure of eight, in 8 s and in 16 s"""
 
 RESIDUALS = ("Q", "s", "rho_dot", "manifold", "heun_s", "heun_rho_dot")
 FASTEST = (1.0, 2.0)  # [m/s, rad/s] of an input that is drawn, either way
@@ -67,7 +67,7 @@ _STEP = 1e-30  # [s]
 
 @dataclass(frozen=True)
 class ThesisRun:
-    """Run from the thesis' start with sensors at -90° and -45°, z(0) off by what a seed draws, or not at all."""
+    """Run from the start of the thesis with sensors at -90° and -45°; z(0) has an error drawn by a seed, or none."""
 
     motion: str
     observer: RangeObserverConfig
@@ -79,7 +79,7 @@ class ThesisRun:
 
 @dataclass(frozen=True)
 class DrawnRun:
-    """Run from a drawn, known start, as printed with one gain k = k_V = k_Q after the other."""
+    """Runs of the printed observer from a drawn, known start, one for each gain k = k_V = k_Q."""
 
     sensors: str
     drive: str
@@ -91,7 +91,7 @@ class DrawnRun:
 
 @dataclass(frozen=True, eq=False)
 class ObserverRun:
-    """A run of the range observer, at every few readings."""
+    """Run of the range observer, sampled at every ``STRIDE``-th reading."""
 
     run: ExactRun
     t: Array  # (n,) [s]
@@ -105,19 +105,19 @@ class ObserverRun:
 
     @property
     def position(self) -> Array:
-        """(n,) [m]."""
+        """Position errors (n,) [m]."""
         length: Array = np.hypot(self.error[:, 0], self.error[:, 1])
         return length
 
     @property
     def in_z(self) -> Array:
-        """(n,) [rad] the root mean square of the errors of the components of z."""
+        """Root mean square errors (n,) [rad] over the components of z."""
         size: Array = np.sqrt(np.square(self.error_z).mean(axis=1))
         return size
 
     @property
     def last(self) -> slice:
-        """The last quarter, by which the run is judged."""
+        """The last quarter of the run, over which errors are evaluated."""
         return slice(round((1.0 - LAST) * (len(self.t) - 1)), None)
 
 
@@ -125,12 +125,12 @@ class ObserverRun:
 
 
 def thesis_errors(asked: ThesisRun) -> dict[str, Any]:
-    """Errors of the observer in a run from the thesis' start."""
+    """A job: errors of the observer in a run from the start of the thesis."""
     return errors(from_thesis_start(asked))
 
 
 def drawn_errors(asked: DrawnRun) -> list[dict[str, Any]]:
-    """Errors of the observer at each gain."""
+    """A job: errors of the observer at each gain."""
     start = drawn_start(STANDARD, np.random.default_rng(asked.seed))
     mission = mission_with(asked.sensors, RangeQuality(), start, asked.period)
     run = exact_run(mission, start, DRIVES[asked.drive], float(asked.seconds))
@@ -138,13 +138,13 @@ def drawn_errors(asked: DrawnRun) -> list[dict[str, Any]]:
 
 
 def shown_run(asked: ThesisRun) -> ObserverRun:
-    """Run the observer from the thesis' start, for a picture: without the readings."""
+    """A job: run of the observer from the start of the thesis, for a figure, without the readings."""
     seen = from_thesis_start(asked)
     return dataclasses.replace(seen, run=dataclasses.replace(seen.run, readings=()))
 
 
 def averaged(asked: ThesisRun) -> tuple[float, float]:
-    """[m] RMS error of the position by the mean of all rays, and by those that err alone, from the same z."""
+    """A job: RMS errors [m] of the position by the mean of all rays, and by the faulty ones alone, from the same z."""
     seen = from_thesis_start(asked)
     rho = np.array([readings[0].value for readings in seen.run.readings[::STRIDE]])
     v = places(seen.z, rho, seen.run.mission.alpha)[seen.last]
@@ -154,11 +154,11 @@ def averaged(asked: ThesisRun) -> tuple[float, float]:
 
 
 def identities(asked: tuple[str, int, int]) -> dict[str, Array]:
-    """Residuals (states,) on the truth at states and inputs that a seed draws: (name of the sensors, seed, states).
+    """A job: residuals (states,) on the truth at drawn states and inputs; ``asked`` is (sensors, seed, states).
 
-    ``Q`` is |Q| [m^2/s], as printed; ``s`` and ``rho_dot`` [rad/s] the largest component by which the rate is off
-    Psi_* F, NaN where the denominator is guarded; ``manifold`` [rad] that by which z is off Psi(x) after a period, and
-    ``heun_s`` and ``heun_rho_dot`` likewise: what the integration of s and rho_dot over a period leaves.
+    ``Q`` is |Q| [m^2/s], as printed; ``s`` and ``rho_dot`` [rad/s] are the largest components of the rate less Psi_* F,
+    NaN where the denominator is guarded; ``manifold`` [rad] is that of z less Psi(x) after a period, and ``heun_s`` and
+    ``heun_rho_dot`` [rad] are the same with s and rho_dot integrated over the period.
     """
     sensors, seed, states = asked
     rng = np.random.default_rng(seed)
@@ -170,7 +170,7 @@ def identities(asked: tuple[str, int, int]) -> dict[str, Array]:
 
 
 def from_thesis_start(asked: ThesisRun) -> ObserverRun:
-    """Run the observer from the thesis' start."""
+    """Run the observer from the start of the thesis."""
     rng = np.random.default_rng(asked.seed).spawn(1)[0]
     z, x = ((), THESIS_START) if asked.true_start else first_z(asked.seed)
     quality = RangeQuality(NOISE if any(asked.noisy) else 0.0)
@@ -182,7 +182,7 @@ def from_thesis_start(asked: ThesisRun) -> ObserverRun:
 
 
 def first_z(seed: int) -> tuple[tuple[float, ...], Array]:
-    """z^(0) (3,) in the vicinity of Psi(x(0)), of which Phi is within the wall, and that pose (3,)."""
+    """Draw z^(0) (3,) near Psi(x(0)) with Phi(z^(0)) within the wall; return it and that pose (3,)."""
     rng, alpha = np.random.default_rng(seed), np.radians(SENSORS["2t"])
     rho, s = STANDARD.ranges(THESIS_START, alpha)
     while True:
@@ -193,14 +193,14 @@ def first_z(seed: int) -> tuple[tuple[float, ...], Array]:
 
 
 def places(z: Array, rho: Array, alpha: Array) -> Array:
-    """v_i (..., l, 2) [m] of z (..., l + 1): where each ray says that the robot is."""
+    """Return v_i (..., l, 2) [m] of z (..., l + 1): positions of the robot by each ray."""
     beta = z[..., -1:] + alpha
     ray: Array = rho[..., None] * np.stack([np.cos(beta), np.sin(beta)], axis=-1)
     return STANDARD.points(z[..., :-1]) - ray
 
 
 def mission_with(sensors: str, quality: RangeQuality, start: Array, period: float = PERIOD) -> RangingMission:
-    """Mission in the standard field with a start (3,) that is known."""
+    """Return a mission in the standard field with a known start (3,)."""
     angles = tuple(math.radians(angle) for angle in SENSORS[sensors])
     x_1, x_2, phi = start.tolist()
     return RangingMission(STANDARD, angles, ranging=quality, start=KnownStart((x_1, x_2, phi)), period=period)
@@ -222,7 +222,7 @@ def _with_noise(run: ExactRun, relative: Array, rng: np.random.Generator) -> Exa
 
 
 def follow(run: ExactRun, config: RangeObserverConfig) -> ObserverRun:
-    """The observer in a run, its errors modulo the symmetry of the wall."""
+    """Run the observer over the readings of a run; its errors are modulo the symmetry of the wall."""
     mission, curve = run.mission, run.mission.curve
     made = RangeObserver.build(config, mission)
     estimates = [
@@ -246,9 +246,9 @@ def follow(run: ExactRun, config: RangeObserverConfig) -> ObserverRun:
 
 
 def errors(run: ObserverRun) -> dict[str, Any]:
-    """Root mean squares over the last quarter of a run, also over those of the truth; ``worst_m`` is of all of it.
+    """Return RMS errors over the last quarter of a run, also relative to the truth, and the largest of all.
 
-    Lock is kept in X, or in Z, where the estimate has converged there.
+    Lock is kept in X, or in Z, if the estimate has converged there.
     """
     last, truth = run.last, run.truth
     position, heading, in_z = rms(run.position[last]), rms(run.error[last, 2]), rms(run.in_z[last])
@@ -298,7 +298,7 @@ def _residuals(sensors: str, x: Array, u: Array) -> tuple[float, ...]:
 
 
 def complex_step(x: Array, u: Array, alpha: Array) -> tuple[Array, Array]:
-    """rho' (l,) [m/s] and s' (l,) [rad/s] of the rays of a pose x (3,) that moves with u (2,)."""
+    """Return rho' (l,) [m/s] and s' (l,) [rad/s] of the rays of a pose x (3,) that moves with u (2,)."""
     c = np.array(HALF_AXES)
     phi = x[2] + 1j * _STEP * u[1]
     p = (x[:2] + 1j * _STEP * u[0] * np.array([math.cos(x[2]), math.sin(x[2])])) / c
@@ -311,7 +311,7 @@ def complex_step(x: Array, u: Array, alpha: Array) -> tuple[Array, Array]:
 
 
 def _least_denominator(x: Array, alpha: Array) -> float:
-    """[m] |theta'(s)' R_{phi + alpha} e_2|, the least of all rays."""
+    """Return the least |theta'(s)' R_{phi + alpha} e_2| [m] of all rays."""
     _, s = STANDARD.ranges(x, alpha)
     tangent, beta = STANDARD.tangent(s), x[2] + alpha
     return float(np.abs(tangent[:, 1] * np.cos(beta) - tangent[:, 0] * np.sin(beta)).min())

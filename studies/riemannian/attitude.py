@@ -1,6 +1,6 @@
-"""Attitude tracking without a gyro, from anywhere: the observer (D.6) and intrinsic tracking close the loop.
+"""Attitude tracking without a gyro, from any start: the observer (D.6) and intrinsic tracking close the loop.
 
-It is held against a gyro without error beside the same noisy attitudes, as they are read, and against the true state.
+It is compared with an error-free gyro and the same noisy attitudes, and with the true state.
 """
 
 from __future__ import annotations
@@ -46,15 +46,15 @@ class AttitudeConfig:
     """Sample sizes: missions that are flown."""
 
     seeds: Count = 300
-    """starts with the rate that the target compares, and with the true one"""
+    """number of starts with the omega that the target compares, and with the true rate"""
     others: Count = 50
-    """starts with each other omega, and with the true state"""
+    """number of starts with each other omega, and with the true state"""
     seconds: Count = 8
     """duration of a run [s]"""
 
 
 class AttitudeStudy:
-    """Attitude tracking from attitudes alone, from anywhere (output feedback on S^3)."""
+    """Attitude tracking from measured attitudes alone, from any start (output feedback on S^3)."""
 
     Config = AttitudeConfig
     quick = AttitudeConfig(seeds=6, others=1)
@@ -97,7 +97,7 @@ class AttitudeStudy:
 
 
 def flight(name: str, seed: int, seconds: float) -> Trial:
-    """Trial of one run; the start and the noise are those of the seed, whatever closes the loop."""
+    """Return the trial of one run; start and noise depend on the seed only, not on the estimator."""
     fields: dict[str, Any] = {
         "duration": seconds, "settled": min(5.0, 0.6 * seconds), "speed": SPEED, "reading.noise": NOISE,
     }  # fmt: skip
@@ -115,7 +115,7 @@ class TrueRateConfig:
 
 
 class TrueRate:
-    """The attitude as it is read, noise and all, with the body's rate as it is: what a gyro without error would do."""
+    """Estimator that returns the measured, noisy attitude and the true body rate, as of an error-free gyro."""
 
     Config = TrueRateConfig
 
@@ -134,14 +134,14 @@ class TrueRate:
 
     @staticmethod
     def quality(config: TrueRateConfig, mission: LagrangianMission) -> None:
-        """Nothing is certified from it."""
+        """Return None: the estimates have no certified bound."""
 
     @staticmethod
     def properties(config: TrueRateConfig) -> ObserverProperties:
-        """Table 2.1."""
+        """Return the entries of Table 2.1."""
         return ObserverProperties(
             Domain.GLOBAL, Rate.FINITE_TIME, InputDependence.UNIFORM, Domain.LOCAL, Domain.GLOBAL,
-            note="the rate is read: there is nothing to observe",
+            note="the rate is measured, not observed",
         )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
@@ -155,7 +155,7 @@ class TrueRate:
 
 
 def angles(outcome: RunResult) -> dict[str, Any]:
-    """A measure: the angle to the reference over time, every ``OFTEN`` s; None before there is a reference."""
+    """A measure: angles [rad] to the reference, every ``OFTEN`` s; None before there is a reference."""
     angle = angles_to_reference(outcome.recording, VEHICLE, Attitude())
     t = outcome.recording.t
     every = max(1, round(OFTEN / float(t[1] - t[0])))
@@ -163,7 +163,7 @@ def angles(outcome: RunResult) -> dict[str, Any]:
 
 
 def _times(records: Sequence[Record], seconds: float) -> Array:
-    """(n,) [s] until a run has settled for good; a run that has not counts as its length."""
+    """Return settling times (n,) [s] of runs; the duration for a run that does not settle."""
     found = [r.summary["settled_at_s"] for r in records]
     return np.array([seconds if t is None else t for t in found])
 

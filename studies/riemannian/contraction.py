@@ -1,6 +1,6 @@
-"""Theorem D.1 as a figure: how thin the neighbourhood of S = 0 is in which the observer is a contraction (D.4.3).
+"""Theorem D.1 as a figure: size of the neighbourhood of S = 0 in which the observer is a contraction (D.4.3).
 
-And the calculus that leads there, Table D.1, tried in coordinates with CasADi, which takes its derivatives exactly.
+Table D.1, from which the theorem is derived, is tested in coordinates with exact derivatives by CasADi.
 """
 
 from __future__ import annotations
@@ -46,16 +46,16 @@ class ContractionConfig:
     """Sample sizes: cases that are computed."""
 
     distances: Count = 41
-    """values of theta"""
+    """number of values of theta"""
     directions: Count = 33
-    """angles between eta and grad S, of which the worst counts"""
+    """number of angles between eta and grad S, of which the worst counts"""
     points: Count = 50
-    """points of TX at which Table D.1 is tried"""
+    """number of points of TX at which Table D.1 is tested"""
 
 
 @dataclass(frozen=True)
 class AtDistance:
-    """A distance theta between x and xi, and a sign of the curvature term."""
+    """A distance theta [rad] between x and xi, and a sign of the curvature term."""
 
     theta: float
     term: CurvatureName
@@ -63,7 +63,7 @@ class AtDistance:
 
 
 def fastest_contraction(at: AtDistance) -> float:
-    """|eta| up to which the observer contracts at a distance theta, whatever the direction of eta; 0 if not at all."""
+    """A job: |eta| up to which the observer contracts at a distance theta for every direction of eta; 0 if never."""
 
     def worst(speed: float) -> float:
         return worst_eigenvalue(at.theta, speed, at.term, at.directions)
@@ -79,7 +79,7 @@ def fastest_contraction(at: AtDistance) -> float:
 
 
 def worst_eigenvalue(theta: float, speed: float, term: CurvatureName, directions: int) -> float:
-    """Largest eigenvalue over the angle between eta and grad S, all that matters where the curvature is constant."""
+    """Return the largest eigenvalue [1/s] over the angle of eta and grad S, all that matters at constant curvature."""
     space = sphere(3)
     xi = space.origin
     pair = TwoPoint(space, space.exp(xi, space.vector(xi, np.array([theta, 0.0, 0.0]))), xi)
@@ -90,12 +90,12 @@ def worst_eigenvalue(theta: float, speed: float, term: CurvatureName, directions
 
 
 def eigenvalue_at_zero(speed: float, term: CurvatureName, directions: int) -> float:
-    """The largest eigenvalue on S = 0 itself, by |eta|."""
+    """A job: largest eigenvalue [1/s] on S = 0, for |eta| = ``speed``."""
     return worst_eigenvalue(_ZERO, speed, term, directions)
 
 
 def eigenvalues_along(speed: float, pixels: int) -> list[float]:
-    """(pixels,) the largest eigenvalues with C = -1 over the distances of the map, by |eta|."""
+    """A job: largest eigenvalues (pixels,) [1/s] with C = -1 over the distances of the map, for |eta| = ``speed``."""
     return [worst_eigenvalue(theta, speed, "minus-one", 9) for theta in np.geomspace(1e-2, _LARGEST, pixels)]
 
 
@@ -170,7 +170,7 @@ def _claims(products: Array, at_zero: float, table: Mapping[str, tuple[float, fl
 
 
 def _sign_claim(at_zero: Mapping[CurvatureName, list[float]], fastest: float) -> Claim:
-    """Evaluate the claim on S = 0 itself, with the sign of C as (D.6) has it."""
+    """Evaluate the claim on S = 0, with the sign of C of (D.6)."""
     found = "; ".join(
         f"{NAMES[term]}: " + ", ".join(f"{value:.4g}" for value in at_zero[term]) for term in ("plus-one", "minus-one")
     )
@@ -187,7 +187,7 @@ def _sign_claim(at_zero: Mapping[CurvatureName, list[float]], fastest: float) ->
 
 
 def table_d_1(points: int) -> dict[str, tuple[float, float]]:
-    """Largest component, by bracket, of its two sides' difference over points of TS^3: printed, put right."""
+    """A job: largest difference of the two sides of each bracket over points of TS^3, printed and corrected."""
     n = 3
     bundle = TangentBundle(n, _metric)
     x, v = casadi.SX.sym("x", n), casadi.SX.sym("v", n)
@@ -222,7 +222,7 @@ def table_d_1(points: int) -> dict[str, tuple[float, float]]:
 
 
 def _metric(x: casadi.SX) -> casadi.SX:
-    """Metric of S^3 in the angles of D.5."""
+    """Return the metric of S^3 in the angles of D.5."""
     s_1, s_2 = casadi.sin(x[0]), casadi.sin(x[1])
     return casadi.diag(casadi.vertcat(1.0, s_1**2, (s_1 * s_2) ** 2))
 

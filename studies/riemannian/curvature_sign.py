@@ -1,8 +1,8 @@
-"""The sign that the curvature term of (D.6) needs: C = -1, that of Theorem D.2, none, and C = 1.
+"""The sign of the curvature term of (D.6): C = -1, that of Theorem D.2, none, and C = 1.
 
-A point is forced over S^3 and over H^2, and the observer starts where it is, at rest. How many runs have converged
-depends on the time of the comparison and on the force; the claim is judged by the end of the runs, and earlier times
-are reported.
+A point moves under a force on S^3 and on H^2, and the observer starts at its position, at rest. The number of converged
+runs depends on the time of the comparison and on the force; the claim is evaluated at the end of the runs, and earlier
+times are reported.
 """
 
 from __future__ import annotations
@@ -49,16 +49,16 @@ class CurvatureSignConfig:
     """Sample sizes: runs."""
 
     seeds: Count = 150
-    """starts for each space, speed and C"""
+    """number of starts for each space, speed and C"""
     others: Count = 30
-    """starts for each other strength of the force, C = -1 and C = 1"""
+    """number of starts for each other strength of the force, with C = -1 and C = 1"""
     strengths: Count = len(FACTORS)
     """largest number of strengths of the force"""
 
 
 @dataclass(frozen=True)
 class Forced:
-    """A motion under a force, and the signs C with which it is followed."""
+    """A motion under a force, and the signs C of its observers."""
 
     space: str
     speed: float  # v0 / omega
@@ -68,7 +68,7 @@ class Forced:
 
 
 def errors_left(run: Forced) -> list[list[float]]:
-    """Velocity error by C over that at the start, ten times a second; infinite from when the point is lost."""
+    """A job: velocity errors by C over that at the start, every ``OFTEN`` s; infinite from when the point is lost."""
     space: ConstantCurvature = sphere(3) if run.space == "S^3" else hyperbolic_space(2)
     system = PointSystem(space, linear(run.factor * STRENGTH[run.space] * OMEGA**2, 0))
     rng, u = np.random.default_rng(run.seed), np.zeros(space.size)
@@ -99,7 +99,7 @@ def _followed(
 
 
 class CurvatureSign:
-    """The sign that the curvature term of the observer needs (D.6, D.20)."""
+    """The required sign of the observer's curvature term (D.6, D.20)."""
 
     Config = CurvatureSignConfig
     quick = CurvatureSignConfig(seeds=6, others=2)
@@ -154,7 +154,7 @@ class CurvatureSign:
 
 
 def share(left: Array, t: float) -> Proportion:
-    """Share of runs (n, m) that have converged at t [s]."""
+    """Return the share of runs (n, m) that have converged at t [s]."""
     return rate(int((left[:, round(t / OFTEN)] < GONE).sum()), len(left))
 
 

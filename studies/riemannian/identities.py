@@ -1,8 +1,8 @@
-"""The identities (D.3) to (D.19) and (D.25), measured at points that are drawn.
+"""The identities (D.3) to (D.19) and (D.25), tested at drawn points.
 
-Derivatives are taken along geodesics, by central differences of order 6: a vector at a point nearby is
-transported back before it is compared. So nothing of the closed forms that are tried is used to try them. Third
-derivatives of S are differences of differences.
+Derivatives are taken along geodesics, by central differences of order 6: a vector at a nearby point is transported back
+before it is compared. So the tests do not use the closed forms under test. Third derivatives of S are differences of
+differences.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ _GAINS = IntrinsicGains(2.0, 0.8, "constant", "matched")
 
 
 def residuals(seed: int, n: int, kappa: float) -> dict[str, float]:
-    """Largest component, by equation, of its left side less its right; "printed" ones are those of the thesis.
+    """A job: by equation, largest component of its left side less its right; "printed" are those of the thesis.
 
-    The pair of points, in a space of constant curvature, is drawn from ``seed``.
+    The pair of points, in a space of dimension ``n`` and constant curvature ``kappa``, is drawn from ``seed``.
     """
     space, rng = ConstantCurvature(n, kappa), np.random.default_rng(seed)
     x = space.draw(rng)
@@ -66,7 +66,7 @@ def residuals(seed: int, n: int, kappa: float) -> dict[str, float]:
 
 @dataclass(frozen=True, eq=False)
 class _Tried:
-    """Derivatives of S and K at one pair (x, xi), by differences."""
+    """Derivatives of S and K at one pair (x, xi), by finite differences."""
 
     space: ConstantCurvature
     x: Array
@@ -77,23 +77,23 @@ class _Tried:
         return TwoPoint(self.space, self.x, self.xi)
 
     def gradient(self, xi: Array) -> Array:
-        """S^alpha at xi."""
+        """Return S^alpha at xi."""
         return -self.space.log(xi, self.x)
 
     def hessian(self, xi: Array, w: Array) -> Array:
-        """S^alpha_|beta w^beta at xi."""
+        """Return S^alpha_|beta w^beta at xi."""
         return self._along(self.gradient, xi, w, STEP)
 
     def hessian_along(self, direction: Array, w: Array) -> Array:
-        """S^alpha_|beta|gamma w^beta direction^gamma."""
+        """Return S^alpha_|beta|gamma w^beta direction^gamma."""
         return self._along(lambda xi: self.hessian(xi, self._there(xi, w)), self.xi, direction, OUTER)
 
     def mixed(self, w: Array) -> Array:
-        """S^i_|alpha w^alpha."""
+        """Return S^i_|alpha w^alpha."""
         return _difference(lambda h: -self.space.log(self.x, self.space.exp(self.xi, h * w)), STEP)
 
     def transport_along_xi(self, w: Array, along: Array, xi: Array | None = None) -> Array:
-        """K^i_alpha|beta w^alpha along^beta at xi."""
+        """Return K^i_alpha|beta w^alpha along^beta at xi."""
         space, at = self.space, self.xi if xi is None else xi
 
         def carried(h: float) -> Array:
@@ -103,7 +103,7 @@ class _Tried:
         return _difference(carried, STEP)
 
     def transport_along_xi_along(self, w: Array, u: Array, direction: Array) -> Array:
-        """K^i_alpha|beta|gamma w^alpha u^beta direction^gamma."""
+        """Return K^i_alpha|beta|gamma w^alpha u^beta direction^gamma."""
 
         def at(h: float) -> Array:
             xi = self.space.exp(self.xi, h * direction)
@@ -112,12 +112,12 @@ class _Tried:
         return _difference(at, OUTER)
 
     def transport_along_x(self, w: Array, along: Array) -> Array:
-        """K^j_alpha|k K^alpha_m w^m along^k."""
+        """Return K^j_alpha|k K^alpha_m w^m along^k."""
         at_xi = self.pair.to_xi(w)
         return self._along(lambda x: self.space.transport(self.xi, x, at_xi), self.x, along, STEP)
 
     def lyapunov(self, v: Array, eta: Array, F: Array) -> dict[str, Array]:
-        """V' along the system and the observer, by differences, less (D.25): put right, and as printed."""
+        """Return V' along the system and the observer, by finite differences, less (D.25), corrected and as printed."""
         space, pair, B = self.space, self.pair, _GAINS.velocity()
         drift, turned = rates(space, _gains(space), (self.x, F), self.xi, eta)
 
@@ -141,7 +141,7 @@ class _Tried:
         return self.space.transport(self.xi, xi, w)
 
     def _along(self, field: Callable[[Array], Array], at: Array, w: Array, step: float) -> Array:
-        """nabla_w of a field of tangent vectors."""
+        """Return nabla_w of a field of tangent vectors."""
         space = self.space
 
         def back(h: float) -> Array:
@@ -156,7 +156,7 @@ def _gains(space: ConstantCurvature) -> IntrinsicGains:
 
 
 def _curvature(space: ConstantCurvature, a: Array, b: Array, c: Array) -> Array:
-    """R_iota,alpha,gamma^beta a^iota b^alpha c^gamma by (D.13), vectors at one point."""
+    """Return R_iota,alpha,gamma^beta a^iota b^alpha c^gamma by (D.13), of vectors at one point."""
     turned: Array = space.kappa * (space.inner(a, a, b) * c - space.inner(a, a, c) * b)
     return turned
 

@@ -1,11 +1,11 @@
 """The observer on mechanisms without a closed-form distance, which the thesis leaves open (D.6).
 
-The metric is MuJoCo's mass matrix. Two joints, seven joints, a cart and pendulum, and mechanisms that were not made for
-this: the suite of dm_control, some of which touch the ground, meet limits or are damped. One flight of a mechanism is
-recorded, and every estimator is run over the same readings.
+The metric is MuJoCo's mass matrix. The mechanisms are arms with two and seven joints, a cart and pendulum, and those of
+the suite of dm_control, which were not made for this: some touch the ground, meet limits or are damped. One run of a
+mechanism is recorded, and every estimator is run over the same readings.
 
-What is called tuned, and every baseline, is so by a stated sweep of one field, on a run of its own; the observer's
-omega is given. What is reported is of another run, with another frequency; encoders have no noise, only steps.
+Estimators called tuned, and all baselines, are tuned by a stated sweep of one field on a separate run; the observer's
+omega is given. Reported errors are of another run, with another frequency; encoders have no noise, only quantisation.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ SWEPT: Mapping[str, tuple[str, str, tuple[float, ...]]] = {
     EKF: ("lagrangian_ekf", "acceleration", DENSITIES),
     UKF: ("lagrangian_ukf", "acceleration", DENSITIES[::2]),  # a decade apart, for what it costs
 }
-"""plug-in, the field that is swept, and its values"""
+"""plug-in, swept field and its values, by estimator"""
 COLOURS = {
     OBSERVER: "#0d5fa8", TUNED: "#6aa5d8", DISTURBED: "#0f9472", DISTURBED_TUNED: "#7cc9b0",
     BUTTERWORTH: "#c2183b", HIGH_GAIN: "#e07b00", MOMENTUM: "#8a6d3b",
@@ -82,11 +82,11 @@ class MechanismsConfig:
     """Sample sizes: runs."""
 
     own: Count = len(OWN)
-    """mechanisms of our own, at most"""
+    """largest number of mechanisms of this project"""
     suite: Count = len(SUITE)
-    """mechanisms of dm_control's suite, at most"""
+    """largest number of mechanisms of dm_control's suite"""
     values: Count = len(DENSITIES)
-    """largest number of values of a sweep, spread over it"""
+    """largest number of values of a sweep, spread over its range"""
     seconds: Count = 5
     """duration of a run [s]"""
 
@@ -143,7 +143,7 @@ class Mechanisms:
 
 
 def _by_mechanism(rows: Iterable[Mapping[str, Any]]) -> Group:
-    """Rows by mechanism, as tables call it, and estimator."""
+    """Return rows by mechanism, named as in tables, and estimator."""
     found: dict[str, dict[str, Mapping[str, Any]]] = {}
     for row in rows:
         found.setdefault(row["mechanism"].removeprefix("dm_control:"), {})[row["estimator"]] = row
@@ -151,7 +151,7 @@ def _by_mechanism(rows: Iterable[Mapping[str, Any]]) -> Group:
 
 
 def _times(rows: Mapping[str, Mapping[str, Any]], above: str, below: str) -> float:
-    """Ratio of the errors of two estimators, of rows of a mechanism by estimator."""
+    """Return the ratio of the errors of two estimators, from rows of a mechanism by estimator."""
     return float(rows[above]["error"] / rows[below]["error"])
 
 
@@ -161,7 +161,7 @@ def _number(ratio: float) -> str:
 
 
 def _claims(own: Group, loaded: Group, suite: Group, costs: Mapping[str, float]) -> list[Claim]:
-    """Evaluate every claim of the study; ``costs`` [us] are of an update, by mechanism."""
+    """Evaluate every claim of the study; ``costs`` are CPU times [us] of an update, by mechanism."""
     better = {name: _times(own[name], BUTTERWORTH, OBSERVER) for name in LEAST if name in own}
     gain = {name: _times(loaded[name], OBSERVER, DISTURBED) for name in GAINED if name in own}
     on_suite, disturbed = (
@@ -225,12 +225,12 @@ def _joined(texts: Mapping[str, str]) -> str:
 
 
 def _ran(row: Mapping[str, Any]) -> bool:
-    """Tell whether an estimator ran all the time, with a finite error, and without starting anew."""
+    """Tell whether an estimator ran throughout, with a finite error and without restarts."""
     return not row["raised"] and bool(np.isfinite(row["error"])) and not (row["restarts"] or row["lost"])
 
 
 def _fall(row: Mapping[str, Any]) -> str:
-    """Text on a run that was not done throughout."""
+    """Return a text on a run that an estimator did not complete."""
     ended = row["raised"] or f"error {row['error']:.2g}, {row['restarts']} restarts, {row['lost']} lost"
     return f"{row['mechanism']} ({row['estimator']}: {ended})"
 
@@ -268,7 +268,7 @@ def _cell(row: Mapping[str, Any]) -> str:
 
 
 def _figure(own: Group, loaded: Group, suite: Group, over_time: Mapping[str, Sequence[float]]) -> Figure:
-    """Draw the figure of the study; ``over_time`` are errors of the first of our own, by estimator."""
+    """Draw the figure of the study; ``over_time`` are errors on the first mechanism of this project, by estimator."""
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(13.0, 8.2), layout="constrained")
         axes = page.subplots(2, 2, width_ratios=(1.35, 1.0))
@@ -344,7 +344,7 @@ def _draw_suite(axes: Axes, suite: Group) -> None:
 
 @dataclass(frozen=True)
 class MechanismMotion:
-    """A mechanism and how it is moved."""
+    """Mechanism and its motion."""
 
     mechanism: str  # as the scenario calls it
     frequency: float  # [rad/s]
@@ -357,7 +357,7 @@ class MechanismMotion:
 
 @cache
 def recorded(motion: MechanismMotion) -> tuple[LagrangianMission, list[RecordedCall]]:
-    """Record a flight with the observer in the loop, as the mission and the calls of an estimator."""
+    """Record a run with the observer in the loop, as the mission and the calls of an estimator."""
     fields: dict[str, Any] = {
         "mechanism": motion.mechanism, "load": motion.load, "duration": motion.seconds, "settled": 0.0,
         "reading.resolution": BITS, "estimator.bandwidth": OMEGA, "planner.frequency": motion.frequency,
@@ -374,9 +374,9 @@ def recorded(motion: MechanismMotion) -> tuple[LagrangianMission, list[RecordedC
 def compared(
     motion: MechanismMotion, estimators: Sequence[str], values: int, shown: bool = False
 ) -> list[tuple[dict[str, Any], list[float]]]:
-    """Run every estimator over the same readings: its row, and |qvel^ - qvel| every ``OFTEN`` calls if ``shown``.
+    """A job: by estimator its row over the same readings, and |qvel^ - qvel| every ``OFTEN`` calls if ``shown``.
 
-    What is swept has at most so many values; an exception becomes part of the row.
+    A sweep has at most ``values`` values; an exception becomes part of the row.
     """
     return [_comparison(name, motion, values, shown) for name in estimators]
 
@@ -398,7 +398,7 @@ def _comparison(name: str, motion: MechanismMotion, values: int, shown: bool) ->
 
 
 def _tuned(name: str, motion: MechanismMotion, most: int) -> tuple[Any, Any, float, bool]:
-    """A plug-in, its configuration, the value of the swept field, and whether that is at the edge of the sweep."""
+    """Return a plug-in, its tuned configuration, the value of the swept field, and whether that is an edge value."""
     if name not in SWEPT:
         plugin = load("estimators", "riemannian_observer")
         return plugin, plugin.Config(bandwidth=OMEGA, disturbance=name == DISTURBED), float("nan"), False
@@ -415,7 +415,7 @@ def _tuned(name: str, motion: MechanismMotion, most: int) -> tuple[Any, Any, flo
 
 
 def update_cost(motion: MechanismMotion) -> list[MeasuredTime]:
-    """[us] of CPU time of one update of the observer, medians over blocks of a hundred, curvature included."""
+    """A job: CPU times [us] of one update of the observer with its curvature term, medians over blocks of a hundred."""
     mission, calls = recorded(motion)
     plugin = load("estimators", "riemannian_observer")
     estimator = plugin.build(plugin.Config(bandwidth=OMEGA), mission)

@@ -1,8 +1,8 @@
-"""The observer as it comes on mechanisms as they are shipped: stiff servos, damping, limits, friction, fluid, contacts.
+"""The untuned observer on unmodified mechanisms: stiff servos, damping, limits, friction, fluid, contacts.
 
-Encoders have 14 bits, a mechanism is moved by a sine on every actuator, and the last link may be half or one and a half
-times as heavy as every estimator believes. The observer is given nothing: it tunes itself. Its rivals are tuned by a
-sweep on another run, with the load that is believed.
+Encoders have 14 bits, a mechanism is moved by a sine on every actuator, and the last link may have half or one and a
+half times the mass that every estimator assumes. The observer has its default fields and tunes itself. The other
+estimators are tuned by a sweep on another run, with the assumed mass.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ NAMES = (OBSERVER, BUTTERWORTH, HIGH_GAIN, MOMENTUM, EKF, UKF)
 
 @dataclass(frozen=True)
 class ArmCase:
-    """A mechanism with its load and how far its actuators are driven."""
+    """Mechanism with its load and the amplitude of its actuators."""
 
     mechanism: str
     load: float = 1.0
@@ -58,13 +58,13 @@ class ArmCase:
 
     @property
     def label(self) -> str:
-        """Name in tables."""
+        """Name of the case in tables."""
         name = self.mechanism.removeprefix("dm_control:")
         load = "" if self.load == 1.0 else f", load {self.load:g}"
         return f"{name}{load}{', into its limits' if self.amplitude > 1.0 else ''}"
 
     def motion(self, frequency: float, load: float, seed: int) -> MechanismMotion:
-        """Motion with a sine of ``frequency`` [rad/s] on every actuator."""
+        """Return the motion with a sine of ``frequency`` [rad/s] on every actuator."""
         return MechanismMotion(self.mechanism, frequency, self.seconds, load, False, seed, self.amplitude)
 
 
@@ -79,7 +79,7 @@ CASES = (
 
 @dataclass(frozen=True)
 class ArmErrors:
-    """An estimator on a case."""
+    """Errors of an estimator on a case."""
 
     case: str
     estimator: str
@@ -92,7 +92,7 @@ class ArmErrors:
 
 
 def compared(case: ArmCase) -> list[ArmErrors]:
-    """Run the observer and its rivals over the same readings; an exception becomes part of the result."""
+    """A job: errors of the observer and its rivals over the same readings; an exception becomes part of the result."""
     mission = recorded(case.motion(TUNED_AT, 1.0, 1))[0]
     names = NAMES if mission.system.manifold.dimension <= SMALL else (OBSERVER, BUTTERWORTH, HIGH_GAIN, MOMENTUM)
     return [_errors(name, case) for name in names]
@@ -120,7 +120,7 @@ def _errors(name: str, case: ArmCase) -> ArmErrors:
 
 
 def _judged(estimator: Estimator, calls: Sequence[RecordedCall], rates: slice) -> tuple[float, float, float, float]:
-    """Error, share of lost estimates, worst error while OK over the speed, and greatest speed, from BEGIN on."""
+    """Return error, share of lost estimates, worst error while OK over the speed, and greatest speed, from BEGIN on."""
     t = np.array([call.t for call in calls])
     truth = np.array([call.truth[rates] for call in calls])
     estimates = [estimator.update(call.t, call.measurements, call.command) for call in calls]
@@ -140,7 +140,7 @@ class RealArmsConfig:
     """Sample sizes: runs."""
 
     cases: Count = len(CASES)
-    """mechanisms with their loads, at most"""
+    """largest number of mechanisms with their loads"""
     values: Count = 8
     """largest number of values of a sweep"""
     seconds: Count = 4
@@ -148,7 +148,7 @@ class RealArmsConfig:
 
 
 class RealArms:
-    """The observer as it comes, on arms with servos and on mechanisms with limits, fluid and contacts."""
+    """The untuned observer on arms with servos and on mechanisms with limits, fluid and contacts."""
 
     Config = RealArmsConfig
     quick = RealArmsConfig(cases=1, values=4, seconds=2)
@@ -157,7 +157,7 @@ class RealArms:
 
     @staticmethod
     def run(config: RealArmsConfig, setup: Setup) -> StudyResult:
-        """Run the study."""
+        """Run the study on the cases of ``config``."""
         jobs = Jobs()
         cases = [replace(each, seconds=float(config.seconds), values=config.values) for each in CASES[: config.cases]]
         jobs.add("cases", compared, cases)

@@ -1,14 +1,14 @@
 """Figure D.4 with position and velocity errors: the observer of D.5 as printed and repaired, on three curvatures.
 
-Theorem D.2 says that the observer converges. With the printed gains its position does; its velocity does not.
+Theorem D.2 states that the observer converges. With the printed gains its position does, but its velocity does not.
 
-Then noisy attitudes of a body in MuJoCo under torques: every estimator of its rates over the same readings. Two
-questions: how large the error is once all have settled, and how long it takes from rest to the rate of the body. What
-is called tuned is so for the first, by a sweep of one field on a run that is not reported.
+In addition every estimator of body rates is run over the same noisy attitudes of a body in MuJoCo under torques. Two
+quantities are measured: the error once all estimators have settled, and the time that they take from rest to the rate
+of the body. Estimators called tuned are tuned for the first, by a sweep of one field on a run that is not reported.
 
-The error is that of the thesis, and of every run's summary: |Delta v|, omega^ brought to the attitude of the body
-before. What a user of the rates has, |omega^ - omega|, each in its own body's axes, is reported beside: the error of
-the attitude adds |omega| times itself.
+The error is that of the thesis and of the run summaries: |Delta v|, after omega^ is transported to the attitude of the
+body. The error of a user of the rates, |omega^ - omega|, each in the axes of its attitude, is reported too: it also
+contains |omega| times the error of the attitude.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ FIXED: Mapping[str, tuple[str, str, float]] = {
     "Butterworth 5 Hz": ("filtered_differences", "cutoff", 5.0),
     DIFFERENCES: ("filtered_differences", "cutoff", 0.0),
 }
-"""plug-in, field and its value, as the target has them"""
+"""plug-in, field and its value of the estimators in the target, by name"""
 SWEPT: Mapping[str, tuple[str, str, tuple[float, ...]]] = {
     UKF: ("lagrangian_ukf", "acceleration", DENSITIES),
     EKF: ("lagrangian_ekf", "acceleration", DENSITIES),
@@ -99,7 +99,7 @@ SWEPT: Mapping[str, tuple[str, str, tuple[float, ...]]] = {
     HIGH_GAIN_TUNED: ("high_gain", "bandwidth", BANDWIDTHS),
     BUTTERWORTH: ("filtered_differences", "cutoff", CUTOFFS),
 }
-"""plug-in, the field that is swept, and its values"""
+"""plug-in, swept field and its values, by name of the estimator"""
 SETTLED = (OBSERVER, TUNED, HIGH_GAIN, HIGH_GAIN_TUNED, EKF, UKF)  # those of which settling is timed
 NAMES = (*SETTLED, BUTTERWORTH, "Butterworth 20 Hz", "Butterworth 5 Hz", DIFFERENCES)
 BODY_RATES = slice(4, 7)  # of the state
@@ -119,17 +119,17 @@ class SphereConfig:
     """Sample sizes: runs."""
 
     points: Count = 1000
-    """pairs of points at which the identities are tried, for each dimension and curvature"""
+    """number of pairs of points at which the identities are tested, for each dimension and curvature"""
     seconds: Count = 30
     """duration of the runs in continuous time [s]"""
     noisy: Count = 8
-    """runs with noise"""
+    """number of runs with noise"""
     fast: Count = len(SPEEDS)
-    """speeds from which settling is timed, at most"""
+    """largest number of speeds at which the settling time is measured"""
     values: Count = len(CUTOFFS)
-    """largest number of values of a sweep, spread over it"""
+    """largest number of values of a sweep, spread over its range"""
     bodies: Count = 20
-    """free bodies in MuJoCo"""
+    """number of free bodies in MuJoCo"""
 
 
 class Sphere:
@@ -169,7 +169,7 @@ class Sphere:
 
 @dataclass(frozen=True)
 class SphereResults:
-    """Results of which rows, tables, claims and figure are made."""
+    """Results from which rows, tables, claims and figure are made."""
 
     runs: Mapping[tuple[str, str], Mapping[str, Array]]  # by space and gains
     residuals: Mapping[str, float]  # by equation, the largest
@@ -181,22 +181,22 @@ class SphereResults:
     settled: Mapping[str, Mapping[float, Sequence[float]]]  # [s] by estimator and speed, a value for each seed
 
     def left(self, space: str, gains: str) -> float:
-        """Share of the velocity error at the start that is left at the end."""
+        """Return the velocity error at the end over that at the start."""
         error = self.runs[space, gains]["speed_error"]
         return float(error[-1] / error[0])
 
     def gone_at(self, space: str, gains: str) -> float:
-        """[s] from when on the velocity error is below 1 % of that at the start."""
+        """Return the time [s] from which the velocity error is below 1 % of that at the start."""
         run = self.runs[space, gains]
         above = np.flatnonzero(run["speed_error"] > GONE * run["speed_error"][0])
         return float(run["t"][above[-1]])
 
     def times(self, name: str) -> float:
-        """Ratio of another estimator's error and the observer's."""
+        """Return the error of an estimator over that of the observer."""
         return self.errors[name].median / self.errors[OBSERVER].median
 
     def setting(self, name: str) -> str:
-        """The value of the field, with its name where it is tuned."""
+        """Return the value of an estimator's field as text, marked if tuning ended at the edge of the sweep."""
         if name in FIXED:
             return f"{FIXED[name][2]:g}"
         tuning = self.tunings[name]
@@ -204,7 +204,7 @@ class SphereResults:
 
 
 def _results(config: SphereConfig, setup: Setup) -> SphereResults:
-    """Run the observer without noise, tune every estimator, then run all over noisy runs and from several speeds."""
+    """Run the observer without noise, tune every estimator, and run all with noise and at several speeds."""
     jobs, longest = Jobs(), min(6.0, 0.5 * config.seconds)
     jobs.add("tuned", swept, SWEPT, seconds=longest, values=config.values)
     for gains in GAINS:
@@ -271,7 +271,7 @@ def _rows(e: SphereResults) -> list[dict[str, Any]]:
 
 
 def _tables(e: SphereResults) -> tuple[Table, Table, Table]:
-    """Identities, errors once all have settled, and how long that takes."""
+    """Return the tables of identities, of errors once all have settled, and of settling times."""
     setting = "omega [1/s], cutoff [Hz], q [rad/s^1.5]"
     speeds = tuple(f"{speed:g} rad/s" for speed in e.settled[OBSERVER])
     return (
@@ -462,9 +462,9 @@ def _draw_noise(axes: Axes, errors: Mapping[str, Band]) -> None:
 
 
 def flown(space_name: str, gains: str, seconds: float) -> dict[str, Array]:
-    """Integrate a run in continuous time.
+    """A job: a run integrated in continuous time.
 
-    Every ``KEPT`` s: t, theta, |Delta v|, v and v^ (ambient), and (|Delta v|^2 / 2, S, <s, Delta v>).
+    It has, every ``KEPT`` s, t [s], theta, |Delta v|, v and v^ (ambient), and (|Delta v|^2 / 2, S, <s, Delta v>).
     """
     system, start = _system(space_name)
     space, n = system.manifold, system.manifold.size
@@ -490,7 +490,7 @@ def flown(space_name: str, gains: str, seconds: float) -> dict[str, Array]:
 
 
 def _system(space: str) -> tuple[PointSystem, Array]:
-    """The system and its state at the start."""
+    """Return the system and its state at the start."""
     if space == "S^3":
         system = PointSystem(sphere(3), printed)
         point, slope = chart(ANGLES)
@@ -511,7 +511,7 @@ def _instant(system: PointSystem, state: Array) -> Instant:
 
 
 def cart_pendulum(gains: str, seconds: float) -> Trial:
-    """Trial in MuJoCo, let go at an angle, sampled at 1 kHz with exact encoders."""
+    """Return the trial of the cart and pendulum in MuJoCo, released at an angle, with exact encoders at 1 kHz."""
     fields = {
         "mechanism": "cart-pendulum", "reading.resolution": 0, "duration": seconds, "settled": 0.0,
         "start": (0.0, 2.0, 0.4, 3.0), **{f"estimator.{name}": value for name, value in GAINS[gains].items()},
@@ -520,7 +520,7 @@ def cart_pendulum(gains: str, seconds: float) -> Trial:
 
 
 def mechanism_errors(outcome: RunResult) -> dict[str, Any]:
-    """A measure: errors every ``KEPT`` s."""
+    """A measure: position and velocity errors every ``KEPT`` s."""
     manifold = MechanismSystem(build_model(outcome.config["fields"]["mechanism"], name=MECHANISM)).manifold
     errors = VelocityErrors.from_recording(outcome.recording, MECHANISM, manifold)
     every = max(1, round(KEPT / float(errors.t[1] - errors.t[0])))
@@ -532,7 +532,7 @@ def mechanism_errors(outcome: RunResult) -> dict[str, Any]:
 
 
 def distance_to_geodesic(seed: int) -> float:
-    """[rad] by how much, at most over 5 s, a free body in MuJoCo is turned from the geodesic that it starts on."""
+    """A job: largest angle [rad] over 5 s between a free body in MuJoCo and the geodesic on which it starts."""
     rng, attitude = np.random.default_rng(seed), Attitude()
     start, axis = sphere(3).draw(rng), rng.standard_normal(3)
     omega = FASTEST * axis / np.linalg.norm(axis)
@@ -548,7 +548,7 @@ def distance_to_geodesic(seed: int) -> float:
 
 
 def recorded(seed: int, seconds: float, speed: float = SPEED) -> tuple[LagrangianMission, list[RecordedCall]]:
-    """Record attitudes at 1 kHz with .01 rad of noise about every axis, as the mission and the calls of an estimator.
+    """Record attitudes at 1 kHz with 0.01 rad of noise about every axis, as the mission and the calls of an estimator.
 
     The torques do not depend on an estimate.
     """
@@ -565,7 +565,7 @@ def _tuning_run(seconds: float) -> tuple[LagrangianMission, list[RecordedCall]]:
 
 
 def swept(name: str, seconds: float, values: int) -> Tuning:
-    """The errors of an estimator by the value of its field, so many at most, on the run for it."""
+    """A job: errors of an estimator by the value of its field, at most ``values`` of them, on the tuning run."""
     plugin_name, field, grid = SWEPT[name]
     plugin = load("estimators", plugin_name)
     mission, calls = _tuning_run(seconds)
@@ -574,7 +574,7 @@ def swept(name: str, seconds: float, values: int) -> Tuning:
 
 
 def errors(seed: int, seconds: float, settings: Mapping[str, float]) -> dict[str, tuple[float, float]]:
-    """|omega^ - omega| and, as a body rate, |Delta v|_g [rad/s] of every estimator, root mean squares once settled."""
+    """A job: by estimator RMS |omega^ - omega| [rad/s] and, as a body rate, |Delta v|_g [rad/s], once settled."""
     mission, calls = recorded(seed, seconds)
     first = round(SETTLED_FROM * len(calls))
     found = {}
@@ -589,7 +589,7 @@ def errors(seed: int, seconds: float, settings: Mapping[str, float]) -> dict[str
 
 
 def settling(seed: int, seconds: float, speed: float, settings: Mapping[str, float]) -> dict[str, float]:
-    """[s] from when on the error stays below 1 % of that at the start; NaN if it does not."""
+    """A job: by estimator, time [s] from which the error stays below 1 % of that at the start; NaN if it does not."""
     mission, calls = recorded(seed, seconds, speed)
     found = {
         name: replayed(_built(name, settings[name], mission), calls, BODY_RATES).below_from(GONE * speed)

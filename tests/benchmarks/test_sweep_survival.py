@@ -20,7 +20,7 @@ def arguments(folder: Path) -> Arguments:
 def test_stores_of_an_earlier_comparison_are_refused(tmp_path: Path, store: str) -> None:
     arguments(tmp_path)
     (tmp_path / store).touch()
-    with pytest.raises(ValueError, match=f"folder = .*{store} is there already; allowed"):
+    with pytest.raises(ValueError, match=f"folder = .*{store} exists; allowed"):
         arguments(tmp_path)
 
 

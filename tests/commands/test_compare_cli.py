@@ -129,7 +129,7 @@ def test_trials_of_the_same_seeds_are_paired(sweep: Side) -> None:
 def test_claims_that_changed_their_verdict_are_reported(studies: Side) -> None:
     held, fell = studies("held", True), studies("fell", False, "it rose")
     comparison = compare(held, fell)
-    assert comparison.verdict == "1 of 1 claims changed their verdict: 1 yes → no."
+    assert comparison.verdict == "1 of 1 claims changed verdict: 1 yes → no."
     assert rows(held, fell, "Claims with another verdict")["falling"]["right"] == "no: it rose"
     same = studies("same", True, "it fell fast")
     assert compare(held, same).verdict.startswith("0 of 1")

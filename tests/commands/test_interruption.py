@@ -68,8 +68,8 @@ def test_the_line_says_what_is_kept_and_quotes_the_command() -> None:
     command = "mathnavi sweep safe-flight --store 'my results.db'"
     with interruptible(ARGV):
         assert interrupted_line(ARGV) == f"mathnavi: interrupted, nothing was written; to begin again: {command}"
-        when_interrupted(lambda: "3 of 8 trials are stored; to go on")
-        assert interrupted_line(ARGV) == f"mathnavi: interrupted, 3 of 8 trials are stored; to go on: {command}"
+        when_interrupted(lambda: "3 of 8 trials stored; to go on")
+        assert interrupted_line(ARGV) == f"mathnavi: interrupted, 3 of 8 trials stored; to go on: {command}"
 
 
 def test_a_callback_of_a_library_that_swallows_it_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:

@@ -115,7 +115,7 @@ def test_a_search_that_is_interrupted_says_what_is_kept_and_goes_on(
         patched.setattr(evaluation, "run_trials", interrupted)
         assert search(path, *words) == 130
     command = shlex.join(["mathnavi", "search", BOWL, "--store", str(path), "--workers", "1", *words])
-    kept = "4 of 8 missions are evaluated, and 3 more are stored"
+    kept = "4 of 8 missions evaluated, and 3 more stored"
     assert capsys.readouterr().err == f"mathnavi: interrupted, {kept}; to go on: {command}\n"
     assert _stored(path) == 7
     assert search(path, *words) == 0

@@ -143,7 +143,7 @@ def test_the_tables_tell_rates_medians_and_what_went_wrong(path: Path, capsys: p
     words = ("--trials", "12", "--vary", "bias=0,1", "--raise-at", "3", "--store", str(path))
     assert sweep(COIN, *words) == 0
     out, err = capsys.readouterr()
-    assert err == f"0 of 24 trials are already in {path}\n"
+    assert err == f"0 of 24 trials already in {path}\n"
     for expected in (
         "24 trials: 11 succeeded, 2 raised",
         "Clopper-Pearson",
@@ -256,19 +256,19 @@ def test_trials_of_another_environment_are_kept_apart_and_mixed_on_request(
     capsys.readouterr()
     assert sweep(*words, "--mix-environments", "--report") == 0
     said = capsys.readouterr().err
-    assert "2 of 2 trials are already" in said
+    assert "2 of 2 trials already" in said
     assert "(here 9.9): 2; they agree" in said
     page = path.with_suffix(".html").read_text(encoding="utf-8")
     assert "2 of 2 were run in another environment" in page
     assert len(records(path)) == 2
     assert sweep(*words) == 0
     said = capsys.readouterr().err
-    assert "0 of 2 trials are already" in said
+    assert "0 of 2 trials already" in said
     assert "--mix-environments accepts them" in said
     assert len(records(path)) == 4
     assert main(["store", "show", str(path)]) == 0
     shown = capsys.readouterr().out
-    assert "2 of 4 trials come from another environment" in shown
+    assert "2 of 4 trials from another environment" in shown
     assert shown.count("2 trials: ") == 2
     assert "environment as here" in shown
 
@@ -354,8 +354,8 @@ def test_an_interrupt_keeps_what_has_ended_and_says_how_to_go_on(path: Path) -> 
     assert 3 <= kept < 20
     command = shlex.join(["mathnavi", "sweep", *words])
     assert err.splitlines() == [
-        f"0 of 20 trials are already in {path}",
-        f"mathnavi: interrupted, {kept} of 20 trials are stored; to go on: {command}",
+        f"0 of 20 trials already in {path}",
+        f"mathnavi: interrupted, {kept} of 20 trials stored; to go on: {command}",
     ]
     assert sweep(*words[:3], "--wait", "0.2", "--store", str(path), "--workers", "2") == 0
     assert len(trials_of(path)) == 20
@@ -374,7 +374,7 @@ def test_a_full_disk_ends_in_one_line_and_keeps_what_was_committed(path: Path) -
     assert len(err.splitlines()) == 2, err
     kept = len(trials_of(path))
     assert 0 < kept < 400
-    for expected in (str(path), "full", f"{kept} of 400 trials are stored", "to go on: mathnavi sweep"):
+    for expected in (str(path), "full", f"{kept} of 400 trials stored", "to go on: mathnavi sweep"):
         assert expected in err
     assert sweep(*words) == 0
     assert len(trials_of(path)) == 400

@@ -168,7 +168,7 @@ def test_missions_in_which_the_planner_had_no_part_are_counted_and_named(tmp_pat
     assert verdict([*flown, alone]) == "4 trials: 4 succeeded, 1 flown without the planner"
     text = write_sweep_report(tmp_path / "sweep.html", [*flown, alone], [], None, [], COMMAND).read_text()
     assert "Every mission succeeded." not in text
-    assert "1 of the missions were flown without the planner." in text
+    assert "1 of the missions was flown without the planner." in text
     assert NEVER_ANSWERED in text
 
 

@@ -49,7 +49,7 @@ complete -c mathnavi -f -a '(__mathnavi_words)'
 }
 USAGE = f"""usage: mathnavi completion {"|".join(SCRIPTS)}
 
-Prints a script that completes mathnavi's commands, plug-ins and flags. To have it in every shell, add to
+Print a script that completes mathnavi's commands, plug-ins and flags. To have it in every shell, add to
   ~/.bashrc                    eval "$(mathnavi completion bash)"
   ~/.zshrc (after compinit)    eval "$(mathnavi completion zsh)"
   ~/.config/fish/config.fish   mathnavi completion fish | source"""

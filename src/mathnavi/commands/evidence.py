@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from mathnavi.interfaces.short_tables import counted
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.statistics import Band, Proportion
 from mathnavi.sim.records.store import Record
@@ -70,7 +71,7 @@ def verdict(records: Sequence[Record]) -> str:
     ends = [f"{count} {status.replace('-', ' ')}" for status, count in sorted(statuses.items()) if status != "ok"]
     alone = sum(map(planned_by_none, records))
     planners = [f"{alone} flown without the planner"] if alone else []
-    return f"{len(records)} trials: {', '.join([f'{successes} succeeded', *planners, *ends])}"
+    return f"{counted(len(records), 'trial')}: {', '.join([f'{successes} succeeded', *planners, *ends])}"
 
 
 def _print_groups(console: Console, sweep: Sweep, groups: Sequence[TrialGroup], lead: Sequence[Column]) -> None:

@@ -43,7 +43,7 @@ class Interrupted(KeyboardInterrupt):
 
 def when_interrupted(words: Callable[[], str]) -> None:
     """Set the function whose text says what is kept, and what the command printed after it does, if a signal ends this
-    one: "3 of 8 trials are stored; to go on".
+    one: "3 of 8 trials stored; to go on".
 
     The function may be called from another thread than this one.
     """

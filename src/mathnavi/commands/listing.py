@@ -26,7 +26,7 @@ OWN = "mathnavi"  # distribution whose plug-ins stand without its name
 KINDS = tuple(sorted((ALL, *GROUPS)))
 USAGE = f"""usage: mathnavi list [KIND] [{VERBOSE}] [{FULL}]
 
-The plug-ins that are installed, of one kind or of all. {VERBOSE} adds their fields and where they come from; {FULL}
+The plug-ins that are installed, of one kind or of all. {VERBOSE} adds their fields and where they come from; {FULL} \
 imports them too, so that one that cannot be used is named, and adds what estimators claim to be.
 
 KIND: {", ".join(KINDS)}"""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from mathnavi.interfaces.short_tables import counted
 from mathnavi.sim.engine.compilation import compilation_reported
 
 if TYPE_CHECKING:  # a single flight does not wait for what sweeps import
@@ -104,7 +105,7 @@ def flight_progress(errors: Console) -> Iterator[Callable[[float, float], None]]
         yield fly
     if kernels:
         errors.print(
-            f"compiled {kernels} kernel{'s' * (kernels != 1)} in {compiled:.0f} s, outside the clock of the run",
+            f"compiled {counted(kernels, 'kernel')} in {compiled:.0f} s, outside the clock of the run",
             highlight=False,
         )
 

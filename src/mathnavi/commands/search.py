@@ -236,5 +236,5 @@ def _counts(evaluations: Sequence[Evaluation], missions: int, stored: set[str]) 
 
 def _stored(evaluations: Sequence[Evaluation], options: SearchOptions, ended: int) -> str:
     """Return the note on what is kept of a search that ends early; ``ended`` missions are stored, not yet evaluated."""
-    more = f", and {ended} more are stored" if ended else ""
-    return f"{len(evaluations)} of {options.missions} missions are evaluated{more}"
+    more = f", and {ended} more stored" if ended else ""
+    return f"{len(evaluations)} of {options.missions} missions evaluated{more}"

@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mathnavi.commands.trial_command import command_of
+from mathnavi.interfaces.short_tables import counted
 from mathnavi.sim.records.figure_names import SHORTFALL, label
 from mathnavi.sim.records.files import inside
 from mathnavi.sim.records.sweep_data import format_value
@@ -52,8 +53,8 @@ class SearchResults:
         """Return a sentence: the number of missions, and how they ended."""
         violated = sum(each.violated for each in self.evaluations)
         return (
-            f"{len(self.evaluations)} missions: {self.number('flown')} flown, {violated} of them unsuccessful, "
-            f"{self.number('refused')} refused, {self.number('failed')} failed"
+            f"{counted(len(self.evaluations), 'mission')}: {self.number('flown')} flown, {violated} of them "
+            f"unsuccessful, {self.number('refused')} refused, {self.number('failed')} failed"
         )
 
     @property
@@ -151,7 +152,7 @@ def write_pages(results: SearchResults, store: Path) -> list[Path]:
         if each.ending != "flown"
     ]
     page = SearchPage(
-        title=f"{results.scenario}: {len(results.evaluations)} missions of search",
+        title=f"{results.scenario}: {counted(len(results.evaluations), 'mission')} of search",
         key=results.objective.key,
         largest=results.objective.largest,
         until=results.until,

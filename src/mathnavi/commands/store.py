@@ -67,9 +67,7 @@ def _show(argv: Sequence[str]) -> None:
     if not records:
         console.print(f"{options.file}: no trials", soft_wrap=True, highlight=False)
     if other := sum(record.origin.digest != environment_digest() for record in records):
-        console.print(
-            f"{other} of {len(records)} trials come from another environment", highlight=False, soft_wrap=True
-        )
+        console.print(f"{other} of {len(records)} trials from another environment", highlight=False, soft_wrap=True)
     changed = _changed_files(records)
     for kind in Counter(_kind(record, changed) for record in records):
         members = [record for record in records if _kind(record, changed) == kind]

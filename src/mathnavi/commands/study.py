@@ -25,6 +25,7 @@ from mathnavi.commands.provenance import note_changed_files, note_origins
 from mathnavi.commands.wrapping import wrapped
 from mathnavi.interfaces.bounds import Processes, configuration
 from mathnavi.interfaces.errors import FieldError, PluginError
+from mathnavi.interfaces.short_tables import counted
 from mathnavi.interfaces.writing import write_text
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.plugin.registry import load, names
@@ -223,7 +224,7 @@ def _stored(path: Path) -> str:
         return f"what had ended is stored in {path}; to go on"
     if number == 0:
         return "nothing had ended yet; to begin again"
-    return f"{number} result{'s' if number > 1 else ''} stored in {path}; to go on"
+    return f"{counted(number, 'result')} stored in {path}; to go on"
 
 
 def _samples(studies: Studies) -> str:

@@ -122,7 +122,7 @@ def _run(sweep: SweepRequest, argv: Sequence[str], served: ExitStack) -> int:
             transient = sum(endings[keys[each]].status in TRANSIENT for each in asked if each in keys)
             found = sum(each in keys for each in asked) - (transient if options.retry else 0)
             state = Progress(len(asked), found, found, 0, 0, False)
-            message = f"{found} of {len(asked)} trials are already in {options.store}"
+            message = f"{found} of {len(asked)} trials already in {options.store}"
             errors.print(message, style="dim", highlight=False, soft_wrap=True)
             note_origins(errors, store, elsewhere)
             note_changed_files(errors, store, named_files(sweep.trials))
@@ -239,4 +239,4 @@ def _build_combinations(sweep: SweepRequest) -> None:
 
 
 def _stored(state: Progress | None) -> str:
-    return "before the first trial" if state is None else f"{state.done} of {state.total} trials are stored"
+    return "before the first trial" if state is None else f"{state.done} of {state.total} trials stored"

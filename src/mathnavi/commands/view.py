@@ -47,7 +47,7 @@ class ViewOptions:
     folder: Annotated[Path, Positional("DIR")]
     """folder of a run"""
     speed: Positive | None = None
-    """speed of the replay, times real time; 1 if not given, in a browser so that the run lasts about half a minute"""
+    """speed of the replay, as a multiple of real time; if not given 1, in a browser a replay of about half a minute"""
     web: bool = False
     """whether to show the run in a browser; prints the URL"""
     save: Path | None = None

@@ -47,8 +47,7 @@ class FlightPlan:
 
     @staticmethod
     def from_inputs(t: ArrayLike, start: ArrayLike, u: ArrayLike) -> FlightPlan:
-        """Return the plan that accelerates with u (K, 3) [m/s^2] between the times t (K + 1,) [s], from the state start
-        (6,).
+        """Return the plan from the state start (6,) with accelerations u (K, 3) [m/s^2] between times t (K + 1,) [s].
 
         Raises MissionError for arrays that do not fit together, that are not finite, or times that do not increase.
         """
@@ -86,9 +85,7 @@ class FlightPlan:
         return self.plan.t_end - self.plan.t_start
 
     def state(self, t: ArrayLike) -> Array:
-        """Return the state (6,) at a time t [s], or (n, 6) at times (n,); the first state before the plan, the last
-        after.
-        """
+        """Return the state (6,) at a time t [s], or (n, 6) at times (n,); outside the plan its first or last state."""
         return state_at(self.plan, float(t) if np.ndim(t) == 0 else np.asarray(t, dtype=np.float64))  # type: ignore[arg-type]
 
     def input(self, t: float) -> Array:
@@ -128,9 +125,7 @@ class FlightPlan:
 
 @dataclass(frozen=True, repr=False)
 class Verdict:
-    """Result of a certificate: certified or not, and the first reason why not; its truth value is whether it is
-    certified.
-    """
+    """Result of a certificate: certified or not, which is its truth value, and the first reason why not."""
 
     certified: bool
     reason: str  # "" if it is certified

@@ -21,8 +21,7 @@ _OF_ESTIMATES, _OF_READINGS = "estimate.", "measurement."
 
 
 def load(folder: str | Path, *, trust: bool = False) -> RunResult:
-    """Load the run in a folder that ``mathnavi run`` or ``RunResult.save`` of this version or an earlier one has
-    written.
+    """Load the run in a folder written by ``mathnavi run`` or ``RunResult.save``, of this version or an earlier one.
 
     Its arrays are bit for bit those of the log. With ``trust``, video, report and plot import the drawing that the
     folder names even if it is not installed; it runs with your rights. Raises RunFolderError if the folder, or one of

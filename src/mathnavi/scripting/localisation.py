@@ -131,8 +131,7 @@ class PoseObserver:
 
 
 def feasible_set_bank(wall: Curve, angles: Sequence[float], **options: Any) -> PoseObserver:
-    """Build the feasible-set bank (Definition C.9): a ``PoseObserver`` that finds the pose from anywhere within the
-    wall.
+    """Build the feasible-set bank (Definition C.9), a ``PoseObserver`` that finds the pose from any start.
 
     Its first readings determine on which set FS_y the pose is; Kalman filters start on it, and those that contradict
     the rays while the robot moves are dropped. Arguments, units and errors are those of ``PoseObserver``.
@@ -141,8 +140,7 @@ def feasible_set_bank(wall: Curve, angles: Sequence[float], **options: Any) -> P
 
 
 def wall_through(points: ArrayLike, order: int = 16) -> Curve:
-    """Fit the smooth closed curve through measured points (n, 2) [m], in their order, by a Fourier series of this
-    order:
+    """Fit a smooth closed curve through measured points (n, 2) [m], in their order, by a Fourier series:
 
         theta(s) = sum_k a_k cos ks + b_k sin ks,   s proportional to the length along the polygon.
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mathnavi.interfaces.errors import FieldError, MissionError
-from mathnavi.interfaces.short_tables import Row, html_table, short_table, value_text
+from mathnavi.interfaces.short_tables import Row, counted, html_table, short_table, value_text
 from mathnavi.interfaces.signals import Array
 from mathnavi.scripting.requests import configured, flat, raising, specified
 from mathnavi.scripting.run_result import RunResult
@@ -68,11 +68,10 @@ def run(
 
 
 def make(scenario: str, *, seed: int = 0, estimator: Plugin = None, **fields: Any) -> Environment:
-    """Make a ``dm_env.Environment`` of a scenario; its actions command the actuators
-    (``mathnavi.sim.environments.dm``).
+    """Make a ``dm_env.Environment`` of a scenario, whose actions command the actuators.
 
-    ``seed`` draws the mission, and a generator of the same seed draws the seeds of the episodes. Raises as ``run``
-    does, and MissionError for a scenario that has nothing to command.
+    See ``mathnavi.sim.environments.dm``. ``seed`` draws the mission, and a generator of the same seed draws the seeds
+    of the episodes. Raises as ``run`` does, and MissionError for a scenario that has nothing to command.
     """
     from mathnavi.sim.environments.dm import environment_of
 
@@ -82,8 +81,9 @@ def make(scenario: str, *, seed: int = 0, estimator: Plugin = None, **fields: An
 
 
 def available(kind: str) -> tuple[str, ...]:
-    """Return the names of all that is installed of a kind: "scenarios", "controllers", "estimators", "consensus",
-    "studies", "terrains", "drawings".
+    """Return the names of all installed plug-ins of a kind.
+
+    Kinds are "scenarios", "controllers", "estimators", "consensus", "studies", "terrains" and "drawings".
 
     Raises FieldError for another kind.
     """
@@ -133,7 +133,7 @@ class SweepResult:
         for record in self.records:
             listed = [f"{name} {value_text(record.fields[name])}" for name in self.varied]
             by_condition.setdefault(", ".join(listed) or "all", []).append(record)
-        title = f"{scenario}, {len(self.records)} trials, failures {self.failures.text()}"
+        title = f"{scenario}, {counted(len(self.records), 'trial')}, failures {self.failures.text()}"
         if len(by_condition) == len(self.records):
             return title, []
         return title, [

@@ -111,7 +111,7 @@ class EstimateHistory:
 
     @property
     def deviation(self) -> Array:
-        """Return the standard deviations (n, nx) of the states; NaN where there are none."""
+        """Return the standard deviations (n, nx) of the states; NaN for estimates without a covariance."""
         deviations: Array = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
         return deviations
 

@@ -1,4 +1,4 @@
-"""From corners to a flight: straight legs at constant velocity, joined by arcs of constant acceleration.
+"""Flight along corners: straight legs at constant velocity, joined by arcs of constant acceleration.
 
 Leg k leads from corner c_k to c_(k+1) at the velocity v_k. Around corner k the velocity turns from v_(k-1) to v_k in
 the least time, T_k = |v_k - v_(k-1)| / a, half of it before and half after the corner would have been passed: a
@@ -19,9 +19,10 @@ SLOWER = 0.85  # by which a leg without room is slowed down
 
 
 def fitting(corners: Array, speeds: Array, acceleration: float, fixed: bool) -> Array:
-    """Speeds (n,) [m/s] of the legs between corners (n + 1, 3) [m], slowed down until each has room for its turns.
+    """Return speeds (n,) [m/s] of the legs between corners (n + 1, 3) [m], reduced until each leg has room for its
+    turns.
 
-    With ``fixed`` the first leg is flown already: its speed stays, and there is no turn at its beginning.
+    With ``fixed`` the first leg is already being flown: its speed is kept, and there is no turn at its beginning.
     """
     length = np.linalg.norm(np.diff(corners, axis=0), axis=1)
     slowed = speeds.copy()
@@ -37,7 +38,7 @@ def fitting(corners: Array, speeds: Array, acceleration: float, fixed: bool) -> 
 
 
 def turns(corners: Array, speeds: Array, acceleration: float, fixed: bool) -> Array:
-    """(n + 1,) [s] T_k, the first and the last of them from and to rest."""
+    """Return the durations T_k (n + 1,) [s] of the turns, the first from rest and the last to rest."""
     velocity = _velocities(corners, speeds)
     change = np.diff(np.vstack([velocity[0] if fixed else np.zeros(3), velocity, np.zeros(3)]), axis=0)
     duration: Array = np.linalg.norm(change, axis=1) / acceleration
@@ -64,7 +65,7 @@ def _turn(arcs: ArcList, velocity: Array, duration: float) -> None:
 
 
 def _velocities(corners: Array, speeds: Array) -> Array:
-    """(n, 3) [m/s] v_k."""
+    """Return the velocities v_k (n, 3) [m/s] of the legs."""
     leg = np.diff(corners, axis=0)
     velocity: Array = leg * (speeds / np.linalg.norm(leg, axis=1))[:, np.newaxis]
     return velocity

@@ -1,7 +1,7 @@
 """The plug-in ``roadmap``: fly along the cheapest way over a lattice, its corners rounded, as fast as is safe.
 
-The first plan leads all the way to the target, and stays until something turns out otherwise: a radar, the target or
-the map. Then the way is planned anew from a point on the plan being flown. A plan that cuts a corner too near to the
+The first plan leads all the way to the target, and is kept until a message changes the radars, the target or the map.
+Then the way is planned again from a point on the plan being flown. A plan that cuts a corner too near to the
 ground is slowed down until mathnavi's certificate accepts it; the scenario holds it to the same certificate once more.
 """
 
@@ -41,7 +41,7 @@ class RoadmapConfig:
     margin: NonNegative = 15.0
     """clearance of a leg above h_min [m]"""
     period: Positive = 2.5
-    """between two checks of what has turned out otherwise [s]"""
+    """time between two checks for changes [s]"""
     bandwidth: Positive = 0.8
     """bandwidth of the tracker [rad/s]"""
 

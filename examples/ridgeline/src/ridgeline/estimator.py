@@ -38,7 +38,7 @@ class AlphaBetaGammaConfig:
     memory: Positive = 2.0
     """time in which the weight theta fades to 1/e [s]"""
     timeout: Positive = 1.0
-    """without a fix after which the estimate is lost [s]"""
+    """time without a fix after which the estimate is lost [s]"""
 
 
 class AlphaBetaGamma:
@@ -93,7 +93,7 @@ class AlphaBetaGamma:
 
     @staticmethod
     def properties(config: AlphaBetaGammaConfig) -> ObserverProperties:
-        """The error obeys a stable linear equation, whatever the known input."""
+        """The error obeys a stable linear equation, for any known input."""
         return ObserverProperties(
             Domain.GLOBAL, Rate.EXPONENTIAL, InputDependence.UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
             note="linear, with constant gains; gusts and noise leave an error of their size",
@@ -109,7 +109,7 @@ class AlphaBetaGamma:
         return Estimate(t, self._x[:2].flatten(), self._covariance.copy(), self._status(t), {"gust": self._x[2].copy()})
 
     def _predict(self, t: float, command: Array) -> None:
-        """From the filter's time to t [s] with the input held."""
+        """Propagate the filter to t [s] with the input held."""
         h = 0.0 if self._t is None else t - self._t
         if h > TIME_TOLERANCE:
             F, B = motion(h, self._tau)
@@ -123,7 +123,7 @@ class AlphaBetaGamma:
 
 
 def gains(config: AlphaBetaGammaConfig, mission: FlightMission) -> Array:
-    """(3,) alpha, beta [1/s], gamma [1/s^2]."""
+    """Return the gains (3,): alpha, beta [1/s], gamma [1/s^2]."""
     interval = 1.0 / mission.position_rate
     theta = math.exp(-interval / config.memory)
     left = 1.0 - theta

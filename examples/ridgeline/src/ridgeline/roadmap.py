@@ -36,14 +36,14 @@ class Air:
     margin: float = 0.0  # [m] that it keeps beside that, or as much of it as its ends have
 
     def clear(self, p: Array, q: Array) -> Booleans:
-        """(n,) whether the straight legs from p to q (n, 3) [m] are."""
+        """Tell (n,) which straight legs from p to q (n, 3) [m] are clear."""
         low = np.minimum(*(end[:, 2] - self.terrain.height(end[:, 0], end[:, 1]) for end in (p, q)))
         needed = np.clip(low - ROUNDING, self.clearance, self.clearance + self.margin)
         kept = self.terrain.path_clearance(p, q - p, np.zeros_like(p), np.ones(len(p)))
         return kept >= needed
 
     def prices(self, p: Array, q: Array, samples: int = 3) -> Array:
-        """(n,) [m] of straight legs, clear or not, seen or not at so many places of each."""
+        """Return the prices (n,) [m] of straight legs, clear or not, with radars evaluated at ``samples`` points."""
         share = (np.arange(samples) + 0.5)[:, np.newaxis, np.newaxis] / samples
         places = (p + share * (q - p)).reshape(-1, 3)
         weight = np.zeros(len(places))
@@ -53,7 +53,7 @@ class Air:
         return price
 
     def clear_prices(self, p: Array, q: Array, samples: int = 3) -> Array:
-        """(n,) ``prices`` of legs that are clear, inf for the others."""
+        """Return the ``prices`` (n,) [m] of clear legs, inf for the others."""
         return np.where(self.clear(p, q), self.prices(p, q, samples), np.inf)
 
 
@@ -68,7 +68,7 @@ class Lattice:
 
 @lru_cache(maxsize=8)  # a mission asks for several planners over one map
 def lattice(air: Air, columns: int, layers: int) -> Lattice:
-    """The lattice with so many columns along the longer side of the map, and its clear legs."""
+    """Return the lattice with ``columns`` columns along the longer side of the map, and its clear legs."""
     terrain = air.terrain
     margin = BORDER * max(terrain.width, terrain.depth)
     spacing = (max(terrain.width, terrain.depth) - 2.0 * margin) / (columns - 1)

@@ -105,7 +105,7 @@ _PLACES = {
     "OdometryQuality": "models.unicycle.quality",
     "KnownStart": "models.unicycle.quality",
     "LagrangianMission": "models.manifold.mission",
-    "PositionQuality": "models.manifold.sensors",
+    "PositionQuality": "models.manifold.mission",
     "MechanismSystem": "models.mechanism.system",
     "FlightMission": "models.aerial.mission",
     "QuadrotorMission": "models.quadrotor.mission",

@@ -71,7 +71,9 @@ class Updates:
         notices = NOTICES[: config.notices]
         seeds = range(config.seeds)
         varied = setup.compute(varied_mission, [MissionToVary(setup.place, seed, notices) for seed in seeds])
-        trials = {(name, seed): mission for seed in seeds for name, mission in varied[seed].items()}
+        trials = {
+            (name, seed): Trial.from_document(mission) for seed in seeds for name, mission in varied[seed].items()
+        }
         records = setup.fly_each(trials)
         changes = {name: Change(name, [records[name, seed] for seed in seeds]) for name in varied[0]}
         rows = [change.row for change in changes.values()]
@@ -250,8 +252,8 @@ class MissionToVary:
     notices: tuple[float, ...]
 
 
-def varied_mission(mission: MissionToVary) -> dict[str, Trial]:
-    """A job: fly a mission, and return its trials without and with each change, which depends on the path flown."""
+def varied_mission(mission: MissionToVary) -> dict[str, dict[str, Any]]:
+    """A job: fly a mission, and return the documents of its trials without and with each change, which depends on the path flown."""
     terrain, ground = mission.place.terrain, mission.place.ground
     outcome = trial("safe-flight", mission.seed, fields={"terrain": terrain}).flown()
     drawn = outcome.config["mission"]
@@ -264,7 +266,7 @@ def varied_mission(mission: MissionToVary) -> dict[str, Trial]:
         **_hills(flown, mission.notices),
     }
     return {
-        name: trial("safe-flight", mission.seed, fields={**place, **fields}, measure=f"{__name__}:announced")
+        name: trial("safe-flight", mission.seed, fields={**place, **fields}, measure=f"{__name__}:announced").document
         for name, fields in varied.items()
     }
 

@@ -19,7 +19,7 @@ from mathnavi.commands.interruption import (
     interruptible,
     when_interrupted,
 )
-from tests.sim.sweep.test_jobs import runs, waited_for
+from tests.sim.sweep.test_jobs import LATE
 
 ARGV = ("sweep", "safe-flight", "--store", "my results.db")
 
@@ -107,3 +107,19 @@ def test_a_process_that_does_not_end_is_ended_with_its_children(tmp_path: Path) 
     assert error == "mathnavi: interrupted, nothing was written; to begin again: mathnavi study 'a b'\n"
     while runs(child):  # it was killed
         time.sleep(0.01)
+
+
+def waited_for(place: Path) -> str:
+    until = time.monotonic() + LATE
+    while not (place.exists() and place.read_text(encoding="utf-8")):
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    return place.read_text(encoding="utf-8")
+
+
+def runs(pid: int) -> bool:
+    """Return whether a process runs; one that has ended without being waited for does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False

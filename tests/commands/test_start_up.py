@@ -7,7 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-HEAVY = ("casadi", "matplotlib", "scipy.linalg", "scipy.ndimage", "scipy.sparse", "scipy.special", "scipy.optimize")
+# Numba imports scipy.linalg when it loads a kernel.
+HEAVY = ("casadi", "matplotlib", "scipy.ndimage", "scipy.sparse", "scipy.special", "scipy.optimize")
 CALL = f"""
 import json, sys
 from mathnavi.commands.cli import main

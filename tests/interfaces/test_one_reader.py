@@ -17,6 +17,7 @@ ALLOWED = {
     ("interfaces/compiled.py", "ZipFile"),  # what numba compiled for this user
     ("interfaces/compiled.py", "file.read_bytes"),
     ("sim/sweep/serve.py", "pickle.loads"),  # what its own parent sends
+    ("sim/plugin/index.py", "Path(_file(module)).read_text"),  # a source of an installed package, as Python reads it
     ("renders/worker.py", "json.load"),  # likewise
     ("renders/snapshots.py", "pickle.load"),
     ("commands/interruption.py", "open"),  # a pipe of its own

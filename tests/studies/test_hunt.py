@@ -128,7 +128,7 @@ def test_clearance_counts_in_tracking_bounds() -> None:
 
 def at(share: float, hunt: Hunt) -> dict[str, Any]:
     """The fields of a mission at a share of every range."""
-    return plain(hunt.make(drawn(hunt.space, [share] * len(hunt.space))).config)
+    return plain(hunt.make(drawn(hunt.space, [share] * len(hunt.space))).spec.config)
 
 
 @pytest.mark.parametrize("hunt", [FLEET, QUADROTOR], ids=lambda hunt: hunt.name)

@@ -69,12 +69,11 @@ def parse(argv: Sequence[str], prog: str, description: str, *groups: FlagGroup) 
                     f"{name} is a field of {owner.__qualname__} and of {group.schema.__module__}."
                     f"{group.schema.__qualname__}; allowed: another name for the latter"
                 )
-    asked = bool(_HELP & set(argv))
-    parser = _parser(prog, description, groups, add_help=asked)
-    if asked:
-        print(parser.format_help().replace(_HYPHEN, "-"), end="")
+    if _HELP & set(argv):
+        print(_parser(prog, description, groups, add_help=True).format_help().replace(_HYPHEN, "-"), end="")
         raise HelpPrinted
     _check_flags(argv, prog, known)
+    parser = _parser(prog, description, groups, add_help=False)
     words = _words(argv, [leaf for group in groups for leaf in group.leaves], parser)
     parsed = []
     for group in groups:
@@ -118,7 +117,7 @@ def _parser(prog: str, description: str, groups: Sequence[FlagGroup], *, add_hel
         if above not in sections:
             text = group.heading if above == group.prefix else _docstring(leaf.owner)
             sections[above] = parser.add_argument_group(f"{above} options", _laid_out(text or ""))
-        _add(sections[above], leaf)
+        _add(sections[above], leaf, _told(leaf) if add_help else "")  # sources are read for the help alone
     return parser
 
 
@@ -127,10 +126,10 @@ def _docstring(owner: type) -> str:
     return "" if text.startswith(f"{owner.__name__}(") else text  # as dataclasses write it
 
 
-def _add(section: Any, leaf: Field) -> None:
+def _add(section: Any, leaf: Field, told: str) -> None:
     name = "NAME" if len(leaf.value_name) > _LONGEST_NAME else leaf.value_name.removesuffix("...")
     count = leaf.form.count if leaf.form.readable else None
-    settings: dict[str, Any] = {"help": _told(leaf), "default": argparse.SUPPRESS}
+    settings: dict[str, Any] = {"help": told, "default": argparse.SUPPRESS}
     if leaf.switch:
         section.add_argument(leaf.flag, negation(leaf.flag), dest=leaf.flag[2:], action=_Switch, nargs=0, **settings)
     else:

@@ -253,7 +253,7 @@ class MissionToVary:
 
 
 def varied_mission(mission: MissionToVary) -> dict[str, dict[str, Any]]:
-    """A job: fly a mission, and return the documents of its trials without and with each change, which depends on the path flown."""
+    """A job: fly a mission, and return documents of its trials without and with each change, which the path decides."""
     terrain, ground = mission.place.terrain, mission.place.ground
     outcome = trial("safe-flight", mission.seed, fields={"terrain": terrain}).flown()
     drawn = outcome.config["mission"]

@@ -4,10 +4,9 @@ A solution is a control, a polynomial on each interval, and what its solver repo
 control, saturated to its bounds, is integrated from x(0) by SciPy's DOP853 to 1e-10. If the linearised flow grows
 beyond ``ILL_POSED``, the open loop cannot be replayed as a whole, and each interval is integrated from its first node.
 
-**A problem of ``mathnavi.controllers.ocp`` as others state it**: fixed ends, other end conditions, limits, guess.
-
-MAPTOR and dymos have a place of its own for the value of a state at the start and at the end; what is no such value is
-an event or a boundary constraint. ``CONTROL_LIMITS`` are limits that a user of theirs would add.
+**Statement for other solvers**: a problem of ``mathnavi.controllers.ocp`` with its fixed ends, end conditions, limits
+and guess. MAPTOR and dymos state a fixed value of a state at the start or the end separately; any other end condition
+is an event or a boundary constraint. ``CONTROL_LIMITS`` are limits that their users would add.
 """
 
 from __future__ import annotations

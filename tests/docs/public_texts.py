@@ -181,22 +181,22 @@ def _own_docstring(value: Any) -> str:
     return "" if dataclasses.is_dataclass(value) and text.startswith(f"{value.__name__}(") else inspect.cleandoc(text)
 
 
-def document() -> str:
+def document(helps: Iterable[Help], docs: Iterable[Docstring]) -> str:
     """Return all texts as one document."""
     parts = ["# Commands\n"]
     parts += [f"## {name}\n\n{text}\n" for name, text in command_helps()]
     parts.append("# Fields\n")
-    for owner, helps in groupby(field_helps(), key=lambda each: each.owner):
-        lines = (f"{each.field}: {' '.join(each.text.split())}" for each in helps)
+    for owner, group in groupby(helps, key=lambda each: each.owner):
+        lines = (f"{each.field}: {' '.join(each.text.split())}" for each in group)
         parts.append(f"## {owner.__module__}.{owner.__qualname__}\n\n{chr(10).join(lines)}\n")
     parts.append("# Docstrings\n")
-    parts += [f"## {each.place}\n\n{each.text}\n" for each in docstrings()]
+    parts += [f"## {each.place}\n\n{each.text}\n" for each in docs]
     return "\n".join(parts)
 
 
 def main(words: Iterable[str]) -> None:
     (file,) = words
-    Path(file).write_text(document(), encoding="utf-8")
+    Path(file).write_text(document(field_helps(), docstrings()), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -7,13 +7,12 @@ most rules of style only a reader can check.
 from __future__ import annotations
 
 import re
-from pathlib import Path
+from collections.abc import Iterator
 
 import pytest
 
-from tests.docs.public_texts import Docstring, Help, docstrings, field_helps, main
+from tests.docs.public_texts import Docstring, Help, docstrings, document, field_helps
 
-HELPS, DOCSTRINGS = field_helps(), docstrings()
 RELATIVE = re.compile(
     r"(about|as|at|beside|by|for|from|how|in|of|on|over|since|so|than|that|to|under|until|what|when|where|which|who|whose"
     r"|with)\b",
@@ -43,43 +42,70 @@ SAID_ELSEWHERE = {  # fields whose unit their own text cannot say, with the reas
 WORDS = re.compile(r"\b(anew|likewise|nought|nobody|somebody|whoever|thereof|whence|of one's own|so many|so much)\b")
 
 
-def place(text: Help | Docstring) -> str:
-    return text.place
-
-
-def test_all_texts_can_be_written_into_one_file(tmp_path: Path) -> None:
-    main([str(tmp_path / "texts.txt")])
-    written = (tmp_path / "texts.txt").read_text(encoding="utf-8")
-    assert "## mathnavi run safe-flight --help" in written
-    assert all(" ".join(each.text.split()) in written for each in HELPS)
-    assert all(each.text in written for each in DOCSTRINGS)
-
-
-@pytest.mark.parametrize("each", HELPS, ids=place)
-def test_a_help_text_names_a_quantity_with_its_unit(each: Help) -> None:
+def help_faults(each: Help) -> Iterator[str]:
+    """Yield what is wrong with a help text, which names a quantity with its unit and is read alone."""
     text = each.text
-    assert text, "no help"
-    assert not RELATIVE.match(text), "it begins with a preposition or a relative word"
-    assert text[0].islower() or re.match(r"[A-Z]{2}", text), "it begins with a capital letter"
-    assert not text.endswith(".") or text.endswith("..."), "it ends with a full stop"
-    assert (each.hint is bool) == text.startswith("whether "), "whether: of truth values, and of nothing else"
-    assert not DECIMAL.search(text), "a decimal without its zero"
-    assert not WORDS.search(text), "an odd word"
-    if "float" in str(each.hint) and f"{each.owner.__name__}.{each.field}" not in SAID_ELSEWHERE:
-        assert UNIT.search(text) or UNITLESS.search(text), "no unit"
+    if not text:
+        yield "no help"
+        return
+    if RELATIVE.match(text):
+        yield "it begins with a preposition or a relative word"
+    if not (text[0].islower() or re.match(r"[A-Z]{2}", text)):
+        yield "it begins with a capital letter"
+    if text.endswith(".") and not text.endswith("..."):
+        yield "it ends with a full stop"
+    if (each.hint is bool) != text.startswith("whether "):
+        yield "whether: of truth values, and of nothing else"
+    known = UNIT.search(text) or UNITLESS.search(text) or f"{each.owner.__name__}.{each.field}" in SAID_ELSEWHERE
+    if "float" in str(each.hint) and not known:
+        yield "no unit"
+    yield from _odd(text)
 
 
-def test_every_exception_from_the_rule_on_units_is_needed() -> None:
-    without = {f"{each.owner.__name__}.{each.field}" for each in HELPS if not UNIT.search(each.text)}
-    assert set(SAID_ELSEWHERE) <= without
-
-
-@pytest.mark.parametrize("each", DOCSTRINGS, ids=place)
-def test_a_docstring_makes_sense_when_it_is_read_alone(each: Docstring) -> None:
+def docstring_faults(each: Docstring) -> Iterator[str]:
+    """Yield what is wrong with a docstring, whose first line is read alone."""
     first = each.text.partition("\n\n")[0]
-    assert first, "no docstring"
-    assert "\n" not in first, "its first sentence is longer than a line"
-    assert first[-1] in ".?:,", "its first line is no sentence"
-    assert not RELATIVE.match(first), "it begins with a preposition or a relative word"
-    assert not DECIMAL.search(each.text), "a decimal without its zero"
-    assert not WORDS.search(each.text), "an odd word"
+    if not first:
+        yield "no docstring"
+        return
+    if "\n" in first:
+        yield "its first sentence is longer than a line"
+    if first[-1] not in ".?:,":
+        yield "its first line is no sentence"
+    if RELATIVE.match(first):
+        yield "it begins with a preposition or a relative word"
+    yield from _odd(each.text)
+
+
+def _odd(text: str) -> Iterator[str]:
+    if DECIMAL.search(text):
+        yield "a decimal without its zero"
+    if word := WORDS.search(text):
+        yield f"an odd word: {word.group()}"
+
+
+def test_all_public_texts_are_collected_in_one_file_and_follow_the_rules() -> None:
+    """One test, for it is the collection that takes time."""
+    helps, docs = field_helps(), docstrings()
+    texts = document(helps, docs)
+    assert "## mathnavi run safe-flight --help" in texts
+    assert all(" ".join(each.text.split()) in texts for each in helps)
+    faults = [f"{each.place}: {fault}: {each.text}" for each in helps for fault in help_faults(each)]
+    faults += [f"{each.place}: {fault}: {each.text}" for each in docs for fault in docstring_faults(each)]
+    assert not faults, "\n".join(faults)
+    without = {f"{each.owner.__name__}.{each.field}" for each in helps if not UNIT.search(each.text)}
+    assert set(SAID_ELSEWHERE) <= without, "an exception that is not needed"
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("of every random draw", "it begins with a preposition or a relative word"),
+        ("Seed of the run", "it begins with a capital letter"),
+        ("seed of the run.", "it ends with a full stop"),
+        ("duration of the run", "no unit"),
+        ("share of .25 at most", "a decimal without its zero"),
+    ],
+)
+def test_a_faulty_help_text_is_found(text: str, fault: str) -> None:
+    assert fault in help_faults(Help(object, "field", float, text))

@@ -170,7 +170,7 @@ class FleetFields(LimitFields, FleetEndFields):
     graph: GraphName = "ring"
     """graph of the vehicles that agree on the arrival time (a ring of two is a line); plans go to all"""
     edge: tuple[tuple[str, str, float], ...] = ()
-    """edge NAME NAME WEIGHT of a user-defined graph, in place of --graph; may be given several times"""
+    """edge NAME NAME WEIGHT [-] of a user-defined graph, in place of --graph; may be given several times"""
     consensus: Annotated[str, PluginName(partial(load, "consensus"))] = "maximum"
     """consensus plug-in that agrees on the arrival time"""
     consensus_with: tuple[str, ...] = ()

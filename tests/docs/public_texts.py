@@ -30,7 +30,7 @@ import benchmarks
 import mathnavi
 from mathnavi import commands, interfaces
 from mathnavi.commands import cli
-from mathnavi.sim.plugin.field_help import field_help
+from mathnavi.interfaces.field_table import field_help
 from mathnavi.sim.plugin.groups import GROUPS, installed
 
 EXAMPLES = {"run": "safe-flight", "sweep": "safe-flight", "search": "safe-flight", "study": "beta"}  # one help of each

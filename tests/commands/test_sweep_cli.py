@@ -200,7 +200,7 @@ def test_a_sweep_says_what_it_finds_in_the_store(path: Path, capsys: pytest.Capt
     expected = []
     for count in ("4", "6", "6"):
         assert sweep(*words, count) == 0
-        expected.append(capsys.readouterr().err.partition(" are already")[0])
+        expected.append(capsys.readouterr().err.partition(" already")[0])
     assert expected == ["0 of 4 trials", "4 of 6 trials", "6 of 6 trials"]
 
 

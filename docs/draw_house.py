@@ -247,7 +247,7 @@ def _arrow(
 
 
 def _port(middle: float, width: float, k: int, count: int, towards: float) -> float:
-    """Where the k-th of several arrows meets the side of a box [px]; a single one as near to ``towards`` as it can."""
+    """Return where [px] the k-th of several arrows meets the side of a box; a single one is nearest to ``towards``."""
     if count > 1:
         return middle + (k - (count - 1) / 2) * min(0.5 * width, 0.8 * width / count)
     return min(max(towards, middle - 0.4 * width), middle + 0.4 * width) if width > BOX else middle

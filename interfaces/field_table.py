@@ -34,7 +34,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 
 NAMES: dict[Any, str] = {int: "INT", float: "FLOAT", str: "STR", Path: "PATH"}
 TOGETHER = object()
-"""Mark of a tuple of any length whose items follow one flag: ``--start 0.2 0.3``; else each has a flag of its own"""
+"""Mark of a tuple of any length whose items follow one flag: ``--start 0.2 0.3``; else it is repeated for each item"""
 NumberList = Annotated[tuple[float, ...], TOGETHER]
 
 
@@ -182,7 +182,7 @@ class Field:
     """dataclass in which it lies"""
     name: str
     form: Form
-    """of its type"""
+    """form of its type"""
     declared: tuple[Form, ...]
     """forms of its types in the base classes that declare it, those first, and in its own"""
     init: bool

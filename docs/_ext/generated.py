@@ -100,7 +100,7 @@ def table(owner: type, prefix: str = "") -> str:
 
 
 def _asked(factory: Any) -> str:
-    """What a default asks the machine for, which is said in place of what this one answers; "" for another default."""
+    """Return the description of a default that depends on the machine, for its value; "" for another default."""
     asks = inspect.isfunction(factory) and factory.__doc__
     return _shown(inspect.cleandoc(asks).partition("\n")[0].rstrip(".")) if asks else ""
 

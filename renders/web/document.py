@@ -36,9 +36,10 @@ class DataBlock:
         self._length = 0
 
     def add(self, values: Any, kind: str = "f4", *, stride: int = 0) -> dict[str, Any] | None:
-        """Add an array, of a type as numpy names it; returns how the JSON refers to it, None for None.
+        """Add an array of the numpy type ``kind``; return the reference to it in the JSON, None for None.
 
-        With a ``stride``, rows of so many whole numbers are packed as differences, which are compressed a hundredfold.
+        With a ``stride``, rows of ``stride`` whole numbers are packed as differences, which are compressed a
+        hundredfold.
         """
         if values is None:
             return None
@@ -102,10 +103,10 @@ def document(scene: WebScene, live: Mapping[str, Any] | None = None) -> Markup:
 
 
 def scene_block(scene: WebScene, label: str, caption: str) -> Markup:
-    """The scene as a block of a report (``mathnavi.renders.page``), of which a page can have one.
+    """Return the scene as a block of a report (``mathnavi.renders.page``), of which a page can have one.
 
-    It shows the end of the run at first, its time if it has a duration, and none of its charts. ``label`` says what
-    there is to see to whoever cannot see it; ``caption`` stands below.
+    It shows the end of the run at first, its time if it has a duration, and none of its charts. ``label`` describes the
+    scene for screen readers; ``caption`` is printed below.
     """
     viewer = _viewer("viewer.html").replace('id="app"', 'id="app" class="embedded"', 1)
     data = packed(scene) | {"embedded": True}

@@ -184,7 +184,7 @@ def recorded_trial(document: Mapping[str, Any], content: str) -> Trial:
     """The trial of a document, as a job is given it; ArgumentError unless its content has the hash ``content``."""
     mission = Trial.from_document(document)
     if mission.content != content:
-        raise ArgumentError(f"trial {content} is now {mission.content}; allowed: sources and files as they were")
+        raise ArgumentError(f"trial {content} is now {mission.content}; allowed: unchanged sources and files")
     return mission
 
 

@@ -174,7 +174,7 @@ def _scenario(argv: Sequence[str], recorded: RecordedSpec | None) -> tuple[str, 
 
 
 def _without_lists(spec: RunSpec, words: Sequence[str]) -> RunSpec:
-    """Return the specification with the scenario's lists that are given again as they are by default: not added to."""
+    """Return the specification with default lists for the scenario's lists that are given again, which replace them."""
     again = {flag for flag, repeats in flags(type(spec.config)) if repeats} & set(given(words))
     default = type(spec.config)()
     lists = (entry.name for entry in dataclasses.fields(default) if flag_of(entry.name) in again)

@@ -543,6 +543,7 @@ def test_a_third_party_scenario_that_cannot_be_built_is_named_before_anything_is
     name = f"defect_{tmp_path.name}"
     (tmp_path / f"{name}.py").write_text(DEFECT)
     monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # nothing new is to be left in the folder
     line = refused("sweep", f"{name}:Broken", "--trials", "1", "--store", str(path))
     assert f"scenarios: '{name}:Broken': build() failed: ZeroDivisionError (" in line
 

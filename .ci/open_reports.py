@@ -36,7 +36,7 @@ LEAST_COLOURS = 2000  # in a 3-D view that shows a terrain
 READY = """(() => {
   document.querySelectorAll('details').forEach((part) => { part.open = true; });  // what is folded in has no size
   return document.readyState === 'complete' && [...document.images].every((image) => image.complete)
-    && [...document.querySelectorAll('.view')].every((view) => view.dataset.drawn === 'yes');
+    && (document.querySelector('#app.embedded') === null || document.body.dataset.drawn > 0);
 })()"""
 FOUND = """(() => {
   const found = (part, drawn) => {
@@ -50,7 +50,7 @@ FOUND = """(() => {
     height: document.documentElement.scrollHeight,
     drawings: all('figure > svg', (svg) => svg.getBBox().width * svg.getBBox().height),
     pictures: all('img', (image) => image.naturalWidth),
-    views: all('.view', (view) => view.dataset.drawn && [...view.querySelectorAll('canvas')].some(hasContext)),
+    views: all('#app.embedded #canvas', (canvas) => document.body.dataset.drawn && hasContext(canvas)),
   };
 })()"""
 

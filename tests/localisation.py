@@ -13,7 +13,7 @@ from mathnavi.interfaces.signals import Array, Estimate, Measurement, Plan, Plan
 from mathnavi.models.unicycle.mission import DrivePhase, RangingMission
 from mathnavi.models.unicycle.patterns import figure_eight
 from mathnavi.sim.plugin.registry import PluginSpec
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.range_localisation import RangeLocalisation
 from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig
 
@@ -100,7 +100,7 @@ class Reckoning:
 
 def run(
     seed: int = 0, controller: PluginSpec | None = None, estimator: PluginSpec | None = None, **fields: Any
-) -> RunResult:
+) -> RunData:
     """A run of ``Pattern`` and ``DeadReckoner`` unless others are given."""
     config = RangeLocalisationConfig(**fields)
     return RangeLocalisation.build(

@@ -10,7 +10,7 @@ import numpy as np
 from mathnavi.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.models.missile.mission import MissileMission, Target
 from mathnavi.sim.plugin.registry import PluginSpec
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.missile_fields import MissileGuidanceConfig
 from mathnavi.sim.scenarios.missile_guidance import MissileGuidance
 
@@ -119,7 +119,7 @@ def glide(**fields: Any) -> PluginSpec:
 
 def fly(
     seed: int = 0, controller: PluginSpec | None = None, estimator: PluginSpec | None = None, **fields: Any
-) -> RunResult:
+) -> RunData:
     """A mission flown by ``Glide`` unless another controller is given."""
     config = MissileGuidanceConfig(**fields)
     return MissileGuidance.build(config, seed, controller or glide(), estimator).run()

@@ -36,8 +36,8 @@ def _scene(plant: Plant, recording: Recording) -> dict[str, Array] | None:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RunResult:
-    """Result of a run: its arrays by dotted name, summary, events, and whether the mission succeeded.
+class RunData:
+    """Data of a run: its arrays by dotted name, summary, events, and whether the mission succeeded.
 
     ``run["truth.x"]`` is an array of the log, (n, nx) by control step; ``run.arrays`` names them all.
     """
@@ -123,7 +123,7 @@ class ClosedLoop:
         progress: Callable[[float], None] | None = None,
         again: Callable[[], ClosedLoop] | None = None,
         watch: Callable[[Loop], None] | None = None,
-    ) -> RunResult:
+    ) -> RunData:
         """Simulate and evaluate the run; ``progress`` is called with the simulated time [s], ``watch`` with the loop
         after every step.
 
@@ -153,4 +153,4 @@ class ClosedLoop:
             summary = {**summary, PLANNER_STATUS: status}
         drawn = self.config.get("drawing") is not None or "terrain" in self.config
         scene = None if drawn else partial(_scene, self.plant, recording)
-        return RunResult(recording, summary, self.config, success, scene=scene)
+        return RunData(recording, summary, self.config, success, scene=scene)

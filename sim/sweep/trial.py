@@ -1,7 +1,7 @@
 """Trial: the task of a sweep that flies one specification of a run. Its key is the hash of its content.
 
 The computing environment is part of the key. A trial may name a measure, a function at "package.module:function" that
-computes figures from the ``RunResult``, which holds the whole log. The figures are added to the summary, and the log is
+computes figures from the ``RunData``, which holds the whole log. The figures are added to the summary, and the log is
 not kept.
 """
 
@@ -22,7 +22,7 @@ from mathnavi.sim.records.run_spec import Plugin, RunSpec
 from mathnavi.sim.records.store import Record, canonical_json
 
 if TYPE_CHECKING:  # the processes of a sweep import a scenario only where they fly it
-    from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
+    from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunData
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Trial:
         closed_loop: ClosedLoop = self.spec.build()
         return closed_loop
 
-    def flown(self) -> RunResult:
+    def flown(self) -> RunData:
         """Run it; return the result with the whole log."""
         closed_loop = self.build()
         with self.spec.failures("a run"):

@@ -48,7 +48,7 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.flight_parts import drawn_point
 from mathnavi.sim.sweep.trial import Trial, trial
 from mathnavi.studies.framework.study import Setup, StudyResult, TerrainReference, median
@@ -353,7 +353,7 @@ def _narrow_claim(rows: Sequence[Mapping[str, Any]]) -> Claim:
 # ---- what is drawn
 
 
-def _figure(shown: RunResult, spreads: Mapping[tuple[str, int], Array], steps: Sequence[ArrivalStep]) -> Figure:
+def _figure(shown: RunData, spreads: Mapping[tuple[str, int], Array], steps: Sequence[ArrivalStep]) -> Figure:
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(13.0, 4.4), layout="constrained")
         left, middle, right = page.subplots(1, 3, width_ratios=(1.3, 1.1, 0.9))
@@ -363,7 +363,7 @@ def _figure(shown: RunResult, spreads: Mapping[tuple[str, int], Array], steps: S
     return page
 
 
-def _draw_fleet(axes: Axes, shown: RunResult) -> None:
+def _draw_fleet(axes: Axes, shown: RunData) -> None:
     """Draw the distance of each vehicle from its slot, which shows the common time of arrival."""
     places = shown.config["mission"]["vehicles"]
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, len(places)))

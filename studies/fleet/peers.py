@@ -24,7 +24,7 @@ from mathnavi.sim.metrics.fleet import arrival_time
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.trial import Trial, trial
 from mathnavi.studies.fleet.arrival import swapping
 from mathnavi.studies.framework.study import Setup, StudyResult
@@ -125,7 +125,7 @@ def fleet(vehicles: int, seed: int, fields: Mapping[str, Any], rule: str, check:
     return trial("simultaneous-arrival", seed, fields=fields, measure=f"{__name__}:standing")
 
 
-def standing(outcome: RunResult) -> dict[str, float]:
+def standing(outcome: RunData) -> dict[str, float]:
     """A measure: stops of all vehicles, and the mean time [s] that one stands still between start and arrival."""
     mission, t = outcome.config["mission"], outcome.recording.t
     stops, seconds = 0, 0.0

@@ -24,7 +24,7 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.studies.framework.study import VEHICLE, Setup, StudyResult, ends, heights, track
 
 LOW = (0.5, 30.0)  # [m] above h_min at both ends of a mission
@@ -89,7 +89,7 @@ class AsPrintedStudy:
         )  # fmt: skip
 
 
-def arcs(outcome: RunResult) -> dict[str, Any]:
+def arcs(outcome: RunData) -> dict[str, Any]:
     """A measure: number of optimised arcs in flown plans, and of those below h_min between two ends above it."""
     mission = outcome.config["mission"]
     terrain, least = load_terrain(outcome.config["terrain"]["path"]), mission["clearance_min"]
@@ -159,7 +159,7 @@ def _arcs(rows: Sequence[dict[str, Any]]) -> Table:
     return Table("Optimised arcs of the plans that were flown", columns, cells)
 
 
-def _figure(rows: Sequence[dict[str, Any]], shown: dict[str, RunResult]) -> Figure:
+def _figure(rows: Sequence[dict[str, Any]], shown: dict[str, RunData]) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.4, 3.2), layout="constrained")
         height, missions = figure.subplots(1, 2, width_ratios=(1.3, 1))

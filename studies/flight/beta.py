@@ -21,7 +21,7 @@ from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.studies.framework.drawing import paths_on_map
 from mathnavi.studies.framework.study import VEHICLE, Setup, StudyResult, ends, median, track
 
@@ -121,7 +121,7 @@ def _table(rows: Sequence[dict[str, Any]]) -> Table:
     return Table("Table A.4", columns, cells)
 
 
-def _figure(by_condition: dict[float, list[Record]], shown: dict[float, RunResult], ground: HeightField) -> Figure:
+def _figure(by_condition: dict[float, list[Record]], shown: dict[float, RunData], ground: HeightField) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.4, 6.4), layout="constrained")
         (path, speed), (time, effort) = figure.subplots(2, 2, height_ratios=(1.5, 1))

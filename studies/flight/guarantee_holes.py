@@ -36,7 +36,7 @@ from mathnavi.models.quadrotor.entity import REACH
 from mathnavi.models.terrain.height_field import HIGHEST, HeightField
 from mathnavi.models.terrain.hill import hills_of, with_hills
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 
 # Events that announce a loss, until the one that ends it.
 LOSSES = {"guarantee-lost": "guarantee-regained", "separation-unguaranteed": "", "tracking-breach": "rebased"}
@@ -46,7 +46,7 @@ ANSWER = 2.0  # [s] a planning period: as long a breach of the tracking bound co
 ANNOUNCED = 1.0  # the margin of a mission whose violation was announced: of no interest
 
 
-def violations(outcome: RunResult) -> dict[str, Any]:
+def violations(outcome: RunData) -> dict[str, Any]:
     """A measure: the least relative margin of a mission, and its first violation.
 
     ``relative_margin`` is the least of (clearance - h_min) / h_min, (separation - d_s) / d_s and (deadline - arrival) /
@@ -70,13 +70,13 @@ def violations(outcome: RunResult) -> dict[str, Any]:
     }
 
 
-def clearance_in_bounds(outcome: RunResult) -> dict[str, Any]:
+def clearance_in_bounds(outcome: RunData) -> dict[str, Any]:
     """A measure: the margin of clearance, in units of the vertical tracking bound that the controller declares."""
     bound = outcome.config["mission"]["tracking_bound"]["vertical"]
     return {"clearance_in_bounds": outcome.summary["clearance_margin_m"] / bound}
 
 
-def _clearance(outcome: RunResult) -> list[tuple[str, float, float]]:
+def _clearance(outcome: RunData) -> list[tuple[str, float, float]]:
     """Return (kind, relative margin, time [s]) of the clearance."""
     h_min = outcome.config["fields"]["clearance_min"]
     margin = outcome.summary["clearance_margin_m"] / max(h_min, 1.0)
@@ -85,7 +85,7 @@ def _clearance(outcome: RunResult) -> list[tuple[str, float, float]]:
     return [("clearance", min(margin, -1.0) if contacts else margin, min(times))]
 
 
-def _lowest(outcome: RunResult, h_min: float) -> float:
+def _lowest(outcome: RunData, h_min: float) -> float:
     """Return the time [s] of the first sample below ``h_min`` [m], or of the lowest one."""
     config = outcome.config
     reach = REACH if config["scenario"] == "quadrotor-canyon" else 0.0
@@ -106,7 +106,7 @@ def _ground(path: str, hills: tuple[tuple[float, ...], ...], reach: float) -> He
     return ground.inflated(reach, reach) if reach > 0.0 else ground
 
 
-def _uncharted(outcome: RunResult, t: float) -> bool:
+def _uncharted(outcome: RunData, t: float) -> bool:
     """Tell whether at ``t`` [s] there are hills that no map shows yet, and the mapped ground was kept clear."""
     config = outcome.config
     fields = config["fields"]
@@ -119,7 +119,7 @@ def _uncharted(outcome: RunResult, t: float) -> bool:
     )
 
 
-def _separation(outcome: RunResult) -> list[tuple[str, float, float]]:
+def _separation(outcome: RunData) -> list[tuple[str, float, float]]:
     margin = outcome.summary.get("separation_margin_m")
     if margin is None:
         return []
@@ -135,7 +135,7 @@ def _nearest(t: Array, truths: Mapping[str, Array], least: float) -> float:
     return float(t[np.argmax(distance < least)] if (distance < least).any() else t[distance.argmin()])
 
 
-def _deadline(outcome: RunResult) -> list[tuple[str, float, float]]:
+def _deadline(outcome: RunData) -> list[tuple[str, float, float]]:
     left, deadline = outcome.summary["deadline_left_s"], outcome.summary["deadline_s"]
     return [] if left is None else [("deadline", left / deadline, deadline)]
 

@@ -39,7 +39,7 @@ from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.job import job
 from mathnavi.sim.sweep.trial import Trial
 from mathnavi.studies.flight.drawn_missions import MissionToDraw, mission_ends
@@ -202,7 +202,7 @@ def _spoilt(records: Sequence[Record]) -> int:
 # ---- jobs and measures
 
 
-def violations(outcome: RunResult) -> dict[str, Any]:
+def violations(outcome: RunData) -> dict[str, Any]:
     """A measure: whether the vehicle came below h_min, and whether it did so unannounced."""
     mission, recording = outcome.config["mission"], outcome.recording
     terrain = load_terrain(outcome.config["terrain"]["path"])
@@ -339,7 +339,7 @@ def _tuning_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     return Table("Settings that were tried, on other missions", columns, cells)
 
 
-def _figure(rows: Sequence[Mapping[str, Any]], shown: Mapping[str, RunResult]) -> Figure:
+def _figure(rows: Sequence[Mapping[str, Any]], shown: Mapping[str, RunData]) -> Figure:
     ground = load_terrain(shown[OURS].config["terrain"]["path"])
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(11.0, 4.4), layout="constrained")

@@ -22,7 +22,7 @@ from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.studies.framework.drawing import paths_on_map
 from mathnavi.studies.framework.study import (
     Setup,
@@ -183,7 +183,7 @@ def _changes(changes: Sequence[dict[str, float]]) -> Table:
 def _figure(
     rows: Sequence[dict[str, float]],
     by_condition: dict[int, list[Record]],
-    shown: dict[int, RunResult],
+    shown: dict[int, RunData],
     ground: HeightField,
 ) -> Figure:
     with matplotlib.rc_context(STYLE):

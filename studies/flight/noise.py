@@ -25,7 +25,7 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.trial import Trial
 from mathnavi.studies.framework.drawing import paths_on_map
 from mathnavi.studies.framework.study import (
@@ -167,7 +167,7 @@ def _table(planner: str, rows: Sequence[dict[str, Any]]) -> Table:
     return Table(f"Table A.3, planner {planner}", columns, cells)
 
 
-def _figure(rows: Sequence[dict[str, Any]], shown: dict[int, RunResult], terrain: HeightField) -> Figure:
+def _figure(rows: Sequence[dict[str, Any]], shown: dict[int, RunData], terrain: HeightField) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.4, 3.9), layout="constrained")
         path, effort, ground = figure.subplots(1, 3, width_ratios=(1.3, 1, 1))

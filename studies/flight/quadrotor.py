@@ -23,7 +23,7 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.quadrotor_fields import QuadrotorCanyonConfig
 from mathnavi.sim.sweep.trial import Trial, trial
 from mathnavi.studies.framework.study import VEHICLE, Setup, StudyResult
@@ -92,7 +92,7 @@ def _mission(config: QuadrotorStudyConfig, canyon: int, k: int) -> Trial:
     return trial("quadrotor-canyon", canyon * config.missions + k, fields=fields, measure=PATH)
 
 
-def path(outcome: RunResult) -> dict[str, Any]:
+def path(outcome: RunData) -> dict[str, Any]:
     """A measure: positions of the vehicle on the map, [[x, y], ...] [m], two or three times a second."""
     recording = outcome.recording
     places = recording.truths[VEHICLE][:: max(1, round(EVERY / float(np.diff(recording.t[:2])[0])))]

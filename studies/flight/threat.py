@@ -23,7 +23,7 @@ from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.trial import Trial
 from mathnavi.studies.flight.drawn_missions import MissionToDraw, mission_ends
 from mathnavi.studies.framework.drawing import paths_on_map
@@ -116,7 +116,7 @@ def _missions(setup: Setup, seed: int, drawn: Mapping[str, Sequence[float]]) -> 
 NEAR_MEASURE = "mathnavi.studies.flight.threat:near_radar"
 
 
-def near_radar(outcome: RunResult) -> dict[str, Any]:
+def near_radar(outcome: RunData) -> dict[str, Any]:
     """A measure: mean height above ground [m] within ``NEAR`` radii of the radar; None if the path stays outside."""
     (radar,) = outcome.config["mission"]["radars"]
     x, above = outcome.recording.truths[VEHICLE], heights(outcome)
@@ -164,7 +164,7 @@ def _table(rows: Sequence[dict[str, Any]]) -> Table:
     return Table("Exposure to the radar (the thesis gives a picture, no numbers)", columns, cells)
 
 
-def _figure(by_condition: dict[str, list[Record]], shown: dict[str, RunResult], ground: HeightField) -> Figure:
+def _figure(by_condition: dict[str, list[Record]], shown: dict[str, RunData], ground: HeightField) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.4, 3.9), layout="constrained")
         path, height, exposure = figure.subplots(1, 3, width_ratios=(1.2, 1.3, 0.8))

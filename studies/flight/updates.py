@@ -32,7 +32,7 @@ from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.trial import Trial, trial
 from mathnavi.studies.framework.drawing import RADAR, paths_on_map
 from mathnavi.studies.framework.study import VEHICLE, Setup, StudyResult, TerrainReference, ends, median, track
@@ -169,7 +169,7 @@ def _claim(changes: Mapping[str, Change], notices: Sequence[float]) -> Claim:
 
 
 def _figure(
-    changes: Mapping[str, Change], shown: Mapping[str, RunResult], ground: HeightField, notices: Sequence[float]
+    changes: Mapping[str, Change], shown: Mapping[str, RunData], ground: HeightField, notices: Sequence[float]
 ) -> Figure:
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(12.4, 4.2), layout="constrained")
@@ -211,7 +211,7 @@ def _draw_exposure(axes: Axes, changes: Mapping[str, Change]) -> None:
 # ---- what is measured
 
 
-def announced(outcome: RunResult) -> dict[str, Any]:
+def announced(outcome: RunData) -> dict[str, Any]:
     """Count the events that announce a loss of the guarantee (a measure)."""
     kinds = [event.kind for event in outcome.recording.events]
     return {

@@ -17,7 +17,7 @@ from matplotlib.patches import Circle, Rectangle
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.figures import draw_map
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.studies.framework.study import VEHICLE, ends
 
 GOOD, EVEN, BAD = "#0d5fa8", "#f4f1ea", "#b3202f"
@@ -84,7 +84,7 @@ RADAR = "#c2183b"
 THINNEST, WIDER = 1.2, 1.3  # [points] the last path, and how much wider each before it is
 
 
-def paths_on_map(axes: Axes, terrain: HeightField, flights: Mapping[str, tuple[RunResult, str]], title: str) -> None:
+def paths_on_map(axes: Axes, terrain: HeightField, flights: Mapping[str, tuple[RunData, str]], title: str) -> None:
     """The hill-shaded map with the path of each flight (its name: outcome and colour), radars, start and target.
 
     Each path is wider than the next, so that it is seen on both sides of those that run along it.

@@ -39,7 +39,7 @@ from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.statistics import Band, supported_band
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.execution import Progress, run_jobs, run_trials
 from mathnavi.sim.sweep.job import Job, job
 from mathnavi.sim.sweep.trial import Trial, trial
@@ -168,7 +168,7 @@ class Setup:
                 raise StudyError(f"{record.function} {record.status}: {last}; arguments: {record.arguments}")
         return [record.value for record in records]
 
-    def flown(self, missions: Mapping[Key, Trial]) -> dict[Key, RunResult]:
+    def flown(self, missions: Mapping[Key, Trial]) -> dict[Key, RunData]:
         """Return the runs of missions with their logs, for figures, without CPU and wall-clock times."""
         made = [job(logged_run, mission.document, mission.content, seed=mission.seed) for mission in missions.values()]
         return dict(zip(missions, self.perform(made), strict=True))
@@ -188,7 +188,7 @@ def recorded_trial(document: Mapping[str, Any], content: str) -> Trial:
     return mission
 
 
-def logged_run(document: Mapping[str, Any], content: str) -> RunResult:
+def logged_run(document: Mapping[str, Any], content: str) -> RunData:
     """A job: the run of a mission, its log and all; ``content`` is the hash of all that the mission depends on.
 
     CPU and wall-clock times, which no other run reproduces, and the scene are left out.
@@ -336,7 +336,7 @@ def falls(sequence: Sequence[float]) -> bool:
     return all(later < earlier for earlier, later in pairwise(sequence))
 
 
-def node_spacing(outcome: RunResult) -> dict[str, Any]:
+def node_spacing(outcome: RunData) -> dict[str, Any]:
     """A measure: d of (A.8) [m], the longest distance between two successive sampling instants of a planner.
 
     The grid is uniform, and the planner plans again after each arc.
@@ -352,18 +352,18 @@ def node_spacing(outcome: RunResult) -> dict[str, Any]:
 SPACING = "mathnavi.studies.framework.study:node_spacing"
 
 
-def track(name: str, outcome: RunResult, colour: str, *, dashed: bool = False) -> Track:
+def track(name: str, outcome: RunData, colour: str, *, dashed: bool = False) -> Track:
     """Return the path flown, for the 3-D view."""
     return Track(name, outcome.recording.truths[VEHICLE][:, :3], colour, dashed)
 
 
-def heights(outcome: RunResult) -> np.ndarray:
+def heights(outcome: RunData) -> np.ndarray:
     """Return the heights (n,) [m] of the path flown above the ground."""
     x = outcome.recording.truths[VEHICLE]
     above: np.ndarray = x[:, 2] - load_terrain(outcome.config["terrain"]["path"]).height(x[:, 0], x[:, 1])
     return above
 
 
-def ends(outcome: RunResult) -> dict[str, np.ndarray]:
+def ends(outcome: RunData) -> dict[str, np.ndarray]:
     """Return start and target (3,) [m] of a mission, for the 3-D view."""
     return {name: np.array(outcome.config["mission"][name]) for name in ("start", "target")}

@@ -31,7 +31,7 @@ from mathnavi.renders.figures import BOUND, INK, STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.renders.textbook.panel import ESTIMATE, TRUTH
 from mathnavi.sim.records.claims import Claim
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.textbook import VEHICLE
 from mathnavi.sim.sweep.trial import Trial, trial
 from mathnavi.studies.framework.study import Setup, StudyResult
@@ -55,7 +55,7 @@ UNTIL = 1.5  # [s]
 FLOOR = 1e-9  # of an error that is drawn
 UNEXCITED = 1e-9  # of the largest mode at the start
 Rows = Sequence[Mapping[str, Any]]
-Runs = Mapping[tuple[str, int], RunResult]  # by kind and number
+Runs = Mapping[tuple[str, int], RunData]  # by kind and number
 
 
 @configuration
@@ -263,7 +263,7 @@ def _output(x_2: float, u: float, end: float) -> tuple[Array, Array]:
     return np.array(t), np.array(y)
 
 
-def _escape(axes: Axes, outcome: RunResult) -> None:
+def _escape(axes: Axes, outcome: RunData) -> None:
     t, x_hat, x = estimates(outcome)
     for k in range(3):
         axes.plot(t, x_hat[:, k], color=ESTIMATE, lw=1.8)
@@ -299,7 +299,7 @@ def _map(figure: Figure, axes: Axes, rows: Rows) -> None:
     figure.colorbar(image, ax=axes, orientation="horizontal", shrink=0.9, pad=0.02)
 
 
-def _oscillation(plane: Axes, linear: Axes, outcome: RunResult) -> None:
+def _oscillation(plane: Axes, linear: Axes, outcome: RunData) -> None:
     t, x_hat, x = estimates(outcome)
     plane.plot(x_hat[:, 0], x_hat[:, 1], color=ESTIMATE, lw=1.8, label="estimate")
     plane.plot(x[:, 0], x[:, 1], "--", color=TRUTH, lw=1.8, label="truth")
@@ -395,7 +395,7 @@ def _hidden() -> float:
     )
 
 
-def example_2_2(outcome: RunResult) -> dict[str, Any]:
+def example_2_2(outcome: RunData) -> dict[str, Any]:
     """A measure: error e = x^ - x of Example 2.2, compared with its linear equation, and exponent of (e_1, e_2)."""
     fields = outcome.config["estimator"]["fields"]
     t, x_hat, x = estimates(outcome)
@@ -404,7 +404,7 @@ def example_2_2(outcome: RunResult) -> dict[str, Any]:
     return {"deviation": _deviation(t, e, matrix), "exponent_per_s": _exponent(t, e[:, :2], matrix[:2, :2])}
 
 
-def in_coordinates(outcome: RunResult) -> dict[str, Any]:
+def in_coordinates(outcome: RunData) -> dict[str, Any]:
     """A measure: T(x^) - T(x), compared with d/dt (z - x~) = A (z - x~), with T and A of the observer."""
     fields = outcome.config["estimator"]["fields"]
     system = SYSTEMS[outcome.config["fields"]["system"]]
@@ -420,7 +420,7 @@ def in_coordinates(outcome: RunResult) -> dict[str, Any]:
     }
 
 
-def estimates(outcome: RunResult) -> tuple[Array, Array, Array]:
+def estimates(outcome: RunData) -> tuple[Array, Array, Array]:
     """Return times (k,) [s], estimates (k, n) and true states (k, n), up to an escape."""
     recording = outcome.recording
     found = recording.agents[VEHICLE].estimates

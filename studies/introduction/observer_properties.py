@@ -35,7 +35,7 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.sphere_observer import SphereObserverConfig, config_mission
 from mathnavi.sim.scenarios.textbook import TextbookConfig
 from mathnavi.sim.sweep.trial import Trial, trial
@@ -443,7 +443,7 @@ class Decay(IntEnum):
     FINITE_TIME = 3
 
 
-def property_figures(outcome: RunResult) -> dict[str, Any]:
+def property_figures(outcome: RunData) -> dict[str, Any]:
     """A measure: lengths of the error in the units of the state, from the first estimate that is not initialising.
 
     ``start`` is that of the given start, or of the first estimate if no start was given; ``late`` is the root mean
@@ -490,7 +490,7 @@ def ranging_drift(started: OnTruth) -> float:
     return max(math.hypot(*mission.error(one.x, truth)) for one, truth in zip(found, run.truth, strict=True))
 
 
-def errors(outcome: RunResult) -> tuple[Array, Array]:
+def errors(outcome: RunData) -> tuple[Array, Array]:
     """Return times (k,) [s] and error lengths (k,) of the estimates that are not initialising, up to an escape."""
     recording = outcome.recording
     ((name, agent),) = recording.agents.items()
@@ -504,7 +504,7 @@ def errors(outcome: RunResult) -> tuple[Array, Array]:
     return t, lengths(outcome, x, truth)
 
 
-def lengths(outcome: RunResult, x: Array, truth: Array) -> Array:
+def lengths(outcome: RunData, x: Array, truth: Array) -> Array:
     """Return lengths (k,) of the errors of estimates (k, nx) to true states (k, nx), as the scenario compares them."""
     scenario = load("scenarios", outcome.config["scenario"])
     config = instance(scenario.Config, outcome.config["fields"], "fields")
@@ -535,7 +535,7 @@ def decay(error: Array, start: float) -> Decay:
     return Decay.ASYMPTOTIC if last <= DECAYED * start and falling else Decay.NONE
 
 
-def _given_error(outcome: RunResult) -> float | None:
+def _given_error(outcome: RunData) -> float | None:
     """Return the length of the error of the start that was given to the estimator; None if none was given."""
     if outcome.config["scenario"] == "textbook-observer":
         config = instance(TextbookConfig, outcome.config["fields"], "fields")

@@ -31,7 +31,7 @@ from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.statistics import median_band, rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.trial import Trial, trial
 from mathnavi.studies.framework.study import Setup, StudyResult
 
@@ -331,7 +331,7 @@ def quantile_limits(values: Array, share: float, confidence: float = CONFIDENCE)
 
 
 def _figure(
-    flown: Mapping[str, RunResult], misses: Sequence[tuple[Kind, Array]], replans: Mapping[str, Sequence[float]]
+    flown: Mapping[str, RunData], misses: Sequence[tuple[Kind, Array]], replans: Mapping[str, Sequence[float]]
 ) -> Figure:
     """Draw flights by autopilot, misses [m] of each kind of flight, and times [ms] of replans by solver."""
     with matplotlib.rc_context(STYLE):

@@ -41,7 +41,7 @@ from mathnavi.sim.metrics.ranging import RangingErrors, rms
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Band
 from mathnavi.sim.records.store import Record
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.range_localisation import VEHICLE
 from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig
 from mathnavi.sim.sweep.trial import Trial, trial
@@ -440,7 +440,7 @@ def _pattern_paths(turn_rate: float, seconds: float) -> Array:
     return farthest
 
 
-def course(outcome: RunResult) -> dict[str, Any]:
+def course(outcome: RunData) -> dict[str, Any]:
     """A measure: last time [s] with an error above the limit, and error and position [m] every fifth of a second."""
     errors = _errors(outcome)
     above = np.flatnonzero(~(errors.position <= LIMIT))
@@ -452,7 +452,7 @@ def course(outcome: RunResult) -> dict[str, Any]:
     }
 
 
-def tracked(outcome: RunResult) -> dict[str, Any]:
+def tracked(outcome: RunData) -> dict[str, Any]:
     """A measure: distance from the path [m], and slip of the wheels [m]."""
     recording, reference = outcome.recording, _reference(outcome.config["controller"]["fields"])
     truth = recording.truths[VEHICLE]
@@ -476,12 +476,12 @@ def _reference(fields: Mapping[str, Any]) -> Array:
     return ReferencePath(PATTERNS[config.then](config), RangingMission(WALL, (0.0,))).poses[:, :2]
 
 
-def _errors(outcome: RunResult) -> RangingErrors:
+def _errors(outcome: RunData) -> RangingErrors:
     """Return the errors modulo the wall's symmetry."""
     return RangingErrors.from_recording(outcome.recording, VEHICLE, RangingMission(WALL, (0.0,)))
 
 
-def _kept(outcome: RunResult) -> slice:
+def _kept(outcome: RunData) -> slice:
     t = outcome.recording.t
     return slice(0, None, max(1, round(OFTEN / float(t[1] - t[0]))) if len(t) > 1 else 1)
 

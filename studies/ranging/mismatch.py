@@ -24,7 +24,7 @@ from mathnavi.renders.study_report import Table
 from mathnavi.sim.metrics.consistency import consistency
 from mathnavi.sim.metrics.ranging import HEADING, POSITION, RangingErrors
 from mathnavi.sim.records.claims import Claim
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.range_localisation import VEHICLE
 from mathnavi.sim.sweep.trial import trial
 from mathnavi.studies.framework.study import Setup, StudyResult
@@ -191,7 +191,7 @@ def figure(cases: dict[str, Case]) -> Figure:
     return drawn
 
 
-def honesty(outcome: RunResult) -> dict[str, Any]:
+def honesty(outcome: RunData) -> dict[str, Any]:
     """A measure: how often the estimator was sure in the last quarter of a run, and how accurate it then was.
 
     ``known`` is the share of samples with the status OK, and ``nees_known`` their mean NEES, None without any.

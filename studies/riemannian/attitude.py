@@ -26,7 +26,7 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Band, rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.scenarios.attitude_tracking import VEHICLE
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.trial import Trial, trial
 from mathnavi.studies.framework.study import Setup, StudyResult, median
 
@@ -154,7 +154,7 @@ class TrueRate:
         return Estimate(t, x.copy(), None, Status.OK if self._read else Status.INITIALISING)
 
 
-def angles(outcome: RunResult) -> dict[str, Any]:
+def angles(outcome: RunData) -> dict[str, Any]:
     """A measure: angles [rad] to the reference, every ``OFTEN`` s; None before there is a reference."""
     angle = angles_to_reference(outcome.recording, VEHICLE, Attitude())
     t = outcome.recording.t

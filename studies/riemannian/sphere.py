@@ -43,7 +43,7 @@ from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Band
 from mathnavi.sim.scenarios.arm_velocity import VEHICLE as MECHANISM
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.sphere_observer import VEHICLE, config_mission, rigid_body_plant
 from mathnavi.sim.sweep.trial import Trial, trial
 from mathnavi.studies.framework.study import Jobs, Setup, StudyResult, median
@@ -519,7 +519,7 @@ def cart_pendulum(gains: str, seconds: float) -> Trial:
     return trial("arm-velocity", 0, controller="input_signal", fields=fields, measure=f"{__name__}:mechanism_errors")
 
 
-def mechanism_errors(outcome: RunResult) -> dict[str, Any]:
+def mechanism_errors(outcome: RunData) -> dict[str, Any]:
     """A measure: position and velocity errors every ``KEPT`` s."""
     manifold = MechanismSystem(build_model(outcome.config["fields"]["mechanism"], name=MECHANISM)).manifold
     errors = VelocityErrors.from_recording(outcome.recording, MECHANISM, manifold)

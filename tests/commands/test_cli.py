@@ -25,7 +25,7 @@ from mathnavi.commands.terrain import steepest
 from mathnavi.commands.unforeseen import DEVELOPERS
 from mathnavi.models.terrain.library import load_terrain, terrain_names
 from mathnavi.sim.plugin.registry import names
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 
 Words = tuple[str, ...]
 
@@ -103,7 +103,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, Any]]:
     """The closed loop that a command would fly, without flying it."""
     import mathnavi.commands.run
 
-    def without_flight(closed_loop: Any, *others: Any) -> RunResult:
+    def without_flight(closed_loop: Any, *others: Any) -> RunData:
         raise FlightAskedForError(closed_loop.config)
 
     monkeypatch.setattr(mathnavi.commands.run, "fly", without_flight)
@@ -160,7 +160,7 @@ def test_a_flight_that_is_cut_short_leaves_no_folder(
 ) -> None:
     import mathnavi.commands.run
 
-    def interrupted(closed_loop: Any, *others: Any) -> RunResult:
+    def interrupted(closed_loop: Any, *others: Any) -> RunData:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(mathnavi.commands.run, "fly", interrupted)

@@ -20,7 +20,7 @@ from mathnavi.commands.run import RunOptions, fly
 from mathnavi.commands.run_web import FollowedRun, changed_config, followed
 from mathnavi.sim.engine.loop import Loop
 from mathnavi.sim.records.run_spec import RunSpec
-from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunData
 from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
 from tests.renders.web.browser import chromium, watched
 
@@ -45,7 +45,7 @@ def asked(url: str, posted: object = None) -> Any:
     return text if text.startswith("<!doctype") else json.loads(text)
 
 
-def flown(run: FollowedRun, wanted: RunSpec) -> RunResult:
+def flown(run: FollowedRun, wanted: RunSpec) -> RunData:
     return run.fly(wanted.build(), lambda loop, watch: fly(loop, lambda t, duration: None, watch=watch))
 
 
@@ -53,7 +53,7 @@ def test_a_page_that_follows_a_run_gets_all_of_it_and_changes_nothing() -> None:
     wanted = spec_of(*ROBOT)
     with followed(wanted, "127.0.0.1", 0) as run:
         assert "being prepared" in asked(run.url)
-        results: list[RunResult] = []
+        results: list[RunData] = []
         thread = threading.Thread(target=lambda: results.append(flown(run, wanted)))
         thread.start()
         t: list[float] = []
@@ -113,7 +113,7 @@ def test_a_run_in_which_sliders_were_moved_is_flown_again_from_its_folder(tmp_pa
     wanted = spec_of("safe-flight", "--terrain", "canyon:3", "--seed", "3", *words)
     run, moved = FollowedRun(wanted), iter(({"radar_radius": 0.05}, {"target_east": 0.35}))
 
-    def simulate(closed_loop: ClosedLoop, watch: Callable[[Loop], None]) -> RunResult:
+    def simulate(closed_loop: ClosedLoop, watch: Callable[[Loop], None]) -> RunData:
         run.change({"pace": 20.0})
 
         def moving(loop: Loop) -> None:

@@ -13,7 +13,7 @@ from mathnavi.interfaces.signals import Event
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.metrics.planning import NEVER_ANSWERED
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 
 
 def recording(requests: int = 1) -> Recording:
@@ -23,7 +23,7 @@ def recording(requests: int = 1) -> Recording:
 
 def test_a_run_that_failed_says_why_in_the_same_line() -> None:
     summary = {"min_clearance_m": 45.1, SHORTFALL: "min clearance 45.1 m < 50 m allowed"}
-    failed = RunResult(recording(requests=1), summary, {}, success=False)
+    failed = RunData(recording(requests=1), summary, {}, success=False)
     assert verdict(failed) == f"mission FAILED: {summary[SHORTFALL]}"
     assert verdict(dataclasses.replace(failed, summary={}, success=False)).endswith("FAILED")
     assert verdict(dataclasses.replace(failed, summary={}, success=True)) == "mission succeeded"
@@ -31,7 +31,7 @@ def test_a_run_that_failed_says_why_in_the_same_line() -> None:
 
 def test_a_planner_without_a_part_stands_in_the_verdict_of_a_good_end_and_of_a_bad_one() -> None:
     summary = {PLANNER_STATUS: NEVER_ANSWERED}
-    good = RunResult(recording(), summary, {}, success=True)
+    good = RunData(recording(), summary, {}, success=True)
     assert verdict(good) == f"mission succeeded; BUT THE PLANNER {NEVER_ANSWERED}"
     failed = dataclasses.replace(good, summary={**summary, SHORTFALL: "late"}, success=False)
     assert verdict(failed).endswith(f": late; BUT THE PLANNER {NEVER_ANSWERED}")

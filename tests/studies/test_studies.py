@@ -22,7 +22,7 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders import page
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.store import Store
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.trial import Trial, trial
 from mathnavi.studies.flight.hunt import SAFE_FLIGHT, UPDATES
 from mathnavi.studies.framework import study
@@ -227,18 +227,18 @@ def hills(name: str, hills_by_length: dict[float, str]) -> str:
 
 
 @pytest.fixture(scope="module")
-def outcomes() -> dict[str, RunResult]:
+def outcomes() -> dict[str, RunData]:
     """Results flown so far, by the key of a trial without a measure."""
     return {}
 
 
 @pytest.fixture
-def flown_once(outcomes: dict[str, RunResult], trials_here: None, monkeypatch: pytest.MonkeyPatch) -> None:
+def flown_once(outcomes: dict[str, RunData], trials_here: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Missions are flown here, and each once: a study flies its missions for their records, and some for their paths
     again; and several studies compare with the same mission.
     """
 
-    def flown(trial: Trial) -> RunResult:
+    def flown(trial: Trial) -> RunData:
         key = replace(trial, measure="").key
         if key not in outcomes:
             outcomes[key] = trial.build().run()

@@ -35,7 +35,7 @@ from mathnavi.sim.plugin.registry import PluginSpec, called, names
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.run_folder import RunLog, read_log
 from mathnavi.sim.records.run_spec import RunSpec
-from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunData
 from mathnavi.sim.scenarios.played_back import SMOOTHER, played_back
 
 USAGE = """usage: mathnavi estimate ESTIMATOR DIR [OPTIONS]
@@ -134,7 +134,7 @@ def _playback(line: CommandLine, recorded: RecordedSpec, log: RunLog, estimator:
         return played_back(closed_loop, log, estimator, recorded.spec.estimator)
 
 
-def _comparison(spec: RunSpec, estimator: str, recorded: RunSpec, log: RunLog, result: RunResult) -> Table | str:
+def _comparison(spec: RunSpec, estimator: str, recorded: RunSpec, log: RunLog, result: RunData) -> Table | str:
     """Print the root mean square errors of the recorded and of the new estimates, if the scenario defines any."""
     ((_, states),) = result.recording.state_names.items()
     found = [

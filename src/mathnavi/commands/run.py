@@ -35,7 +35,7 @@ from mathnavi.sim.records.run_folder import SCENE, NothingToDrawError
 if TYPE_CHECKING:
     from mathnavi.commands.run_web import FollowedRun
     from mathnavi.sim.engine.loop import Loop
-    from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
+    from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunData
 
 UNPLANNED = 3  # exit status of a run that succeeded without its planner
 
@@ -163,7 +163,7 @@ def fly(
     progress: Callable[[float, float], None],
     again: Callable[[], ClosedLoop] | None = None,
     watch: Callable[[Loop], None] | None = None,
-) -> RunResult:
+) -> RunData:
     """Run with a bar over the simulated time; ``again`` builds the closed loop once more if necessary, and ``watch`` is
     called with the loop after every step.
     """

@@ -28,7 +28,7 @@ from mathnavi.renders.web.live import LiveScene
 from mathnavi.renders.web.scene import read_scene
 from mathnavi.sim.engine.loop import Loop
 from mathnavi.sim.records.run_spec import RunSpec
-from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunData
 
 STEP = 0.02  # [s] of the wall clock that the simulation waits at most at a time
 PACES = (0.1, 20.0)  # times real time
@@ -39,7 +39,7 @@ DRIVE = 30.0  # [s] in which a target drives to its new place
 PACE = "pace"  # the one slider that changes how the run is shown, not what happens
 
 
-Simulate = Callable[[ClosedLoop, Callable[[Loop], None]], RunResult]
+Simulate = Callable[[ClosedLoop, Callable[[Loop], None]], RunData]
 
 
 class _ChangedError(Exception):
@@ -110,7 +110,7 @@ class FollowedRun:
 
     # ---- for the simulation
 
-    def fly(self, closed_loop: ClosedLoop, simulate: Simulate) -> RunResult:
+    def fly(self, closed_loop: ClosedLoop, simulate: Simulate) -> RunData:
         """Simulate at the user's pace, again after every change."""
         shown_from = 0.0
         self._controls = {control.name: control for control in _controls(self._spec.config, closed_loop)}

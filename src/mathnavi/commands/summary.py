@@ -13,12 +13,12 @@ from mathnavi.interfaces.signals import Event
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, label
 
 if TYPE_CHECKING:
-    from mathnavi.sim.scenarios.closed_loop import RunResult
+    from mathnavi.sim.scenarios.closed_loop import RunData
 
 SHOWN_ELSEWHERE = ("seed", "version", "efficiency_basis", SHORTFALL, PLANNER_STATUS)
 
 
-def verdict(result: RunResult, subject: str = "mission") -> str:
+def verdict(result: RunData, subject: str = "mission") -> str:
     """Return a sentence: the mission, or another subject, succeeded, or why it failed."""
     why, status = result.summary.get(SHORTFALL), result.summary.get(PLANNER_STATUS)
     unflown = f"; BUT THE PLANNER {status}" if status else ""

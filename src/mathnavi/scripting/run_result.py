@@ -24,7 +24,7 @@ SHOWN = 12  # figures of a summary in a short table
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class RunResult(closed_loop.RunResult):
+class RunResult(closed_loop.RunData):
     """Result of a run: its arrays by dotted name, summary, events, and whether the mission succeeded.
 
     ``run["truth.x"]`` is an array of the log, (n, nx) by control step; ``run.arrays`` names them all.
@@ -33,7 +33,7 @@ class RunResult(closed_loop.RunResult):
     trusted: bool = True  # whether its own drawing, which may be any code, may run; False for one read from a folder
 
     @staticmethod
-    def of(result: closed_loop.RunResult) -> RunResult:
+    def of(result: closed_loop.RunData) -> RunResult:
         """Return the result of a run that this process has flown."""
         return RunResult(**{field.name: getattr(result, field.name) for field in dataclasses.fields(result)})
 

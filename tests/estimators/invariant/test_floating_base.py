@@ -17,7 +17,7 @@ from mathnavi.models.manifold.systems import RigidBody
 from mathnavi.models.mechanism.floating_base import FloatingBase
 from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.trial import trial
 
 SERVOS = (0.25, -0.25, 0.25, -0.25, 0.1, -0.3, 0.2, -0.2)  # [rad]
@@ -30,14 +30,14 @@ FLYING = """<mujoco><option timestep=".001" integrator="implicitfast"/><worldbod
 <accelerometer site="v/imu" noise=".02"/></sensor></mujoco>"""
 
 
-def quadruped(seconds: float, **fields: object) -> RunResult:
+def quadruped(seconds: float, **fields: object) -> RunData:
     given = {"mechanism": "quadruped", "duration": seconds, "rate": 500.0, "settled": 0.25, **fields}
     given |= {"planner.amplitude": SERVOS, "planner.frequency": 8.0}
     return trial("arm-velocity", 1, controller="input_signal", estimator="floating_base_iekf", fields=given).flown()
 
 
 @cache
-def walked() -> tuple[RunResult, list[Estimate], Array]:
+def walked() -> tuple[RunData, list[Estimate], Array]:
     """A run that stands and moves its legs, its estimates and what was true then."""
     run = quadruped(0.8)
     estimates = run.recording.agents["mechanism"].estimates

@@ -16,7 +16,7 @@ from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.plugin.registry import PluginSpec
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.ranging_fields import RangingNoise
 from tests.localisation import Reckoning, run
 
@@ -81,7 +81,7 @@ class Believer:
         return {"hypotheses": hypotheses, "scores": scores, "nis": np.array([2.0, 2.0]), "covariance": covariance}
 
 
-def believed(kind: str = "bank", duration: float = 4.0, **fields: object) -> RunResult:
+def believed(kind: str = "bank", duration: float = 4.0, **fields: object) -> RunData:
     """A run with faultless wheels from a start that is known exactly."""
     noise = RangingNoise(odometry_noise=(0.0, 0.0), odometry_bias=0.0, dropout=0.1)
     start = {"start": START, "start_known": True, "start_error": (0.0, 0.0, 0.0)}

@@ -19,13 +19,13 @@ from mathnavi.sim.metrics.lagrangian import VelocityErrors, errors_of
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.scenarios.arm_velocity import ArmVelocity, ArmVelocityConfig
 from mathnavi.sim.scenarios.attitude_tracking import AttitudeTrackingFields, AttitudeTrackingScenario
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.sphere_observer import VEHICLE, SphereObserver, SphereObserverConfig
 
 SHORT: dict[str, Any] = {"duration": 1.5, "settled": 1.0, "rate": 500.0}
 
 
-def flown(space: str = "body", seed: int = 1, **fields: Any) -> RunResult:
+def flown(space: str = "body", seed: int = 1, **fields: Any) -> RunData:
     config = SphereObserverConfig(**{**SHORT, "space": space, **fields})
     return SphereObserver.build(config, seed).run()
 

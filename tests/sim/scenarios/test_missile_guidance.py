@@ -11,7 +11,7 @@ import pytest
 from mathnavi.controllers.missile.plugin import MissileController
 from mathnavi.estimators.missile_kalman import MissileKalman
 from mathnavi.sim.plugin.registry import PluginSpec
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.missile_fields import (
     MissileFaults,
     MissileGuidanceConfig,
@@ -29,22 +29,22 @@ ACROSS: dict[str, Any] = {"start": (0.0, 40.0, 10.0), "start_heading": -10.0, "t
 WIND = MissileGust(force=(400.0, 0.0, 0.0), torque=(0.0, -20.0, 0.0))
 
 
-def fly(seed: int = 0, **fields: Any) -> RunResult:
+def fly(seed: int = 0, **fields: Any) -> RunData:
     """A flight to a target that is near enough to be short."""
     return missile.fly(seed, **{"target": (450.0, 0.0, 0.0), **fields})
 
 
 @pytest.fixture(scope="module")
-def calm() -> RunResult:
+def calm() -> RunData:
     """In the pitch plane, nothing in the way."""
     return fly()
 
 
-def kinds(outcome: RunResult) -> list[str]:
+def kinds(outcome: RunData) -> list[str]:
     return [event.kind for event in outcome.recording.events]
 
 
-def test_undisturbed_it_hits_as_planned(calm: RunResult) -> None:
+def test_undisturbed_it_hits_as_planned(calm: RunData) -> None:
     assert calm.success
     summary = calm.summary
     assert summary["hit"] is True
@@ -55,7 +55,7 @@ def test_undisturbed_it_hits_as_planned(calm: RunResult) -> None:
     assert summary["saturated_s"] == summary["inputs_clipped"] == summary["late_plans"] == 0
 
 
-def test_the_flight_ends_with_the_sample_that_finds_the_target_passed(calm: RunResult) -> None:
+def test_the_flight_ends_with_the_sample_that_finds_the_target_passed(calm: RunData) -> None:
     heights = calm.recording.truths["missile"][:, 1]
     assert heights[-1] <= 0.0 < heights[-2]
 
@@ -78,7 +78,7 @@ def test_feedback_brings_it_home(fields: dict[str, Any]) -> None:
     assert outcome.summary["miss_m"] < 0.5
 
 
-def test_what_is_not_as_declared_matters(calm: RunResult) -> None:
+def test_what_is_not_as_declared_matters(calm: RunData) -> None:
     other = fly(controller=glide(omega=2.0), mismatch=MissileMismatch(mass=1.1), gust=WIND)
     assert other.summary["miss_m"] > 20.0 * calm.summary["miss_m"]
     assert other.config["mission"] == calm.config["mission"]  # not announced
@@ -125,7 +125,7 @@ def test_a_filter_makes_noisy_readings_usable() -> None:
     assert outcome_lost(filtered) == pytest.approx(0.2, abs=0.05)
 
 
-def outcome_lost(outcome: RunResult) -> float:
+def outcome_lost(outcome: RunData) -> float:
     """Share of the readings that were lost."""
     return float(np.isnan(outcome.arrays["measurement.full_state"][:, 0]).mean())
 
@@ -143,7 +143,7 @@ def test_the_same_seed_gives_the_same_log_and_another_one_another() -> None:
     assert not np.array_equal(one.arrays["truth.x"][:500], other.arrays["truth.x"][:500])
 
 
-def test_a_flight_takes_at_most_twice_the_planned_time(calm: RunResult) -> None:
+def test_a_flight_takes_at_most_twice_the_planned_time(calm: RunData) -> None:
     closed_loop = MissileGuidance.build(MissileGuidanceConfig(target=(450.0, 0.0, 0.0)), 0, glide())
     assert closed_loop.duration == pytest.approx(2.0 * calm.summary["planned_time_s"], abs=0.002)
 

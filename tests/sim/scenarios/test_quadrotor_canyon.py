@@ -13,7 +13,7 @@ from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.metrics.quadrotor import point, tilts
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.records.figure_names import label
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
 from mathnavi.sim.scenarios.flight_fields import FlightNoise
 from mathnavi.sim.scenarios.quadrotor_canyon import QuadrotorCanyon
@@ -24,16 +24,16 @@ HEAVY = QuadrotorMismatch(mass=1.1, motor_lag=1.15)
 SHORT = {"start": (300.0, 275.0, 1232.0), "target": (204.0, 303.0, 1232.0)}  # in canyon 0, a spur between them
 
 
-def flown(seed: int = 0, **fields: Any) -> RunResult:
+def flown(seed: int = 0, **fields: Any) -> RunData:
     return QuadrotorCanyon.build(QuadrotorCanyonConfig(**{**SHORT, **fields}), seed).run()
 
 
 @pytest.fixture(scope="module")
-def outcome() -> RunResult:
+def outcome() -> RunData:
     return flown(faults=GUSTS, mismatch=HEAVY)
 
 
-def test_in_gusts_heavier_than_modelled_with_failing_solvers_it_arrives_safely_and_in_time(outcome: RunResult) -> None:
+def test_in_gusts_heavier_than_modelled_with_failing_solvers_it_arrives_safely_and_in_time(outcome: RunData) -> None:
     summary = outcome.summary
     assert outcome.success, summary
     assert summary["arrival_time_s"] <= summary["deadline_s"]
@@ -43,7 +43,7 @@ def test_in_gusts_heavier_than_modelled_with_failing_solvers_it_arrives_safely_a
     assert summary["speed_max_m_s"] <= 14.0
 
 
-def test_its_figures_are_those_of_the_log(outcome: RunResult) -> None:
+def test_its_figures_are_those_of_the_log(outcome: RunData) -> None:
     summary, x = outcome.summary, outcome.arrays["truth.x"]
     assert x.shape[1] == 13
     assert outcome.arrays["command.u"].shape == (len(x), 4)
@@ -57,14 +57,14 @@ def test_its_figures_are_those_of_the_log(outcome: RunResult) -> None:
     assert all(label(key)[0] for key in summary)
 
 
-def test_estimates_are_compared_with_the_centre(outcome: RunResult) -> None:
+def test_estimates_are_compared_with_the_centre(outcome: RunData) -> None:
     x, truth = outcome.arrays["estimate.x"], outcome.arrays["truth.x"]
     errors = QuadrotorCanyon.errors(QuadrotorCanyonConfig(), x, truth)
     assert list(errors) == ["x [m]", "y [m]", "z [m]", "v_x [m/s]", "v_y [m/s]", "v_z [m/s]"]
     assert all(np.abs(error).max() < 1e-9 for error in errors.values())  # its sensor has no noise
 
 
-def test_the_clearance_is_that_of_the_whole_vehicle(outcome: RunResult) -> None:
+def test_the_clearance_is_that_of_the_whole_vehicle(outcome: RunData) -> None:
     """No point of a ball of its reach is ever lower over the ground around it."""
     x, ground = outcome.arrays["truth.x"][::15], load_terrain("canyon")
     rng = np.random.default_rng(0)
@@ -76,7 +76,7 @@ def test_the_clearance_is_that_of_the_whole_vehicle(outcome: RunResult) -> None:
     assert outcome.summary["min_clearance_m"] <= nearest < centre
 
 
-def test_the_same_seed_is_the_same_log(outcome: RunResult) -> None:
+def test_the_same_seed_is_the_same_log(outcome: RunData) -> None:
     again = flown(faults=GUSTS, mismatch=HEAVY)
     assert again.arrays.keys() == outcome.arrays.keys()
     assert all(again.arrays[name].tobytes() == outcome.arrays[name].tobytes() for name in again.arrays)

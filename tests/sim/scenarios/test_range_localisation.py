@@ -18,7 +18,7 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import BEAN
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.plugin.registry import PluginSpec
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.range_localisation import RangeLocalisation
 from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig, RangingMismatch, RangingNoise, WallFields
 from tests.localisation import DeadReckoner, Pattern, PatternConfig, PatternPlanner, PatternTracker, run
@@ -34,7 +34,7 @@ NOISY: dict[str, Any] = {
 }
 
 
-def kinds(outcome: RunResult) -> list[str]:
+def kinds(outcome: RunData) -> list[str]:
     return [event.kind for event in outcome.recording.events]
 
 
@@ -44,12 +44,12 @@ def build(seed: int, controller: PluginSpec | None = None, **fields: Any) -> Any
 
 
 @pytest.fixture(scope="module")
-def silent() -> RunResult:
+def silent() -> RunData:
     """Without noise, from a start that is known."""
     return run(noise=SILENT, **KNOWN_START)
 
 
-def test_who_knows_the_start_and_reckons_without_noise_never_errs(silent: RunResult) -> None:
+def test_who_knows_the_start_and_reckons_without_noise_never_errs(silent: RunData) -> None:
     summary = silent.summary
     assert silent.success
     assert summary["converged"] is True
@@ -60,7 +60,7 @@ def test_who_knows_the_start_and_reckons_without_noise_never_errs(silent: RunRes
     assert summary["lost_ranges"] == summary["lost_s"] == 0.0
 
 
-def test_the_log_has_the_readings_that_the_mission_declares(silent: RunResult) -> None:
+def test_the_log_has_the_readings_that_the_mission_declares(silent: RunData) -> None:
     arrays = silent.arrays
     poses = arrays["truth.x"][:, :3]
     angles = np.radians([-60.0, 60.0])
@@ -71,7 +71,7 @@ def test_the_log_has_the_readings_that_the_mission_declares(silent: RunResult) -
     assert silent.recording.state_names["robot"][:3] == ("position_x_1 [m]", "position_x_2 [m]", "position_phi [rad]")
 
 
-def test_the_robot_starts_where_it_is_put(silent: RunResult) -> None:
+def test_the_robot_starts_where_it_is_put(silent: RunData) -> None:
     np.testing.assert_allclose(silent.arrays["truth.x"][0, :3], [0.3, -0.2, math.radians(70.0)], atol=1e-15)
 
 

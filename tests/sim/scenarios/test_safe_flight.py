@@ -19,7 +19,7 @@ from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.plugin.registry import PluginSpec, load
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
 from mathnavi.sim.scenarios.flight_fields import FlightNoise, SafeFlightConfig
 from mathnavi.sim.scenarios.safe_flight import SafeFlight
@@ -47,7 +47,7 @@ def flown(
     estimator: str = "full_state",
     seconds: float = math.inf,
     **fields: Any,
-) -> RunResult:
+) -> RunData:
     """A mission, or its first seconds."""
     parts = (
         PluginSpec.with_fields(load("controllers", controller)),
@@ -57,11 +57,11 @@ def flown(
     return replace(built, duration=min(seconds, built.duration)).run()
 
 
-def kinds(outcome: RunResult) -> Counter[str]:
+def kinds(outcome: RunData) -> Counter[str]:
     return Counter(event.kind for event in outcome.recording.events)
 
 
-def assert_safe(outcome: RunResult) -> None:
+def assert_safe(outcome: RunData) -> None:
     summary = outcome.summary
     assert summary["ground_contacts"] == 0
     assert summary["min_clearance_m"] >= H_MIN
@@ -71,12 +71,12 @@ def assert_safe(outcome: RunResult) -> None:
 
 
 @pytest.fixture(scope="module")
-def plain(terrain: str) -> RunResult:
+def plain(terrain: str) -> RunData:
     """A flight without faults."""
     return flown(terrain)
 
 
-def test_it_arrives_and_clears_the_ground(plain: RunResult) -> None:
+def test_it_arrives_and_clears_the_ground(plain: RunData) -> None:
     assert_safe(plain)
     summary = plain.summary
     assert summary["fallback_steps"] == summary["tracking_breaches"] == summary["missed_passes"] == 0
@@ -86,7 +86,7 @@ def test_it_arrives_and_clears_the_ground(plain: RunResult) -> None:
     assert summary["tracking_error_max_m"] <= summary["tracking_bound_m"]
 
 
-def test_what_was_flown_is_the_plans_that_were_adopted(plain: RunResult) -> None:
+def test_what_was_flown_is_the_plans_that_were_adopted(plain: RunData) -> None:
     arrays = plain.arrays
     adopted = arrays["plan.adopted"]
     np.testing.assert_allclose(arrays["plan.t"][arrays["plan.offsets"][:-1]], adopted, atol=1e-9)
@@ -95,7 +95,7 @@ def test_what_was_flown_is_the_plans_that_were_adopted(plain: RunResult) -> None
     np.testing.assert_allclose(arrays["truth.x"][steps], starts, atol=0.1)
 
 
-def test_the_clearance_is_that_of_the_flown_path(plain: RunResult) -> None:
+def test_the_clearance_is_that_of_the_flown_path(plain: RunData) -> None:
     x = plain.arrays["truth.x"]
     height = x[:, 2] - flight.mountains().height(x[:, 0], x[:, 1])
     least = plain.summary["min_clearance_m"]
@@ -160,7 +160,7 @@ def test_lost_readings_are_survived(terrain: str) -> None:
     assert missing.mean() == pytest.approx(0.5, abs=0.05)
 
 
-def test_a_radar_that_pops_up_reaches_the_planner_as_a_message(terrain: str, plain: RunResult) -> None:
+def test_a_radar_that_pops_up_reaches_the_planner_as_a_message(terrain: str, plain: RunData) -> None:
     radar = (6500.0, 6500.0, 2000.0, 8.0)
     outcome = flown(terrain, radar=(radar,), radar_time=12.0)
     assert_safe(outcome)
@@ -171,7 +171,7 @@ def test_a_radar_that_pops_up_reaches_the_planner_as_a_message(terrain: str, pla
     assert not np.array_equal(outcome.arrays["truth.x"][-600:], plain.arrays["truth.x"][-600:])
 
 
-def test_a_radar_known_from_the_start_bends_the_path(terrain: str, plain: RunResult) -> None:
+def test_a_radar_known_from_the_start_bends_the_path(terrain: str, plain: RunData) -> None:
     radar = (6500.0, 6500.0, 2000.0, 8.0)
     outcome = flown(terrain, radar=(radar,))
     assert_safe(outcome)
@@ -258,7 +258,7 @@ def test_the_planner_as_printed_flies_without_a_certificate(terrain: str) -> Non
     assert not {"wrong-start", "deadline", "bounds"} & kinds(outcome).keys()
 
 
-def test_a_folder_holds_what_it_takes_to_fly_again(plain: RunResult, terrain: str, tmp_path: Path) -> None:
+def test_a_folder_holds_what_it_takes_to_fly_again(plain: RunData, terrain: str, tmp_path: Path) -> None:
     plain.write(tmp_path)
     recorded = json.loads((tmp_path / "config.json").read_text())
     summary = json.loads((tmp_path / "summary.json").read_text())

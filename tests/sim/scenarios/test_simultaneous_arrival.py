@@ -11,7 +11,7 @@ import pytest
 
 from mathnavi.models.aerial.dynamics import HULL_RADIUS
 from mathnavi.sim.metrics.fleet import arrival_times, least_separation
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
 from mathnavi.sim.scenarios.fleet_fields import Clocks, Radio, SimultaneousArrivalConfig
 from mathnavi.sim.scenarios.simultaneous_arrival import SimultaneousArrival
@@ -30,11 +30,11 @@ def config(terrain: str, **fields: Any) -> SimultaneousArrivalConfig:
     return SimultaneousArrivalConfig(**{"terrain": terrain, **small, **fields})
 
 
-def flown(terrain: str, seed: int = 0, **fields: Any) -> RunResult:
+def flown(terrain: str, seed: int = 0, **fields: Any) -> RunData:
     return SimultaneousArrival.build(config(terrain, **fields), seed).run()
 
 
-def begun(terrain: str, seconds: float, **fields: Any) -> RunResult:
+def begun(terrain: str, seconds: float, **fields: Any) -> RunData:
     """The first seconds of a mission."""
     return dataclasses.replace(SimultaneousArrival.build(config(terrain, **fields), 0), duration=seconds).run()
 

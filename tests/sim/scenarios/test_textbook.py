@@ -13,11 +13,11 @@ from mathnavi.commands.cli import main
 from mathnavi.estimators.textbook.example_2_2 import Example22
 from mathnavi.estimators.textbook.kazantzis_kravaris import KazantzisKravaris
 from mathnavi.sim.plugin.registry import PluginSpec
-from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.textbook import VEHICLE, TextbookConfig, TextbookObserver
 
 
-def run(seed: int = 0, estimator: PluginSpec | None = None, **fields: object) -> RunResult:
+def run(seed: int = 0, estimator: PluginSpec | None = None, **fields: object) -> RunData:
     return TextbookObserver.build(TextbookConfig(**fields), seed, estimator=estimator).run()  # type: ignore[arg-type]
 
 

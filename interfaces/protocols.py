@@ -243,9 +243,9 @@ class ControllerPlugin(Protocol):
     def build(config: Any, mission: Any) -> tuple[Planner, Tracker]:
         """Build new components for one run. ``mission`` is the scenario's public description of the task.
 
-        A scenario that certifies plans also needs ``tracker.bound``, the bound that the tracker keeps. It certifies
-        unless the plug-in has an attribute ``certified`` that is False; if that is a function, ``certified(planner,
-        mission, tracker)``, it certifies in its own way and returns the planner to use.
+        A scenario that certifies plans also needs ``tracker.bound``, the bound that the tracker keeps. The
+        plug-in may declare ``certifier``: None for plans that are flown without a certificate, or a function
+        ``certifier(planner, mission, tracker)`` that certifies in its own way and returns the planner to use.
         """
         ...
 

@@ -2,7 +2,7 @@
 
     minimise f(x, p)    subject to    lbg <= g(x, p) <= ubg,    lbx <= x <= ubx.
 
-A solver is called again and again with other guesses and parameters, on line within milliseconds, so its arguments and
+A solver is called again and again with other guesses and parameters, online within milliseconds, so its arguments and
 results live in buffers. Every outcome of a call is a status.
 """
 

@@ -62,8 +62,8 @@ def write_video(
 
     MP4, 12 to 25 s for a whole run; "tour" cuts between the cameras, the others stay. ``codec``: H.264 plays
     everywhere, AV1 and VP9 are encoded without a library under the GPL. Raises FileNotFoundError or ArgumentError for a
-    run that is missing or broken, for an unknown camera and for a codec that FFmpeg here does not
-    encode, ``opengl.NoOpenGLError`` if OpenGL is not available.
+    run that is missing or broken, for an unknown camera and for a codec that FFmpeg here does not encode,
+    ``opengl.NoOpenGLError`` if OpenGL is not available.
     """
     _check_codec(codec)
     check_size(width, height)

@@ -21,9 +21,9 @@ NLP fails or the manoeuvre is infeasible, the previous concatenated solution goe
 vehicle completes the task "continuing upward and upon a full turn above the target" (A.4).
 
 Where the thesis is silent: the accelerations are flown, each held for h, so the arcs of a plan are the exact motion;
-only the optimiser uses Euler. The vehicle's force is bounded in the Euclidean norm, so the thesis's
-box for a_i is the largest one in that ball. S_f is p = p_f, and no node is constrained to it: the vehicle arrives if it
-happens to pass within the radius, else by completion.
+only the optimiser uses Euler. The vehicle's force is bounded in the Euclidean norm, so the thesis's box for a_i is the
+largest one in that ball. S_f is p = p_f, and no node is constrained to it: the vehicle arrives if it happens to pass
+within the radius, else by completion.
 """
 
 from __future__ import annotations

@@ -92,14 +92,14 @@ class Certified:
     flown stays, for it is the best guess of where the vehicle is.
 
     New information (``mathnavi.models.aerial.knowledge``) is checked at the next planning instant, a map as soon as it
-    arrives. *A map that was wrong*: if what is left of the plan being flown is safe over the new map,
-    the guarantee is kept. Otherwise a certified plan from where the plan is now takes over without delay; if none
-    exists, the loss is announced ("guarantee-lost"), the present plan or that of the fallback planner is flown,
-    the one with more clearance, and the search goes on at every period until there is one ("guarantee-regained"). *A
-    target elsewhere*: the vehicle is as safe as before, but its plan leads to where the target was. The first certified
-    plan that leads to the new one takes over, and if it ends after the deadline, the deadline is D = t_s + gamma V from
-    then on, t_s its start ("deadline-moved"). Where none has taken over by the next instant the loss is announced
-    ("arrival-lost") until one has.
+    arrives. *A map that was wrong*: if what is left of the plan being flown is safe over the new map, the guarantee is
+    kept. Otherwise a certified plan from where the plan is now takes over without delay; if none exists, the loss is
+    announced ("guarantee-lost"), the present plan or that of the fallback planner is flown, the one with more
+    clearance, and the search goes on at every period until there is one ("guarantee-regained"). *A target elsewhere*:
+    the vehicle is as safe as before, but its plan leads to where the target was. The first certified plan that leads to
+    the new one takes over, and if it ends after the deadline, the deadline is D = t_s + gamma V from then on, t_s its
+    start ("deadline-moved"). Where none has taken over by the next instant the loss is announced ("arrival-lost") until
+    one has.
     """
 
     def __init__(

@@ -99,7 +99,7 @@ class FlightConfig(RecedingHorizonConfig):
 
 
 class FlightController:
-    """Receding horizon with a safety manoeuvre behind every plan, optimised on line and certified."""
+    """Receding horizon with a safety manoeuvre behind every plan, optimised online and certified."""
 
     Config = FlightConfig
 

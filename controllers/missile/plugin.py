@@ -1,4 +1,4 @@
-"""The plug-in ``missile``: plans the flight to a target on line, and flies it with one of three autopilots."""
+"""The plug-in ``missile``: plans the flight to a target online, and flies it with one of three autopilots."""
 
 from __future__ import annotations
 

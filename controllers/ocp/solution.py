@@ -69,9 +69,9 @@ class Timing:
 class ReplayResult:
     """The control, saturated to its bounds, flown through the true dynamics from the solution's own start.
 
-    The figures are judged one by one; all are infinite where the integration diverges (see
-    ``replay``). The control violation concerns neither the replayed control nor that of ``Solution.control``, which
-    keep the bounds; the effect of saturation is in the other figures.
+    The figures are judged one by one; all are infinite where the integration diverges (see ``replay``). The control
+    violation concerns neither the replayed control nor that of ``Solution.control``, which keep the bounds; the effect
+    of saturation is in the other figures.
     """
 
     miss: float  # scaled: largest |x_replayed(T) - x(T)| / x_scale, or the sum of the intervals' defects

@@ -49,7 +49,7 @@ class FasterConfig(FlightConfig):
     margin: NonNegative = 50.0
     """clearance that the whole trajectory keeps above h_min, softly [m]"""
     braking: Positive = 2.0
-    """way left before H over the least stopping distance, a factor"""
+    """ratio of the way that is left before H to the least stopping distance"""
 
 
 class FasterFlight:

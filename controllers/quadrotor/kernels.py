@@ -1,7 +1,7 @@
 """The quadrotor's tracker, compiled: reference filter, attitude of a thrust, attitude error, law of the rotors.
 
-Frames and letters are those of ``mathnavi.models.quadrotor.dynamics``; see ``attitude`` and ``tracker``
-for the use of the functions. Every vector is (3,), a reference z is (4, 3): position, velocity, acceleration, jerk.
+Frames and letters are those of ``mathnavi.models.quadrotor.dynamics``; see ``attitude`` and ``tracker`` for the use of
+the functions. Every vector is (3,), a reference z is (4, 3): position, velocity, acceleration, jerk.
 """
 
 from __future__ import annotations

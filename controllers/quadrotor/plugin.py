@@ -3,8 +3,8 @@
 The two time scales of Fig. A.9: the planner moves a double integrator every half second, the tracker the quadrotor
 many times in between. What the tracker keeps enters the planner's certificate as its tracking bound. The planner works
 on the mission magnified to its own scale (``similarity``), so its fields are those of the controller ``flight``, in its
-units. One of them has another default: near the walls of a canyon, cliffs at the planner's scale, plans with
-a ``margin`` of 25 m are often not certified.
+units. One of them has another default: near the walls of a canyon, cliffs at the planner's scale, plans with a
+``margin`` of 25 m are often not certified.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@
 with V_rho and Q of ``observer_kernels``. It is stiff, so a period dt is one linearly implicit step, z + feed-forward -
 dt (I + dt H)^-1 gradient. (C.5) as printed has no feed-forward and so does not stay on the truth;
 ``feedforward_kernels`` has three that do. Phi is the thesis' vector average: the mean of the positions that the rays
-imply. Range rates come from a window of readings, at the centre of which the observer runs; from there
-the estimate is pushed forward with the inputs that odometry measured. A lost ray is replaced by that motion too.
+imply. Range rates come from a window of readings, at the centre of which the observer runs; from there the estimate is
+pushed forward with the inputs that odometry measured. A lost ray is replaced by that motion too.
 
 **Ranges and range rates from noisy ranges**: a Savitzky-Golay filter at the centre of a window.
 

@@ -1,11 +1,11 @@
 """Moving-horizon estimation: least squares over the last stages, with an arrival cost for all that came before.
 
 Over the stages of a window with states x_1, ..., x_M, prior mean m and covariance P at the first, one real-time
-Gauss-Newton iteration solves the quadratic programme below about the current states, and moves them
-by its solution (M. Diehl, H. G. Bock and J. P. Schloeder, SIAM J. Control and Optimization 43, 2005). Without its
-limits the programme is solved in closed form; if that solution is within the limits it is the programme's solution, as
-the programme is convex; otherwise FATROP solves it. Outliers are weighted by Huber's loss with threshold delta: a
-whitened residual r has the weight min(1, delta / |r|), at first with its predicted deviation in place of 1.
+Gauss-Newton iteration solves the quadratic programme below about the current states, and moves them by its solution (M.
+Diehl, H. G. Bock and J. P. Schloeder, SIAM J. Control and Optimization 43, 2005). Without its limits the programme is
+solved in closed form; if that solution is within the limits it is the programme's solution, as the programme is convex;
+otherwise FATROP solves it. Outliers are weighted by Huber's loss with threshold delta: a whitened residual r has the
+weight min(1, delta / |r|), at first with its predicted deviation in place of 1.
 
 When the window moves on, the prior is updated with the readings of the stage that leaves, as by an extended Kalman
 filter that is linearised at the smoothed state, and is propagated to the next stage (C. V. Rao, J. B. Rawlings and D.
@@ -14,8 +14,8 @@ filter.
 
 **The quadratic programme**, stage by stage, with its limits, in the form that FATROP solves.
 
-With errors e_i (d,) of N stages, scaled to similar magnitudes, readings W e = r + noise of H = W' W and
-g = W' r, and noises n_i (d,) between the stages,
+With errors e_i (d,) of N stages, scaled to similar magnitudes, readings W e = r + noise of H = W' W and g = W' r, and
+noises n_i (d,) between the stages,
 
     min 1/2 |e_0|^2 + 1/2 sum |n_i|^2 + sum (1/2 e_i' H_i e_i - g_i' e_i)
     subject to  e_{i+1} = A_i e_i + B_i n_i + c_i,   low_i <= e_i <= high_i,

@@ -1,7 +1,7 @@
 """Readers of bytes, text and JSON from files; every file is read by these and their neighbours here.
 
-A file that is larger than a file of its kind can be is refused before it is read. An error is one
-line that names the file, the place in it, the value, and what is allowed.
+A file that is larger than a file of its kind can be is refused before it is read. An error is one line that names the
+file, the place in it, the value, and what is allowed.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """The configurations of a mechanism that MuJoCo can load, with its mass matrix as the metric: g = M(q).
 
-A point is qpos (nq,), a tangent vector a qvel (nv,): rates of slides [m/s] and hinges [rad/s], and of a ball joint,
-the position of which is a unit quaternion, the rate [rad/s] in the frame of the body it carries; a free joint is three
-slides along the axes of the world and a ball. Only inverse
-dynamics is needed from MuJoCo (``kernels``): no derivative of M is needed for the Levi-Civita connection. The thesis
-leaves open how to go on where no closed form is known (D.6); here, with d = q - p in the joints,
+A point is qpos (nq,), a tangent vector a qvel (nv,): rates of slides [m/s] and hinges [rad/s], and of a ball joint, the
+position of which is a unit quaternion, the rate [rad/s] in the frame of the body it carries; a free joint is three
+slides along the axes of the world and a ball. Only inverse dynamics is needed from MuJoCo (``kernels``): no derivative
+of M is needed for the Levi-Civita connection. The thesis leaves open how to go on where no closed form is known (D.6);
+here, with d = q - p in the joints,
 
     exp_p w, log_p q    err by O(|w|^4), O(|d|^4)
     transport           errs by O(|d|^3), and keeps the length to rounding

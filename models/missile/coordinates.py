@@ -1,8 +1,8 @@
 """Coordinates of a missile's flight: in the pitch plane (``PLANAR``), or in space (``SPATIAL``).
 
 The *state* x is the thesis' (z down, velocities in the body frame); estimates and plans contain it. The *joint
-coordinates* (q, q') are MuJoCo's (z up, velocities in the world frame); the plant has them.
-``Coordinates`` converts one to the other and back, propagates a state, and finds the input for an acceleration.
+coordinates* (q, q') are MuJoCo's (z up, velocities in the world frame); the plant has them. ``Coordinates`` converts
+one to the other and back, propagates a state, and finds the input for an acceleration.
 
 A *place* is a point or vector of the Earth frame (X_e, Y_e, Z_e), always (3,), y_e = 0 in the pitch plane.
 """

@@ -1,8 +1,8 @@
 """Drawing of flights of aerial vehicles (``mathnavi.renders.drawing``): shots, annotations, overlay.
 
 A whole flight lasts four minutes or more, its video twenty seconds. The tour gives half of them to the flight's
-highlight, such as the way around a radar that pops up, and follows the vehicle: at
-the start, in the middle of its highlight and at the arrival; the overview and the top view cover the long ways between.
+highlight, such as the way around a radar that pops up, and follows the vehicle: at the start, in the middle of its
+highlight and at the arrival; the overview and the top view cover the long ways between.
 """
 
 from __future__ import annotations

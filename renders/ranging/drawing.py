@@ -1,7 +1,7 @@
 """Drawing of robots that localise themselves by ranges (``mathnavi.renders.drawing``): shots, annotations, overlay.
 
 The pose of the robot is found within the first second, often within a fifth of a second: that is shown in slow motion,
-however short it is, and what follows faster.
+however short it is; the rest is shown faster.
 """
 
 from __future__ import annotations

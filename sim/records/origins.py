@@ -4,8 +4,7 @@
     origins(key, content, environment)          of each trial and job; content: hash of all but the environment
 
 The key of a record is the hash of both. Records of the same content from two environments are equal up to rounding and
-not bit for bit, so both are kept, and are mixed only on request. A record that an earlier version wrote
-has no origin.
+not bit for bit, so both are kept, and are mixed only on request. A record that an earlier version wrote has no origin.
 """
 
 from __future__ import annotations

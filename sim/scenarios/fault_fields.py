@@ -122,7 +122,7 @@ class Jumps(Fault):
     stream: ClassVar[str] = "position_jumps"
 
     position_jump: Magnitude = 0.0
-    """half-width w of the jump p := p + w once a planning period [m] (Table A.3); carries no guarantee"""
+    """half-width of the random jump p := p + w once a planning period [m] (Table A.3); carries no guarantee"""
 
     def disturbances(self, mass: float, period: float, rng: np.random.Generator) -> Sequence[Disturbance]:
         return (PositionJumps(self.position_jump, period, rng),) if self.position_jump > 0.0 else ()

@@ -2,8 +2,8 @@
 
 A particle is a chain of redraws (``mathnavi.sim.scenarios.redraw``), the first of everything; the kernel appends one
 more, of a share drawn from ``SHARES``. The level is the figure of the mission. A refused mission is infinitely far from
-the event, a failed one counts as the event. Fields with a range are uniform over it, or over its
-logarithm, and are redrawn like any other block.
+the event, a failed one counts as the event. Fields with a range are uniform over it, or over its logarithm, and are
+redrawn like any other block.
 
 **Adaptive multilevel splitting**: the probability of an event that is rare under the prior.
 

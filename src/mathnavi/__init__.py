@@ -5,9 +5,8 @@
     run = mn.run("safe-flight", seed=3, terrain="jacksboro", controller=mn.plugin("flight", nodes=7))
     run.summary["min_clearance_m"], run["truth.x"], run.plot(), run.report("flight.html"), run.save("out")
 
-These names are the public interface; each is imported when it is first asked for. Everything else is importable too,
-``mathnavi.models``, ``mathnavi.sim``, ``mathnavi.controllers``, ``mathnavi.estimators``, ``mathnavi.renders``, and may
-change from version to version.
+These names are the public interface; each is imported at its first use. Everything else, such as ``mathnavi.models``,
+can be imported too, and may change from version to version.
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ def _ground(path: str, hills: tuple[tuple[float, ...], ...], reach: float) -> He
 
 
 def _uncharted(outcome: RunData, t: float) -> bool:
-    """Tell whether at ``t`` [s] there are hills that no map shows yet, and the mapped ground was kept clear."""
+    """Return True if at ``t`` [s] there are hills that no map shows yet, and the mapped ground was kept clear."""
     config = outcome.config
     fields = config["fields"]
     if not fields.get("uncharted") or t >= fields["uncharted_time"]:
@@ -141,7 +141,7 @@ def _deadline(outcome: RunData) -> list[tuple[str, float, float]]:
 
 
 def _announced(kind: str, t: float, events: list[Event]) -> bool:
-    """Tell whether an event before ``t`` [s] announced the loss of this guarantee, and no later event its return."""
+    """Return True if an event before ``t`` [s] announced the loss of this guarantee, and no later event its return."""
     if kind == "deadline":
         return any(event.kind in DELAYS and event.t < t for event in events)
     for loss, end in LOSSES.items():

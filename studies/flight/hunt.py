@@ -2,7 +2,7 @@
 
 Four directed searches minimise the margin of clearance, separation and deadline, excluding violations that an event
 announced. Whether such a search would find a hole is measured on four controllers that have one (``guarantee_holes``),
-the mutants: by the number of missions until it is found, compared with random draws. The product's controller, which
+the mutants: by the number of missions until it is found, compared with random draws. The controller ``flight``, which
 has all checks, is searched in the same spaces.
 
 All missions are short, in canyons of 640 m and over level ground. The search spaces contain noise and gusts as declared
@@ -96,7 +96,7 @@ class HuntStudy:
                 "gusts, faults, bounds, heights, seeds and what changes on the way. What is minimised is the least of "
                 "the margins of clearance, separation and deadline, each relative to its bound; a violation that an "
                 "event has announced counts as none. The mutants are controllers with one check left out each; their "
-                "hole is found when a mission comes below h_min. The product's controller is searched in the same "
+                "hole is found when a mission comes below h_min. The controller flight is searched in the same "
                 "spaces, with as many missions.",
                 *_violations(found),
             ),

@@ -247,7 +247,7 @@ def checked_result(name: str, plugin: Any, config: Any, setup: Setup) -> StudyRe
 
 
 def on_terrain(plugin: Any) -> bool:
-    """Tell whether a study runs on a terrain."""
+    """Return True if a study runs on a terrain."""
     return bool(getattr(plugin, "on_terrain", True))
 
 
@@ -332,7 +332,7 @@ def effort_norm(records: Sequence[Record], h: float) -> np.ndarray:
 
 
 def falls(sequence: Sequence[float]) -> bool:
-    """Tell whether each value is less than the one before."""
+    """Return True if each value is less than the one before."""
     return all(later < earlier for earlier, later in pairwise(sequence))
 
 

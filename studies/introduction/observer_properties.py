@@ -357,7 +357,7 @@ def verdicts(declared: ObserverProperties, e: PropertyRuns, depends: bool) -> li
 
 
 def _attracts(declared: ObserverProperties, e: PropertyRuns) -> bool:
-    """Tell whether starts converge as declared: all for global attraction, most near ones for local, few for none.
+    """Return True if starts converge as declared: all for global attraction, most near ones for local, few for none.
 
     An estimator that declares no attraction may come near the truth if its error does not decay.
     """

@@ -171,7 +171,7 @@ class ExactAttempt:
 
 
 def observer_converges(attempt: ExactAttempt) -> bool:
-    """Tell whether the observer (C.5) with the manifold feed-forward finds the true state."""
+    """Return True if the observer (C.5) with the manifold feed-forward finds the true state."""
     rng, curve = np.random.default_rng(attempt.seed), attempt.curve
     start, estimate = drawn_start(curve, rng), curve.draw(rng)
     mission = RangingMission(curve, tuple(math.radians(angle) for angle in SENSORS[attempt.sensors]))

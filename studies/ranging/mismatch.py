@@ -215,6 +215,6 @@ def honesty(outcome: RunData) -> dict[str, Any]:
 
 
 def _is_sure(estimate: Estimate) -> bool:
-    """Tell whether two standard deviations of an estimate are within the limits of a converged one."""
+    """Return True if two standard deviations of an estimate are within the limits of a converged one."""
     P = estimate.covariance
     return P is None or bool(4.0 * np.linalg.eigvalsh(P[:2, :2])[-1] < POSITION**2 and 4.0 * P[2, 2] < HEADING**2)

@@ -4,9 +4,9 @@ The robot moves exactly as a unicycle; its ranges are exact, or have Gaussian er
 thesis does not state the inputs, so several are tried.
 
 Is Q = 0 on the truth, and is each feed-forward Psi_* F there? Both are compared with independent derivatives. The rates
-of rho and s are computed by a complex step through the ray: with x(t + ih) = x + ih F(x, u), the ray
-solves q_1^2 + q_2^2 = 1 for q = (p_1 / c_1, p_2 / c_2) at p = (x_1, x_2) + rho e. The imaginary parts over h are the
-derivatives, to round-off, and s' = q_1 q_2' - q_2 q_1' as q = (cos s, sin s).
+of rho and s are computed by a complex step through the ray: with x(t + ih) = x + ih F(x, u), the ray solves q_1^2 +
+q_2^2 = 1 for q = (p_1 / c_1, p_2 / c_2) at p = (x_1, x_2) + rho e. The imaginary parts over h are the derivatives, to
+round-off, and s' = q_1 q_2' - q_2 q_1' as q = (cos s, sin s).
 """
 
 from __future__ import annotations

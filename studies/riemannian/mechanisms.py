@@ -225,7 +225,7 @@ def _joined(texts: Mapping[str, str]) -> str:
 
 
 def _ran(row: Mapping[str, Any]) -> bool:
-    """Tell whether an estimator ran throughout, with a finite error and without restarts."""
+    """Return True if an estimator ran throughout, with a finite error and without restarts."""
     return not row["raised"] and bool(np.isfinite(row["error"])) and not (row["restarts"] or row["lost"])
 
 

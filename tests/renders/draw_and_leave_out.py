@@ -1,8 +1,8 @@
 """Pictures of runs, with and without parts of what they show: KIND OUT.npz RUN_DIR [RUN_DIR ...].
 
-``tests.renders.drawn`` runs it, with OpenGL's backend chosen in the environment.
-Arrays are named CAMERA.with, CAMERA.pixels (m, 3) where what matters should be, CAMERA.labels, CAMERA.without.PART, and
-CAMERA.earlier, without all parts at an earlier time.
+``tests.renders.drawn`` runs it, with OpenGL's backend chosen in the environment. Arrays are named CAMERA.with,
+CAMERA.pixels (m, 3) where what matters should be, CAMERA.labels, CAMERA.without.PART, and CAMERA.earlier, without all
+parts at an earlier time.
 """
 
 from __future__ import annotations

@@ -304,7 +304,7 @@ def test_a_study_keeps_the_contract(name: str, hills: str, tmp_path: Path, monke
 
 
 def draws(function: object) -> bool:
-    """Tell whether this is a function that returns a figure."""
+    """Return True if this is a function that returns a figure."""
     return getattr(function, "__annotations__", {}).get("return") in ("Figure", Figure)
 
 

@@ -2,11 +2,11 @@
 
 **The default method**: hp refinement, or where that falls short the method whose solution replays better.
 
-With a given number of nodes it is one solve on that many uniform nodes. Without, hp refinement is
-tried first: it finds switches and singular arcs, adds points where the solution is smooth and ends at the tolerance.
-Where its replay is not within the tolerance, or the solver gives up, the problem is solved by Hermite-Simpson's scheme,
-whose controls are continuous, on nodes that are moved, round by round, to where the residual is; then hp refinement
-goes on from there. The best replay is returned. The message says what was chosen, and why.
+With a given number of nodes it is one solve on that many uniform nodes. Without, hp refinement is tried first: it finds
+switches and singular arcs, adds points where the solution is smooth and ends at the tolerance. Where its replay is not
+within the tolerance, or the solver gives up, the problem is solved by Hermite-Simpson's scheme, whose controls are
+continuous, on nodes that are moved, round by round, to where the residual is; then hp refinement goes on from there.
+The best replay is returned. The message says what was chosen, and why.
 """
 
 from __future__ import annotations

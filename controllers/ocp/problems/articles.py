@@ -67,8 +67,7 @@ def target_line() -> ProblemFunctions:
 
         minimise 1/2 ∫_0^1 u^2 dt   subject to   x' = v,   v' = u,   (0, 0) to x(1) - 2 v(1) = 1
 
-    The costate at the end is normal to the line: u = -3/7 (1 + t), J* = 3/14
-    (Optimal Control of a Double Integrator).
+    The costate at the end is normal to the line: u = -3/7 (1 + t), J* = 3/14 (Optimal Control of a Double Integrator).
     """
     ocp = OptimalControlProblem("target line")
 

@@ -163,8 +163,8 @@ def container_crane() -> ProblemFunctions:
             (0, 22, 0, 0, -1, 0) to (10, 14, 0, 2.5, 0, 0)
 
     x1 is the trolley's place, x2 the length of the rope, x3 its angle. Both controls enter linearly and cost nothing:
-    bangs, singular arcs and arcs on the bounds of the speeds. J* = 5.1503848e-3; the 5.14982e-3 that
-    is often seen comes from a grid that is too coarse.
+    bangs, singular arcs and arcs on the bounds of the speeds. J* = 5.1503848e-3; the 5.14982e-3 that is often seen
+    comes from a grid that is too coarse.
     """
     START, END = (0.0, 22.0, 0.0, 0.0, -1.0, 0.0), (10.0, 14.0, 0.0, 2.5, 0.0, 0.0)
     ocp = OptimalControlProblem("container crane")

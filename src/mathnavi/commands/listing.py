@@ -27,7 +27,7 @@ KINDS = tuple(sorted((ALL, *GROUPS)))
 USAGE = f"""usage: mathnavi list [KIND] [{VERBOSE}] [{FULL}]
 
 The plug-ins that are installed, of one kind or of all. {VERBOSE} adds their fields and where they come from; {FULL} \
-imports them too, so that one that cannot be used is named, and adds what estimators claim to be.
+imports them too, which names those that cannot be used, and adds the declared properties of estimators.
 
 KIND: {", ".join(KINDS)}"""
 CLAIMED = (

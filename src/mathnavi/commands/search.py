@@ -48,11 +48,11 @@ class SearchOptions:
     """figure of the summary to maximise, instead of --minimise: tracking_bound_share, ..."""
     over: tuple[str, ...] = ()
     """field to search over: FIELD=LOW..HIGH, with ,log on a logarithmic scale, or FIELD=V1,V2,...; FIELD[K] is one
-    place of a field that is given, seed is the seed; may be given several times"""
+    component of a field that is given, and seed is the seed; may be given several times"""
     missions: Count = 200
     """largest number of missions"""
     until: float | None = None
-    """value of the figure at which the search ends; with --rare the value that makes the event"""
+    """value of the figure at which the search ends; with --rare the value that defines the event"""
     sampler: Sampler = "tpe"
     """sampler of the next missions: tree-structured Parzen estimator, CMA-ES, or random draws for comparison"""
     batch: Count = 8
@@ -87,7 +87,7 @@ class SearchOptions:
             given = f"{self.minimise!r} together with --maximise {self.maximise}" if self.minimise else "not given"
             raise FieldError(f"minimise = {given}; allowed: one of --minimise and --maximise")
         if self.rare and self.until is None:
-            raise FieldError("until = not given; allowed with --rare: the value of the figure that makes the event")
+            raise FieldError("until = not given; allowed with --rare: the value of the figure that defines the event")
         if self.store.suffix in PAGES:
             raise FieldError(
                 f"store = {self.store}; allowed: another ending than those of the report, {', '.join(PAGES)}"

@@ -1,7 +1,7 @@
 """``--over FIELD=LOW..HIGH``: from words to the space of a search, and from values of its fields to a trial.
 
-A field is named like its flag; one place of a field that holds several values is named by its index, ``start[2]`` or
-``uncharted[0][1]``, and the field itself must be given. ``seed`` is the seed of the mission.
+A field is named like its flag; one component of a field that holds several values is named by its index, ``start[2]``
+or ``uncharted[0][1]``, and the field itself must be given. ``seed`` is the seed of the mission.
 """
 
 from __future__ import annotations

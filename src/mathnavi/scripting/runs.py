@@ -103,9 +103,7 @@ class SweepResult:
 
     @property
     def failures(self) -> Proportion:
-        """Return the share of missions that failed, or did not run to their end, with its
-        interval.
-        """
+        """Return the share of missions that failed, or did not run to their end, with its interval."""
         return rate(sum(not record.success for record in self.records), len(self.records))
 
     @property

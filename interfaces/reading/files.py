@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +19,7 @@ MOST_TEXT = 64 * MEBIBYTE  # of a document that is read as a whole
 MOST_LINES = 1024 * MEBIBYTE  # of a file that is read line by line
 MOST_OF_A_LINE = MEBIBYTE
 _MOST_DIGITS = 300
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")  # the escape of half a character
 
 Refusal = type[ValueError]  # the type of the error that is raised for a wrong file
 
@@ -89,11 +91,15 @@ def decoded(text: str | bytes, kind: Any, where: str, error: Refusal, *, closed:
 def parsed(text: str | bytes, where: str, error: Refusal) -> Any:
     """Parse a JSON text, found at ``where``, as plain data of any shape."""
     try:
-        return json.loads(text, parse_int=_integer)
+        text = text.decode("utf-8") if isinstance(text, bytes) else text
+        tree = json.loads(text, parse_int=_integer)
+        if _SURROGATE.search(text) and (half := re.search("[\ud800-\udfff]", json.dumps(tree, ensure_ascii=False))):
+            raise ValueError(f"{half[0]!r} is half a character, which UTF-8 cannot hold")
     except RecursionError:
         raise error(f"{where} is nested too deeply; allowed: less than some hundred levels") from None
     except (ValueError, TypeError) as fault:
         raise error(f"{where} is not JSON: {fault}") from None
+    return tree
 
 
 def checked(kind: Any, tree: Any, where: str, error: Refusal, *, closed: bool = False) -> Any:

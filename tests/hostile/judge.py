@@ -147,7 +147,7 @@ def _faults(
             yield f"{len(lines)} lines on standard error"
         elif not error.startswith("mathnavi: "):
             yield "error without the command's name"
-        elif case.culprits and not any(culprit and culprit in error for culprit in case.culprits):
+        elif case.culprits and not any(culprit and " ".join(culprit.split()) in error for culprit in case.culprits):
             yield "culprit not named"
         if len(error) > 3000:
             yield "error of more than 3,000 characters"

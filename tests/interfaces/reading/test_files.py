@@ -24,6 +24,8 @@ from mathnavi.interfaces.signals import Event
         (b"1" * 5000, "is not JSON"),
         (b'"\xff"', "is not text in UTF-8: byte 1 is 0xff"),
         (b"\xef\xbb\xbf{}", "is not JSON"),
+        (rb'{"a": "\ud83d\ude00 \ud800"}', r"is not JSON: '\\ud800' is half a character"),
+        (rb'{"\uDC00": 0}', r"is not JSON: '\\udc00' is half a character"),
         (b"[]", r"\$ = \[\]; allowed: an object"),
     ],
 )

@@ -23,7 +23,7 @@ from mathnavi.models.linear_noise import discretised
 
 _DEVIATIONS = 5.0
 _PHASES = 16  # of a period at which its covariance is taken
-_FASTEST = 0.1  # bandwidth times period
+_SLOWEST, _FASTEST = 1e-5, 0.1  # bandwidth times period; a lag is followed for some 40 periods over this product
 _STILL = np.zeros(3)  # no gust
 _NUMERICAL = TrackingBound(0.05, 0.05, 0.05, 0.1)  # what rounding and feedback on it need
 
@@ -114,10 +114,10 @@ class CriticallyDamped:
     """Tracker of the last accepted plan, to rest and beyond."""
 
     def __init__(self, period: float, bandwidth: float, bound: TrackingBound) -> None:
-        """Raise FieldError for a bandwidth [rad/s] that is too high for commands held over a period [s]."""
-        if not 0.0 < bandwidth <= _FASTEST / period:
+        """Raise FieldError for a bandwidth [rad/s] out of range for commands held over a period [s]."""
+        if not _SLOWEST <= round(bandwidth * period, 12) <= _FASTEST:  # the values that the message names are allowed
             raise FieldError(
-                f"bandwidth = {bandwidth!r}; allowed: > 0 and <= {_FASTEST / period:g} rad/s "
+                f"bandwidth = {bandwidth!r}; allowed: {_SLOWEST / period:g} to {_FASTEST / period:g} rad/s "
                 f"at a control_rate of {1.0 / period:g} Hz"
             )
         self.period, self.bound = period, bound

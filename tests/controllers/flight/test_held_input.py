@@ -16,6 +16,7 @@ from mathnavi.controllers.flight.held_input import NO_LAG, HeldInput
 from mathnavi.controllers.flight.planner import StopAndHover, complete_by
 from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
+from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.signals import OPTIMISED, Estimate, Plan, PlanRequest
 from mathnavi.models.aerial.dynamics import flow, state_at
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
@@ -87,6 +88,15 @@ def test_the_lag_is_that_of_the_vehicle(seed: int, arcs: int, shortest: float, b
     assert flown <= foreseen * (1.0 + 1e-6) + 1e-7
     if shortest >= PERIOD:  # tight: what happens between two commands is less than what adds up
         assert foreseen <= 3.0 * flown + 1e-6
+
+
+@pytest.mark.parametrize("bandwidth", [5e-324, 1e-6, 10.0])
+def test_a_tracker_that_is_too_slow_or_too_fast_for_its_period_is_refused(bandwidth: float) -> None:
+    with pytest.raises(FieldError, match=r"bandwidth = .*; allowed: 0\.0006 to 6 rad/s at a control_rate of 60 Hz"):
+        CriticallyDamped(PERIOD, bandwidth, BOUND)
+    slowest = CriticallyDamped(PERIOD, 0.0006, BOUND).held
+    assert slowest is not None
+    assert 0.0 < slowest.greatest(pulses(1, 10.0, 1.0)) < 1.0  # its periods can be counted
 
 
 @pytest.mark.parametrize("hover", [1e8, 1e19])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import errno
 import math
 import os
 from collections.abc import Iterable, Sequence
@@ -24,7 +25,7 @@ def check(value: float, name: str, low: float, high: float = math.inf, *, open_l
 
 
 def check_path(path: Path, name: str) -> None:
-    """Check a path: its parts must be names that a file system accepts."""
+    """Check a path: its parts must be names that a file system accepts, and no link in it may lead back to itself."""
     given, text = str(path), os.fsencode(path)
     if b"\0" in text:
         raise FieldError(f"{name} = {given!r}; allowed: a name without a null character")
@@ -33,6 +34,11 @@ def check_path(path: Path, name: str) -> None:
             f"{name} = {given[:40]}..., {len(text)} bytes; allowed: names of at most {_LONGEST_NAME} bytes, "
             f"{_LONGEST_PATH} with their folders"
         )
+    try:
+        path.stat()
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise FieldError(f"{name} = {given}, a link that leads back to itself; allowed: another path") from None
 
 
 def check_names(names: Sequence[str]) -> tuple[str, ...]:

@@ -32,7 +32,7 @@ def write_map(path: Path, **meta: object) -> Path:
 
 @pytest.mark.parametrize("name", [*HOSTILE, 3, ["a"], {"a": 1}, True])
 def test_no_map_has_a_name_that_leads_elsewhere(name: object, tmp_path: Path) -> None:
-    with pytest.raises(TerrainError, match="name = "):
+    with pytest.raises(TerrainError, match=r"name = |half a character"):
         read_npz(write_map(tmp_path / "map.npz", name=name))
 
 
@@ -131,3 +131,38 @@ def test_the_camera_of_a_drawing_is_the_name_of_a_file(camera: str) -> None:
     functions = [lambda *_: None] * 5
     with pytest.raises(FieldError, match="camera = "):
         Drawing((camera,), camera, *functions, "nowhere:report")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["run", "textbook-observer", "--duration", "0.1", "--out", "loop"],
+        ["render", "loop"],
+        ["sweep", "textbook-observer", "--trials", "1", "--store", "loop"],
+        ["terrain", "show", "plain", "--out", "loop/map.png"],
+    ],
+)
+def test_a_link_that_leads_back_to_itself_is_refused(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "loop").symlink_to("loop")
+    assert main(words) == 2
+    assert f"= {words[-1]}, a link that leads back to itself; allowed: another path" in capsys.readouterr().err
+    assert [each.name for each in tmp_path.iterdir()] == ["loop"]
+
+
+def test_a_line_on_standard_error_has_no_control_characters(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    def failing(*args: object, **named: object) -> None:
+        raise OSError("no\x1b[31m space")
+
+    monkeypatch.setattr("mathnavi.commands.sweep.run_trials", failing)
+    assert main(["sweep", "textbook-observer", "--trials", "1", "--store", "new\x1b[31m.db"]) == 1
+    error = capsys.readouterr().err
+    assert "no\\x1b[31m space" in error
+    assert "new\\x1b[31m.db" in error
+    assert "\x1b" not in error

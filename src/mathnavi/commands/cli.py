@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
-from mathnavi.commands.errors import PIPE_CLOSED, UNFORESEEN, BadInputError, one_line
+from mathnavi.commands.errors import PIPE_CLOSED, UNFORESEEN, BadInputError, print_error
 from mathnavi.commands.interruption import end, exit_code, interrupted_line, interruptible
 from mathnavi.commands.known import COMMANDS
 from mathnavi.commands.wrapping import wrapped
@@ -39,14 +39,14 @@ def main(argv: Sequence[str] | None = None) -> int:
                 sys.stdout.flush()  # so that a reader that has gone, or a full disk, is noticed here
         return code
     except BadInputError as error:
-        print(f"mathnavi: {one_line(str(error))}", file=sys.stderr)
+        print_error(str(error))
         return 2
     except SystemExit as error:  # of a plug-in, or of rich, whose reader has gone: no command of ours ends so
         if isinstance(error.__context__, BrokenPipeError):
             return PIPE_CLOSED
         from mathnavi.interfaces.failures import explained
 
-        print(f"mathnavi: {one_line(f'a plug-in ended the command by {explained(error)}')}", file=sys.stderr)
+        print_error(f"a plug-in ended the command by {explained(error)}")
         return 2
     except KeyboardInterrupt as error:
         if argv is None:  # this process is the command, and has nothing more to do
@@ -61,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             return PIPE_CLOSED
         if (reason := unforeseen.not_written(error)) is not None:
             _discard_output()
-            print(f"mathnavi: {reason}", file=sys.stderr)
+            print_error(reason)
             return 1
         if unforeseen.traceback_is_shown():
             raise

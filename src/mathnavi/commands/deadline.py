@@ -28,7 +28,7 @@ from typing import IO, Annotated
 from annotated_types import Gt
 
 from mathnavi.commands.arguments import value_of, without
-from mathnavi.commands.errors import OUT_OF_TIME
+from mathnavi.commands.errors import OUT_OF_TIME, print_error
 from mathnavi.interfaces.bounds import FINITE, Within
 
 FLAG = "--wall-deadline"
@@ -120,14 +120,14 @@ def _exit_code(code: int | None, report: IO[str], command: str, seconds: float) 
         return code
     where = being_run(text)
     if code is None or text.startswith("Timeout"):
-        print(f"mathnavi: {FLAG} = {seconds:g}: no end of `{command}` within {seconds:g} s{where}", file=sys.stderr)
+        print_error(f"{FLAG} = {seconds:g}: no end of `{command}` within {seconds:g} s{where}")
         return OUT_OF_TIME
     if code < 0:
         if code not in (-signal.SIGINT, -signal.SIGTERM):
             name = signal.Signals(-code).name
-            print(f"mathnavi: the process of `{command}` was killed by {name}{where}", file=sys.stderr)
+            print_error(f"the process of `{command}` was killed by {name}{where}")
         return 128 - code
-    print(f"mathnavi: the process of `{command}` ended itself with exit code {code}{where}", file=sys.stderr)
+    print_error(f"the process of `{command}` ended itself with exit code {code}{where}")
     return 2
 
 

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from mathnavi.interfaces.errors import PluginError
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 UNFORESEEN = 70  # exit code: an internal error, as sysexits.h has it
 OUT_OF_TIME = 124  # what `timeout` calls a process whose time was up
@@ -49,6 +54,16 @@ def worded(error: Exception) -> str:
     if isinstance(error, OSError) and error.filename is not None:
         return f"{os.fsdecode(error.filename)}: {error.strerror}"
     return str(error)
+
+
+def print_error(message: str) -> None:
+    """Print a message on standard error, as one line with the name of the program."""
+    print(f"mathnavi: {one_line(message)}", file=sys.stderr)
+
+
+def print_note(console: Console, message: str) -> None:
+    """Print a message as one dim line."""
+    console.print(one_line(message), style="dim", highlight=False, soft_wrap=True)
 
 
 def short(word: str) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from rich.console import Console
 
+from mathnavi.commands.errors import print_note
 from mathnavi.commands.recorded_spec import RecordedSpec
 from mathnavi.interfaces.field_table import flag_of
 from mathnavi.sim.records.computing_environment import difference
@@ -19,7 +20,7 @@ SHOWN = 12  # digits of a digest
 def note_origins(errors: Console, store: Store, elsewhere: Elsewhere) -> None:
     """Print how many results come from another computing environment, if any do."""
     for sentence in elsewhere.words(store.environments()):
-        errors.print(sentence, style="dim", highlight=False, soft_wrap=True)
+        print_note(errors, sentence)
 
 
 def note_changed_files(errors: Console, store: Store, named: Mapping[tuple[str, str], str]) -> None:
@@ -31,21 +32,21 @@ def note_changed_files(errors: Console, store: Store, named: Mapping[tuple[str, 
         stored = store.input_digests(name, value)
         if stored and digest not in stored:
             before = " and ".join(f"{each[:SHOWN]}..." for each in sorted(stored))
-            errors.print(
+            print_note(
+                errors,
                 f"{name} = {value} has changed since {sum(stored.values())} of the stored trials: its digest was "
                 f"{before} and is {digest[:SHOWN]}...; those trials are kept unchanged",
-                style="dim", highlight=False, soft_wrap=True,
-            )  # fmt: skip
+            )
 
 
 def note_environment(errors: Console, recorded: RecordedSpec) -> None:
     """Print a note if a recorded run was made in another computing environment, or by another version."""
     if other := difference(recorded.environment):
         named = f"in another environment: {other}" if recorded.environment else "without a note of its environment"
-        errors.print(
+        print_note(
+            errors,
             f"{recorded.path.parent} was recorded {named}; results agree up to rounding, perhaps not bit for bit",
-            style="dim", highlight=False, soft_wrap=True,
-        )  # fmt: skip
+        )
 
 
 def changed_inputs(recorded: RecordedSpec, spec: RunSpec, given: Sequence[str]) -> Iterable[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,7 +9,7 @@ from typing import Annotated, Literal
 from mathnavi.commands import opengl
 from mathnavi.commands.arguments import FlagGroup, HelpPrinted, parse, with_flag
 from mathnavi.commands.deadline import WallDeadline, watched
-from mathnavi.commands.errors import BadInputError, bad_input
+from mathnavi.commands.errors import BadInputError, bad_input, print_error
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import Positional
@@ -97,7 +96,7 @@ def main(argv: Sequence[str]) -> int:
     except BadInputError as error:
         raise BadInputError(with_flag(str(error), ("--camera", "--codec", "--time", "--begin", "--end"))) from error
     except (NoOpenGLError, RuntimeError) as error:
-        print(f"mathnavi: nothing drawn: {error}", file=sys.stderr)
+        print_error(f"nothing drawn: {error}")
         return 1
     print(path)
     return 0

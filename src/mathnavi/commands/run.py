@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack
@@ -14,7 +13,7 @@ from rich.console import Console
 from mathnavi.commands.arguments import HelpPrinted, given, value_of
 from mathnavi.commands.command_line import CommandLine, prepare, read_command_line, usage
 from mathnavi.commands.deadline import WallDeadline, watched
-from mathnavi.commands.errors import BadInputError, bad_input, worded
+from mathnavi.commands.errors import BadInputError, bad_input, print_error, print_note, worded
 from mathnavi.commands.interruption import when_interrupted
 from mathnavi.commands.output import run_folder
 from mathnavi.commands.progress import flight_progress
@@ -117,7 +116,7 @@ def _run(
         when_interrupted(lambda: f"the run is in {folder}, its pictures may not be; to begin again")
         if replaced:  # perhaps unintended: the user did not name the folder
             gone = f", and removed its {', '.join(removed)}" if removed else ""
-            errors.print(f"replaced the run in {folder}{gone}", style="dim", soft_wrap=True, highlight=False)
+            print_note(errors, f"replaced the run in {folder}{gone}")
         console = Console(markup=False)
         console.print(f"{line.spec.scenario}, seed {line.spec.seed}: {verdict(result)}", style="bold", highlight=False)
         console.print(summary_table(result.summary, result.recording.events))
@@ -216,7 +215,7 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
         try:
             write_video(folder, progress=True, codec=options.codec or "h264")
         except (NoOpenGLError, NothingToDrawError, RunFolderError, RuntimeError, OSError) as error:
-            print(f"mathnavi: no video: {worded(error)}", file=sys.stderr)
+            print_error(f"no video: {worded(error)}")
             written = not isinstance(error, OSError)
     if options.report:
         from mathnavi.renders.report import write_report
@@ -225,7 +224,7 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
             with _announced(errors, "writing the report"):
                 write_report(folder)
         except (NothingToDrawError, RunFolderError, OSError) as error:
-            print(f"mathnavi: no report: {worded(error)}", file=sys.stderr)
+            print_error(f"no report: {worded(error)}")
             written = written and not isinstance(error, OSError)
     return written
 

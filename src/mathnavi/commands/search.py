@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
@@ -13,7 +12,7 @@ from rich.console import Console
 
 from mathnavi.commands.arguments import HelpPrinted
 from mathnavi.commands.command_line import CommandLine, prepare, read_command_line, usage
-from mathnavi.commands.errors import BadInputError, bad_input, worded
+from mathnavi.commands.errors import BadInputError, bad_input, print_error, worded
 from mathnavi.commands.interruption import when_interrupted
 from mathnavi.commands.progress import compilation_announced, sweep_progress
 from mathnavi.commands.provenance import note_changed_files, note_origins
@@ -151,8 +150,7 @@ def main(argv: Sequence[str]) -> int:
         flag = "--maximise" if options.objective.largest else "--minimise"
         raise BadInputError(f"{flag} = {error}") from error
     except (StoreWriteError, RefusedError, LostError, OSError) as error:
-        words = " ".join(worded(error).split())
-        print(f"mathnavi: {words}, {_stored(evaluations, options, ended)}; to go on: {again}", file=sys.stderr)
+        print_error(f"{worded(error)}, {_stored(evaluations, options, ended)}; to go on: {again}")
         return 1
     results = SearchResults(
         line.spec.scenario, options.objective, fields.space, evaluator.evaluations, options.until, rare,
@@ -168,7 +166,7 @@ def main(argv: Sequence[str]) -> int:
             for page in write_pages(results, options.store):
                 console.print(f"report  {page}", soft_wrap=True, highlight=False)
     except (OSError, RunFolderError) as error:
-        print(f"mathnavi: {worded(error)}", file=sys.stderr)
+        print_error(worded(error))
         return 1
     return 0
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import shlex
-import sys
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -17,7 +16,7 @@ from rich.text import Text
 
 from mathnavi.commands.arguments import FlagGroup, HelpPrinted, parse, without
 from mathnavi.commands.command_line import prepare
-from mathnavi.commands.errors import BadInputError, bad_input, worded
+from mathnavi.commands.errors import BadInputError, bad_input, print_error, worded
 from mathnavi.commands.interruption import when_interrupted
 from mathnavi.commands.output import output_folder
 from mathnavi.commands.progress import sweep_progress
@@ -96,7 +95,7 @@ def main(argv: Sequence[str]) -> int:
             try:
                 claims[-1] += _study(name, plugin, config, site, options, argv, errors)
             except (StudyError, StoreWriteError, RefusedError, LostError, OSError) as error:
-                print(f"mathnavi: {name} {site.where}: {' '.join(worded(error).split())}", file=sys.stderr)
+                print_error(f"{name} {site.where}: {worded(error)}")
                 return 1
         console.print(f"Claims {site.where}", style="bold", highlight=False)
         console.print(_table(claims[-1]))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import shlex
-import sys
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from rich.console import Console
 
 from mathnavi.commands.arguments import HelpPrinted
 from mathnavi.commands.command_line import CommandLine, prepare, usage
-from mathnavi.commands.errors import BadInputError, bad_input, worded
+from mathnavi.commands.errors import BadInputError, bad_input, print_error, print_note, worded
 from mathnavi.commands.evidence import print_evidence, verdict
 from mathnavi.commands.interruption import when_interrupted
 from mathnavi.commands.progress import compilation_announced, sweep_progress
@@ -122,8 +121,7 @@ def _run(sweep: SweepRequest, argv: Sequence[str], served: ExitStack) -> int:
             transient = sum(endings[keys[each]].status in TRANSIENT for each in asked if each in keys)
             found = sum(each in keys for each in asked) - (transient if options.retry else 0)
             state = Progress(len(asked), found, found, 0, 0, False)
-            message = f"{found} of {len(asked)} trials already in {options.store}"
-            errors.print(message, style="dim", highlight=False, soft_wrap=True)
+            print_note(errors, f"{found} of {len(asked)} trials already in {options.store}")
             note_origins(errors, store, elsewhere)
             note_changed_files(errors, store, named_files(sweep.trials))
             records = run_trials(
@@ -137,7 +135,7 @@ def _run(sweep: SweepRequest, argv: Sequence[str], served: ExitStack) -> int:
                 mix_environments=options.mix_environments,
             )
     except (StoreWriteError, RefusedError, LostError, OSError) as error:
-        print(f"mathnavi: {' '.join(worded(error).split())}, {_stored(state)}; to go on: {command}", file=sys.stderr)
+        print_error(f"{worded(error)}, {_stored(state)}; to go on: {command}")
         return 1
     console = Console(markup=False)
     console.print(f"{line.spec.scenario}, {verdict(records)}", style="bold", highlight=False, soft_wrap=True)
@@ -153,7 +151,7 @@ def _run(sweep: SweepRequest, argv: Sequence[str], served: ExitStack) -> int:
         try:
             page = _report(sweep, records, command)
         except OSError as error:
-            print(f"mathnavi: no report: {worded(error)}", file=sys.stderr)
+            print_error(f"no report: {worded(error)}")
             return 1
         console.print(f"report  {page}", soft_wrap=True, highlight=False)
     if follow is not None:

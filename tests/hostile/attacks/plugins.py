@@ -184,7 +184,7 @@ def plugins(rng: Generator, shop: Path, work: Path) -> Case:
     plugin = one_of(rng, (*[f"{name}:Mine"] * 4, f"{name}:Nothing", f"{name}:", name, f"{name}:Settings"))
     words = one_of(rng, LINES.strip().splitlines()).replace("PLUGIN", plugin).split()
     done = f"{where}: {parts[where]}"
-    return Case(words[0], "plug-in", tuple(words), (name, "new.db", "--estimator.gain"), WRITES, done, runs_code=True)
+    return Case(words[0], "plug-in", tuple(words), (name, "new.db", "gain"), WRITES, done, runs_code=True)
 
 
 def trapped(rng: Generator, shop: Path, work: Path) -> Case:

@@ -114,6 +114,7 @@ def test_a_run_without_the_sensors_is_refused(folder: Path, capsys: pytest.Captu
         ((), "ESTIMATOR is missing; allowed: "),
         (("textbook_ekf",), "DIR is missing; allowed: folder of a run"),
         (("textbook_ekf", "--out", "x"), "DIR is missing"),
+        (("textbook_ekf", ""), "DIR is missing"),
         (("nothing", str(run)), "--estimator: 'nothing' is not known; allowed: "),
         (("textbook_ekf", str(folder / "none")), "does not exist"),
         (("textbook_ekf", str(run), "--out", str(run)), "is what is read; allowed: another name"),

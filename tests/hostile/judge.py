@@ -28,6 +28,7 @@ from typing import Any
 
 import pytest
 
+from mathnavi.commands.errors import one_line
 from tests.hostile.brakes import brakes
 
 LIMIT = 20  # [s] of the processor from which on a command hangs
@@ -137,7 +138,7 @@ def _faults(
 ) -> Iterator[str]:
     if code in ("hang", "traceback"):
         yield code
-    elif code not in ("0", "1", "2"):
+    elif code not in ("0", "1", "2") and not (code == "130" and "KeyboardInterrupt" in case.done):
         yield f"exit {code}"
     if code != "traceback" and "Traceback (most recent call last)" in error:
         yield "traceback printed"
@@ -147,7 +148,7 @@ def _faults(
             yield f"{len(lines)} lines on standard error"
         elif not error.startswith("mathnavi: "):
             yield "error without the command's name"
-        elif case.culprits and not any(culprit and " ".join(culprit.split()) in error for culprit in case.culprits):
+        elif case.culprits and not any(culprit and one_line(culprit) in error for culprit in case.culprits):
             yield "culprit not named"
         if len(error) > 3000:
             yield "error of more than 3,000 characters"

@@ -95,7 +95,7 @@ def main(argv: Sequence[str]) -> int:
 def _places(argv: Sequence[str]) -> tuple[str, Path, Sequence[str]]:
     """Split the arguments into ESTIMATOR, DIR and the flags."""
     for k, (place, allowed) in enumerate((("ESTIMATOR", ", ".join(_allowed())), ("DIR", "folder of a run"))):
-        if len(argv) <= k or argv[k].startswith("-"):
+        if len(argv) <= k or not argv[k] or argv[k].startswith("-"):
             raise BadInputError(f"{place} is missing; allowed: {allowed}")
     return argv[0], Path(argv[1]), argv[2:]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from mathnavi.interfaces.errors import FieldError, MissionError, PluginError, TerrainError
@@ -83,6 +83,7 @@ class Evaluator:
     retry: bool = False  # run those again that are stored as timed out or crashed
     progress: Callable[[Progress], None] | None = None  # of the missions of one call
     mix_environments: bool = False  # those that are stored from another computing environment count too
+    elsewhere: Elsewhere = field(default_factory=Elsewhere)  # counts of those
 
     def __post_init__(self) -> None:
         if is_wall_clock(self.objective.key):
@@ -90,7 +91,6 @@ class Evaluator:
                 f"{self.objective.key} is a wall-clock time, never the same; allowed: a figure that a seed repeats"
             )
         self.evaluations: list[Evaluation] = []
-        self.elsewhere = Elsewhere()
 
     def evaluate(self, points: Sequence[Values]) -> list[Evaluation]:
         """Fly the missions at these values that the store lacks; return the evaluations in the same order.

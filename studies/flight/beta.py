@@ -77,7 +77,7 @@ class Beta:
             claims=(
                 Claim(
                     "A.beta", "printed", "A small beta saves energy, a large one saves time.", "Table A.4, A.7",
-                    "362.5 s and .26 at beta = 1, 227.5 s and 1.13 at 10⁴", measured,
+                    "362.5 s and 0.26 at beta = 1, 227.5 s and 1.13 at 10⁴", measured,
                     all_arrived and time_ratio > 1.0 and effort_ratio > 1.0,
                 ),
                 Claim(

@@ -294,7 +294,10 @@ def _searched(
             done = len(evaluator.evaluations)
             setup.progress(replace(now, total=missions, found=done, done=done + now.done))
 
-    evaluator = Evaluator(hunt.make, objective, setup.store, pool, retry=True, progress=report)
+    evaluator = Evaluator(
+        hunt.make, objective, setup.store, pool, retry=True, progress=report,
+        mix_environments=setup.mix_environments, elsewhere=setup.elsewhere,
+    )  # fmt: skip
     found = directed(evaluator, hunt.space, missions, batch=BATCH, **named)
     if not any(each.ending == "flown" for each in found):
         raise StudyError(f"{hunt.name}: none of {len(found)} missions could be flown; the first: {found[0].reason}")

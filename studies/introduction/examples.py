@@ -168,7 +168,7 @@ def _claims(rows: Rows, apart: Mapping[str, float]) -> list[Claim]:
         Claim(
             "I.example-2-1-observable", "printed", "The input u = 1 distinguishes all initial points.",
             "2.5, Example 2.1", "outputs of points with the same x_1 part under u = 1",
-            f"|Δy| / |Δx_2| within .4 s at least {apart['driven']:.1e}", separated,
+            f"|Δy| / |Δx_2| within 0.4 s at least {apart['driven']:.1e}", separated,
         ),
         Claim(
             "I.example-2-1-no-observer", "printed", "No smooth observer has asymptotically stable error dynamics.",
@@ -178,7 +178,7 @@ def _claims(rows: Rows, apart: Mapping[str, float]) -> list[Claim]:
         Claim(
             "I.example-2-2-unobservable", "printed", "x_3 neither is measured nor affects x_1 or x_2.",
             "2.5, Example 2.2", "points that differ in x_3 have the same output",
-            f"|Δy| within .4 s at most {hidden:.1g}", hidden < 1e-8,
+            f"|Δy| within 0.4 s at most {hidden:.1g}", hidden < 1e-8,
         ),
         Claim(
             "I.example-2-2-observer", "printed", "For proper α and β there is an input-independent observer.",

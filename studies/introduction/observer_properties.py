@@ -55,7 +55,7 @@ SPAN = {  # (low, high) of the starts of each state of a textbook system
 }
 SPEED = 10.0  # [rad/s, 1/s] of which ``NEAR`` and ``FAR`` are shares where a start is known to be at rest
 BRIEF = 0.3  # of the time of a textbook system, for those that find a velocity within tenths of a second
-TORQUES = {  # [N m] constant and sine about each axis of the body, whose inertia is .05 kg m^2
+TORQUES = {  # [N m] constant and sine about each axis of the body, whose inertia is 0.05 kg m^2
     "none": ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
     "constant": ((0.05, -0.03, 0.04), (0.0, 0.0, 0.0)),
     "sine": ((0.0, 0.0, 0.0), (0.3, 0.2, 0.25)),
@@ -236,10 +236,10 @@ class ObserverPropertiesStudy:
             summary=(
                 f"Runs without noise, of {config.seconds} s for the systems of the textbook, twice that for the "
                 f"robots and {BRIEF:g} times that for what finds a velocity. A start nearby is known with a tenth of "
-                "the error that a system has by itself, or .05 m and 3°; one from anywhere with three times that "
+                "the error that a system has by itself, or 0.05 m and 3°; one from anywhere with three times that "
                 f"error, or not at all; of a velocity, the error is itself, {NEAR * SPEED:g} and {FAR * SPEED:g} rad/s "
-                "or 1/s. Found: a tenth of the error of the start is left, or, without a start, RMS below .3 m and "
-                ".2 rad.",
+                "or 1/s. Found: a tenth of the error of the start is left, or, without a start, RMS below 0.3 m and "
+                "0.2 rad.",
             ),
             rows=rows,
             tables=(_table(rows),),

@@ -100,7 +100,7 @@ KINDS = (
     APPROACHING,
     RECEDING,
     WITHOUT_LEAD,
-    Kind("target turns at 2 s, announced .5 s late",
+    Kind("target turns at 2 s, announced 0.5 s late",
          {"target_change": ((2.0, 20.0, 0.0, 0.0),), "target_announcement_delay": 0.5}, period=None),
     Kind("normal force limited to 2.5 kN", {"actuator.normal": 2500.0}, period=None),
     Kind("target 4 km away", {"target": (4000.0, 0.0, 0.0)}, period=None),
@@ -229,25 +229,25 @@ def _claims(
         ),
         Claim(
             "missile.open-loop", "target", "Undisturbed, the plan's inputs alone hit the target.", "B.4",
-            "MuJoCo at 1 kHz, every case: miss <= .02 m", f"at most {miss:.2g} m", miss <= 0.02,
+            "MuJoCo at 1 kHz, every case: miss <= 0.02 m", f"at most {miss:.2g} m", miss <= 0.02,
         ),
         Claim(
             "missile.feedback", "target", "An autopilot makes up for what was not declared.", "B.4, Figure B.3",
             "one plan, +10 % mass and inertia, then also -5 % force, 400 N, 20 N m, every case: feedback linearisation "
-            "<= .05 m and .1°, TVLQR <= .15 m and .2°",
+            "<= 0.05 m and 0.1°, TVLQR <= 0.15 m and 0.2°",
             f"at most {linearised[0]:.3f} m and {linearised[1]:.3f}°; {regulated[0]:.3f} m and {regulated[1]:.3f}°",
             linearised[0] <= 0.05 and linearised[1] <= 0.1 and regulated[0] <= 0.15 and regulated[1] <= 0.2,
         ),
         Claim(
             "missile.moving-target", "target", "A moving target is met where it will be.", "B.4",
-            "target at ±30 m/s, every case: miss <= .1 m",
+            "target at ±30 m/s, every case: miss <= 0.1 m",
             f"at most {moving:.2g} m; without lead at most {largest('miss_max_m', WITHOUT_LEAD):.1f} m", moving <= 0.1,
         ),
         Claim(
             "missile.drawn", "target", "Whatever the heading, the target's motion, gusts and the body, it is met.",
             "B.4",
             "100 draws in space, any heading, a target of up to 30 m/s that turns once, 10 % of mass and inertia, 5 % "
-            "of the thrusters, gusts of 400 N and 20 N m: at least 95 % hit (miss <= 1 m), 90 % within .5 m",
+            "of the thrusters, gusts of 400 N and 20 N m: at least 95 % hit (miss <= 1 m), 90 % within 0.5 m",
             f"{rate(drawn['hits'], drawn['flights']).text()} hit; miss: median {median} m, 90 % {most} m, largest "
             f"{drawn['miss_max_m']:.2g} m",
             bool(drawn["hits"] >= 0.95 * drawn["flights"] and quantile_limits(drawn_misses, 0.9)[0] <= 0.5),

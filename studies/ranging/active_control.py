@@ -59,7 +59,7 @@ TRACKS = AT_ONCE, SENSES_FIRST = "tracks at once", "senses first"
 TRACKED = ("tracking_from_s", "joins", "off_path_rms_m", "slip_m", "touched_wall", "position_rms_m")
 
 PATH: dict[str, Any] = {"then": "figure-eight", "speed": 0.3, "cycle": 16.0}  # [m/s], [s]: what is kept
-CIRCLES = {SLOW: 0.1, FAST: 0.5}  # [m/s]: of radii .67 m and .5 m, the field being 2.83 m wide
+CIRCLES = {SLOW: 0.1, FAST: 0.5}  # [m/s]: of radii 0.67 m and 0.5 m, the field being 2.83 m wide
 EIGHT_SPAN = 15.111  # [rad] cycle times turn rate of a figure of eight, a little more than 2 pi times J_0's first zero
 SLIPPERY: Mapping[str, float] = {"friction": 0.1, "speed_max": 0.6, "turn_rate_max": 1.2}
 NEVER_UNSURE = {"sure_position": 100.0, "sure_heading": math.pi}  # [m], [rad]
@@ -131,10 +131,10 @@ class ActiveControl:
         }
         return StudyResult(
             summary=(
-                f"Two sensors at ±60° in the standard ellipse, 5 % range noise, an EKF that is given the start to .3 m "
-                f"and .3 rad. Time: the last instant with a position error above {LIMIT} m; a run that is not below it "
-                f"for good after {config.seconds} s, or touches the wall, counts as {config.seconds} s. Medians, with "
-                "95 % bootstrap bands. Start, what is known of the start, and noise are the same for every mode.",
+                "Two sensors at ±60° in the standard ellipse, 5 % range noise, an EKF that is given the start to 0.3 m "
+                f"and 0.3 rad. Time: the last instant with a position error above {LIMIT} m; a run that is not below "
+                f"it for good after {config.seconds} s, or touches the wall, counts as {config.seconds} s. Medians, "
+                "with 95 % bootstrap bands. Start, what is known of the start, and noise are the same for every mode.",
             ),
             rows=[*rows, *tracks],
             tables=_tables(modes, searched, tracks, config.depth),
@@ -226,7 +226,7 @@ def claims(
         Claim(
             "range.active", "target", "Active inputs find the pose sooner than a fixed circle and than random inputs.",
             "C.1, C.3, C.6",
-            f"at {SLOW} rad/s, two sensors and an EKF from .3 m and .3 rad: median time of the last error above "
+            f"at {SLOW} rad/s, two sensors and an EKF from 0.3 m and 0.3 rad: median time of the last error above "
             f"{LIMIT} m at least {SOONER['circle']:g} times sooner than the circle and {SOONER['random']:g} times than "
             "random inputs",
             f"{found}; medians in s: {compared}; touched the wall: "

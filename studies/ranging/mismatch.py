@@ -88,8 +88,8 @@ class Mismatch:
             summary=(
                 f"{config.seeds} runs of {config.seconds} s of each case by the default inputs, two sensors at ±60° in "
                 "the standard ellipse unless the case says otherwise, from a start that is drawn and not known. "
-                "Declared: ranges 5 %, odometry .05 per reading and 2 % always, no outliers. Converged: RMS error "
-                "below .3 m and .2 rad over the last quarter. Does not know: the status is INITIALISING over most of "
+                "Declared: ranges 5 %, odometry 0.05 per reading and 2 % always, no outliers. Converged: RMS error "
+                "below 0.3 m and 0.2 rad over the last quarter. Does not know: the status is INITIALISING over most of "
                 "the last quarter, no hypothesis being twice as likely as all others.",
             ),
             rows=rows,
@@ -149,7 +149,7 @@ def claims(cases: dict[str, Case], rows: list[dict[str, Any]]) -> list[Claim]:
         ),
         Claim(
             "mismatch.sure-and-wrong", "target", "The bank is not sure of a wrong pose.", "C.4",
-            f"status OK, two standard deviations below .3 m and .2 rad, and an error above either: <= "
+            f"status OK, two standard deviations below 0.3 m and 0.2 rad, and an error above either: <= "
             f"{SURE_AND_WRONG:.0%} of the samples of the last quarters",
             f"{sure:.2%} of all cases; by the status alone {wrong:.2%}", sure <= SURE_AND_WRONG,
         ),

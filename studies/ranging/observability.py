@@ -132,9 +132,9 @@ class Observability:
         rows = _rows(done, cases)
         return StudyResult(
             summary=(
-                f"Every share is of {config.starts} starts: the robot drives a figure of eight of 1.5 m by .55 m for "
+                f"Every share is of {config.starts} starts: the robot drives a figure of eight of 1.5 m by 0.55 m for "
                 f"{config.seconds} s, without noise, and the estimator is given a pose drawn from all over the field. "
-                "Converged: RMS error below .3 m and .2 rad over the last quarter, modulo the symmetry of the wall. "
+                "Converged: RMS error below 0.3 m and 0.2 rad over the last quarter, modulo the symmetry of the wall. "
                 "The walls have the area of the standard ellipse. The observer is (C.5) with the manifold "
                 "feed-forward; the EKF assumes that ranges err by 5 %.",
             ),
@@ -285,7 +285,7 @@ def _standing_table(rows: Sequence[Row], done: Results) -> Table:
         cells.append((name, directions, f"{(least > RANKED).sum()} of {len(least)}", f"{np.median(least):.3f}", *found))
     return Table(
         f"Poses of the standard ellipse found to 1 mm and 1 mrad, from most of {FIRST_ESTIMATES} first estimates that "
-        "are off by .03 m and .03 rad",
+        "are off by 0.03 m and 0.03 rad",
         columns,
         cells,
     )
@@ -348,7 +348,7 @@ def _standing_still(still: Mapping[str, float], done: Results) -> Claim:
     return Claim(
         "range.standing-still", "target", "Standing still is not enough with one or two sensors only.", "2.3, C.3",
         f"rank h' < 3 at every pose and at most {FAILING:.0%} found to 1 mm with one or two; rank 3 at every pose "
-        f"and at least {FINDING:.0%} with three and more (first estimates off by .03 m and .03 rad; found from "
+        f"and at least {FINDING:.0%} with three and more (first estimates off by 0.03 m and 0.03 rad; found from "
         f"most of {FIRST_ESTIMATES})",
         f"poses with rank 3: {', '.join(f'{name}: {sum(own)} of {len(own)}' for name, own in full.items())}; found: "
         f"{_shares_text(still)}",
@@ -408,7 +408,7 @@ def _definitions(still: Mapping[str, float], done: Results) -> list[Claim]:
         Claim(
             "C.proposition-1", "printed",
             "Where FS_y, OF and a neighbourhood have x_0 alone in common, it is weakly small-time observable there.",
-            "Proposition C.1", "whenever (C.1) holds, no state nearby reads the same, over .3 s nor over .03 s",
+            "Proposition C.1", "whenever (C.1) holds, no state nearby reads the same, over 0.3 s nor over 0.03 s",
             f"so at {kept} of {len(promised)} states where (C.1) holds, of {n} in motion and {len(standing)} at rest",
             kept == len(promised) > 0,
         ),
@@ -420,8 +420,8 @@ def _definitions(still: Mapping[str, float], done: Results) -> list[Claim]:
         ),
         Claim(
             "C.output-flow", "printed", "Q = 0 characterises the set of output flow equivalent states.", "C.4",
-            "on {Q = 0}, the ranges change by the same amounts (.3 s)",
-            f"only at first: beyond .1 m of the state and its image they differ by {apart.min():.2g} m at least, "
+            "on {Q = 0}, the ranges change by the same amounts (0.3 s)",
+            f"only at first: beyond 0.1 m of the state and its image they differ by {apart.min():.2g} m at least, "
             f"{np.median(apart):.2g} m in the median of {len(apart)} states",
             bool(apart.min() < 1e-9),
         ),

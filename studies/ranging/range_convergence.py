@@ -155,11 +155,11 @@ class RangeConvergence:
         return StudyResult(
             summary=(
                 f"{config.seeds} runs of {seconds} s with each set of sensors, a figure of eight of 1.5 m by "
-                f".55 m, from a start that is drawn and not known; {min(config.peers, config.seeds)} of them with the "
+                f"0.55 m, from a start that is drawn and not known; {min(config.peers, config.seeds)} of them with the "
                 "UKF and adaptive Monte Carlo localisation (AMCL), all on the same readings. Converged: RMS error "
-                "below .3 m and .2 rad over the last quarter, modulo the symmetry of the wall. RMSE: of the runs that "
-                "converged. 2s are sensors at ±60°, 2t at -90° and -45°, 3 and 4 evenly spaced. "
-                "The EKF from nearby is given its start to .1 m and .1 rad.",
+                "below 0.3 m and 0.2 rad over the last quarter, modulo the symmetry of the wall. RMSE: of the runs "
+                "that converged. 2s are sensors at ±60°, 2t at -90° and -45°, 3 and 4 evenly spaced. "
+                "The EKF from nearby is given its start to 0.1 m and 0.1 rad.",
             ),
             rows=_rows(observed, found, update, drives, run_cpu),
             tables=_tables(found, update, drives),

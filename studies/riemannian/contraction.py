@@ -126,7 +126,7 @@ class Contraction:
         products = (boundary["minus-one"] * thetas)[thin]
         return StudyResult(
             summary=(
-                "S^3 without a force, A = B = 3, the generalised Sasaki metric with (a, b, c) = (1, .33, -.5); the "
+                "S^3 without a force, A = B = 3, the generalised Sasaki metric with (a, b, c) = (1, 0.33, -0.5); the "
                 "largest eigenvalue of W^-1 L over the angle between eta and grad S.",
             ),
             rows=[

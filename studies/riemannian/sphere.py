@@ -148,7 +148,7 @@ class Sphere:
                 "S^3: the data, the force and the gains of D.5, xi(0) = x(0) and eta(0) = 0. H^2: a point in a bowl, "
                 "U = 4 p_0. Cart and pendulum: in MuJoCo, exact positions at 1 kHz. Printed: A = 3 (1 + S) / sqrt(S + "
                 "1e-7), B = 3; repaired: A = B = 3; C = -1.",
-                "The noisy runs are of a body in MuJoCo under torques, attitudes at 1 kHz with .01 rad of noise about "
+                "The noisy runs are of a body in MuJoCo under torques, attitudes at 1 kHz with 0.01 rad of noise about "
                 "every axis, the observer with omega = 10; errors of the body rate once a third of a run is over, over "
                 "the same readings for every estimator. Tuned: the best of a sweep of one field on another run, of "
                 f"seed {TUNED_ON}. In stationary noise and with an exact model a tuned EKF wins: it is given how large "

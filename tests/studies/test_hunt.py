@@ -14,9 +14,12 @@ from mathnavi.interfaces.fields import plain
 from mathnavi.interfaces.signals import Event
 from mathnavi.models.aerial.dynamics import HULL_RADIUS
 from mathnavi.models.terrain.library import load_terrain
+from mathnavi.sim.search.evaluation import Evaluator
 from mathnavi.sim.search.space import drawn
+from mathnavi.studies.flight import hunt as hunt_study
 from mathnavi.studies.flight.guarantee_holes import ANNOUNCED, clearance_in_bounds, violations
 from mathnavi.studies.flight.hunt import FLEET, HOLES, QUADROTOR, SAFE_FLIGHT, UPDATES, Hole, Hunt
+from mathnavi.studies.framework.study import Setup
 
 T = np.arange(0.0, 10.0, 0.1)
 
@@ -117,6 +120,22 @@ def test_power_is_a_find_in_time_where_draws_need_more_and_none_in_the_product(
 ) -> None:
     hole = Hole("hole", searches, draws, 1000, product)
     assert (hole.median, hole.mean_draws, hole.shown) == (median, mean, shown)
+
+
+def test_a_search_takes_results_of_another_environment_when_the_study_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    searches: list[Evaluator] = []
+
+    def directed(evaluator: Evaluator, *_: Any, **__: Any) -> list[Any]:
+        searches.append(evaluator)
+        return [SimpleNamespace(ending="flown")]
+
+    monkeypatch.setattr(hunt_study, "directed", directed)
+    nothing: Any = None
+    for mixed in (False, True):
+        setup = Setup(None, nothing, mix_environments=mixed)
+        hunt_study._searched(setup, nothing, FLEET, hunt_study.MARGIN, 1)
+        assert searches[-1].mix_environments is mixed
+        assert searches[-1].elsewhere is setup.elsewhere  # so that they are counted
 
 
 def test_clearance_counts_in_tracking_bounds() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import html
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from importlib.metadata import entry_points
@@ -315,6 +316,8 @@ def assert_claims(name: str, result: StudyResult) -> None:
         assert claim.kind == ("printed" if claim.id.startswith(PRINTED) else "target")
         assert isinstance(claim.holds, bool) or (name in UNMEASURED and claim.holds is None)
         assert all((claim.statement, claim.source, claim.expected, claim.measured))
+    texts = [*result.summary, result.caption, *(t for claim in result.claims for t in (claim.expected, claim.measured))]
+    assert not [text for text in texts if re.search(r"(?<![\w.])\.\d", text)]  # 0.3 m, not .3 m
     holds = {claim.id: claim.holds for claim in result.claims}
     known = HOLDS.get(name, {})
     assert {claim: holds[claim] for claim in known} == known

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from mathnavi.controllers.flight.kernels import problem_data
-from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH
 from mathnavi.controllers.flight.problem import POINTS_ON_MANOEUVRE, POINTS_PER_ARC, PlanSolution, Problem
 from mathnavi.controllers.flight.reference import windows
+from mathnavi.controllers.flight.spline import TARGET_LENGTH
 from mathnavi.interfaces.signals import Array
 
 SCRIPT = Path(__file__).with_name("acados_flight.py")

@@ -15,7 +15,6 @@ import numpy as np
 
 from mathnavi.controllers.flight import spline
 from mathnavi.controllers.flight.kernels import problem_data
-from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH
 from mathnavi.controllers.flight.problem import (
     POINTS_ON_MANOEUVRE,
     POINTS_PER_ARC,
@@ -23,6 +22,7 @@ from mathnavi.controllers.flight.problem import (
     PlanSolution,
     Problem,
 )
+from mathnavi.controllers.flight.spline import TARGET_LENGTH
 from mathnavi.interfaces.signals import Array
 
 

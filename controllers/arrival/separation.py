@@ -48,12 +48,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import float64
 
 from mathnavi.controllers.arrival.separation_rule import TOPIC, Zone, objection
+from mathnavi.controllers.flight.ahead import PLAN
 from mathnavi.interfaces.checks import check_names
+from mathnavi.interfaces.compiled import Signature
 from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.kernel_types import ONE, TWO
 from mathnavi.interfaces.signals import Event, Message, Plan
-from mathnavi.models.aerial.plan_distance import PlannedTrajectory
+from mathnavi.models.aerial.kernels import state_on
+from mathnavi.models.aerial.plan_distance import PlannedTrajectory, _least_squared
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 
@@ -265,3 +270,10 @@ class Separation:
 
     def _record(self, t: float, kind: str, message: str) -> None:
         self.events.append(Event(t, self.name, f"separation-{kind}", message))
+
+
+# Kernels that are compiled before a run (``sim.engine.compilation``), for arguments of these types.
+KERNELS: tuple[Signature, ...] = (
+    (_least_squared, (*PLAN, *PLAN, float64, float64)),
+    (state_on, (ONE, TWO, TWO, float64)),
+)

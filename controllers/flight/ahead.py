@@ -12,8 +12,8 @@ from mathnavi.controllers.flight.certificate import _along_arcs, _extent
 from mathnavi.controllers.flight.held_input import _lag_along
 from mathnavi.controllers.flight.kernels.line_search import begin, search
 from mathnavi.controllers.flight.kernels.linearisation import linearise
-from mathnavi.controllers.flight.length_to_go import cost_many
 from mathnavi.controllers.flight.shortest_paths import _settle
+from mathnavi.controllers.flight.spline import cost_many
 from mathnavi.controllers.flight.tracker import tracking_command
 from mathnavi.interfaces.compiled import Signature
 from mathnavi.interfaces.kernel_types import ONE, ONE_READ, THREE, TWO, TWO_READ, array, combined

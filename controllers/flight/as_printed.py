@@ -38,10 +38,10 @@ import daqp
 import numpy as np
 from annotated_types import Interval
 
-from mathnavi.controllers.flight.bounds import GridLayers, GridNodes
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.completion import ArcList, complete
 from mathnavi.controllers.flight.cost_to_go import REFERENCE_SPEED, TrilinearCost, trilinear_cost
+from mathnavi.controllers.flight.plugin import GridLayers, GridNodes
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.interfaces.bounds import Positive, Within, configuration
 from mathnavi.interfaces.errors import MissionError

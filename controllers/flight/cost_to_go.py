@@ -24,8 +24,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from mathnavi.controllers.flight import spline
-from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH, cost_many
 from mathnavi.controllers.flight.shortest_paths import distances
+from mathnavi.controllers.flight.spline import TARGET_LENGTH, cost_many
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar

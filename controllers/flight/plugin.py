@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
+from annotated_types import Interval
 
-from mathnavi.controllers.flight.bounds import GridLayers, GridNodes, Nodes
 from mathnavi.controllers.flight.certificate import Certificate, TrackingBound, raised_ground
 from mathnavi.controllers.flight.cost_to_go import FactoredCost, factored_cost
 from mathnavi.controllers.flight.planner import Incorporation, RecedingHorizon, Solver
 from mathnavi.controllers.flight.problem import Parameters, proportional
 from mathnavi.controllers.flight.sqp import CondensedSqp
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
-from mathnavi.interfaces.bounds import NonNegative, Positive, configuration
+from mathnavi.interfaces.bounds import NonNegative, Positive, Within, configuration
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.protocols import Planner, Tracker
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
+
+Nodes = Annotated[int, Within(Interval(ge=2, le=121), allowed="2 to 121")]
+GridNodes = Annotated[int, Within(Interval(ge=3, le=513), allowed="3 to 513")]
+GridLayers = Annotated[int, Within(Interval(ge=2, le=65), allowed="2 to 65")]
+
 
 _INSIDE = 1.0 - 1e-4  # the solver aims this far inside the bounds, so that its tolerance does not cost a plan
 _UNEQUAL = 1000.0  # how many times as long as another an arc may be

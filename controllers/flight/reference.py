@@ -21,8 +21,8 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.flight.kernels import problem_data
-from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH
 from mathnavi.controllers.flight.problem import POINTS_ON_MANOEUVRE, PlanSolution, Problem
+from mathnavi.controllers.flight.spline import TARGET_LENGTH
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.buffered_function import BufferedFunction

@@ -27,10 +27,10 @@ import numpy as np
 from annotated_types import Interval
 from scipy.ndimage import maximum_filter, uniform_filter
 
-from mathnavi.controllers.flight.bounds import GridLayers, GridNodes
 from mathnavi.controllers.flight.certificate import Certificate
 from mathnavi.controllers.flight.completion import ArcList
 from mathnavi.controllers.flight.cost_to_go import FactoredCost, factored_cost
+from mathnavi.controllers.flight.plugin import GridLayers, GridNodes
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.controllers.peers.barrier_kernels import BarrierLaw, BarrierShape, SplineCost, closed_loop
 from mathnavi.controllers.peers.commitment import hovering, stop_and_climb

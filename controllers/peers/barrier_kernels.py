@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mathnavi.controllers.flight.length_to_go import length_to_go
-from mathnavi.controllers.flight.spline import surface, surface_curvature
+from mathnavi.controllers.flight.spline import length_to_go, surface, surface_curvature
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array
 

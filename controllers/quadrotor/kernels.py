@@ -9,10 +9,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import float64, int64
 
-from mathnavi.interfaces.compiled import njit
+from mathnavi.controllers.flight.ahead import CERTIFYING, PLAN, PLANNING
+from mathnavi.interfaces.compiled import Signature, njit
+from mathnavi.interfaces.kernel_types import ONE, ONE_READ, TWO
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.aerial.kernels import arc_at
+from mathnavi.models.aerial.kernels import arc_at, state_on
+from mathnavi.models.quadrotor.allocation import allocated
+from mathnavi.models.quaternion import rotation
 
 _STEPS = 1000  # arcs that one call may pass: a bound for a plan of many tiny ones
 _SMALL = 1e-9
@@ -159,3 +164,22 @@ def moments(
     pushed += back @ omega_d_dot - np.cross(omega, carried)
     tau: Array = inertia * pushed + np.cross(omega, inertia * omega)
     return tau
+
+
+# Kernels that are compiled before a run (``sim.engine.compilation``), for arguments of these types.
+STEP = (float64, float64, float64, float64)
+OWN: tuple[Signature, ...] = (
+    (moments, (TWO, ONE, TWO, ONE, ONE, ONE, ONE, ONE)),
+    (rates_of, (TWO, ONE, ONE, float64, float64)),
+    (attitude_of, (ONE, float64)),
+    (rotation, (ONE,)),
+    (allocated, (ONE, TWO, float64)),
+    (within_tilt, (ONE, float64, float64)),
+    (limited, (ONE, float64)),
+    (advanced, (TWO, *PLAN, *STEP)),
+    (advanced, (TWO, ONE, TWO, TWO, *STEP)),
+    (target_at, (*PLAN, int64, float64)),
+    (arc_at, (ONE_READ, float64)),
+    (state_on, (ONE, TWO, TWO, float64)),
+)
+KERNELS = (*PLANNING, *OWN, *CERTIFYING)

@@ -25,7 +25,7 @@ from mathnavi.models.quadrotor.mission import QuadrotorMission
 class QuadrotorConfig:
     """Fields of ``--planner``."""
 
-    kernels: ClassVar[str] = "mathnavi.controllers.quadrotor.ahead"  # compiled before the first run
+    kernels: ClassVar[str] = "mathnavi.controllers.quadrotor.kernels"  # compiled before the first run
 
     flight: RecedingHorizonConfig = field(default_factory=lambda: RecedingHorizonConfig(margin=100.0))
     """Fields of the planner, on the magnified mission: v_max is 300 m/s there, its times are 10/3 of the true ones."""

@@ -25,7 +25,7 @@ from mathnavi.estimators.velocity.error_state import (
     acceleration_noise,
     filter_properties,
 )
-from mathnavi.estimators.velocity.extended import LagrangianEkf, LagrangianEkfConfig, linearised
+from mathnavi.estimators.velocity.kalman import LagrangianEkf, LagrangianEkfConfig, linearised
 from mathnavi.estimators.velocity.position_observer import PositionObserver
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.observer_properties import ObserverProperties

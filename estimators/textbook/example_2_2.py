@@ -14,7 +14,7 @@ from mathnavi.estimators.textbook.sampled_observer import (
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
-from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2, observer
+from mathnavi.models.textbook.library import EXAMPLE_2_2, observer
 from mathnavi.models.textbook.mission import TextbookMission
 
 

@@ -8,6 +8,14 @@ F being actuators, springs, dampers, the drag of a medium and gravity, and the f
 limits, friction loss and equalities. It is stable for any damping and any gain of a servo. delta is an acceleration
 that the model lacks. Where the model is integrated by RK4, whose positions are of a higher order, q^+ is instead
 q + h (v + v^+) / 2.
+
+**Actuators** by their own transmission and bias give the acceleration as an affine function of the controls:
+
+    D_t v = M^-1 (passive - gravity + J' b) + M^-1 J' diag(g) u,        f_i = g_i u_i + b_i,
+
+J (nu, nv) being the moments of the transmissions, and g and b MuJoCo's gain and bias at the length and velocity of each
+actuator: of a position servo g = k_p and b = -k_p l - k_v l'. Ranges are left out: a servo far from its set point is
+saturated, and a probe of its control would find no effect.
 """
 
 from __future__ import annotations
@@ -23,9 +31,8 @@ from mathnavi.interfaces.checks import check
 from mathnavi.interfaces.errors import ArgumentError, FieldError
 from mathnavi.interfaces.joint_states import HINGE, SLIDE, state_names
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.manifold.system import AffineInputLaw, integrate
+from mathnavi.models.manifold.system import AffineInputLaw, AffineInputs, integrate
 from mathnavi.models.mechanism import forces
-from mathnavi.models.mechanism.actuation import Actuation
 from mathnavi.models.mechanism.floating_base import FloatingBase
 from mathnavi.models.mechanism.geometry import MechanismManifold, mass_matrix
 
@@ -238,3 +245,37 @@ def _depends_on_velocity(model: mujoco.MjModel) -> bool:
         gain * model.actuator_gainprm[:, 2], bias * model.actuator_biasprm[:, 2],
     )  # fmt: skip
     return not known.all() or any(bool(np.any(each)) for each in coefficients)
+
+
+class Actuation:
+    """The affine inputs of a model; FieldError for muscles and actuators with a user-defined law."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        known = np.isin(model.actuator_gaintype, (_FIXED, _AFFINE[0]))
+        known &= np.isin(model.actuator_biastype, (_UNBIASED, _AFFINE[1]))
+        if not known.all():
+            names = [model.actuator(int(i)).name or str(i) for i in np.flatnonzero(~known)]
+            raise FieldError(f"actuators = {', '.join(names)}; allowed for tracking: fixed or affine laws")
+        self._model = copy.copy(model)
+        self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+        self._data = mujoco.MjData(self._model)
+        self._at = forces.actuated(self._model, self._data)
+        self._none = np.zeros(model.nu)
+        self._range = np.where(model.actuator_ctrllimited[:, None], model.actuator_ctrlrange, (-np.inf, np.inf)).T
+        self._gain = model.actuator_gainprm[:, :3] * np.array([1.0, 0.0, 0.0])
+        affine = model.actuator_gaintype == _AFFINE[0]
+        self._gain[affine] = model.actuator_gainprm[affine, :3]
+        self._bias = model.actuator_biasprm[:, :3] * (model.actuator_biastype == _AFFINE[1])[:, None]
+
+    def __call__(self, x: Array, v: Array) -> AffineInputs:
+        """Return the affine inputs at x (nq,), v (nv,)."""
+        model, data = self._model, self._data
+        without = forces.acceleration(self._at, x, v, self._none)
+        moment, solved = np.zeros((model.nu, model.nv)), np.zeros((model.nu, model.nv))
+        mujoco.mju_sparse2dense(
+            moment, data.actuator_moment.ravel(), data.moment_rownnz, data.moment_rowadr, data.moment_colind
+        )
+        mujoco.mj_solveM(model, data, solved, moment)
+        state = np.stack([np.ones(model.nu), data.actuator_length, moment @ v])
+        gain, bias = (self._gain * state.T).sum(axis=1), (self._bias * state.T).sum(axis=1)
+        return AffineInputs(without + solved.T @ bias, solved.T * gain, *self._range)

@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.textbook.camera_and_flags import DISTANCE
+from mathnavi.models.textbook.library import DISTANCE
 from mathnavi.renders.figures import BOUND, INK, canvas
 from mathnavi.renders.textbook.run_data import TextbookRun
 

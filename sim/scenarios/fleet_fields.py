@@ -250,7 +250,7 @@ class FleetFields(LimitFields, FleetEndFields):
 class SimultaneousArrivalConfig(ChangeFields, ChanceFields, FleetFields):
     """Fields of the scenario."""
 
-    kernels: ClassVar[str] = "mathnavi.controllers.arrival.ahead"  # compiled before the first run
+    kernels: ClassVar[str] = "mathnavi.controllers.arrival.separation"  # compiled before the first run
 
     radio: Radio = field(default_factory=Radio)
     clocks: Clocks = field(default_factory=Clocks)

@@ -20,6 +20,7 @@ import mujoco
 import numpy as np
 
 from mathnavi.interfaces.errors import MissionError
+from mathnavi.interfaces.protocols import Plant
 from mathnavi.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
 from mathnavi.models.angles import wrapped
 from mathnavi.models.missile.coordinates import COORDINATES, Coordinates
@@ -27,6 +28,7 @@ from mathnavi.models.missile.dynamics import NOMINAL, TICK, Body
 from mathnavi.models.missile.entity import build_model
 from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, Place, StateNoise, Target, TargetMotion
 from mathnavi.models.missile.mission_frame import MissionFrame
+from mathnavi.sim.engine.faults import Disturbed
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.metrics.missile import cost, missile_summary
@@ -39,7 +41,21 @@ from mathnavi.sim.scenarios.missile_fields import MissileGuidanceConfig, Missile
 from mathnavi.sim.scenarios.missile_learning import MissileTerms
 from mathnavi.sim.scenarios.requirements import Requirement, evaluate
 from mathnavi.sim.scenarios.task import Inputs, Sample, Task
-from mathnavi.sim.scenarios.turned_plant import TurnedPlant
+
+
+class TurnedPlant(Disturbed):
+    """Plant in the frame of a mission: it rotates external forces, torques and displacements and nothing else."""
+
+    def __init__(self, plant: Plant, frame: MissionFrame) -> None:
+        super().__init__(plant, ())
+        self._axes = frame.axes
+
+    def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
+        self.plant.apply_wrench(name, self._axes @ force, None if torque is None else self._axes @ torque)
+
+    def displace(self, name: str, offset: Array) -> None:
+        self.plant.displace(name, self._axes @ offset)
+
 
 VEHICLE = "missile"
 _DOUBLINGS, _BISECTIONS = 6, 5  # of the distance to a target that is out of reach

@@ -21,8 +21,7 @@ from mathnavi.interfaces.checks import check
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import NumberList
 from mathnavi.interfaces.signals import Array, Status
-from mathnavi.models.textbook.camera_and_flags import camera_and_flags
-from mathnavi.models.textbook.library import SYSTEMS
+from mathnavi.models.textbook.library import SYSTEMS, camera_and_flags
 from mathnavi.models.textbook.mission import TICK, TextbookMission
 from mathnavi.models.textbook.system import System
 from mathnavi.sim.engine.log import Recording

@@ -3,15 +3,21 @@
 The computing environment is part of the key. A trial may name a measure, a function at "package.module:function" that
 computes figures from the ``RunData``, which holds the whole log. The figures are added to the summary, and the log is
 not kept.
+
+A field may be drawn again for every trial, by a generator that is seeded by the trial's seed and the field's name, so
+that it does not depend on what else is varied.
 """
 
 from __future__ import annotations
 
 import importlib
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
 
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.input_files import Digests
@@ -21,8 +27,23 @@ from mathnavi.sim.records.origins import Origin
 from mathnavi.sim.records.run_spec import Plugin, RunSpec
 from mathnavi.sim.records.store import Record, canonical_json
 
-if TYPE_CHECKING:  # the processes of a sweep import a scenario only where they fly it
+if TYPE_CHECKING:
     from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunData
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Interval from which a field is drawn again for every trial, both ends included."""
+
+    name: str  # of the field
+    low: Any
+    high: Any
+
+    def draw(self, seed: int) -> Any:
+        rng = np.random.default_rng([seed, zlib.crc32(self.name.encode())])
+        if isinstance(self.low, int):
+            return int(rng.integers(self.low, self.high, endpoint=True))
+        return float(rng.uniform(self.low, self.high))
 
 
 @dataclass(frozen=True)

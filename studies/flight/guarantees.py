@@ -42,9 +42,17 @@ from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.job import job
 from mathnavi.sim.sweep.trial import Trial
-from mathnavi.studies.flight.drawn_missions import MissionToDraw, mission_ends
 from mathnavi.studies.framework.drawing import paths_on_map
-from mathnavi.studies.framework.study import VEHICLE, Setup, StudyResult, ends, recorded_trial, track
+from mathnavi.studies.framework.study import (
+    VEHICLE,
+    MissionToDraw,
+    Setup,
+    StudyResult,
+    ends,
+    mission_ends,
+    recorded_trial,
+    track,
+)
 
 OURS = "flight"
 PLANNERS = (OURS, "gatekeeper", "faster", "barrier", "as_printed")

@@ -25,9 +25,18 @@ from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.trial import Trial
-from mathnavi.studies.flight.drawn_missions import MissionToDraw, mission_ends
 from mathnavi.studies.framework.drawing import paths_on_map
-from mathnavi.studies.framework.study import VEHICLE, Setup, StudyResult, ends, heights, median, track
+from mathnavi.studies.framework.study import (
+    VEHICLE,
+    MissionToDraw,
+    Setup,
+    StudyResult,
+    ends,
+    heights,
+    median,
+    mission_ends,
+    track,
+)
 
 Booleans = NDArray[np.bool_]
 

@@ -367,3 +367,19 @@ def heights(outcome: RunData) -> np.ndarray:
 def ends(outcome: RunData) -> dict[str, np.ndarray]:
     """Return start and target (3,) [m] of a mission, for the 3-D view."""
     return {name: np.array(outcome.config["mission"][name]) for name in ("start", "target")}
+
+
+@dataclass(frozen=True)
+class MissionToDraw:
+    """A mission whose ends are to be drawn."""
+
+    place: TerrainReference
+    seed: int
+    fields: Mapping[str, Any] = field(default_factory=dict)  # of the scenario, beside the terrain
+
+
+def mission_ends(wanted: MissionToDraw) -> dict[str, tuple[float, float, float]]:
+    """A job: start and target [m] of a seed, between which a first plan can be certified."""
+    fields = {"terrain": wanted.place.terrain, **wanted.fields}
+    drawn = trial("safe-flight", wanted.seed, fields=fields).build().config["fields"]
+    return {name: tuple(drawn[name]) for name in ("start", "target")}

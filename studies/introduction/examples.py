@@ -21,10 +21,7 @@ from scipy.linalg import expm
 from mathnavi.estimators.textbook.kazantzis_kravaris import Immersion
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.textbook.example_2_1 import EXAMPLE_2_1
-from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2, error_dynamics
-from mathnavi.models.textbook.krener_isidori import KRENER_ISIDORI
-from mathnavi.models.textbook.library import SYSTEMS
+from mathnavi.models.textbook.library import EXAMPLE_2_1, EXAMPLE_2_2, KRENER_ISIDORI, SYSTEMS, error_dynamics
 from mathnavi.models.textbook.maps import of_numbers
 from mathnavi.models.textbook.system import System
 from mathnavi.renders.figures import BOUND, INK, STYLE

@@ -29,8 +29,7 @@ from mathnavi.controllers.ocp.problems.missile import OPTIMA, missile
 from mathnavi.controllers.ocp.replay import replayed
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import transcription
-from mathnavi.controllers.ocp.transcriptions.euler import Euler
-from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson, Trapezoid
+from mathnavi.controllers.ocp.transcriptions.low_order import Euler, HermiteSimpson, Trapezoid
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.interfaces.bounds import Count, Within, configuration
 from mathnavi.interfaces.signals import Array

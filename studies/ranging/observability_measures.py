@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 
 from mathnavi.estimators.observability.continuation import trace_curve
 from mathnavi.estimators.observability.feasible_set import feasible_set
-from mathnavi.estimators.observability.indistinguishable import indistinguishable_states, small_time
 from mathnavi.estimators.observability.lie_derivatives import (
     ControlAffineSystem,
     codistribution,
@@ -34,13 +33,19 @@ from mathnavi.estimators.observability.lie_derivatives import (
     ray_ends,
     singular_values,
 )
-from mathnavi.estimators.observability.output_flow import equal_rates, intersection, mismatch
+from mathnavi.estimators.observability.output_flow import (
+    equal_rates,
+    indistinguishable_states,
+    intersection,
+    mismatch,
+    small_time,
+)
 from mathnavi.estimators.observability.range_outputs import Input, RangeOutputs, motion_under, pose_difference
 from mathnavi.estimators.observability.region import ConvergenceCriterion, exact_run, region_of_convergence
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import BEAN, EGG, Coefficients, Curve, ellipse
-from mathnavi.models.textbook.camera_and_flags import camera_and_flags
+from mathnavi.models.textbook.library import camera_and_flags
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.patterns import figure_eight
 from mathnavi.models.unicycle.quality import RangeQuality

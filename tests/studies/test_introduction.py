@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mathnavi.models.textbook.example_2_1 import EXAMPLE_2_1
-from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2, error_dynamics
+from mathnavi.models.textbook.library import EXAMPLE_2_1, EXAMPLE_2_2, error_dynamics
 from mathnavi.sim.sweep.trial import trial
 from mathnavi.studies.introduction.examples import example_2_2, in_coordinates, predicted, unseen_directions
 

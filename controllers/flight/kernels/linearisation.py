@@ -28,7 +28,7 @@ from mathnavi.controllers.flight.kernels.problem_data import (
     QuadraticProgramme,
     position,
 )
-from mathnavi.controllers.flight.length_to_go import length_to_go
+from mathnavi.controllers.flight.spline import length_to_go
 from mathnavi.interfaces.compiled import inner_njit, njit
 from mathnavi.interfaces.signals import Array
 

@@ -19,8 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mathnavi.controllers.flight.length_to_go import length_to_go
-from mathnavi.controllers.flight.spline import surface
+from mathnavi.controllers.flight.spline import length_to_go, surface
 from mathnavi.interfaces.compiled import inner_njit, njit
 from mathnavi.interfaces.signals import Array
 

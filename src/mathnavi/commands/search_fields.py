@@ -20,8 +20,7 @@ from mathnavi.interfaces.field_table import flag_of
 from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.search.rare import REDRAW
 from mathnavi.sim.search.space import Choice, Dimension, Range, Values
-from mathnavi.sim.sweep.trial import Trial
-from mathnavi.sim.sweep.uniform import Uniform
+from mathnavi.sim.sweep.trial import Trial, Uniform
 
 OVER = "--over"
 FORMS = "allowed: FIELD=LOW..HIGH, FIELD=LOW..HIGH,log or FIELD=V1,V2,..."

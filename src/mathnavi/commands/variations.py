@@ -18,8 +18,7 @@ from mathnavi.commands.command_line import CommandLine, read_command_line
 from mathnavi.commands.errors import BadInputError
 from mathnavi.interfaces.fields import leaf
 from mathnavi.sim.records.field_names import joined, split
-from mathnavi.sim.sweep.trial import Trial
-from mathnavi.sim.sweep.uniform import Uniform
+from mathnavi.sim.sweep.trial import Trial, Uniform
 
 PLUGINS = ("--controller", "--estimator")
 FORMS = "allowed: FIELD=V1,V2,... or FIELD=LOW..HIGH"

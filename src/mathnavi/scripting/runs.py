@@ -27,8 +27,7 @@ from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.sweep.execution import Progress, available_cores, run_trials
-from mathnavi.sim.sweep.trial import Trial
-from mathnavi.sim.sweep.uniform import Uniform
+from mathnavi.sim.sweep.trial import Trial, Uniform
 
 if TYPE_CHECKING:  # these take a while to import, and no run needs them
     from matplotlib.figure import Figure

@@ -19,7 +19,7 @@ from mathnavi.controllers.flight.cost_to_go import (
     threat_density,
     trilinear_cost,
 )
-from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH
+from mathnavi.controllers.flight.spline import TARGET_LENGTH
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain

@@ -23,8 +23,7 @@ from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.controllers.ocp.residual import local_errors
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import transcription
-from mathnavi.controllers.ocp.transcriptions.euler import Euler
-from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson, MultipleShooting
+from mathnavi.controllers.ocp.transcriptions.low_order import Euler, HermiteSimpson, MultipleShooting
 
 
 def coasting(longest: float) -> ProblemFunctions:

@@ -12,8 +12,7 @@ from mathnavi.controllers.ocp.problems.articles import double_integrator_energy,
 from mathnavi.controllers.ocp.problems.bryson_ho import WALL, bryson_denham
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.transcriptions.collocation import GaussLegendre, LegendreGaussLobatto, RadauIIA
-from mathnavi.controllers.ocp.transcriptions.euler import Euler
-from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson, MultipleShooting, Trapezoid
+from mathnavi.controllers.ocp.transcriptions.low_order import Euler, HermiteSimpson, MultipleShooting, Trapezoid
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 
 

@@ -18,8 +18,7 @@ from mathnavi.controllers.ocp.problems.bryson_ho import bryson_denham
 from mathnavi.controllers.ocp.problems.cops import goddard
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.transcriptions.collocation import LegendreGaussLobatto, RadauIIA
-from mathnavi.controllers.ocp.transcriptions.euler import Euler
-from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson
+from mathnavi.controllers.ocp.transcriptions.low_order import Euler, HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 
 SCHEMES = (HermiteSimpson(), LegendreGaussLobatto(3), RadauIIA(3))

@@ -13,8 +13,7 @@ from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import replayed
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
-from mathnavi.controllers.ocp.transcriptions.euler import Euler
-from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson
+from mathnavi.controllers.ocp.transcriptions.low_order import Euler, HermiteSimpson
 
 
 def problem_with(rate: float, upper: float = 10.0) -> ProblemFunctions:

@@ -12,7 +12,7 @@ from mathnavi.controllers.ocp.problems.manuals import hypersensitive_short
 from mathnavi.controllers.ocp.residual import RESIDUAL, cost_errors, local_errors
 from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.collocation import LegendreGaussLobatto
-from mathnavi.controllers.ocp.transcriptions.euler import Euler
+from mathnavi.controllers.ocp.transcriptions.low_order import Euler
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 
 

@@ -16,8 +16,7 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.articles import double_integrator_energy
 from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.controllers.ocp.transcriptions.collocation import GaussLegendre, LegendreGaussLobatto, RadauIIA
-from mathnavi.controllers.ocp.transcriptions.euler import Euler
-from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson, MultipleShooting
+from mathnavi.controllers.ocp.transcriptions.low_order import Euler, HermiteSimpson, MultipleShooting
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.interfaces.signals import Array
 

@@ -20,7 +20,7 @@ from mathnavi.controllers.ocp.replay import replayed
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.structure import Structure, linear_controls, structure, switching_constraints
 from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
-from mathnavi.controllers.ocp.transcriptions.euler import Euler
+from mathnavi.controllers.ocp.transcriptions.low_order import Euler
 from tests.controllers.ocp.test_arcs import to_rest
 
 RADAU = RadauIIA(3)

@@ -18,8 +18,7 @@ from mathnavi.controllers.ocp.transcriptions.collocation import (
     legendre_gauss_lobatto,
     radau,
 )
-from mathnavi.controllers.ocp.transcriptions.euler import Euler
-from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson, MultipleShooting, Trapezoid
+from mathnavi.controllers.ocp.transcriptions.low_order import Euler, HermiteSimpson, MultipleShooting, Trapezoid
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
 
 SCHEMES = [

@@ -9,9 +9,7 @@ import pytest
 
 from mathnavi.controllers.textbook.input_signal import InputSignal, InputSignalConfig
 from mathnavi.interfaces.signals import Estimate, Plan, PlanRequest
-from mathnavi.models.textbook.example_2_1 import EXAMPLE_2_1
-from mathnavi.models.textbook.kazantzis_kravaris import KAZANTZIS_KRAVARIS
-from mathnavi.models.textbook.library import SYSTEMS
+from mathnavi.models.textbook.library import EXAMPLE_2_1, KAZANTZIS_KRAVARIS, SYSTEMS
 from mathnavi.models.textbook.mission import TextbookMission
 from mathnavi.models.textbook.system import System
 

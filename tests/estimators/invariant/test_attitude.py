@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.invariant.attitude import AttitudeIekf
-from mathnavi.estimators.velocity.extended import LagrangianEkf
+from mathnavi.estimators.velocity.kalman import LagrangianEkf
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import sphere

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mathnavi.estimators.observability.indistinguishable import indistinguishable_states, small_time
+from mathnavi.estimators.observability.output_flow import indistinguishable_states, small_time
 from mathnavi.estimators.observability.range_outputs import motion_under, pose_difference
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.patterns import figure_eight

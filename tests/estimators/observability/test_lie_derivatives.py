@@ -21,7 +21,7 @@ from mathnavi.estimators.observability.lie_derivatives import (
 from mathnavi.estimators.observability.range_outputs import RangeOutputs
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
-from mathnavi.models.textbook.camera_and_flags import camera_and_flags
+from mathnavi.models.textbook.library import camera_and_flags
 from tests.estimators.observability.fields import BEAN, CIRCLE, CURVES, ELLIPSE, THESIS, THESIS_START, sensors
 
 

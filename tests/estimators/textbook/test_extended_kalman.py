@@ -7,10 +7,7 @@ import pytest
 
 from mathnavi.estimators.textbook.extended_kalman import TextbookEkf, TextbookEkfConfig
 from mathnavi.interfaces.signals import Measurement, Status
-from mathnavi.models.textbook.camera_and_flags import camera_and_flags
-from mathnavi.models.textbook.example_2_1 import EXAMPLE_2_1
-from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2
-from mathnavi.models.textbook.krener_isidori import KRENER_ISIDORI
+from mathnavi.models.textbook.library import EXAMPLE_2_1, EXAMPLE_2_2, KRENER_ISIDORI, camera_and_flags
 from tests.textbook import mission, replayed, steps
 
 CONFIG = TextbookEkfConfig()

@@ -13,10 +13,13 @@ from mathnavi.estimators.textbook.kazantzis_kravaris import Form, KazantzisKrava
 from mathnavi.estimators.textbook.output_injection import OutputInjection, OutputInjectionConfig
 from mathnavi.interfaces.observer_properties import Rate
 from mathnavi.interfaces.signals import Array, Measurement, Status
-from mathnavi.models.textbook.example_2_1 import EXAMPLE_2_1
-from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2, error_dynamics
-from mathnavi.models.textbook.kazantzis_kravaris import KAZANTZIS_KRAVARIS
-from mathnavi.models.textbook.krener_isidori import KRENER_ISIDORI
+from mathnavi.models.textbook.library import (
+    EXAMPLE_2_1,
+    EXAMPLE_2_2,
+    KAZANTZIS_KRAVARIS,
+    KRENER_ISIDORI,
+    error_dynamics,
+)
 from mathnavi.models.textbook.maps import of_numbers
 from mathnavi.models.textbook.power_series import solved
 from mathnavi.models.textbook.system import System

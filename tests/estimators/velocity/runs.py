@@ -10,10 +10,9 @@ import numpy as np
 
 from mathnavi.estimators.invariant.attitude import AttitudeIekf
 from mathnavi.estimators.riemannian.plugin import RiemannianObserver
-from mathnavi.estimators.velocity.extended import LagrangianEkf
 from mathnavi.estimators.velocity.filtered_differences import FilteredDifferences
 from mathnavi.estimators.velocity.high_gain import HighGain
-from mathnavi.estimators.velocity.unscented import LagrangianUkf
+from mathnavi.estimators.velocity.kalman import LagrangianEkf, LagrangianUkf
 from mathnavi.interfaces.protocols import Estimator, StateView
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, flat_space, hyperbolic_space, sphere

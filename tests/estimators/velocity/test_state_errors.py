@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.velocity.error_state import Propagation, StateErrors
-from mathnavi.estimators.velocity.extended import linearised
-from mathnavi.estimators.velocity.unscented import Unscented
+from mathnavi.estimators.velocity.kalman import Unscented, linearised
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import sphere
 from tests.estimators.velocity.runs import SYSTEMS, moving

@@ -11,9 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2
-from mathnavi.models.textbook.kazantzis_kravaris import KAZANTZIS_KRAVARIS
-from mathnavi.models.textbook.krener_isidori import KRENER_ISIDORI
+from mathnavi.models.textbook.library import EXAMPLE_2_2, KAZANTZIS_KRAVARIS, KRENER_ISIDORI
 from mathnavi.models.textbook.maps import inverse, of_numbers
 from mathnavi.models.textbook.power_series import PowerSeries, solved
 from mathnavi.models.textbook.system import System

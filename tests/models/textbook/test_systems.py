@@ -11,10 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.textbook.camera_and_flags import DISTANCE, camera_and_flags
-from mathnavi.models.textbook.example_2_1 import EXAMPLE_2_1
-from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2, error_dynamics, observer
-from mathnavi.models.textbook.library import SYSTEMS
+from mathnavi.models.textbook.library import (
+    DISTANCE,
+    EXAMPLE_2_1,
+    EXAMPLE_2_2,
+    SYSTEMS,
+    camera_and_flags,
+    error_dynamics,
+    observer,
+)
 from mathnavi.models.textbook.system import System
 
 EVERY = [*SYSTEMS.values(), camera_and_flags(distance_known=False)]

@@ -10,8 +10,7 @@ import pytest
 
 from mathnavi.interfaces.protocols import Plant, StateView
 from mathnavi.interfaces.signals import Array, Measurement
-from mathnavi.models.textbook.example_2_1 import EXAMPLE_2_1
-from mathnavi.models.textbook.krener_isidori import KRENER_ISIDORI
+from mathnavi.models.textbook.library import EXAMPLE_2_1, KRENER_ISIDORI
 from mathnavi.models.textbook.mission import OutputSensor
 from mathnavi.models.textbook.system import System
 from mathnavi.sim.engine.ode_plant import OdePlant, OdeVehicle

@@ -1,8 +1,11 @@
-"""The plug-in ``lagrangian_ukf``: the unscented Kalman filter of ``error_state``.
+"""The Kalman filters of ``error_state``: the plug-ins ``lagrangian_ekf`` and ``lagrangian_ukf``.
 
-Mean and covariance are propagated by sigma points of the error, van der Merwe's scaled set (filterpy's), so that they
-are averaged in the coordinates about where the state leads and never as points of the manifold. With alpha >= 0.52 no
-weight of the covariance is negative, and it stays positive definite by itself.
+**Extended**: the covariance is propagated by P = A P A', where A is the Jacobian of the errors' flow, by one-sided
+differences.
+
+**Unscented**: mean and covariance are propagated by sigma points of the error, van der Merwe's scaled set (filterpy's),
+so that they are averaged in the coordinates about where the state leads and never as points of the manifold. With
+alpha >= 0.52 no weight of the covariance is negative, and it stays positive definite by itself.
 """
 
 from __future__ import annotations
@@ -21,6 +24,58 @@ from mathnavi.interfaces.observer_properties import ObserverProperties
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.mission import LagrangianMission
+
+_STEP = 1e-6  # of an error, in its unit
+
+
+@configuration
+class LagrangianEkfConfig:
+    """Fields of ``--estimator``."""
+
+    acceleration: Positive = 0.1
+    """square root of the density of the acceleration that the model lacks, per coordinate [rad/s^1.5, m/s^1.5]"""
+    noise_floor: Positive = 1e-4
+    """least standard deviation that the filter assumes for a reading [rad, m]"""
+    gate: Probability = 1e-4
+    """probability that a good reading is refused"""
+    timeout: Positive = 0.5
+    """time without a reading after which the estimate is lost [s]"""
+
+
+class LagrangianEkf:
+    """The extended Kalman filter for any Lagrangian system."""
+
+    Config = LagrangianEkfConfig
+
+    @staticmethod
+    def build(config: LagrangianEkfConfig, mission: LagrangianMission) -> PositionObserver:
+        """Build the estimator of one run."""
+        model = FilterModel(config.acceleration, config.noise_floor, config.gate)
+        return PositionObserver(ErrorStateFilter(model, mission, linearised), mission, config.timeout)
+
+    @staticmethod
+    def sensors(config: LagrangianEkfConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
+        """Sensors that the system has to carry for this estimator."""
+        return (mission.sensor,)
+
+    @staticmethod
+    def quality(config: LagrangianEkfConfig, mission: LagrangianMission) -> None:
+        """Return None: no plan is certified from these estimates."""
+
+    @staticmethod
+    def properties(config: LagrangianEkfConfig) -> ObserverProperties:
+        """Properties of the observer (Table 2.1)."""
+        return filter_properties("as far as the linearisation holds")
+
+
+def linearised(errors: Callable[[Array], Array], P: Array) -> tuple[Array, Array]:
+    """Propagate P (2 n, 2 n) by the Jacobian A of ``errors``: mean zero (2 n,) and A P A' (2 n, 2 n); a
+    ``Propagation``.
+    """
+    axes = np.eye(len(P))
+    A = np.stack([errors(_STEP * axis) for axis in axes], axis=1) / _STEP
+    return np.zeros(len(P)), A @ P @ A.T
+
 
 _BETA = 2.0  # of a Gaussian
 _KAPPA = 0.0  # secondary scaling

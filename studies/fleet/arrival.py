@@ -42,7 +42,7 @@ from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.renders.figures import INK, STYLE
+from mathnavi.renders.figures import INK
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
@@ -51,6 +51,7 @@ from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.flight_parts import drawn_point
 from mathnavi.sim.sweep.trial import Trial, trial
+from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Setup, StudyResult, TerrainReference, median
 
 H = 5.0 / 3.0  # [s]
@@ -220,31 +221,24 @@ def _narrow_row(condition: str, size: int, record: Record) -> dict[str, Any]:
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
-    head = ("agreement", "vehicles", "all arrived", "spread, median [s]", "largest [s]", "least separation [m]",
-            "least clearance [m]", "answers without a plan")  # fmt: skip
-    body = [
-        (
-            row["agreement"], row["vehicles"], f"{row['arrived']} of {row['fleets']}", _seconds(row["spread_median_s"]),
-            _seconds(row["spread_max_s"]), f"{row['separation_min_m']:.0f}", f"{row['clearance_min_m']:.0f}",
-            f"{row['without_plan']:.1%}",
-        )
-        for row in rows
-    ]  # fmt: skip
-    return Table("Arrivals of whole fleets", head, body)
+    return Table.of("Arrivals of whole fleets", rows, (
+        ("agreement", "agreement"), ("vehicles", "vehicles"), ("all arrived", "{arrived} of {fleets}"),
+        ("spread, median [s]", lambda row: _seconds(row["spread_median_s"])),
+        ("largest [s]", lambda row: _seconds(row["spread_max_s"])),
+        ("least separation [m]", "{separation_min_m:.0f}"), ("least clearance [m]", "{clearance_min_m:.0f}"),
+        ("answers without a plan", "{without_plan:.1%}"),
+    ))  # fmt: skip
 
 
 def _narrow_table(rows: Sequence[Mapping[str, Any]]) -> Table:
-    head = ("where it is narrow", "vehicles", "all arrived", "spread [s]", "last arrival [s]", "least separation [m]",
-            "allowed [m]", "contacts", "plans not admitted")  # fmt: skip
-    body = [
-        (
-            row["narrow"], row["vehicles"], "yes" if row["arrived"] else "no", _seconds(row["spread_s"]),
-            _seconds(row["arrival_time_s"], 1), f"{row['separation_min_m']:.1f}", f"{row['separation_allowed_m']:g}",
-            row["ground_contacts"], row["plans_not_admitted"],
-        )
-        for row in rows
-    ]  # fmt: skip
-    return Table("Fleets where it is narrow", head, body)
+    return Table.of("Fleets where it is narrow", rows, (
+        ("where it is narrow", "narrow"), ("vehicles", "vehicles"),
+        ("all arrived", lambda row: "yes" if row["arrived"] else "no"),
+        ("spread [s]", lambda row: _seconds(row["spread_s"])),
+        ("last arrival [s]", lambda row: _seconds(row["arrival_time_s"], 1)),
+        ("least separation [m]", "{separation_min_m:.1f}"), ("allowed [m]", "{separation_allowed_m:g}"),
+        ("contacts", "ground_contacts"), ("plans not admitted", "plans_not_admitted"),
+    ))  # fmt: skip
 
 
 def _seconds(value: float | None, digits: int = 2) -> str:
@@ -360,8 +354,7 @@ def _narrow_claim(rows: Sequence[Mapping[str, Any]]) -> Claim:
 
 
 def _figure(shown: RunData, spreads: Mapping[tuple[str, int], Array], steps: Sequence[ArrivalStep]) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        page = Figure(figsize=(13.0, 4.4), layout="constrained")
+    with styled_figure((13.0, 4.4)) as page:
         left, middle, right = page.subplots(1, 3, width_ratios=(1.3, 1.1, 0.9))
         _draw_fleet(left, shown)
         _draw_spreads(middle, spreads)
@@ -392,12 +385,10 @@ def _draw_spreads(axes: Axes, spreads: Mapping[tuple[str, int], Array]) -> None:
         label = kind if size == min(s for k, s in spreads if k == kind) else None
         axes.plot(x, np.maximum(spread, LEAST_DRAWN), "o", ms=5, alpha=0.75, color=COLOURS[kind], label=label)
     axes.axhline(H, color=INK, ls="--", lw=1.0)
-    axes.annotate("h", (len(sizes) - 0.55, H), (0, 3), textcoords="offset points")
-    axes.set_yscale("log")
-    axes.set_ylim(0.7 * LEAST_DRAWN, None)
+    label(axes, "h", (len(sizes) - 0.55, H), (0, 3))
+    axes.set(yscale="log", ylim=(0.7 * LEAST_DRAWN, None))
     axes.set_xticks(range(len(sizes)), [str(size) for size in sizes])
-    axes.set(xlabel="vehicles", ylabel="spread of arrivals [s]")
-    axes.set_title("(b) every fleet")
+    axes.set(xlabel="vehicles", ylabel="spread of arrivals [s]", title="(b) every fleet")
     axes.legend(loc="upper right", fontsize=8.0)
 
 

@@ -11,17 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
-import matplotlib
 import numpy as np
 from annotated_types import Le
-from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mathnavi.controllers.arrival.laplacian import DELTA
 from mathnavi.interfaces.bounds import Condition, Count, Within, configuration
 from mathnavi.interfaces.signals import Array
-from mathnavi.renders.figures import INK, STYLE
+from mathnavi.renders.figures import INK
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.studies.fleet.message_exchange import (
@@ -46,6 +44,7 @@ from mathnavi.studies.fleet.message_exchange import (
     rate_on,
     with_outlier,
 )
+from mathnavi.studies.framework.drawing import HALO, annotate, styled_figure
 from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 
 WITHIN = 0.05  # of lambda_2
@@ -80,7 +79,6 @@ _MARKS = {
 }
 _BELOW, _ABOVE = "#0d5fa8", "#c2183b"
 _LEAST = 1e-6  # disagreement that is drawn
-_HALO = [patheffects.withStroke(linewidth=3.0, foreground="white")]
 
 
 @configuration
@@ -251,8 +249,7 @@ def _claims(found: Found) -> list[Claim]:
 
 
 def _figure(found: Found) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        page = Figure(figsize=(12.0, 8.6), layout="constrained")
+    with styled_figure((12.0, 8.6)) as page:
         axes = page.subplots(2, 2)
         _draw_rates(axes[0, 0], found.rates)
         _draw_delays(axes[0, 1], found.delays)
@@ -289,10 +286,8 @@ def _draw_delays(axes: Axes, delays: Sequence[DelayFound]) -> None:
         axes.plot(now[fraction].t, now[fraction].size, color=colour, lw=1.8, ls=(0, (5, 2)))
         found = then[fraction]
         tail = found.t > 0.8 * found.t[-1]
-        axes.annotate(
-            f"{fraction:g} of it", (found.t[-1], float(found.size[tail].max())), (5, 0), va="center",
-            textcoords="offset points", color=colour, weight="bold", path_effects=_HALO,
-        )  # fmt: skip
+        annotate(axes, f"{fraction:g} of it", (found.t[-1], float(found.size[tail].max())), (5, 0), va="center",
+                 color=colour, weight="bold", path_effects=HALO)  # fmt: skip
     axes.set(yscale="log", xlabel="time over the bound", ylabel="disagreement over the first")
     axes.plot([], [], color=INK, ls="-", label="own value when it was sent")
     axes.plot([], [], color=INK, ls=(0, (5, 2)), lw=1.8, label="own value now: agrees for any delay")
@@ -334,8 +329,7 @@ def _draw_outlier(axes: Axes, found: OutlierFound) -> None:
     axes.plot([], [], color=_ABOVE, label="the eighth; shaded: it only follows")
     axes.plot([], [], color=INK, ls=":", label="average of the seven's own numbers")
     top = float(found.others[0]) + 40.0
-    axes.annotate(f"from {found.values[0, FAR]:.0f} s", (0.0, top), (4, -10), textcoords="offset points",
-                  color=_ABOVE, weight="bold")  # fmt: skip
+    annotate(axes, f"from {found.values[0, FAR]:.0f} s", (0.0, top), (4, -10), color=_ABOVE, weight="bold")
     axes.set(xlabel="time [s], planning periods of 5/3 s", ylabel="arrival time $\\eta$ [s]", ylim=(None, top))
     axes.set_xticks(PLANNING * np.arange(steps + 1), [f"{PLANNING * k:.1f}" for k in range(steps + 1)])
     axes.grid(visible=False)

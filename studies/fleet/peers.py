@@ -11,14 +11,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
-import matplotlib
 import numpy as np
 from annotated_types import Interval
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mathnavi.interfaces.bounds import Count, configuration
-from mathnavi.renders.figures import INK, STYLE
+from mathnavi.renders.figures import INK
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.metrics.fleet import arrival_time
 from mathnavi.sim.records.claims import Claim
@@ -27,6 +26,7 @@ from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.trial import Trial, trial
 from mathnavi.studies.fleet.arrival import swapping
+from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Setup, StudyResult
 
 GROUND = "canyon:5"
@@ -230,8 +230,7 @@ def _tuning_table(rows: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _figure(groups: Mapping[tuple[int, str, str], Sequence[Record]]) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        page = Figure(figsize=(12.0, 4.6), layout="constrained")
+    with styled_figure((12.0, 4.6)) as page:
         left, right = page.subplots(1, 2)
         _draw(left, groups, "separation_min_m", "(a) least separation over required", "separation_allowed_m")
         left.axhline(1.0, color=INK, ls="--", lw=1.0)
@@ -257,5 +256,4 @@ def _draw(
     axes.set_xticks(
         range(len(places)), [f"{condition}, {size}" for condition, size in places], rotation=30, ha="right", fontsize=8
     )
-    axes.set_ylim(0.0, 1.1 * top)
-    axes.set_title(title)
+    axes.set(ylim=(0.0, 1.1 * top), title=title)

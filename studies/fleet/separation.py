@@ -11,21 +11,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mathnavi.interfaces.bounds import Count, configuration
-from mathnavi.renders.figures import INK, STYLE
+from mathnavi.renders.figures import INK
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.sweep.trial import Trial, trial
+from mathnavi.sim.sweep.trial import trial
 from mathnavi.studies.fleet.arrival import SIZES
+from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Setup, StudyResult, TerrainReference
 
 FAULTS: Mapping[str, Any] = {
@@ -75,20 +75,13 @@ class SeparationStudy:
     @staticmethod
     def run(config: SeparationConfig, setup: Setup) -> StudyResult:
         sizes = SIZES[: config.sizes]
-        trials: dict[tuple[str, int, int], Trial] = {
-            (kind, size, seed): trial(
-                "simultaneous-arrival", seed, fields={"terrain": setup.terrain, "vehicles": size, **fields}
-            )
-            for kind, fields in KINDS.items()
-            for size in sizes
-            for seed in range(config.seeds)
-        }
-        records = setup.fly_each(trials)
-        by_condition = {
-            (kind, size): [records[kind, size, seed] for seed in range(config.seeds)]
-            for kind in KINDS
-            for size in sizes
-        }
+        by_condition = setup.fly_groups({
+            (kind, size): [
+                trial("simultaneous-arrival", seed, fields={"terrain": setup.terrain, "vehicles": size, **fields})
+                for seed in range(config.seeds)
+            ]
+            for kind, fields in KINDS.items() for size in sizes
+        })  # fmt: skip
         grown = GROWN[: config.grown]
         timed = [TimedFleet(setup.place, size, seed) for size in grown for seed in range(config.repetitions)]
         costs = iter(setup.compute(cpu_share, timed))
@@ -97,7 +90,7 @@ class SeparationStudy:
         costs_as_rows = [{"cost_vehicles": n, "cpu_share": value} for n, group in cost_of.items() for value in group]
         return StudyResult(
             summary=(
-                f"{config.seeds} fleets of each size over {setup.ground.name}, {len(trials)} flights in all. Cost: CPU "
+                f"{config.seeds} fleets of each size over {setup.ground.name}, {sum(map(len, by_condition.values()))} flights in all. Cost: CPU "
                 "time of a whole run, physics included, over the time simulated, the first planning instant included.",
             ),
             rows=[*rows, *costs_as_rows],
@@ -135,16 +128,11 @@ def _row(kind: str, size: int, records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
-    head = ("faults", "vehicles", "all arrived", "least separation [m]", "least clearance [m]", "on the ground",
-            "largest spread [s]")  # fmt: skip
-    body = [
-        (
-            row["faults"], row["vehicles"], f"{row['arrived']} of {row['fleets']}", f"{row['separation_min_m']:.1f}",
-            f"{row['clearance_min_m']:.1f}", row["ground_contacts"], f"{row['spread_max_s']:.2f}",
-        )
-        for row in rows
-    ]  # fmt: skip
-    return Table("Fleets under faults", head, body)
+    return Table.of("Fleets under faults", rows, (
+        ("faults", "faults"), ("vehicles", "vehicles"), ("all arrived", "{arrived} of {fleets}"),
+        ("least separation [m]", "{separation_min_m:.1f}"), ("least clearance [m]", "{clearance_min_m:.1f}"),
+        ("on the ground", "ground_contacts"), ("largest spread [s]", "{spread_max_s:.2f}"),
+    ))  # fmt: skip
 
 
 def _cost_table(cost_of: Mapping[int, Sequence[float]]) -> Table:
@@ -193,8 +181,7 @@ def _claims(
 
 
 def _figure(by_condition: Mapping[tuple[str, int], Sequence[Record]], cost_of: Mapping[int, Sequence[float]]) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        page = Figure(figsize=(13.0, 4.3), layout="constrained")
+    with styled_figure((13.0, 4.3)) as page:
         left, middle, right = page.subplots(1, 3, width_ratios=(1.2, 1.2, 0.8))
         allowed = float(max(figures(group, "separation_allowed_m").max() for group in by_condition.values()))
         _draw_least(left, by_condition, "separation_min_m", allowed, "(a) least separation [m]")
@@ -214,8 +201,7 @@ def _draw_least(
         axes.plot(x, values, "o", ms=5, alpha=0.75, color=COLOURS[kind], label=kind if size == sizes[0] else None)
     axes.axhline(allowed, color=INK, ls="--", lw=1.0)
     axes.set_xticks(range(len(sizes)), [str(size) for size in sizes])
-    axes.set(xlabel="vehicles", ylim=(0.0, None))
-    axes.set_title(title)
+    axes.set(xlabel="vehicles", ylim=(0.0, None), title=title)
     axes.legend(loc="upper right", fontsize=8.0)
 
 
@@ -228,5 +214,4 @@ def _draw_cost(axes: Axes, cost_of: Mapping[int, Sequence[float]]) -> None:
     )
     axes.set_xscale("log", base=2)
     axes.set_xticks(sizes, [str(size) for size in sizes])
-    axes.set(xlabel="vehicles", ylabel="CPU ms per vehicle and second", ylim=(0.0, None))
-    axes.set_title("(c) cost")
+    axes.set(xlabel="vehicles", ylabel="CPU ms per vehicle and second", ylim=(0.0, None), title="(c) cost")

@@ -10,14 +10,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.renders.figures import STYLE
 from mathnavi.renders.statistics_figures import rates_figure_on
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
@@ -25,6 +23,7 @@ from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunData
+from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import VEHICLE, Setup, StudyResult, ends, heights, track
 
 LOW = (0.5, 30.0)  # [m] above h_min at both ends of a mission
@@ -49,22 +48,16 @@ class AsPrintedStudy:
 
     @staticmethod
     def run(config: AsPrintedStudyConfig, setup: Setup) -> StudyResult:
+        named = {"measure": "mathnavi.studies.flight.as_printed:arcs", "fields": {"drawn_heights": LOW}}
         trials = {
-            (planner, seed): setup.trial(
-                seed,
-                controller=planner,
-                measure="mathnavi.studies.flight.as_printed:arcs",
-                fields={"drawn_heights": LOW},
-            )
+            planner: [setup.trial(seed, controller=planner, **named) for seed in range(config.seeds)]
             for planner in PLANNERS
-            for seed in range(config.seeds)
         }
-        records = setup.fly_each(trials)
-        by_condition = {planner: [records[planner, seed] for seed in range(config.seeds)] for planner in PLANNERS}
-        rows = [_row(planner, by_condition[planner]) for planner in PLANNERS]
+        by_condition = setup.fly_groups(trials)
+        rows = [_row(planner, records) for planner, records in by_condition.items()]
         literal = rows[0]
-        crashed = [seed for seed in range(config.seeds) if records["as_printed", seed].summary["ground_contacts"]]
-        shown = setup.flown({planner: trials[planner, crashed[0] if crashed else 0] for planner in PLANNERS})
+        crashed = [k for k, record in enumerate(by_condition["as_printed"]) if record.summary["ground_contacts"]]
+        shown = setup.flown({planner: trials[planner][crashed[0] if crashed else 0] for planner in PLANNERS})
         collisions = rate(literal["on_ground"], literal["missions"])
         return StudyResult(
             summary=(
@@ -142,26 +135,15 @@ def _missions(rows: Sequence[dict[str, Any]]) -> Table:
 
 
 def _arcs(rows: Sequence[dict[str, Any]]) -> Table:
-    columns = (
-        "planner",
-        "arcs planned",
-        "below h_min between two nodes above it",
-        "under ground",
-        "deepest below h_min",
-    )
-    cells = [
-        (
-            r["planner"], str(r["arcs"]), f"{r['arcs_dipping']}", str(r["arcs_under_ground"]),
-            f"{r['deepest_m']:.1f} m",
-        )
-        for r in rows
-    ]  # fmt: skip
-    return Table("Optimised arcs of the plans that were flown", columns, cells)
+    return Table.of("Optimised arcs of the plans that were flown", rows, (
+        ("planner", "planner"), ("arcs planned", "{arcs}"),
+        ("below h_min between two nodes above it", "{arcs_dipping}"), ("under ground", "{arcs_under_ground}"),
+        ("deepest below h_min", "{deepest_m:.1f} m"),
+    ))  # fmt: skip
 
 
 def _figure(rows: Sequence[dict[str, Any]], shown: dict[str, RunData]) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.4, 3.2), layout="constrained")
+    with styled_figure((9.4, 3.2)) as figure:
         height, missions = figure.subplots(1, 2, width_ratios=(1.3, 1))
         for planner in PLANNERS:
             recording = shown[planner].recording
@@ -169,8 +151,7 @@ def _figure(rows: Sequence[dict[str, Any]], shown: dict[str, RunData]) -> Figure
                 recording.t, np.maximum(heights(shown[planner]), 1.0), color=COLOURS[planner], label=planner, lw=1.0
             )
         height.axhline(50.0, ls=":", color="#5a6876", label="h_min")
-        height.set_yscale("log")
-        height.set(xlabel="time [s]", ylabel="height above ground [m]", title="One mission")
+        height.set(yscale="log", xlabel="time [s]", ylabel="height above ground [m]", title="One mission")
         height.legend()
         names = [f"{row['planner']}: {word}" for word in ("below h_min", "on the ground", "late") for row in rows]
         rates = [rate(row[key], row["missions"]) for key in ("below", "on_ground", "late") for row in rows]

@@ -10,19 +10,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunData
-from mathnavi.studies.framework.drawing import paths_on_map
+from mathnavi.studies.framework.drawing import paths_on_map, styled_figure
 from mathnavi.studies.framework.study import VEHICLE, Setup, StudyResult, ends, median, track
 
 BETAS = (1.0, 10.0, 100.0, 1e3, 1e4)
@@ -50,17 +48,15 @@ class Beta:
     def run(config: BetaConfig, setup: Setup) -> StudyResult:
         fixed = {"deadline_factor": 2.0, "planner.nodes": 13}
         trials = {
-            (beta, seed): setup.trial(seed, fields={**fixed, "planner.beta": beta})
-            for seed in range(config.seeds)
+            beta: [setup.trial(seed, fields={**fixed, "planner.beta": beta}) for seed in range(config.seeds)]
             for beta in BETAS
         }
-        records = setup.fly_each(trials)
-        by_condition = {beta: [records[beta, seed] for seed in range(config.seeds)] for beta in BETAS}
-        rows = [_row(beta, by_condition[beta]) for beta in BETAS]
+        by_condition = setup.fly_groups(trials)
+        rows = [_row(beta, records) for beta, records in by_condition.items()]
         low, high = rows[0], rows[-1]
         time_ratio, effort_ratio = low["time_s"] / high["time_s"], high["effort"] / low["effort"]
         all_arrived = low["arrived"] == high["arrived"] == config.seeds
-        shown = setup.flown({beta: trials[beta, 0] for beta in COLOURS})
+        shown = setup.flown({beta: trials[beta][0] for beta in COLOURS})
         measured = (
             f"{low['time_s']:.1f} s and {low['effort']:,.0f} m²/s³ at beta = 1, {high['time_s']:.1f} s and "
             f"{high['effort']:,.0f} m²/s³ at 10⁴"
@@ -109,21 +105,17 @@ def _row(beta: float, records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> Table:
-    columns = ("β", "time of flight", "printed", "Σ h |a|²", "printed", "path", "arrived")
-    cells = [
-        (
-            f"{r['beta']:g}", f"{r['time_s']:.1f} s", f"{r['printed_time_s']} s" if r["printed_time_s"] else "–",
-            f"{r['effort']:,.0f} m²/s³", f"{r['printed_effort']}" if r["printed_effort"] else "–",
-            f"{r['path_m']:,.0f} m", f"{r['arrived']} of {r['missions']}",
-        )
-        for r in rows
-    ]  # fmt: skip
-    return Table("Table A.4", columns, cells)
+    return Table.of("Table A.4", rows, (
+        ("β", "{beta:g}"), ("time of flight", "{time_s:.1f} s"),
+        ("printed", lambda r: f"{r['printed_time_s']} s" if r["printed_time_s"] else "–"),
+        ("Σ h |a|²", "{effort:,.0f} m²/s³"),
+        ("printed", lambda r: f"{r['printed_effort']}" if r["printed_effort"] else "–"), ("path", "{path_m:,.0f} m"),
+        ("arrived", "{arrived} of {missions}"),
+    ))  # fmt: skip
 
 
 def _figure(by_condition: dict[float, list[Record]], shown: dict[float, RunData], ground: HeightField) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.4, 6.4), layout="constrained")
+    with styled_figure((9.4, 6.4)) as figure:
         (path, speed), (time, effort) = figure.subplots(2, 2, height_ratios=(1.5, 1))
         flights = {f"β = {beta:g}": (shown[beta], colour) for beta, colour in COLOURS.items()}
         paths_on_map(path, ground, flights, "Figure A.8: the two flights")
@@ -140,8 +132,7 @@ def _figure(by_condition: dict[float, list[Record]], shown: dict[float, RunData]
             bands = [median(figures(by_condition[beta], key)) for beta in BETAS]
             spread = np.array([[b.median - b.low, b.high - b.median] for b in bands]).T
             axes.errorbar(BETAS, [b.median for b in bands], np.nan_to_num(spread), fmt="o-", capsize=3, color="#2166ac")
-            axes.set_xscale("log")
-            axes.set(xlabel="β", ylabel=name, ylim=(0.0, None))
+            axes.set(xscale="log", xlabel="β", ylabel=name, ylim=(0.0, None))
         time.set_title("Time")
         effort.set_title("Effort")
     return figure

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -32,11 +31,11 @@ from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar
-from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.renders.terrain_view import Track
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
+from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Setup, StudyResult, TerrainReference
 
 GRIDS = ((33, 5), (65, 9))
@@ -290,30 +289,23 @@ def _beside(row: dict[str, Any]) -> str:
 
 def _times_table(times: list[dict[str, Any]]) -> Table:
     printed = (f"{PRINTED_BUILD} s", f"{PRINTED_CHANGE} s")
-    cells = [
-        (
-            _name(r), f"{1e3 * r['build_s']:.1f} ms", printed[0] if r["grid"] == GRIDS[0][0] else "–",
-            f"{1e3 * r['change_s']:.1f} ms", printed[1] if r["grid"] == GRIDS[0][0] else "–",
-        )
-        for r in times
-    ]  # fmt: skip
-    return Table("Time, median", ("grid", "to build", "printed", "to change for a radar", "printed"), cells)
+    return Table.of("Time, median", times, (
+        ("grid", _name), ("to build", lambda r: f"{1e3 * r['build_s']:.1f} ms"),
+        ("printed", lambda r: printed[0] if r["grid"] == GRIDS[0][0] else "–"),
+        ("to change for a radar", lambda r: f"{1e3 * r['change_s']:.1f} ms"),
+        ("printed", lambda r: printed[1] if r["grid"] == GRIDS[0][0] else "–"),
+    ))  # fmt: skip
 
 
 def _flow_table(flows: list[dict[str, Any]]) -> Table:
-    cells = [
-        (
-            _name(r), r["interpolation"], r["radar"], f"{r['stuck']} of {r['starts']}",
-            f"{r['targets_with_stuck']} of {r['targets']}",
-        )
-        for r in flows
-    ]  # fmt: skip
-    return Table("Gradient flow", ("grid", "interpolation", "radar", "starts stuck", "targets with any"), cells)
+    return Table.of("Gradient flow", flows, (
+        ("grid", _name), ("interpolation", "interpolation"), ("radar", "radar"),
+        ("starts stuck", "{stuck} of {starts}"), ("targets with any", "{targets_with_stuck} of {targets}"),
+    ))  # fmt: skip
 
 
 def _figure(flows: list[dict[str, Any]], error: Array) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.4, 4.4), layout="constrained")
+    with styled_figure((9.4, 4.4)) as figure:
         stuck, metric = figure.subplots(1, 2, width_ratios=(1.3, 1))
         names = [f"{_name(r)}\n{r['interpolation']}{_beside(r)}" for r in flows]
         shares = [100.0 * r["stuck"] / r["starts"] for r in flows]

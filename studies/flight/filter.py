@@ -19,14 +19,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
 from mathnavi.interfaces.bounds import Count, Positive, configuration
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.environments.episode_runner import EpisodeRunner
 from mathnavi.sim.environments.filtering import EpisodeFilter
@@ -34,6 +32,7 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.records.statistics import rate
+from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import VEHICLE, Setup, StudyResult, TerrainReference
 
 POLICIES = ("random", "diving", "searched")
@@ -295,22 +294,17 @@ def _row(policy: str, results: Sequence[EpisodeFigures], timed: EpisodeFigures) 
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> Table:
-    columns = ("policy", "episodes", "contacts", "violations", "least clearance", "changed", "stored plan flown",
-               "announced steps", "mean of a step", "99 % of the steps")  # fmt: skip
-    cells = [
-        (
-            r["policy"], r["episodes"], rate(r["contacts"], r["episodes"]).text(),
-            rate(r["violations"], r["episodes"]).text(), f"{r['least_m']:.2f} m", f"{r['changed']:.1%}",
-            f"{r['stored']:.1%}", r["announced"], f"{r['mean_ms']:.3f} ms", f"{r['p99_ms']:.3f} ms",
-        )
-        for r in rows
-    ]  # fmt: skip
-    return Table("Policies", columns, cells)
+    return Table.of("Policies", rows, (
+        ("policy", "policy"), ("episodes", "episodes"),
+        ("contacts", lambda r: rate(r["contacts"], r["episodes"]).text()),
+        ("violations", lambda r: rate(r["violations"], r["episodes"]).text()), ("least clearance", "{least_m:.2f} m"),
+        ("changed", "{changed:.1%}"), ("stored plan flown", "{stored:.1%}"), ("announced steps", "announced"),
+        ("mean of a step", "{mean_ms:.3f} ms"), ("99 % of the steps", "{p99_ms:.3f} ms"),
+    ))  # fmt: skip
 
 
 def _figure(by_policy: dict[str, list[EpisodeFigures]]) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.4, 3.4), layout="constrained")
+    with styled_figure((9.4, 3.4)) as figure:
         clearance, changed = figure.subplots(1, 2)
         for policy, results in by_policy.items():
             for axes, name in ((clearance, "least"), (changed, "changed")):

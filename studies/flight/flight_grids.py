@@ -17,7 +17,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -25,13 +24,13 @@ from matplotlib.ticker import NullLocator
 
 from mathnavi.controllers.flight.plugin import FlightConfig
 from mathnavi.interfaces.bounds import Count, configuration
-from mathnavi.renders.figures import STYLE
 from mathnavi.renders.statistics_figures import rates_figure_on
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
+from mathnavi.studies.framework.drawing import annotate, styled_figure
 from mathnavi.studies.framework.study import Setup, StudyResult, ends, median, track
 
 PERIOD = 5.0 / 3.0  # [s]
@@ -248,8 +247,7 @@ def _figure(
     by_condition: Mapping[HorizonGrid, Sequence[Record]],
     kinds: Mapping[str, Mapping[str, Any]],
 ) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.4, 3.9), layout="constrained")
+    with styled_figure((9.4, 3.9)) as figure:
         arcs, cost, kept = figure.subplots(1, 3, width_ratios=(1.1, 1.1, 0.9))
         _draw_arcs(arcs)
         _draw_costs(cost, rows, by_condition)
@@ -263,7 +261,7 @@ def _draw_arcs(axes: Axes) -> None:
     for row, grid in enumerate(GRIDS):
         nodes = np.concatenate([[0.0], np.cumsum(grid.lengths)])
         axes.plot(nodes, np.full(len(nodes), row), "-|", color=grid.colour, lw=1.6, ms=9.0, mew=1.6)
-        axes.annotate(grid.name, (0.0, row), (0, 8), textcoords="offset points", fontsize=8.0)
+        annotate(axes, grid.name, (0.0, row), (0, 8), fontsize=8.0)
     axes.set(xlabel="time ahead [s]", title="Arcs of the horizon", ylim=(len(GRIDS) - 0.6, -0.75), yticks=[])
     axes.grid(False, axis="y")
 
@@ -280,7 +278,7 @@ def _draw_costs(
         mean = rows[grid]["over_uniform_percent"]
         axes.plot(mean, row, "D", ms=6.0, color=grid.colour, mec="white", mew=0.8)
         if grid is not UNIFORM:
-            axes.annotate(f"{mean:+.1f} %", (mean, row), (0, 8), textcoords="offset points", fontsize=8.0, ha="center")
+            annotate(axes, f"{mean:+.1f} %", (mean, row), (0, 8), fontsize=8.0, ha="center")
     axes.set_xscale("symlog", linthresh=NEAR)
     axes.set_xticks(COST_TICKS, [f"{tick:g}" for tick in COST_TICKS])
     axes.xaxis.set_minor_locator(NullLocator())

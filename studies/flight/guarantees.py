@@ -19,7 +19,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
-import matplotlib
 import numpy as np
 from annotated_types import Interval
 from matplotlib.axes import Axes
@@ -30,7 +29,6 @@ from mathnavi.interfaces.protocols import Planner
 from mathnavi.interfaces.signals import Plan, PlanRequest
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.renders.figures import STYLE
 from mathnavi.renders.statistics_figures import SERIES
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.metrics.flight import flown_clearance
@@ -42,7 +40,7 @@ from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.job import job
 from mathnavi.sim.sweep.trial import Trial
-from mathnavi.studies.framework.drawing import paths_on_map
+from mathnavi.studies.framework.drawing import paths_on_map, styled_figure
 from mathnavi.studies.framework.study import (
     VEHICLE,
     MissionToDraw,
@@ -349,8 +347,7 @@ def _tuning_table(rows: Sequence[Mapping[str, Any]]) -> Table:
 
 def _figure(rows: Sequence[Mapping[str, Any]], shown: Mapping[str, RunData]) -> Figure:
     ground = load_terrain(shown[OURS].config["terrain"]["path"])
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(11.0, 4.4), layout="constrained")
+    with styled_figure((11.0, 4.4)) as figure:
         paths, successes, times = figure.subplots(1, 3, width_ratios=(1.3, 1, 1))
         paths_on_map(paths, ground, {name: (run, COLOURS[name]) for name, run in shown.items()}, "One mission by all")
         _bars(successes, {(r["condition"], r["planner"]): 100.0 * r["successes"] / r["missions"] for r in rows})

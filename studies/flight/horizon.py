@@ -11,20 +11,19 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunData
-from mathnavi.studies.framework.drawing import paths_on_map
+from mathnavi.studies.framework.drawing import paths_on_map, styled_figure
 from mathnavi.studies.framework.study import (
+    Row,
     Setup,
     StudyResult,
     effort_norm,
@@ -145,22 +144,18 @@ def _change(long: dict[str, float], short: dict[str, float]) -> dict[str, float]
 
 
 def _table(rows: Sequence[dict[str, float]]) -> Table:
-    columns = ("T_p", "N", "path [m]", "printed", "path / straight, median", "‖a‖₂ [m/s²]", "printed", "mean CPU [ms]",
-               "printed [s]", "max CPU [ms]", "printed [s]")  # fmt: skip
-    cells = [
-        (
-            f"{r['T_p_s']:.0f}\u00a0s", int(r["N"]), f"{r['path_m']:,.0f}", f"{r['printed_path_m']:,.0f}",
-            _with_limits(*(r[f"path_over_straight{end}"] for end in ("", "_low", "_high"))),
-            f"{r['effort']:.1f}", f"{r['printed_effort']:.2f}", f"{r['solve_ms_mean']:.3f}",
-            f"{r['printed_mean_s']:.2f}",
-            f"{r['solve_ms_max']:.2f}", f"{r['printed_max_s']:.2f}",
-        )
-        for r in rows
-    ]  # fmt: skip
-    return Table("Table A.1", columns, cells)
+    return Table.of("Table A.1", rows, (
+        ("T_p", "{T_p_s:.0f}\u00a0s"), ("N", lambda r: int(r["N"])), ("path [m]", "{path_m:,.0f}"),
+        ("printed", "{printed_path_m:,.0f}"),
+        ("path / straight, median", _path_over_straight),
+        ("‖a‖₂ [m/s²]", "{effort:.1f}"), ("printed", "{printed_effort:.2f}"),
+        ("mean CPU [ms]", "{solve_ms_mean:.3f}"), ("printed [s]", "{printed_mean_s:.2f}"),
+        ("max CPU [ms]", "{solve_ms_max:.2f}"), ("printed [s]", "{printed_max_s:.2f}"),
+    ))  # fmt: skip
 
 
-def _with_limits(median: float, low: float, high: float) -> str:
+def _path_over_straight(row: Row) -> str:
+    median, low, high = (row[f"path_over_straight{end}"] for end in ("", "_low", "_high"))
     return f"{median:.4f}" if math.isnan(low) else f"{median:.4f} [{low:.4f}, {high:.4f}]"
 
 
@@ -186,8 +181,7 @@ def _figure(
     shown: dict[int, RunData],
     ground: HeightField,
 ) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.4, 3.9), layout="constrained")
+    with styled_figure((9.4, 3.9)) as figure:
         path, bands, load = figure.subplots(1, 3, width_ratios=(1.25, 1, 1))
         flights = {f"T_p = {(n - 1) * H:.0f} s": (shown[n], COLOURS[n]) for n in NODES}
         paths_on_map(path, ground, flights, "Figure A.5: paths")

@@ -19,7 +19,6 @@ from functools import partial
 from statistics import median
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -28,7 +27,6 @@ from mathnavi.controllers.flight.tracker import tracking_bound
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.run_spec import RunSpec
@@ -40,6 +38,7 @@ from mathnavi.sim.search.space import Choice, Dimension, Range, Values
 from mathnavi.sim.sweep.execution import Pool, Progress
 from mathnavi.sim.sweep.trial import Trial, trial
 from mathnavi.studies.flight import guarantee_holes
+from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Setup, StudyError, StudyResult
 
 MARGIN = Objective("relative_margin")
@@ -207,28 +206,19 @@ def _violations(found: dict[str, list[Evaluation]]) -> list[str]:
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> Table:
-    columns = ("search", "missions", "refused", "failed", "violated", "of them silently", "least relative margin",
-               "least margin of clearance")  # fmt: skip
-    cells = [
-        (
-            row["hunt"], row["missions"], row["refused"], row["failed"], row["violated"], row["silently_violated"],
-            f"{row['least_margin']:.3g}", f"{row['least_clearance_m']:.2f} m",
-        )
-        for row in rows
-    ]  # fmt: skip
-    return Table("Searches for a silent violation", columns, cells)
+    return Table.of("Searches for a silent violation", rows, (
+        ("search", "hunt"), ("missions", "missions"), ("refused", "refused"), ("failed", "failed"),
+        ("violated", "violated"), ("of them silently", "silently_violated"),
+        ("least relative margin", "{least_margin:.3g}"), ("least margin of clearance", "{least_clearance_m:.2f} m"),
+    ))  # fmt: skip
 
 
 def _hole_table(rows: Sequence[dict[str, Any]]) -> Table:
-    columns = ("mutant", "missions of each search", "random draws of each lot", "draws in the mean", "in the product")
-    cells = [
-        (
-            row["hunt"], row["searches"], row["draws"],
-            "inf" if row["mean_draws"] is None else f"{row['mean_draws']:.0f}", row["product"],
-        )
-        for row in rows
-    ]  # fmt: skip
-    return Table("Missions until the hole of a mutant is found", columns, cells)
+    return Table.of("Missions until the hole of a mutant is found", rows, (
+        ("mutant", "hunt"), ("missions of each search", "searches"), ("random draws of each lot", "draws"),
+        ("draws in the mean", lambda row: "inf" if row["mean_draws"] is None else f"{row['mean_draws']:.0f}"),
+        ("in the product", "product"),
+    ))  # fmt: skip
 
 
 def _claims(rows: Sequence[dict[str, Any]], holes: Sequence[Hole]) -> list[Claim]:
@@ -255,8 +245,7 @@ def _claims(rows: Sequence[dict[str, Any]], holes: Sequence[Hole]) -> list[Claim
 
 
 def _figure(found: dict[str, list[Evaluation]], holes: Sequence[Hole]) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.4, 3.6), layout="constrained")
+    with styled_figure((9.4, 3.6)) as figure:
         left, right = figure.subplots(1, 2)
         for (name, evaluations), colour in zip(found.items(), COLOURS, strict=True):
             margins = np.array([np.nan if each.figure is None else each.figure for each in evaluations])

@@ -12,14 +12,12 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-import matplotlib
 import numpy as np
 from annotated_types import Interval
 from matplotlib.figure import Figure
 
 from mathnavi.interfaces.bounds import Count, Within, configuration
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
@@ -27,7 +25,7 @@ from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.trial import Trial
-from mathnavi.studies.framework.drawing import paths_on_map
+from mathnavi.studies.framework.drawing import paths_on_map, styled_figure
 from mathnavi.studies.framework.study import (
     SPACING,
     Setup,
@@ -74,20 +72,16 @@ class Noise:
     def run(config: NoiseConfig, setup: Setup) -> StudyResult:
         offsets = tuple(PRINTED)[: config.offsets]
         trials = {
-            (planner, offset, seed): _mission(setup, planner, offset, seed)
+            (planner, offset): [_mission(setup, planner, offset, seed) for seed in range(config.seeds)]
             for planner in PLANNERS
             for offset in offsets
-            for seed in range(config.seeds)
         }
-        records = setup.fly_each(trials)
-        by_condition = {
-            (p, w): [records[p, w, seed] for seed in range(config.seeds)] for p in PLANNERS for w in offsets
-        }
-        rows = [_row(planner, offset, by_condition[planner, offset]) for planner in PLANNERS for offset in offsets]
+        by_condition = setup.fly_groups(trials)
+        rows = [_row(*condition, records) for condition, records in by_condition.items()]
         arrived = np.array([figures(by_condition[MAIN, w], "arrived") > 0 for w in offsets])  # (offsets, seeds)
         paired = arrived.all(axis=0)
         ours = [float(effort_norm(by_condition[MAIN, w], H)[paired].mean()) for w in offsets] if paired.any() else []
-        shown = setup.flown({offset: trials[MAIN, offset, 0] for offset in COLOURS if offset in offsets})
+        shown = setup.flown({offset: trials[MAIN, offset][0] for offset in COLOURS if offset in offsets})
         return StudyResult(
             summary=(
                 f"{config.seeds} missions over {setup.ground.name} for each of {len(offsets)} half-widths, N = 6, "
@@ -144,32 +138,18 @@ def _row(planner: str, offset: int, records: Sequence[Record]) -> dict[str, Any]
 
 
 def _table(planner: str, rows: Sequence[dict[str, Any]]) -> Table:
-    columns = (
-        "w̄",
-        "largest offset",
-        "relative disturbance",
-        "printed",
-        "‖a‖₂ [m/s²]",
-        "printed",
-        "hit the ground",
-        "arrived",
-    )
-    cells = [
-        (
-            f"{r['w_bar']:g}", f"± {r['offset_m']} m", f"{r['relative_percent']:.1f} %",
-            f"{r['printed_relative_percent']} %" if r["offset_m"] else "–",
-            f"{r['effort']:.1f}" if r["arrived"] else "–",
-            f"{r['printed_effort']}",
-            rate(r["on_ground"], r["missions"]).text(), f"{r['arrived']} of {r['missions']}",
-        )
-        for r in rows
-    ]  # fmt: skip
-    return Table(f"Table A.3, planner {planner}", columns, cells)
+    return Table.of(f"Table A.3, planner {planner}", rows, (
+        ("w̄", "{w_bar:g}"), ("largest offset", "± {offset_m} m"),
+        ("relative disturbance", "{relative_percent:.1f} %"),
+        ("printed", lambda r: f"{r['printed_relative_percent']} %" if r["offset_m"] else "–"),
+        ("‖a‖₂ [m/s²]", lambda r: f"{r['effort']:.1f}" if r["arrived"] else "–"), ("printed", "{printed_effort}"),
+        ("hit the ground", lambda r: rate(r["on_ground"], r["missions"]).text()),
+        ("arrived", "{arrived} of {missions}"),
+    ))  # fmt: skip
 
 
 def _figure(rows: Sequence[dict[str, Any]], shown: dict[int, RunData], terrain: HeightField) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.4, 3.9), layout="constrained")
+    with styled_figure((9.4, 3.9)) as figure:
         path, effort, ground = figure.subplots(1, 3, width_ratios=(1.3, 1, 1))
         flights = {f"± {offset} m": (outcome, COLOURS[offset]) for offset, outcome in shown.items()}
         paths_on_map(path, terrain, flights, "Figure A.7: paths")

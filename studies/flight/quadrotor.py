@@ -10,13 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.renders.figures import BOUND, STYLE
+from mathnavi.renders.figures import BOUND
 from mathnavi.renders.relief import relief
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
@@ -26,6 +25,7 @@ from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.quadrotor_fields import QuadrotorCanyonConfig
 from mathnavi.sim.sweep.trial import Trial, trial
+from mathnavi.studies.framework.drawing import annotate, styled_figure
 from mathnavi.studies.framework.study import VEHICLE, Setup, StudyResult
 
 FIELDS: Mapping[str, Any] = {
@@ -158,8 +158,7 @@ def _claim(records: Sequence[Record]) -> Claim:
 
 
 def _figure(records: Sequence[Record], paths: Mapping[int, Sequence[np.ndarray]]) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        page = Figure(figsize=(12.6, 6.4), layout="constrained")
+    with styled_figure((12.6, 6.4)) as page:
         maps, rest = np.asarray(page.subfigures(1, 2, width_ratios=(1.25, 1.0)))
         side = int(np.ceil(np.sqrt(len(paths))))
         rows = -(-len(paths) // side)
@@ -187,8 +186,8 @@ def _figure(records: Sequence[Record], paths: Mapping[int, Sequence[np.ndarray]]
         top = max(1.15 * float(clearance.max()), H_MIN + 1.0)
         upper.hist(clearance, np.linspace(0.0, top, 45), color=BLUE)
         upper.axvline(H_MIN, color=BOUND, ls=":", lw=1.4)
-        upper.annotate("h_min", (H_MIN, 0.96), (-4, 0), xycoords=("data", "axes fraction"), textcoords="offset points",
-                       ha="right", va="top", color=BOUND)  # fmt: skip
+        annotate(upper, "h_min", (H_MIN, 0.96), (-4, 0), xycoords=("data", "axes fraction"), ha="right", va="top",
+                 color=BOUND)  # fmt: skip
         upper.set(xlabel="least clearance [m]", ylabel="missions", title="Clearance of the whole vehicle")
         share = np.sort(_share(records))
         gained = (np.arange(len(share)) + 1.0) / len(share)

@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
-import matplotlib
 import numpy as np
 from annotated_types import Interval
 from matplotlib.figure import Figure
@@ -26,11 +25,11 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from mathnavi.controllers.flight.plugin import FlightConfig
 from mathnavi.interfaces.bounds import Count, Within, configuration
-from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
+from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import SPACING, Setup, StudyResult, falls, median
 
 NODES = (4, 7, 10, 13, 16, 19)
@@ -175,8 +174,7 @@ def _strip(cells: Mapping[tuple[int, float], Mapping[str, Any]]) -> Table:
 
 
 def _figure(load: Mapping[int, Mapping[str, float]], cells: Mapping[tuple[int, float], Mapping[str, Any]]) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.4, 3.6), layout="constrained")
+    with styled_figure((9.4, 3.6)) as figure:
         time, strip = figure.subplots(1, 2)
         nodes, horizons = _axes(cells)
         for key, name, style in (("max", "largest", "s--"), ("mean", "mean", "o-")):

@@ -10,18 +10,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
 from mathnavi.interfaces.bounds import Count, configuration
-from mathnavi.renders.figures import STYLE
 from mathnavi.renders.statistics_figures import rates_figure_on
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
+from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Setup, StudyResult, track
 
 GROUPS: dict[str, dict[str, Any]] = {
@@ -54,19 +53,17 @@ class Safety:
     @staticmethod
     def run(config: SafetyConfig, setup: Setup) -> StudyResult:
         trials = {
-            (name, seed): setup.trial(k * config.missions + seed, **named)
+            name: [setup.trial(k * config.missions + seed, **named) for seed in range(config.missions)]
             for k, (name, named) in enumerate(GROUPS.items())  # each group has missions of its own
-            for seed in range(config.missions)
         }
-        records = setup.fly_each(trials)
-        by_condition = {name: [records[name, seed] for seed in range(config.missions)] for name in GROUPS}
-        rows = [_row(name, by_condition[name]) for name in GROUPS]
+        by_condition = setup.fly_groups(trials)
+        rows = [_row(name, records) for name, records in by_condition.items()]
         total = sum(row["missions"] for row in rows)
         below, on_ground, late = (sum(row[key] for row in rows) for key in ("below", "on_ground", "late"))
         closest = {
             name: min(by_condition[name], key=lambda record: record.summary["min_clearance_m"]).seed for name in GROUPS
         }
-        shown = setup.flown({name: trials[name, seed % config.missions] for name, seed in closest.items()})
+        shown = setup.flown({name: trials[name][seed % config.missions] for name, seed in closest.items()})
         return StudyResult(
             summary=(
                 f"{config.missions} missions over {setup.ground.name} in each of {len(GROUPS)} groups. Failures: a "
@@ -124,22 +121,17 @@ def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> Table:
-    columns = ("group", "violations", "below h_min", "on the ground", "late", "least clearance", "latest / deadline",
-               "breaches", "answers lost", "plans refused")  # fmt: skip
-    cells = [
-        (
-            r["group"], rate(r["violations"], r["missions"]).text(), r["below"], r["on_ground"], r["late"],
-            f"{r['least_m']:.1f} m", f"{r['latest']:.3f}", r["breaches"],
-            f"{r['solver_failures'] / r['replans']:.1%}", f"{r['plans_rejected'] / r['replans']:.2%}",
-        )
-        for r in rows
-    ]  # fmt: skip
-    return Table("Missions", columns, cells)
+    return Table.of("Missions", rows, (
+        ("group", "group"), ("violations", lambda r: rate(r["violations"], r["missions"]).text()),
+        ("below h_min", "below"), ("on the ground", "on_ground"), ("late", "late"),
+        ("least clearance", "{least_m:.1f} m"), ("latest / deadline", "{latest:.3f}"), ("breaches", "breaches"),
+        ("answers lost", lambda r: f"{r['solver_failures'] / r['replans']:.1%}"),
+        ("plans refused", lambda r: f"{r['plans_rejected'] / r['replans']:.2%}"),
+    ))  # fmt: skip
 
 
 def _figure(rows: Sequence[dict[str, Any]], by_condition: dict[str, list[Record]]) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.4, 3.4), layout="constrained")
+    with styled_figure((9.4, 3.4)) as figure:
         violations, clearance, arrival = figure.subplots(1, 3, width_ratios=(1.2, 1, 1))
         rates_figure_on(violations, [r["group"] for r in rows], [rate(r["violations"], r["missions"]) for r in rows])
         violations.set_title("Below h_min, on the ground or late")

@@ -11,21 +11,19 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.trial import Trial
-from mathnavi.studies.framework.drawing import paths_on_map
+from mathnavi.studies.framework.drawing import paths_on_map, styled_figure
 from mathnavi.studies.framework.study import (
     VEHICLE,
     MissionToDraw,
@@ -65,18 +63,14 @@ class Threat:
     @staticmethod
     def run(config: ThreatConfig, setup: Setup) -> StudyResult:
         drawn = setup.compute(mission_ends, [MissionToDraw(setup.place, seed) for seed in range(config.seeds)])
-        trials = {
-            (name, seed): mission
-            for seed, own in enumerate(drawn)
-            for name, mission in _missions(setup, seed, own).items()
-        }
-        records = setup.fly_each(trials)
-        by_condition = {name: [records[name, seed] for seed in range(config.seeds)] for name in COLOURS}
+        missions = [_missions(setup, seed, own) for seed, own in enumerate(drawn)]
+        trials = {name: [each[name] for each in missions] for name in COLOURS}
+        by_condition = setup.fly_groups(trials)
         near = np.all([np.isfinite(figures(group, "near_height_m")) for group in by_condition.values()], axis=0)
         rows = [_row(name, by_condition[name], by_condition["unaware"], near) for name in COLOURS]
         unaware, aware = rows[0], rows[-1]
-        shown = setup.flown({name: trials[name, 0] for name in COLOURS})
-        (radar,) = trials["unaware", 0].spec.config.radar
+        shown = setup.flown({name: trials[name][0] for name in COLOURS})
+        (radar,) = trials["unaware"][0].spec.config.radar
         return StudyResult(
             summary=(
                 f"{config.seeds} missions over {setup.ground.name}, a radar of {RADIUS / 1e3:.0f} km in the middle "
@@ -153,29 +147,15 @@ def _row(name: str, records: Sequence[Record], unaware: Sequence[Record], near: 
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> Table:
-    columns = (
-        "planner",
-        "exposure, mean",
-        "largest",
-        "cut",
-        "path",
-        "more path",
-        "height near the radar",
-        "on the whole way",
-    )
-    cells = [
-        (
-            r["planner"], f"{r['exposure_s']:.1f} s", f"{r['exposure_max_s']:.1f} s", f"{r['cut']:.1%}",
-            f"{r['path_m']:,.0f} m", f"{r['more_path']:+.1%}", f"{r['near_height_m']:.0f} m", f"{r['height_m']:.0f} m",
-        )
-        for r in rows
-    ]  # fmt: skip
-    return Table("Exposure to the radar (the thesis gives a picture, no numbers)", columns, cells)
+    return Table.of("Exposure to the radar (the thesis gives a picture, no numbers)", rows, (
+        ("planner", "planner"), ("exposure, mean", "{exposure_s:.1f} s"), ("largest", "{exposure_max_s:.1f} s"),
+        ("cut", "{cut:.1%}"), ("path", "{path_m:,.0f} m"), ("more path", "{more_path:+.1%}"),
+        ("height near the radar", "{near_height_m:.0f} m"), ("on the whole way", "{height_m:.0f} m"),
+    ))  # fmt: skip
 
 
 def _figure(by_condition: dict[str, list[Record]], shown: dict[str, RunData], ground: HeightField) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.4, 3.9), layout="constrained")
+    with styled_figure((9.4, 3.9)) as figure:
         path, height, exposure = figure.subplots(1, 3, width_ratios=(1.2, 1.3, 0.8))
         flights = {name: (shown[name], colour) for name, colour in COLOURS.items()}
         paths_on_map(path, ground, flights, "Figure A.6: paths")

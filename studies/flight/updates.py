@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -25,7 +24,6 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.hill import Hill, with_hills
 from mathnavi.models.terrain.visibility import Radar
-from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
@@ -34,7 +32,7 @@ from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.trial import Trial, trial
-from mathnavi.studies.framework.drawing import RADAR, paths_on_map
+from mathnavi.studies.framework.drawing import RADAR, paths_on_map, styled_figure
 from mathnavi.studies.framework.study import VEHICLE, Setup, StudyResult, TerrainReference, ends, median, track
 
 NOTICES = (20.0, 10.0, 5.0, 3.0, 2.0, 1.0)  # [s] between when a hill is known and when it would be hit
@@ -71,15 +69,12 @@ class Updates:
         notices = NOTICES[: config.notices]
         seeds = range(config.seeds)
         varied = setup.compute(varied_mission, [MissionToVary(setup.place, seed, notices) for seed in seeds])
-        trials = {
-            (name, seed): Trial.from_document(mission) for seed in seeds for name, mission in varied[seed].items()
-        }
-        records = setup.fly_each(trials)
-        changes = {name: Change(name, [records[name, seed] for seed in seeds]) for name in varied[0]}
+        trials = {name: [Trial.from_document(missions[name]) for missions in varied] for name in varied[0]}
+        changes = {name: Change(name, records) for name, records in setup.fly_groups(trials).items()}
         rows = [change.row for change in changes.values()]
         (build,) = setup.compute(build_ms, [setup.place])
-        shown = setup.flown({name: trials[name, 0] for name in COLOURS})
-        (radar,) = trials["radar appears", 0].spec.config.radar
+        shown = setup.flown({name: trials[name][0] for name in COLOURS})
+        (radar,) = trials["radar appears"][0].spec.config.radar
         return StudyResult(
             summary=(
                 f"{config.seeds} missions over {setup.ground.name}; the ends of each are those drawn without a change. "
@@ -131,17 +126,12 @@ class Change:
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
-    head = ("change", "at h_min or above", "on the ground", "not announced", "arrived", "late", "endangered plans",
-            "guarantee lost", "deadline moved", "in sight", "path")  # fmt: skip
-    body = [
-        (
-            r["change"], f"{r['safe']} of {r['missions']}", r["contacts"], r["unannounced"],
-            f"{r['arrived']} of {r['missions']}", r["late"], r["endangered"], r["guarantee_lost"], r["deadline_moved"],
-            f"{r['exposure_s']:.1f} s", f"{r['path_m']:,.0f} m",
-        )
-        for r in rows
-    ]  # fmt: skip
-    return Table("Missions with a change on the way", head, body)
+    return Table.of("Missions with a change on the way", rows, (
+        ("change", "change"), ("at h_min or above", "{safe} of {missions}"), ("on the ground", "contacts"),
+        ("not announced", "unannounced"), ("arrived", "{arrived} of {missions}"), ("late", "late"),
+        ("endangered plans", "endangered"), ("guarantee lost", "guarantee_lost"),
+        ("deadline moved", "deadline_moved"), ("in sight", "{exposure_s:.1f} s"), ("path", "{path_m:,.0f} m"),
+    ))  # fmt: skip
 
 
 def _claim(changes: Mapping[str, Change], notices: Sequence[float]) -> Claim:
@@ -171,8 +161,7 @@ def _claim(changes: Mapping[str, Change], notices: Sequence[float]) -> Claim:
 def _figure(
     changes: Mapping[str, Change], shown: Mapping[str, RunData], ground: HeightField, notices: Sequence[float]
 ) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        page = Figure(figsize=(12.4, 4.2), layout="constrained")
+    with styled_figure((12.4, 4.2)) as page:
         left, middle, right = page.subplots(1, 3, width_ratios=(1.2, 1.0, 1.0))
         flights = {name: (shown[name], colour) for name, colour in COLOURS.items()}
         paths_on_map(left, ground, flights, "(a) one mission, changed on the way")
@@ -204,8 +193,7 @@ def _draw_exposure(axes: Axes, changes: Mapping[str, Change]) -> None:
         axes.hlines(median(sample).median, k - 0.3, k + 0.3, color=colour)
     labels = [name.removeprefix("radar ").replace(", ", ",\n") for name in names]
     axes.set_xticks(range(len(names)), labels, fontsize=8)
-    axes.set(ylabel="time in sight [s]")
-    axes.set_title("(b) radars")
+    axes.set(ylabel="time in sight [s]", title="(b) radars")
 
 
 # ---- what is measured

@@ -1,24 +1,42 @@
-"""Parts of figures that several studies share.
-
-**A table of numbers as colours**: what several studies of methods on problems draw.
-"""
+"""Parts of figures that several studies share: a styled figure, a table of numbers as colours, and paths on a map."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
 
+import matplotlib
 import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm, to_rgb
+from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.renders.figures import draw_map
+from mathnavi.renders.figures import STYLE, draw_map
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.studies.framework.study import VEHICLE, ends
+
+
+@contextmanager
+def styled_figure(size: tuple[float, float], layout: Any = "constrained") -> Iterator[Figure]:
+    """Yield an empty figure of ``size`` [inch] to draw in, in the style of this project."""
+    with matplotlib.rc_context(STYLE):
+        yield Figure(figsize=size, layout=layout)
+
+
+HALO = [patheffects.withStroke(linewidth=3.0, foreground="white")]
+"""white edge of a text that is written over lines"""
+
+
+def annotate(axes: Axes, text: str, at: tuple[float, float], offset: tuple[float, float], **style: Any) -> None:
+    """Write a text at a point of the data, moved by ``offset`` [points]; ``style`` is that of ``Axes.annotate``."""
+    axes.annotate(text, at, offset, textcoords="offset points", **style)
+
 
 GOOD, EVEN, BAD = "#0d5fa8", "#f4f1ea", "#b3202f"
 COLOURS = LinearSegmentedColormap.from_list("worth", (GOOD, "#6fb0dc", EVEN, "#f0a07c", BAD))
@@ -102,9 +120,7 @@ def paths_on_map(axes: Axes, terrain: HeightField, flights: Mapping[str, tuple[R
         axes.add_patch(Circle(centre, radar["radius"] / 1e3, facecolor=RADAR, alpha=0.2, edgecolor=RADAR))
     for (name, place), face in zip(ends(first).items(), ("white", "#ffd90d"), strict=True):
         axes.plot(place[0] / 1e3, place[1] / 1e3, "o", ms=6, mfc=face, mec="#101824", zorder=4)
-        axes.annotate(
-            name, (place[0] / 1e3, place[1] / 1e3), (0, 7), textcoords="offset points", ha="center", color="white",
-            fontsize=7.5, path_effects=[patheffects.withStroke(linewidth=2.0, foreground="#101824")],
-        )  # fmt: skip
+        annotate(axes, name, (place[0] / 1e3, place[1] / 1e3), (0, 7), ha="center", color="white", fontsize=7.5,
+                 path_effects=[patheffects.withStroke(linewidth=2.0, foreground="#101824")])  # fmt: skip
     axes.set_title(title)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3 if len(flights) == 3 else 2, fontsize=8)

@@ -39,6 +39,7 @@ from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.statistics import Band, supported_band
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.records.sweep_data import figures
+from mathnavi.sim.records.table import Row as Row
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.execution import Progress, run_jobs, run_trials
 from mathnavi.sim.sweep.job import Job, job
@@ -329,6 +330,11 @@ def median(sample: np.ndarray) -> Band:
 def effort_norm(records: Sequence[Record], h: float) -> np.ndarray:
     """Return ||a||_2 = sqrt(sum_k |a_k|^2) [m/s^2] over accelerations held for h [s]: the effort of A.6 and A.7."""
     return np.sqrt(figures(records, "control_effort") / h)
+
+
+def chosen(rows: Iterable[Row], **values: Any) -> list[Row]:
+    """Return the rows that have these values."""
+    return [row for row in rows if all(row.get(name) == value for name, value in values.items())]
 
 
 def falls(sequence: Sequence[float]) -> bool:

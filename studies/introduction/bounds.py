@@ -14,7 +14,6 @@ from itertools import cycle
 from operator import itemgetter
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -37,7 +36,7 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.patterns import figure_eight
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
-from mathnavi.renders.figures import BOUND, STYLE
+from mathnavi.renders.figures import BOUND
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.metrics.flight import flight_bound
@@ -49,6 +48,7 @@ from mathnavi.sim.metrics.tuning import RecordedCall
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
+from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 
 NEAR = 1.15  # times the bound, which counts as reached
@@ -183,20 +183,16 @@ def _claims(rows: Sequence[dict[str, Any]]) -> list[Claim]:
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> Table:
-    cells = [
-        (
-            row["scenario"], row["estimator"], f"{row['efficiency']:.3g} ± {row['standard_error']:.2g}",
-            f"{100.0 * row['ok']:.1f}%", f"{row['update_us_wall_s']:.0f}",
-        )
-        for row in rows
-    ]  # fmt: skip
-    return Table("Error over the bound", ("scenario", "estimator", "efficiency", "OK", "µs an update"), cells)
+    return Table.of("Error over the bound", rows, (
+        ("scenario", "scenario"), ("estimator", "estimator"),
+        ("efficiency", "{efficiency:.3g} ± {standard_error:.2g}"), ("OK", lambda row: f"{100.0 * row['ok']:.1f}%"),
+        ("µs an update", "{update_us_wall_s:.0f}"),
+    ))  # fmt: skip
 
 
 def _figure(rows: Sequence[dict[str, Any]], by_estimator: Sequence[Sequence[BoundErrors]]) -> Figure:
     names = list(dict.fromkeys(row["scenario"] for row in rows))
-    with matplotlib.rc_context(STYLE):
-        page = Figure(figsize=(12.0, 3.1 * len(names)), layout="constrained")
+    with styled_figure((12.0, 3.1 * len(names))) as page:
         drawn = page.subplots(len(names), 2, squeeze=False, width_ratios=(1.0, 1.5))
         for (against_cost, over_time), name in zip(drawn, names, strict=True):
             _draw_efficiency(against_cost, [row for row in rows if row["scenario"] == name])

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import TwoSlopeNorm
@@ -24,13 +23,14 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.models.textbook.library import EXAMPLE_2_1, EXAMPLE_2_2, KRENER_ISIDORI, SYSTEMS, error_dynamics
 from mathnavi.models.textbook.maps import of_numbers
 from mathnavi.models.textbook.system import System
-from mathnavi.renders.figures import BOUND, INK, STYLE
+from mathnavi.renders.figures import BOUND, INK
 from mathnavi.renders.study_report import Table
 from mathnavi.renders.textbook.panel import ESTIMATE, TRUTH
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.textbook import VEHICLE
 from mathnavi.sim.sweep.trial import Trial, trial
+from mathnavi.studies.framework.drawing import annotate, styled_figure
 from mathnavi.studies.framework.study import Setup, StudyResult
 
 SCENARIO = "textbook-observer"
@@ -219,8 +219,7 @@ def _claims(rows: Rows, apart: Mapping[str, float]) -> list[Claim]:
 
 
 def _figure(rows: Rows, runs: Runs) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(11.4, 9.6), layout="constrained")
+    with styled_figure((11.4, 9.6)) as figure:
         parts = figure.subplot_mosaic(
             [["still", "driven", "map"], ["escape", "escape", "map"], ["plane", "linear", "signs"]],
             height_ratios=(1.0, 1.0, 1.25),
@@ -241,10 +240,9 @@ def _indistinguishable(still: Axes, driven: Axes) -> None:
         driven.plot(t, y, color=colour, lw=1.8)
         at, up = NAMED[k]
         i = min(int(np.searchsorted(t, at)), len(t) - 1)
-        driven.annotate(f"$x_2(0) = {x_2:g}$", (t[i], y[i]), (0, up), ha="center", textcoords="offset points",
-                        color=colour, size=8.0)  # fmt: skip
+        annotate(driven, f"$x_2(0) = {x_2:g}$", (t[i], y[i]), (0, up), ha="center", color=colour, size=8.0)
     still.set(xlabel="time [s]", ylabel="y", xlim=(0.0, UNTIL), ylim=(0.0, 0.25), title="(a) Example 2.1, u = 0")
-    still.annotate("four starts, one output", (0.75, 0.12), (0, 10), textcoords="offset points", size=8.0)
+    annotate(still, "four starts, one output", (0.75, 0.12), (0, 10), size=8.0)
     driven.set(xlabel="time [s]", ylabel="y", xlim=(0.0, UNTIL), ylim=(-1.3, 1.3), title="u = 1")
 
 
@@ -268,11 +266,11 @@ def _escape(axes: Axes, outcome: RunData) -> None:
     names = {0: (1.5, 8), 1: (2.42, 0), 2: (1.9, -12)}
     for k, (at, up) in names.items():
         i = int(np.searchsorted(t, at))
-        axes.annotate(f"$x_{k + 1}$", (t[i], x[i, k]), (-12 if k == 1 else 0, up), textcoords="offset points")
+        annotate(axes, f"$x_{k + 1}$", (t[i], x[i, k]), (-12 if k == 1 else 0, up))
     end = float(outcome.summary["escape_time_s"])
     axes.axvline(end, color=BOUND, ls=":", lw=1.3)
-    axes.annotate(f"$x_2$ escapes at {end:.3f} s", (end, 0.0), (-4, 5), xycoords=("data", "axes fraction"),
-                  textcoords="offset points", ha="right", color=BOUND)  # fmt: skip
+    annotate(axes, f"$x_2$ escapes at {end:.3f} s", (end, 0.0), (-4, 5), xycoords=("data", "axes fraction"), ha="right",
+             color=BOUND)  # fmt: skip
     axes.set(xlabel="time [s]", xlim=(0.0, 1.02 * end), ylim=(-1.8, 5.0))
     axes.set_title("(b) Example 2.2, u = sin t: truth (dashed) and estimate")
 
@@ -313,8 +311,8 @@ def _oscillation(plane: Axes, linear: Axes, outcome: RunData) -> None:
         linear.plot(t, error[:, k], color=colour, lw=3.0, alpha=0.55)
         linear.plot(t, equation[:, k], color=INK, lw=0.9, ls="--")
         i = int(np.argmax(np.abs(error[20:, k]))) + 20
-        linear.annotate(f"$z_{k + 1} - \\tilde x_{k + 1}$", (t[i], error[i, k]), (26, -4) if k else (18, 14),
-                        textcoords="offset points", color=colour)  # fmt: skip
+        annotate(linear, f"$z_{k + 1} - \\tilde x_{k + 1}$", (t[i], error[i, k]), (26, -4) if k else (18, 14),
+                 color=colour)  # fmt: skip
     linear.set(xlabel="time [s]", xlim=(0.0, 4.0), title="its error, and (2.3) dashed")
 
 
@@ -329,7 +327,7 @@ def _signs(axes: Axes, runs: Runs) -> None:
     axes.annotate("with its sign\nput right", (0.1, 2e-4), color=SHADES[0])
     t = np.linspace(0.5, 4.5, 2)
     axes.plot(t, 0.6 * np.exp(-2.0 * t), color=INK, ls="--", lw=1.0)
-    axes.annotate("$e^{-2t}$", (t[1], 0.6 * math.exp(-9.0)), (4, 6), textcoords="offset points")
+    annotate(axes, "$e^{-2t}$", (t[1], 0.6 * math.exp(-9.0)), (4, 6))
     axes.set(xlabel="time [s]", ylabel="$|\\hat x - x|$", yscale="log", title="(e) equation (2.4)")
 
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -28,7 +27,7 @@ from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.textbook.library import SYSTEMS
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart
-from mathnavi.renders.figures import INK, STYLE
+from mathnavi.renders.figures import INK
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.claims import Claim
@@ -39,6 +38,7 @@ from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.sphere_observer import SphereObserverConfig, config_mission
 from mathnavi.sim.scenarios.textbook import TextbookConfig
 from mathnavi.sim.sweep.trial import Trial, trial
+from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Setup, StudyResult
 from mathnavi.studies.ranging.observability_measures import STANDARD, MapCase, drawn_start, driving
 
@@ -370,12 +370,10 @@ def _attracts(declared: ObserverProperties, e: PropertyRuns) -> bool:
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> Table:
-    cells = [
-        (row["estimator"], row["property"], row["declared"], row["measured"], "yes" if row["kept"] else "no")
-        for row in rows
-    ]
-    columns = ("estimator", "property", "declared", "measured", "kept")
-    return Table("Table 2.1, declared beside measured", columns, cells)
+    return Table.of("Table 2.1, declared beside measured", rows, (
+        ("estimator", "estimator"), ("property", "property"), ("declared", "declared"), ("measured", "measured"),
+        ("kept", lambda row: "yes" if row["kept"] else "no"),
+    ))  # fmt: skip
 
 
 def _claims(rows: Sequence[dict[str, Any]], seen: Mapping[str, PropertyRuns]) -> list[Claim]:
@@ -404,8 +402,7 @@ def _claims(rows: Sequence[dict[str, Any]], seen: Mapping[str, PropertyRuns]) ->
 
 def _figure(rows: Sequence[dict[str, Any]], seen: Mapping[str, PropertyRuns]) -> Figure:
     broken = {row["estimator"] for row in rows if not row["kept"]}
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(11.0, 1.9 + 0.36 * len(seen)), layout="constrained")
+    with styled_figure((11.0, 1.9 + 0.36 * len(seen))) as figure:
         shares, drifts = figure.subplots(1, 2, sharey=True, width_ratios=(1.6, 1.0))
         for row, e in enumerate(seen.values()):
             _share(shares, row - 0.14, found(e.near), NEARBY)

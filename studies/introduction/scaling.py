@@ -6,15 +6,15 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-import matplotlib
 import numpy as np
 from annotated_types import Interval
 from matplotlib.figure import Figure
 
 from mathnavi.interfaces.bounds import Count, Within, configuration
-from mathnavi.renders.figures import BOUND, STYLE
+from mathnavi.renders.figures import BOUND
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
+from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Setup, StudyResult
 from mathnavi.studies.introduction.cost_measurement import (
     CURVES,
@@ -162,14 +162,11 @@ def _growth_table(found: Sequence[Growth]) -> Table:
 
 
 def _sweep_table(rates: Rows) -> Table:
-    body = [
-        (
-            _place(row), row["size"], f"{row['start_wall_s']:.2f}", f"{1e3 * row['cost_wall_s']:.2f}",
-            f"{trials_a_second(row):.0f}",
-        )
-        for row in rates
-    ]  # fmt: skip
-    return Table("Trials that do nothing", ("", "workers", "start [s]", "ms a trial", "trials a second"), body)
+    return Table.of("Trials that do nothing", rates, (
+        ("", _place), ("workers", "size"), ("start [s]", "{start_wall_s:.2f}"),
+        ("ms a trial", lambda row: f"{1e3 * row['cost_wall_s']:.2f}"),
+        ("trials a second", lambda row: f"{trials_a_second(row):.0f}"),
+    ))  # fmt: skip
 
 
 def _place(row: dict[str, Any]) -> str:
@@ -184,8 +181,7 @@ def trials_a_second(row: dict[str, Any]) -> float:
 def _figure(found: Sequence[Growth], rates: Rows) -> Figure:
     columns = 4
     rows = math.ceil((len(found) + 1) / columns)
-    with matplotlib.rc_context(STYLE):
-        page = Figure(figsize=(3.6 * columns, 3.1 * rows), layout="constrained")
+    with styled_figure((3.6 * columns, 3.1 * rows)) as page:
         drawn = page.subplots(rows, columns, squeeze=False).ravel()
         for axes, each in zip(drawn, found, strict=False):
             axes.plot(each.sizes, each.costs, "o-", color="#0d5fa8")
@@ -207,8 +203,7 @@ def _figure(found: Sequence[Growth], rates: Rows) -> Figure:
         for place in dict.fromkeys(map(_place, rates)):
             group = [row for row in rates if _place(row) == place]
             axes.plot([row["size"] for row in group], [trials_a_second(row) for row in group], "o-", label=place)
-        axes.set(xlabel="workers", ylabel="trials a second", ylim=(0.0, None))
-        axes.set_title("sweep")
+        axes.set(xlabel="workers", ylabel="trials a second", ylim=(0.0, None), title="sweep")
         axes.legend()
         for unused in drawn[len(found) + 1 :]:
             unused.set_axis_off()

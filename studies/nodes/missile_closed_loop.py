@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
-import matplotlib
 import numpy as np
 from annotated_types import Interval
 from matplotlib.axes import Axes
@@ -24,7 +23,6 @@ from scipy.stats import binom
 from mathnavi.interfaces.bounds import Count, Within, configuration
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.compilation import compiler
-from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
@@ -33,6 +31,7 @@ from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.trial import Trial, trial
+from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Setup, StudyResult
 
 CASES = ("SM", "SM2", "SM3", "FAST")
@@ -334,8 +333,7 @@ def _figure(
     flown: Mapping[str, RunData], misses: Sequence[tuple[Kind, Array]], replans: Mapping[str, Sequence[float]]
 ) -> Figure:
     """Draw flights by autopilot, misses [m] of each kind of flight, and times [ms] of replans by solver."""
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(10.4, 7.6), layout="constrained")
+    with styled_figure((10.4, 7.6)) as figure:
         axes = figure.subplot_mosaic([["path", "miss"], ["time", "miss"]], width_ratios=(1.0, 1.15))
         for autopilot, outcome in flown.items():
             x, style = outcome.recording.truths[VEHICLE], "--" if autopilot == "tvlqr" else "-"

@@ -15,7 +15,6 @@ from itertools import pairwise, product
 from typing import Annotated, Any
 
 import casadi as ca
-import matplotlib
 import numpy as np
 from annotated_types import Interval
 from matplotlib.axes import Axes
@@ -33,10 +32,10 @@ from mathnavi.controllers.ocp.transcriptions.low_order import Euler, HermiteSimp
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.interfaces.bounds import Count, Within, configuration
 from mathnavi.interfaces.signals import Array
-from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
+from mathnavi.studies.framework.drawing import annotate, styled_figure
 from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 
 NODES = (10, 15, 20, 25, 30, 35, 40, 50)
@@ -250,8 +249,7 @@ def _indirect_table(indirect: Mapping[str, Mapping[str, float]], nodes: int) -> 
 
 def _figure(planned: tuple[PlannedPath, PlannedPath], table: Rows, case: str, nodes: Sequence[int]) -> Figure:
     """Draw Figures B.5, B.6, B.7 and B.2 side by side."""
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(10.4, 7.0), layout="constrained")
+    with styled_figure((10.4, 7.0)) as figure:
         (paths, errors), (times, load) = figure.subplots(2, 2)
         _paths(paths, *planned)
         for method, colour in METHODS.items():
@@ -282,7 +280,7 @@ def _paths(axes: Axes, even: PlannedPath, adaptive: PlannedPath) -> None:
         )  # fmt: skip
         density.plot(np.cumsum(path.steps) - 0.5 * path.steps, 100.0 / path.steps, color=colour, lw=1.4)
     axes.plot(700.0, 0.0, "x", color="#101824", ms=8, mew=2)
-    axes.annotate("target", (700.0, 0.0), (-8, 4), textcoords="offset points", ha="right", fontsize=8)
+    annotate(axes, "target", (700.0, 0.0), (-8, 4), ha="right", fontsize=8)
     axes.set(xlabel="x [m]", ylabel="altitude [m]", title="(a) reference trajectories, N = 50 (Figure B.5)")
     axes.legend(fontsize=8)
     density.set(ylim=(0.0, None))

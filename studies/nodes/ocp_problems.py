@@ -34,7 +34,7 @@ from mathnavi.renders.figures import STYLE, canvas
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
-from mathnavi.studies.framework.drawing import heat_map
+from mathnavi.studies.framework.drawing import annotate, heat_map
 from mathnavi.studies.framework.study import Setup, StudyResult
 from mathnavi.studies.nodes import ocp_collection
 
@@ -239,7 +239,7 @@ def _figure(rows: Sequence[Mapping[str, Any]], best: Mapping[str, Mapping[str, A
         bar.outline.set_visible(False)
         axes.axvline(len(ADAPTIVE), color=STYLE["axes.edgecolor"], lw=1.4)
         middle = len(ADAPTIVE) + 0.5 * len(NOT_ADAPTIVE)
-        axes.annotate("not adaptive", (middle, 0.0), (0, 4), textcoords="offset points", ha="center", fontsize=8)
+        annotate(axes, "not adaptive", (middle, 0.0), (0, 4), ha="center", fontsize=8)
         key = [
             Patch(facecolor="none", edgecolor="#16202a", lw=2.0, label="reported: the first to reach it"),
             *(Patch(facecolor=colour, edgecolor="#8b95a0", label=words) for words, colour in KEY.items()),

@@ -17,10 +17,8 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Annotated, Any
 
-import matplotlib
 import numpy as np
 from annotated_types import Interval
-from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
@@ -35,7 +33,7 @@ from mathnavi.controllers.active_sensing.then_track import ReferencePath
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.renders.figures import INK, STYLE
+from mathnavi.renders.figures import INK
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.metrics.ranging import RangingErrors, rms
 from mathnavi.sim.records.claims import Claim
@@ -45,6 +43,7 @@ from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.range_localisation import VEHICLE
 from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig
 from mathnavi.sim.sweep.trial import Trial, trial
+from mathnavi.studies.framework.drawing import HALO, annotate, styled_figure
 from mathnavi.studies.framework.study import Setup, StudyResult, median
 from mathnavi.studies.ranging.input_search import SEARCHED, SLOW, START_ERROR, WALL, InputSearch, soonest
 
@@ -69,7 +68,6 @@ COLOURS = dict(zip(MODES, ("#0d5fa8", "#7a4fb5", "#e07b00", "#0f9472", "#c2183b"
 FALLING = LinearSegmentedColormap.from_list("falling", ("#0d5fa8", "#8fc3e6", "#f0a07c", "#b3202f"))
 ERRORS = LogNorm(0.01, 1.0)  # [m]
 SHOWN = 3  # which of the runs has its path drawn
-HALO = [patheffects.withStroke(linewidth=3.0, foreground="white")]
 
 Row = dict[str, Any]
 Key = tuple[str, float]
@@ -281,8 +279,7 @@ def figure(records: Mapping[Any, Sequence[Record]], modes: Mapping[Key, ModeRuns
 
     ``records`` are the runs by mode and bound of the turn rate [rad/s], and by kind those that keep a path.
     """
-    with matplotlib.rc_context(STYLE):
-        page = Figure(figsize=(13.0, 12.0))
+    with styled_figure((13.0, 12.0), None) as page:
         above = page.add_gridspec(
             1, 2, left=0.06, right=0.98, top=0.96, bottom=0.62, width_ratios=(1.25, 1.0), wspace=0.3
         )
@@ -317,17 +314,13 @@ def _draw_errors(axes: Axes, records: Mapping[Any, Sequence[Record]], seconds: f
         axes.plot(t, middle, color=COLOURS[mode], lw=2.2)
         ends.append((mode, t, middle))
     axes.axhline(LIMIT, color=INK, lw=1.0, ls=(0, (4, 3)))
-    axes.set_yscale("log")
-    axes.set_xlim(0.0, seconds)
-    axes.annotate(f"{LIMIT} m", (seconds, LIMIT), (-4, 4), textcoords="offset points", ha="right", path_effects=HALO)
+    axes.set(yscale="log", xlim=(0.0, seconds))
+    annotate(axes, f"{LIMIT} m", (seconds, LIMIT), (-4, 4), ha="right", path_effects=HALO)
     for place, (mode, t, middle) in zip((0.07, 0.28, 0.5), ends, strict=True):
         k = round(place * (len(t) - 1))
-        axes.annotate(
-            mode, (t[k], middle[k]), (10, 16), textcoords="offset points", color=COLOURS[mode], weight="bold",
-            size=10.0, path_effects=HALO,
-        )  # fmt: skip
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("error [m]: median and quartiles")
+        annotate(axes, mode, (t[k], middle[k]), (10, 16), color=COLOURS[mode], weight="bold", size=10.0,
+                 path_effects=HALO)  # fmt: skip
+    axes.set(xlabel="time [s]", ylabel="error [m]: median and quartiles")
 
 
 def _series(rows: Sequence[Sequence[float]]) -> Array:
@@ -350,10 +343,9 @@ def _draw_times(axes: Axes, modes: Mapping[Key, ModeRuns], seconds: float) -> No
             right = band.median if np.isnan(band.high) else band.high
             never = band.median >= seconds
             text = "not within the run" if never else f"{band.median:.2f} s"
-            axes.annotate(
-                text, (band.low if never and np.isfinite(band.low) else right, k + lift), (-8 if never else 8, 0),
-                textcoords="offset points", va="center", ha="right" if never else "left", size=8.5, path_effects=HALO,
-            )  # fmt: skip
+            annotate(axes, text, (band.low if never and np.isfinite(band.low) else right, k + lift),
+                     (-8 if never else 8, 0), va="center", ha="right" if never else "left", size=8.5,
+                     path_effects=HALO)  # fmt: skip
     axes.set_yticks(range(len(MODES)), list(reversed(MODES)))
     for label, mode in zip(axes.get_yticklabels(), reversed(MODES), strict=True):
         label.set(color=COLOURS[mode], weight="bold")
@@ -363,8 +355,7 @@ def _draw_times(axes: Axes, modes: Mapping[Key, ModeRuns], seconds: float) -> No
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     lowest = min(0.2, *(max(0.02, e.time.median) for e in modes.values()))
-    axes.set_xlim(0.7 * lowest, 1.5 * seconds)
-    axes.set_ylim(-0.6, len(MODES) - 0.4)
+    axes.set(xlim=(0.7 * lowest, 1.5 * seconds), ylim=(-0.6, len(MODES) - 0.4))
     axes.grid(axis="y", visible=False)
     axes.set_xlabel(f"time [s]; filled: {SLOW} rad/s, hollow: {FAST:g} rad/s")
 

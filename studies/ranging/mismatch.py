@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -19,7 +18,7 @@ from mathnavi.interfaces.signals import Estimate, Status
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.renders.figures import INK, STYLE
+from mathnavi.renders.figures import INK
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.metrics.consistency import consistency
 from mathnavi.sim.metrics.ranging import HEADING, POSITION, RangingErrors
@@ -27,6 +26,7 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.range_localisation import VEHICLE
 from mathnavi.sim.sweep.trial import trial
+from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Setup, StudyResult
 
 FIRST_SEED = 1000  # the bank's constants were chosen on others
@@ -164,8 +164,7 @@ def claims(cases: dict[str, Case], rows: list[dict[str, Any]]) -> list[Claim]:
 
 def figure(cases: dict[str, Case]) -> Figure:
     """Draw two panels: outcomes of the runs, and consistency of the estimates."""
-    with matplotlib.rc_context(STYLE):
-        drawn = Figure(figsize=(11.0, 4.6), layout=ConstrainedLayoutEngine(w_pad=0.08))
+    with styled_figure((11.0, 4.6), ConstrainedLayoutEngine(w_pad=0.08)) as drawn:
         outcomes, nees = drawn.subplots(1, 2, sharey=True)
         for k, e in enumerate(cases.values()):
             shares = (e.converged / e.runs, e.unknown / e.runs)
@@ -180,14 +179,12 @@ def figure(cases: dict[str, Case]) -> Figure:
         outcomes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=3, fontsize=8)
         outcomes.set_yticks(range(len(cases)), list(cases))
         outcomes.invert_yaxis()
-        outcomes.set(xlim=(0.0, 1.0), xlabel="share of the runs")
-        outcomes.set_title("(a) what became of the runs")
+        outcomes.set(xlim=(0.0, 1.0), xlabel="share of the runs", title="(a) what became of the runs")
         outcomes.grid(visible=False, axis="y")
         nees.axvline(3.0, color=INK, lw=1.0, ls=":")
         nees.axvline(MOST_NEES, color=COLOURS["neither"], lw=1.0, ls="--")
         nees.set_xscale("symlog", linthresh=10.0)
-        nees.set(xlabel="NEES of the last quarter where the status is OK")
-        nees.set_title("(b) how consistent it is")
+        nees.set(xlabel="NEES of the last quarter where the status is OK", title="(b) how consistent it is")
     return drawn
 
 

@@ -11,7 +11,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -27,11 +26,12 @@ from mathnavi.estimators.observability.range_outputs import RangeOutputs, motion
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
-from mathnavi.renders.figures import INK, STYLE
+from mathnavi.renders.figures import INK
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
-from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
+from mathnavi.studies.framework.drawing import annotate, styled_figure
+from mathnavi.studies.framework.study import Jobs, Row, Setup, StudyResult, chosen
 from mathnavi.studies.ranging.observability_measures import (
     FAMILIES,
     FIRST_ESTIMATES,
@@ -90,7 +90,6 @@ INPUTS: dict[str, tuple[float, float]] = {
 INPUT_COLOURS = dict(zip(INPUTS, ("#101824", "#0d5fa8", "#e07b00", "#0f9472"), strict=True))
 SHOWN = "left turn"  # by which the feasible set is coloured
 
-Row = Mapping[str, Any]
 Results = Mapping[Any, list[Any]]  # of the jobs, by key
 
 
@@ -238,11 +237,6 @@ def _counts(done: Results) -> dict[tuple[str, str, str], list[tuple[int, int]]]:
     }  # fmt: skip
 
 
-def chosen(rows: Sequence[Row], **values: Any) -> list[Row]:
-    """Return the rows that have these values."""
-    return [row for row in rows if all(row.get(name) == value for name, value in values.items())]
-
-
 def _text(row: Row) -> str:
     """Return the share of a row with its limits, as text."""
     return rate(row["converged"], row["starts"]).text()
@@ -292,15 +286,14 @@ def _standing_table(rows: Sequence[Row], done: Results) -> Table:
 
 
 def _flags_table(rows: Sequence[Row]) -> Table:
-    columns = ("d_0", "flags' axis", "u_1 [m/s]", "u_2 [rad/s]", "order", "rank", "of",
-               "least singular value but noughts")  # fmt: skip
-    cells = [
-        ("known" if row["d_0_known"] else "unknown", "on it" if row["on_axis"] else "off it", f"{row['u_1']:g}",
-         f"{row['u_2']:g}", row["order"], row["rank"], 3 if row["d_0_known"] else 4,
-         f"{row['least_singular_value']:.2g}")
-        for row in chosen(rows, what="two flags")
-    ]  # fmt: skip
-    return Table("Example C.2: rank of d(h, y', ..., y^(order)) with the input held", columns, cells)
+    flags = chosen(rows, what="two flags")
+    return Table.of("Example C.2: rank of d(h, y', ..., y^(order)) with the input held", flags, (
+        ("d_0", lambda row: "known" if row["d_0_known"] else "unknown"),
+        ("flags' axis", lambda row: "on it" if row["on_axis"] else "off it"), ("u_1 [m/s]", "{u_1:g}"),
+        ("u_2 [rad/s]", "{u_2:g}"), ("order", "order"), ("rank", "rank"),
+        ("of", lambda row: 3 if row["d_0_known"] else 4),
+        ("least singular value but noughts", "{least_singular_value:.2g}"),
+    ))  # fmt: skip
 
 
 def _gramian_table(rows: Sequence[Row]) -> Table:
@@ -452,8 +445,7 @@ def _of_the_map(rows: Sequence[Row]) -> Claim:
 
 def figure(cases: Sequence[MapCase], rows: Sequence[Row], regions: Sequence[tuple[Region, Sequence[float]]]) -> Figure:
     """Draw feasible states and what distinguishes them, the effect of the map, and shares by position in regions."""
-    with matplotlib.rc_context(STYLE):
-        drawn = Figure(figsize=(11.8, 10.6), layout="constrained")
+    with styled_figure((11.8, 10.6)) as drawn:
         top, middle, bottom = np.array(drawn.subfigures(3, 1, height_ratios=(1.2, 1.0, 0.62)))
         field, flow = top.subplots(1, 2, width_ratios=(1.9, 1.0))
         _feasible(field, flow, outputs_of(STANDARD, "2t"), THESIS_START)
@@ -493,7 +485,7 @@ def _feasible(field: Axes, flow: Axes, outputs: RangeOutputs, x_0: Array) -> Non
     field.set_title("(a) all that reads what the robot at its start reads")
     image = outputs.curve.images(x_0)[-1]
     for text, x, offset in (("true start", x_0, (14, -13)), ("its image: indistinguishable", image, (12, 2))):
-        field.annotate(text, (x[0], x[1]), offset, textcoords="offset points", fontsize=8.5)
+        annotate(field, text, (x[0], x[1]), offset, fontsize=8.5)
     own = min(curves, key=lambda points: float(np.linalg.norm(pose_difference(points, x_0), axis=1).min()))
     _along(flow, outputs, x_0, own, motions)
 

@@ -12,7 +12,6 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -22,7 +21,7 @@ from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import BEAN
-from mathnavi.renders.figures import INK, STYLE
+from mathnavi.renders.figures import INK
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.metrics.consistency import Consistency, RootMeanSquare, consistency, root_mean_square
@@ -32,6 +31,7 @@ from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.sweep.trial import Trial, trial
+from mathnavi.studies.framework.drawing import annotate, styled_figure
 from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 from mathnavi.studies.ranging.estimator_runs import (
     ALL_ALIVE,
@@ -374,8 +374,7 @@ def figure(
     seconds: float,
 ) -> Figure:
     """Draw six panels: shares, errors over time, accuracy, cost, consistency, and runs on wheels."""
-    with matplotlib.rc_context(STYLE):
-        drawn = Figure(figsize=(12.4, 9.4), layout=ConstrainedLayoutEngine(h_pad=0.1, w_pad=0.08))
+    with styled_figure((12.4, 9.4), ConstrainedLayoutEngine(h_pad=0.1, w_pad=0.08)) as drawn:
         parts = drawn.subplot_mosaic([["share", "error", "rms"], ["cost", "nees", "wheels"]])
         _shares(parts["share"], observed, found)
         _errors(parts["error"], found, seconds)
@@ -426,10 +425,8 @@ def _errors(axes: Axes, found: Mapping[FoundKey, Found], seconds: float) -> None
     _logarithmic(axes, (0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0))
     axes.set(xlim=(0.0, seconds), xlabel="t [s]", ylabel="position error [m]")
     for (name, _), y in zip(sorted(ends, key=lambda end: end[1]), _apart(sorted(y for _, y in ends)), strict=True):
-        axes.annotate(
-            _short(name), (seconds, y), (4, 0), textcoords="offset points", va="center", fontsize=8,
-            color=COLOUR[name], annotation_clip=False, linespacing=0.9,
-        )  # fmt: skip
+        annotate(axes, _short(name), (seconds, y), (4, 0), va="center", fontsize=8, color=COLOUR[name],
+                 annotation_clip=False, linespacing=0.9)  # fmt: skip
     axes.set_title(f"(b) median error, sensors {SHOWN}")
 
 
@@ -462,21 +459,16 @@ def _costs(axes: Axes, cost: Mapping[str, Array]) -> None:
     for k, (key, (_, colour)) in enumerate(TIMES.items()):
         taken = float(np.median(cost[key]))
         axes.barh(k, taken, color=colour, alpha=0.85 if k < 4 else 0.5, height=0.66)
-        axes.annotate(
-            f"{taken:.0f}" if taken >= 10.0 else f"{taken:.1f}", (taken, k), (4, 0), textcoords="offset points",
-            va="center", fontsize=8,
-        )  # fmt: skip
+        annotate(axes, f"{taken:.0f}" if taken >= 10.0 else f"{taken:.1f}", (taken, k), (4, 0), va="center", fontsize=8)
     axes.axhline(3.5, color=INK, lw=0.8, ls=":")
-    axes.set_xscale("log")
-    axes.set_xlim(0.5, 5.0 * float(max(np.median(taken) for taken in cost.values())))
+    axes.set(xscale="log", xlim=(0.5, 5.0 * float(max(np.median(taken) for taken in cost.values()))))
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_yticks(range(len(TIMES)), [name for name, _ in TIMES.values()])
     axes.invert_yaxis()
     for y, words in ((-0.35, "compiled loops"), (3.65, "plug-ins")):
         axes.text(0.98, y, words, transform=axes.get_yaxis_transform(), ha="right", va="top", fontsize=8, color=GREY)
-    axes.set(xlabel="CPU time of an update [µs]")
-    axes.set_title("(d) what an update costs, 4 sensors")
+    axes.set(xlabel="CPU time of an update [µs]", title="(d) what an update costs, 4 sensors")
     axes.grid(visible=False, axis="y")
 
 
@@ -492,10 +484,8 @@ def _nees(axes: Axes, found: Mapping[FoundKey, Found], seconds: float) -> None:
         axes.plot(t, means[1:], color=COLOUR[BANK], ls=style, lw=1.5, label=sensors)
     if limits is not None:
         axes.axhspan(limits.low, limits.high, color=COLOURS[SceneElement.RAY], alpha=0.18, lw=0)
-        axes.annotate(
-            "95 % of consistent filters", (0.98, limits.low), (0, -3), xycoords=("axes fraction", "data"),
-            textcoords="offset points", ha="right", va="top", fontsize=8, color=COLOUR[UKF],
-        )  # fmt: skip
+        annotate(axes, "95 % of consistent filters", (0.98, limits.low), (0, -3), xycoords=("axes fraction", "data"),
+                 ha="right", va="top", fontsize=8, color=COLOUR[UKF])  # fmt: skip
         axes.legend(loc="upper right", fontsize=8, title="sensors", title_fontsize=8, ncols=3)
     axes.set(xlim=(0.0, seconds), ylim=(0.0, 6.5), xlabel="t [s]", ylabel="average NEES, 3 degrees of freedom")
     axes.set_title("(e) does the bank know how good it is?")
@@ -511,19 +501,15 @@ def _wheels(axes: Axes, drives: Mapping[tuple[str, float], Drives]) -> None:
             x = k + rng.uniform(-0.08, 0.08, len(own))
             axes.plot(x, own, MARKERS[sensors], color=colour, ms=3.5, alpha=0.4, mew=0)
         axes.plot(range(len(FRICTIONS)), means, color=colour, marker=MARKERS[sensors], mec="white", ms=6.0)
-        axes.annotate(
-            f"sensors {sensors}", (len(FRICTIONS) - 1, means[-1]), (9, 6 if means[-1] == highest else -6),
-            textcoords="offset points", va="center", color=colour, fontsize=8.5, annotation_clip=False,
-        )  # fmt: skip
+        annotate(axes, f"sensors {sensors}", (len(FRICTIONS) - 1, means[-1]), (9, 6 if means[-1] == highest else -6),
+                 va="center", color=colour, fontsize=8.5, annotation_clip=False)  # fmt: skip
         axes.axhline(1e3 * DRIVEN[sensors], color=colour, ls=":", lw=1.2)
-        axes.annotate(
-            f"asked of {sensors}: {1e3 * DRIVEN[sensors]:g} mm", (len(FRICTIONS) - 0.32, 1e3 * DRIVEN[sensors]), (0, 3),
-            textcoords="offset points", ha="right", fontsize=8, color=colour,
-        )  # fmt: skip
+        annotate(axes, f"asked of {sensors}: {1e3 * DRIVEN[sensors]:g} mm",
+                 (len(FRICTIONS) - 0.32, 1e3 * DRIVEN[sensors]), (0, 3), ha="right", fontsize=8,
+                 color=colour)  # fmt: skip
     axes.set_xticks(range(len(FRICTIONS)), [f"{friction:g}" for friction in FRICTIONS])
-    axes.set(xlim=(-0.35, len(FRICTIONS) - 0.3), xlabel="friction of the wheels", ylabel="RMS position error [mm]")
-    axes.set_ylim(0.0, 1.15e3 * max(DRIVEN.values()))
-    axes.set_title("(f) on two driven wheels, in MuJoCo")
+    axes.set(xlim=(-0.35, len(FRICTIONS) - 0.3), xlabel="friction of the wheels", ylabel="RMS position error [mm]",
+             ylim=(0.0, 1.15e3 * max(DRIVEN.values())), title="(f) on two driven wheels, in MuJoCo")  # fmt: skip
     axes.grid(visible=False, axis="x")
 
 

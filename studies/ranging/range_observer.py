@@ -10,7 +10,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
@@ -23,14 +22,14 @@ from mathnavi.estimators.ranging.observer import FeedForward, RangeObserverConfi
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
-from mathnavi.renders.figures import GRID, INK, STYLE
+from mathnavi.renders.figures import GRID, INK
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.ranging.shapes import outline
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
 from mathnavi.sim.records.claims import Claim
-from mathnavi.studies.framework.drawing import readable_on
-from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
+from mathnavi.studies.framework.drawing import annotate, readable_on, styled_figure
+from mathnavi.studies.framework.study import Jobs, Row, Setup, StudyResult, chosen
 from mathnavi.studies.ranging.observability_measures import SENSORS, STANDARD, THESIS_START
 from mathnavi.studies.ranging.range_observer_runs import (
     DRIVES,
@@ -84,8 +83,6 @@ SET_COLOURS = dict(zip(SETS, ("#0d5fa8", "#c2183b", "#e07b00", "#0f9472"), stric
 SHARES = LinearSegmentedColormap.from_list("share", ("#b3202f", "#f0a07c", "#f4f1ea", "#6fb0dc", "#0d5fa8"))
 LEAST = 1e-15  # of an error that is drawn
 PARTS = ("$s_1$", "$s_2$", "φ")
-
-Row = Mapping[str, Any]
 
 
 @configuration
@@ -184,11 +181,6 @@ def _rows(done: Mapping[Any, list[Any]], residuals: Mapping[str, Mapping[str, Ar
 
 
 # ---- questions to the rows
-
-
-def chosen(rows: Sequence[Row], **values: Any) -> list[Row]:
-    """Return the rows that have these values."""
-    return [row for row in rows if all(row.get(name) == value for name, value in values.items())]
 
 
 def median(rows: Sequence[Row], name: str = "position_rms_m") -> float:
@@ -413,8 +405,7 @@ def range_observer_figure(
     exact: Mapping[FeedForward, ObserverRun], noisy: Mapping[FeedForward, ObserverRun], rows: Sequence[Row]
 ) -> Figure:
     """Draw Figures C.3 to C.8, as printed and with feed-forward, row by row, then all runs."""
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(12.4, 16.0), layout=ConstrainedLayoutEngine(w_pad=0.09, h_pad=0.07))
+    with styled_figure((12.4, 16.0), ConstrainedLayoutEngine(w_pad=0.09, h_pad=0.07)) as figure:
         parts = np.array(figure.subfigures(5, 1, height_ratios=(0.85, 1.1, 0.95, 1.1, 1.1), hspace=0.03))
         _components(parts[0].subplots(1, 3), exact)
         field, in_x = parts[1].subplots(1, 2, width_ratios=(1.75, 1.0))
@@ -480,8 +471,8 @@ def _field(axes: Axes, runs: Mapping[FeedForward, ObserverRun], *, noisy: bool) 
     if not noisy:
         labels.append(("first estimate", runs["s"].x[0], (-2, 12), "center", COLOUR["s"]))
     for text, place, offset, side, colour in labels:
-        axes.annotate(text, (place[0], place[1]), offset, textcoords="offset points", ha=side, va="center",
-                      color=colour, fontsize=8.5, zorder=7, path_effects=halo)  # fmt: skip
+        annotate(axes, text, (place[0], place[1]), offset, ha=side, va="center", color=colour, fontsize=8.5, zorder=7,
+                 path_effects=halo)  # fmt: skip
     title = "(g) in X, with 5 % range noise (C.8)" if noisy else "(b) in X, without noise (C.5)"
     axes.set(aspect="equal", title=title)
     low, high = wall.min(axis=0), wall.max(axis=0)
@@ -491,7 +482,7 @@ def _field(axes: Axes, runs: Mapping[FeedForward, ObserverRun], *, noisy: bool) 
     axes.set(xticks=[], yticks=[])
     bar = low[0] + 0.1
     axes.plot([bar, bar + 1.0], [low[1] + 0.06] * 2, color=INK, lw=2.4, solid_capstyle="butt")
-    axes.annotate("1 m", (bar + 0.5, low[1] + 0.06), (0, 4), textcoords="offset points", ha="center", fontsize=8)
+    annotate(axes, "1 m", (bar + 0.5, low[1] + 0.06), (0, 4), ha="center", fontsize=8)
 
 
 def _errors(axes: Axes, runs: Mapping[FeedForward, ObserverRun], name: str, title: str) -> None:
@@ -511,8 +502,8 @@ def _at_the_end(axes: Axes, errors: Mapping[FeedForward, Array], t: Array) -> No
     least, last = 1.2, np.inf  # decades between two names
     for feedforward in order:
         level = min(float(np.log10(np.median(errors[feedforward][-len(t) // 8 :]))), last - least)
-        axes.annotate(NAMES[feedforward], (1.0, 10.0**level), (4, 0), xycoords=("axes fraction", "data"), va="center",
-                      textcoords="offset points", color=COLOUR[feedforward], annotation_clip=False)  # fmt: skip
+        annotate(axes, NAMES[feedforward], (1.0, 10.0**level), (4, 0), xycoords=("axes fraction", "data"), va="center",
+                 color=COLOUR[feedforward], annotation_clip=False)  # fmt: skip
         last = level
 
 
@@ -587,18 +578,16 @@ def _by_gain(axes: Axes, rows: Sequence[Row]) -> None:
         axes.plot(list(found), list(found.values()), "o-", color=colour, ms=4)
         axes.plot(list(fast), list(fast.values()), "o--", color=colour, ms=4.5, mfc="white", lw=1.1)
         x, y = (list(fast.items()) or list(found.items()))[-1]
-        axes.annotate(sensors, (x, y), (8, {"3": 7, "4": -9}.get(sensors, 0)), va="center",
-                      textcoords="offset points", color=colour, weight="bold")  # fmt: skip
+        annotate(axes, sensors, (x, y), (8, {"3": 7, "4": -9}.get(sensors, 0)), va="center", color=colour,
+                 weight="bold")  # fmt: skip
     for label, face, style in (("100 readings a second", INK, "-"), ("1000", "white", "--")):
         axes.plot([], [], f"o{style}", color=INK, mfc=face, ms=4, lw=1.1, label=label)
     axes.legend(fontsize=8, loc="lower left")
     axes.axhline(POSITION, color=INK, ls=":", lw=1.1)
-    axes.annotate("above, lock is lost", (3e5, POSITION), (0, 4), textcoords="offset points", ha="right", fontsize=8)
+    annotate(axes, "above, lock is lost", (3e5, POSITION), (0, 4), ha="right", fontsize=8)
     k = np.array([3.0, 300.0])
     axes.plot(k, 0.03 / k, color=INK, lw=0.9)
-    axes.annotate("1/k", (k[0], 0.03 / k[0]), (-3, -4), textcoords="offset points", ha="right", va="top")
+    annotate(axes, "1/k", (k[0], 0.03 / k[0]), (-3, -4), ha="right", va="top")
     axes.set(xscale="log", xlabel="gain k = $k_V$ = $k_Q$", ylabel="position error, median RMS [m]",
-             title="(j) as printed, by its gain, from the truth")  # fmt: skip
-    axes.set_xlim(0.6, 4e5)
-    axes.set_yscale("log")
+             title="(j) as printed, by its gain, from the truth", xlim=(0.6, 4e5), yscale="log")  # fmt: skip
     axes.xaxis.set_minor_formatter(NullFormatter())

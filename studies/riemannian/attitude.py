@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -19,7 +18,7 @@ from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.mission import POSITION, LagrangianMission
-from mathnavi.renders.figures import INK, STYLE
+from mathnavi.renders.figures import INK
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.metrics.lagrangian import SETTLED, angles_to_reference
 from mathnavi.sim.records.claims import Claim
@@ -28,6 +27,7 @@ from mathnavi.sim.records.store import Record
 from mathnavi.sim.scenarios.attitude_tracking import VEHICLE
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.trial import Trial, trial
+from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Setup, StudyResult, median
 
 TRUE, STATE, JUDGED = "true rate", "true state", "omega = 20"
@@ -195,8 +195,7 @@ def _table(times: Mapping[str, Array], bands: Mapping[str, Band], seconds: float
 
 
 def _figure(flown: Mapping[str, Sequence[Record]], times: Mapping[str, Array], seconds: float) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        page = Figure(figsize=(12.0, 4.6), layout="constrained")
+    with styled_figure((12.0, 4.6)) as page:
         first, second = page.subplots(1, 2)
         first.set_title("(a) angle to the reference")
         for name in (TRUE, JUDGED):

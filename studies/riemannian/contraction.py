@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import casadi
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from scipy.optimize import brentq
@@ -22,9 +21,10 @@ from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import TwoPoint, sphere
 from mathnavi.models.manifold.tangent_bundle import TangentBundle, bracket
-from mathnavi.renders.figures import INK, STYLE
+from mathnavi.renders.figures import INK
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
+from mathnavi.studies.framework.drawing import annotate, styled_figure
 from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 
 A_AND_B = 3.0
@@ -239,8 +239,7 @@ def _Y(x: casadi.SX) -> casadi.SX:  # noqa: N802
 
 
 def _figure(thetas: Array, boundary: Mapping[CurvatureName, Array], eigenvalues: Array) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        page = Figure(figsize=(11.5, 4.8), layout="constrained")
+    with styled_figure((11.5, 4.8)) as page:
         first, second = page.subplots(1, 2)
         first.set_title("(a) where the observer contracts")
         for term, speeds in boundary.items():
@@ -249,8 +248,7 @@ def _figure(thetas: Array, boundary: Mapping[CurvatureName, Array], eigenvalues:
             if shown.any():
                 k = np.flatnonzero(shown)[2 * shown.sum() // 3]
                 aside = (6, -16 if term == "plus-one" else 6)
-                first.annotate(NAMES[term], (thetas[k], speeds[k]), aside, textcoords="offset points",
-                               color=COLOURS[term], weight="bold")  # fmt: skip
+                annotate(first, NAMES[term], (thetas[k], speeds[k]), aside, color=COLOURS[term], weight="bold")
         first.plot(thetas, LAW / thetas, color=INK, lw=1.0, ls=(0, (4, 3)))
         first.set(xscale="log", yscale="log", xlabel=r"$\theta = $ dist$(x, \xi)$", ylabel=r"$|\eta|_g$")
         _draw_map(page, second, eigenvalues)

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -23,10 +22,11 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, hyperbolic_space, sphere
 from mathnavi.models.manifold.manifold import CutLocusError
 from mathnavi.models.manifold.systems import PointSystem, linear
-from mathnavi.renders.figures import INK, STYLE
+from mathnavi.renders.figures import INK
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Proportion, rate
+from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 
 SPEEDS = {"H^2": (0.5, 1.0, 2.0), "S^3": (1.0, 2.0, 4.0)}  # of v0 / omega
@@ -208,8 +208,7 @@ def _force_table(by_force: Mapping[Force, Proportion]) -> Table:
 def _figure(
     done: Mapping[Case, Array], shares: Mapping[Case, Sequence[Proportion]], by_force: Mapping[Force, Proportion]
 ) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        page = Figure(figsize=(12.0, 8.6), layout="constrained")
+    with styled_figure((12.0, 8.6)) as page:
         axes = page.subplots(2, 2).ravel()
         for k, space in enumerate(SPEEDS):
             _draw_errors(axes[k], {term: done[space, JUDGED[space], term] for term in TERMS})
@@ -229,11 +228,8 @@ def _draw_errors(axes: Axes, errors: Mapping[CurvatureName, Array]) -> None:
             t, middle, color=COLOURS[term], lw=1.8, ls=(0, (4, 2)) if term == "matched" else "-", label=NAMES[term]
         )
     axes.axhline(GONE, color=INK, lw=0.9, ls=(0, (4, 3)))
-    axes.set_yscale("log")
-    axes.set_ylim(1e-6, 30.0)
-    axes.set_xlim(0.0, DURATION)
-    axes.set_xlabel(r"time [1 / $\omega$]")
-    axes.set_ylabel(r"$|v - \hat v| / v_0$")
+    axes.set(yscale="log", ylim=(1e-6, 30.0), xlim=(0.0, DURATION), xlabel=r"time [1 / $\omega$]",
+             ylabel=r"$|v - \hat v| / v_0$")  # fmt: skip
     axes.legend(loc="lower left", fontsize=8.0)
 
 
@@ -260,8 +256,6 @@ def _draw_forces(axes: Axes, by_force: Mapping[Force, Proportion]) -> None:
         axes.plot(x, [r.value for r in ratios], color=COLOURS[term], ls=style, marker=marker, lw=1.8, ms=5.0,
                   label=f"${space}$, {NAMES[term]}")  # fmt: skip
         axes.vlines(x, [r.low for r in ratios], [r.high for r in ratios], color=COLOURS[term], lw=1.0, alpha=0.6)
-    axes.set_xscale("log")
-    axes.set_xlabel(r"c [$\omega^2$]")
-    axes.set_ylim(-0.02, 1.03)
+    axes.set(xscale="log", xlabel=r"c [$\omega^2$]", ylim=(-0.02, 1.03))
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:.0%}")
     axes.legend(loc="center left", fontsize=8.0)

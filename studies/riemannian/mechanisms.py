@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
-import matplotlib
 import mujoco
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,7 +23,7 @@ from matplotlib.figure import Figure
 
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.models.manifold.mission import POSITION, LagrangianMission
-from mathnavi.renders.figures import INK, STYLE
+from mathnavi.renders.figures import INK
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.metrics.tuning import RecordedCall, recorded_calls, replayed, spread, tuned
 from mathnavi.sim.plugin.registry import load
@@ -32,6 +31,7 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.scenarios.arm_velocity import VEHICLE, ArmVelocityConfig, believed
 from mathnavi.sim.sweep.trial import trial
+from mathnavi.studies.framework.drawing import annotate, styled_figure
 from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 
 BITS, OMEGA = 14, 30.0
@@ -269,8 +269,7 @@ def _cell(row: Mapping[str, Any]) -> str:
 
 def _figure(own: Group, loaded: Group, suite: Group, over_time: Mapping[str, Sequence[float]]) -> Figure:
     """Draw the figure of the study; ``over_time`` are errors on the first mechanism of this project, by estimator."""
-    with matplotlib.rc_context(STYLE):
-        page = Figure(figsize=(13.0, 8.2), layout="constrained")
+    with styled_figure((13.0, 8.2)) as page:
         axes = page.subplots(2, 2, width_ratios=(1.35, 1.0))
         _draw_bars(axes[0, 0], own, "(a) exact model: error of the joint velocities")
         _draw_bars(axes[0, 1], loaded, "(b) last link 30 % heavier than believed")
@@ -287,8 +286,7 @@ def _draw_bars(axes: Axes, group: Group, title: str) -> None:
         x = np.arange(len(group)) + width * (k - 0.5 * (len(names) - 1))
         axes.bar(x, [rows[name]["error"] for rows in group.values()], 0.92 * width, color=COLOURS[name], label=name)
     axes.set_xticks(range(len(group)), list(group))
-    axes.set_yscale("log")
-    axes.set_ylabel("[rad/s, m/s]")
+    axes.set(yscale="log", ylabel="[rad/s, m/s]")
     axes.grid(axis="x", visible=False)
     errors = [row["error"] for rows in group.values() for row in rows.values() if np.isfinite(row["error"])]
     axes.set_ylim(0.3 * min(errors), max(errors) * 30.0)
@@ -301,24 +299,16 @@ def _draw_series(axes: Axes, over_time: Mapping[str, Sequence[float]]) -> None:
         error = np.maximum(over_time[name], 1e-6)
         t = 1e-3 * OFTEN * np.arange(len(error))
         axes.plot(t, error, color=COLOURS[name], lw=1.2)
-        axes.annotate(
-            name, (t[len(t) // 2], float(np.median(error))), (0, 16), textcoords="offset points",
-            color=COLOURS[name], weight="bold",
-        )  # fmt: skip
+        annotate(axes, name, (t[len(t) // 2], float(np.median(error))), (0, 16), color=COLOURS[name], weight="bold")
         axes.set_xlim(0.0, t[-1])
-    axes.set_yscale("log")
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel("[rad/s]")
+    axes.set(yscale="log", xlabel="time [s]", ylabel="[rad/s]")
 
 
 def _draw_ratio(axes: Axes, height: float, value: float, colour: str) -> None:
     axes.plot([1.0, value], [height, height], color=colour, lw=5.0, solid_capstyle="butt")
     side = 1 if value >= 1.0 else -1
-    axes.annotate(
-        f"{value:.0f}" if value >= 10.0 else f"{value:.2g}", (value, height), (6 * side, 0),
-        textcoords="offset points", va="center", ha="left" if side > 0 else "right", color=colour, weight="bold",
-        fontsize=8.5,
-    )  # fmt: skip
+    annotate(axes, f"{value:.0f}" if value >= 10.0 else f"{value:.2g}", (value, height), (6 * side, 0), va="center",
+             ha="left" if side > 0 else "right", color=colour, weight="bold", fontsize=8.5)  # fmt: skip
 
 
 def _draw_suite(axes: Axes, suite: Group) -> None:
@@ -337,8 +327,7 @@ def _draw_suite(axes: Axes, suite: Group) -> None:
     axes.set_xscale("log")
     every = (*ratios.values(), *disturbed.values(), 1.0)
     low, high = min(every), max(every)
-    axes.set_xlim(low / 4.0, high * 4.0)
-    axes.set_ylim(-0.6, len(order) - 0.4)
+    axes.set(xlim=(low / 4.0, high * 4.0), ylim=(-0.6, len(order) - 0.4))
     axes.grid(axis="y", visible=False)
 
 

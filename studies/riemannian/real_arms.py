@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import matplotlib
 import mujoco
 import numpy as np
 from matplotlib.figure import Figure
@@ -18,11 +17,11 @@ from matplotlib.figure import Figure
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.signals import Status
-from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.metrics.tuning import RecordedCall, spread, tuned
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.claims import Claim
+from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 from mathnavi.studies.riemannian.mechanisms import (
     BITS,
@@ -226,8 +225,7 @@ def _cell(e: ArmErrors) -> str:
 
 
 def _figure(found: Sequence[Sequence[ArmErrors]]) -> Figure:
-    with matplotlib.rc_context(STYLE):
-        page = Figure(figsize=(10.0, 0.42 * len(found) + 2.0), layout="constrained")
+    with styled_figure((10.0, 0.42 * len(found) + 2.0)) as page:
         axes = page.subplots()
         for name, marker in zip(NAMES, "os^vDP", strict=True):
             points = [
@@ -236,8 +234,6 @@ def _figure(found: Sequence[Sequence[ArmErrors]]) -> Figure:
             ]  # fmt: skip
             axes.plot(*np.reshape(points, (-1, 2)).T, marker, color=COLOURS[name], label=name, ms=7)
         axes.set_yticks(range(len(found)), [errors[0].case for errors in found])
-        axes.set_ylim(len(found) - 0.5, -0.5)
-        axes.set_xscale("log")
-        axes.set_xlabel("error of the joint velocities [rad/s, m/s]")
+        axes.set(ylim=(len(found) - 0.5, -0.5), xscale="log", xlabel="error of the joint velocities [rad/s, m/s]")
         axes.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return page

@@ -19,9 +19,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-import matplotlib
 import numpy as np
-from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -35,7 +33,7 @@ from mathnavi.models.manifold.mission import POSITION, LagrangianMission
 from mathnavi.models.manifold.systems import PointSystem, chart, linear, printed
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.system import MechanismSystem
-from mathnavi.renders.figures import INK, STYLE
+from mathnavi.renders.figures import INK
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.metrics.lagrangian import VelocityErrors, errors_of
 from mathnavi.sim.metrics.tuning import RecordedCall, Tuning, recorded_calls, replayed, spread, tuned
@@ -46,6 +44,7 @@ from mathnavi.sim.scenarios.arm_velocity import VEHICLE as MECHANISM
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.sphere_observer import VEHICLE, config_mission, rigid_body_plant
 from mathnavi.sim.sweep.trial import Trial, trial
+from mathnavi.studies.framework.drawing import HALO, annotate, styled_figure
 from mathnavi.studies.framework.study import Jobs, Setup, StudyResult, median
 from mathnavi.studies.riemannian.identities import residuals
 
@@ -107,7 +106,6 @@ BODY_RATES = slice(4, 7)  # of the state
 COLOURS = {"printed": "#c2183b", "repaired": "#0d5fa8"}
 COMPONENTS = ("#0d5fa8", "#e07b00", "#0f9472")
 TITLES = {"S^3": "$S^3$", "H^2": "$H^2$", CART: "cart and pendulum, flat"}
-HALO = [patheffects.withStroke(linewidth=3.0, foreground="white")]
 LEAST = 1e-7  # that is drawn
 LEAST_ERROR = 1e-4  # [rad/s] where the bars of (i) begin
 LONGEST = 10.0  # [s] of (a) to (f)
@@ -377,8 +375,7 @@ def _claims(e: SphereResults) -> list[Claim]:
 
 def _figure(e: SphereResults) -> Figure:
     """Draw the figure of the study."""
-    with matplotlib.rc_context(STYLE):
-        page = Figure(figsize=(13.0, 10.5), layout="constrained")
+    with styled_figure((13.0, 10.5)) as page:
         axes = page.subplots(3, 3)
         for column, space in enumerate(TITLES):
             runs = {gains: e.runs[space, gains] for gains in COLOURS}
@@ -399,16 +396,13 @@ def _draw_errors(axes: Axes, runs: Mapping[str, Mapping[str, Array]], name: str,
         axes.plot(run["t"], values, color=COLOURS[gains], lw=1.8)
         early = run["t"] <= LONGEST
         k = int((0.65 if gains == "printed" else 0.25) * (early.sum() - 1))
-        axes.annotate(
-            gains, (run["t"][k], values[k]), (6, -13 if gains == "printed" else 2), textcoords="offset points",
-            color=COLOURS[gains], weight="bold", path_effects=HALO, ha="left",
-        )  # fmt: skip
+        annotate(axes, gains, (run["t"][k], values[k]), (6, -13 if gains == "printed" else 2), color=COLOURS[gains],
+                 weight="bold", path_effects=HALO, ha="left")  # fmt: skip
     if name == "speed_error":
         axes.axhline(GONE * runs["printed"][name][0], color=INK, lw=0.8, ls=(0, (4, 3)))
-    axes.set_yscale("log")
-    axes.set_xlabel("time [s]")
-    axes.set_xlim(0.0, min(LONGEST, max(float(run["t"][-1]) for run in runs.values())))
-    axes.set_ylim(0.3 * LEAST, None)
+    axes.set(yscale="log", xlabel="time [s]",
+             xlim=(0.0, min(LONGEST, max(float(run["t"][-1]) for run in runs.values()))),
+             ylim=(0.3 * LEAST, None))  # fmt: skip
 
 
 def _draw_components(axes: Axes, e: SphereResults) -> None:
@@ -421,8 +415,7 @@ def _draw_components(axes: Axes, e: SphereResults) -> None:
         printed = e.runs["S^3", "printed"]
         soon = printed["t"] <= SHOWN
         axes.plot(printed["t"][soon], printed["v_hat"][soon, k], color=colour, lw=1.0, ls=(0, (2, 2)))
-    axes.set_xlabel("time [s]; pale: $v$, solid: repaired, dotted: printed")
-    axes.set_xlim(0.0, SHOWN)
+    axes.set(xlabel="time [s]; pale: $v$, solid: repaired, dotted: printed", xlim=(0.0, SHOWN))
 
 
 def _draw_lyapunov(axes: Axes, run: Mapping[str, Array]) -> None:
@@ -434,13 +427,8 @@ def _draw_lyapunov(axes: Axes, run: Mapping[str, Array]) -> None:
     for name, values, colour, at in (("$V$", V, "#e07b00", 100), ("$W$", W, "#0d5fa8", 250)):
         axes.plot(run["t"][early], values[early], color=colour, lw=1.8)
         at = min(at, int(early.sum()) - 1)
-        axes.annotate(
-            name, (run["t"][early][at], values[early][at]), (6, 6), textcoords="offset points", color=colour,
-            weight="bold", size=11.0,
-        )  # fmt: skip
-    axes.set_yscale("log")
-    axes.set_xlabel("time [s]")
-    axes.set_xlim(0.0, SHOWN)
+        annotate(axes, name, (run["t"][early][at], values[early][at]), (6, 6), color=colour, weight="bold", size=11.0)
+    axes.set(yscale="log", xlabel="time [s]", xlim=(0.0, SHOWN))
 
 
 def _draw_noise(axes: Axes, errors: Mapping[str, Band]) -> None:
@@ -449,14 +437,10 @@ def _draw_noise(axes: Axes, errors: Mapping[str, Band]) -> None:
     for k, name in enumerate(names):
         band, colour = errors[name], "#0d5fa8" if name.startswith("observer") else "#6b7a8c"
         axes.plot([LEAST_ERROR, band.median], [k, k], color=colour, lw=7.0, solid_capstyle="butt", alpha=0.85)
-        axes.annotate(
-            f"{band.median:.3g} rad/s", (band.median, k), (6, 0), textcoords="offset points", va="center",
-            color=colour, weight="bold",
-        )  # fmt: skip
+        annotate(axes, f"{band.median:.3g} rad/s", (band.median, k), (6, 0), va="center", color=colour, weight="bold")
     axes.set_yticks(range(len(names)), names)
-    axes.set_xscale("log")
-    axes.set_xlim(LEAST_ERROR, 100.0 * max(band.median for band in errors.values()))
-    axes.set_ylim(-0.6, len(names) - 0.4)
+    axes.set(xscale="log", xlim=(LEAST_ERROR, 100.0 * max(band.median for band in errors.values())),
+             ylim=(-0.6, len(names) - 0.4))  # fmt: skip
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("root mean square error [rad/s]")
 

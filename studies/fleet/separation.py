@@ -90,8 +90,9 @@ class SeparationStudy:
         costs_as_rows = [{"cost_vehicles": n, "cpu_share": value} for n, group in cost_of.items() for value in group]
         return StudyResult(
             summary=(
-                f"{config.seeds} fleets of each size over {setup.ground.name}, {sum(map(len, by_condition.values()))} flights in all. Cost: CPU "
-                "time of a whole run, physics included, over the time simulated, the first planning instant included.",
+                f"{config.seeds} fleets of each size over {setup.ground.name}, {config.seeds * len(by_condition)} "
+                "flights in all. Cost: CPU time of a whole run, physics included, over the time simulated, the first "
+                "planning instant included.",
             ),
             rows=[*rows, *costs_as_rows],
             tables=(_table(rows), _cost_table(cost_of)),

@@ -132,12 +132,8 @@ def redistribute(
         nodes: N, the same in every round.
         monitor: w, whose ``density`` is equidistributed; it needs no measure.
         rounds: number of redistributions, at least one.
-        scheme: transcription of an interval.
-        guess: a solution to start from, on any grid; None for the problem's own guess.
-        parameters: (np,) values of the problem's parameters; None for the nominal ones.
-        options: solver and its own tolerance.
-        tolerance: largest miss, path violation and cost error of the replay of a solution that is called OPTIMAL, and
-            which the gate lets pass however good those of the uniform solution are.
+        scheme, guess, parameters, options: as of ``solve``.
+        tolerance: as of ``solve``; the gate lets replays within it pass, however good the uniform solution's are.
 
     Returns:
         The solution with its replay, or the uniform one with the status REFUSED where that replays better.
@@ -186,12 +182,8 @@ def distribute(
         problem: the problem as compiled functions.
         nodes: N.
         distribution: functional I and constraints m of the nodes.
-        scheme: transcription of an interval.
-        guess: a solution to start from, on any grid; None for the problem's own guess.
-        parameters: (np,) values of the problem's parameters; None for the nominal ones.
-        options: solver and its own tolerance.
-        tolerance: largest miss, path violation and cost error of the replay of a solution that is called OPTIMAL, and
-            which the gate lets pass however good those of the uniform solution are.
+        scheme, guess, parameters, options: as of ``solve``.
+        tolerance: as of ``solve``; the gate lets replays within it pass, however good the uniform solution's are.
 
     Returns:
         The solution with its replay, or the uniform one with the status REFUSED where that replays better.

@@ -26,6 +26,7 @@ are the composite one. K = 1 is the trapezoid and K = 2 is Hermite-Simpson.
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Sequence
 from functools import cached_property, lru_cache
 from typing import Annotated
@@ -47,36 +48,38 @@ def integration_matrix(points: tuple[float, ...]) -> tuple[Array, Array]:
     return every[:-1], every[-1]
 
 
-def collocated(
-    points: tuple[float, ...],
-    rates: Rates,
-    x_0: ca.SX,
-    X: Sequence[ca.SX],
-    x_1: ca.SX,
-    U: Sequence[ca.SX],
-    t: ca.SX,
-    d: ca.SX,
-) -> IntervalEquations:
-    """Equations of an interval that is collocated at ``points`` (k,); the other arguments are those of a scheme."""
-    states = (*((x_0,) if points[0] == 0.0 else ()), *X, *((x_1,) if points[-1] == 1.0 else ()))
-    pairs = [rates(x, u, t + c * d) for x, u, c in zip(states, U, points, strict=True)]
-    A, b = (matrix.tolist() for matrix in integration_matrix(points))
+class Collocation(abc.ABC):
+    """Base of the schemes that are collocated at their ``points``."""
 
-    def integral(row: Sequence[float], values: Sequence[ca.SX]) -> ca.SX:
-        return d * sum((a * value for a, value in zip(row, values, strict=True)), ca.SX(0))
+    @property
+    @abc.abstractmethod
+    def points(self) -> tuple[float, ...]:
+        """Points (k,) c_j, fractions of the interval."""
 
-    f, cost = zip(*pairs, strict=True)
-    inner = [x_0 + integral(row, f) - x for row, x in zip(A, X, strict=True)]
-    return IntervalEquations(
-        flow=x_0 + integral(b, f),
-        inner=ca.vertcat(*inner) if inner else ca.SX(0, 1),
-        cost=integral(b, cost),
-        states=states,
-    )
+    def interval(
+        self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
+    ) -> IntervalEquations:
+        """X_j = x_0 + d Σ_k A_jk f_k at the points, x_1 = x_0 + d Σ_k b_k f_k, at the cost d Σ_k b_k L_k."""
+        points = self.points
+        states = (*((x_0,) if points[0] == 0.0 else ()), *X, *((x_1,) if points[-1] == 1.0 else ()))
+        pairs = [rates(x, u, t + c * d) for x, u, c in zip(states, U, points, strict=True)]
+        A, b = (matrix.tolist() for matrix in integration_matrix(points))
+
+        def integral(row: Sequence[float], values: Sequence[ca.SX]) -> ca.SX:
+            return d * sum((a * value for a, value in zip(row, values, strict=True)), ca.SX(0))
+
+        f, cost = zip(*pairs, strict=True)
+        inner = [x_0 + integral(row, f) - x for row, x in zip(A, X, strict=True)]
+        return IntervalEquations(
+            flow=x_0 + integral(b, f),
+            inner=ca.vertcat(*inner) if inner else ca.SX(0, 1),
+            cost=integral(b, cost),
+            states=states,
+        )
 
 
 @configuration
-class GaussLegendre:
+class GaussLegendre(Collocation):
     """Gauss-Legendre collocation at ``count`` points k of every interval; order 2 k.
 
     FieldError for a number of points outside 2 to 30.
@@ -107,15 +110,9 @@ class GaussLegendre:
         """Gauss points (k,) c_j, fractions of the interval."""
         return tuple((0.5 * (1.0 + gauss_legendre(self.count)[0])).tolist())
 
-    def interval(
-        self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
-    ) -> IntervalEquations:
-        """X_j = x_0 + d Σ_k A_jk f_k at the points, x_1 = x_0 + d Σ_k b_k f_k, at the cost d Σ_k b_k L_k."""
-        return collocated(self.points, rates, x_0, X, x_1, U, t, d)
-
 
 @configuration
-class RadauIIA:
+class RadauIIA(Collocation):
     """Radau IIA collocation at ``count`` points k of every interval; order 2 k - 1.
 
     FieldError for a number of points outside 2 to 30.
@@ -146,12 +143,6 @@ class RadauIIA:
         """Radau points (k,) c_j, fractions of the interval."""
         return radau(self.count)
 
-    def interval(
-        self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
-    ) -> IntervalEquations:
-        """X_j = x_0 + d Σ_k A_jk f_k at the inner points and at the end, at the cost d Σ_k b_k L_k."""
-        return collocated(self.points, rates, x_0, X, x_1, U, t, d)
-
 
 @lru_cache(maxsize=64)
 def radau(count: int) -> tuple[float, ...]:
@@ -161,7 +152,7 @@ def radau(count: int) -> tuple[float, ...]:
 
 
 @configuration
-class LegendreGaussLobatto:
+class LegendreGaussLobatto(Collocation):
     """Legendre-Gauss-Lobatto collocation: the rates a polynomial of ``degree`` K on every interval; order 2 K.
 
     FieldError for a degree outside 1 to 60.
@@ -195,12 +186,6 @@ class LegendreGaussLobatto:
     def points(self) -> tuple[float, ...]:
         """Legendre-Gauss-Lobatto points (K + 1,) c_j, fractions of the interval."""
         return legendre_gauss_lobatto(self.degree)
-
-    def interval(
-        self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
-    ) -> IntervalEquations:
-        """X_j = x_0 + d Σ_k A_jk f_k at the inner points and at the end, at the cost d Σ_k A_Kk L_k."""
-        return collocated(self.points, rates, x_0, X, x_1, U, t, d)
 
 
 @lru_cache(maxsize=64)

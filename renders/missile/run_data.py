@@ -1,6 +1,6 @@
 """Data of a finished missile run for pictures: path, plans and target in the world's frame (x ahead, y left, z up).
 
-The world is turned by the azimuth of the run (``mathnavi.models.missile.mission_frame``).
+The world is turned by the azimuth of the run (``mathnavi.models.missile.mission``).
 """
 
 from __future__ import annotations

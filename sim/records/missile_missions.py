@@ -19,4 +19,4 @@ class MissileRecord:
     miss_allowed: float  # [m]
     aspect_allowed: float | None = None  # [deg]
     case: Case | None = None
-    azimuth: float = 0.0  # [deg] of X_e from the x of the world, to the left: ``mathnavi.models.missile.mission_frame``
+    azimuth: float = 0.0  # [deg] of X_e from the x of the world, to the left: ``mathnavi.models.missile.mission``

@@ -12,7 +12,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from mathnavi.controllers.intrinsic.attitude import AttitudeReference, AttitudeTrackingConfig
+from mathnavi.controllers.intrinsic.references import AttitudeReference, AttitudeTrackingConfig
 from mathnavi.interfaces.angles import Radians
 from mathnavi.interfaces.bounds import FINITE_NUMBERS, configuration
 from mathnavi.interfaces.checks import check

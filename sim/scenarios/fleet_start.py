@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist, pdist
 
-from mathnavi.controllers.arrival.estimate import ArrivalEstimate
+from mathnavi.controllers.arrival.coordinator import ArrivalEstimate
 from mathnavi.controllers.arrival.separation_rule import Zone, checked_start
 from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
 from mathnavi.controllers.flight.certified import Certified

@@ -4,7 +4,7 @@
 
 The user's frame is that of the world: x ahead, y to the left, z up. The mission, estimates and plans are in the thesis'
 (z down, y to the right, velocities in the body frame), and X_e is rotated away from x if a heading, or a target to the
-side, would lead to the singular attitude (``mathnavi.models.missile.mission_frame``); the same holds for the true
+side, would lead to the singular attitude (``mathnavi.models.missile.mission``); the same holds for the true
 states and the pictures.
 """
 
@@ -26,8 +26,16 @@ from mathnavi.models.angles import wrapped
 from mathnavi.models.missile.coordinates import COORDINATES, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL, TICK, Body
 from mathnavi.models.missile.entity import build_model
-from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, Place, StateNoise, Target, TargetMotion
-from mathnavi.models.missile.mission_frame import MissionFrame
+from mathnavi.models.missile.mission import (
+    CASES,
+    GustStrength,
+    MissileMission,
+    MissionFrame,
+    Place,
+    StateNoise,
+    Target,
+    TargetMotion,
+)
 from mathnavi.sim.engine.faults import Disturbed
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup

@@ -17,7 +17,7 @@ from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 from scipy.linalg import expm
 
-from mathnavi.estimators.textbook.kazantzis_kravaris import Immersion
+from mathnavi.estimators.textbook.observers import Immersion
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.textbook.library import EXAMPLE_2_1, EXAMPLE_2_2, KRENER_ISIDORI, SYSTEMS, error_dynamics

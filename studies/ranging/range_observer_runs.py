@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.estimators.observability.output_flow import output_flow
 from mathnavi.estimators.observability.region import ExactRun, exact_run
 from mathnavi.estimators.ranging.feedforward_kernels import LEAST_DENOMINATOR, rho_dot_rate, s_rate
 from mathnavi.estimators.ranging.observer import FEED_FORWARDS, RangeObserver, RangeObserverConfig
-from mathnavi.estimators.ranging.symbolic_output_flow import output_flow
 from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.angles import wrapped
 from mathnavi.models.unicycle.kernels import integrate

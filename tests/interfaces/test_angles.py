@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mathnavi.controllers.active_sensing.plugin import ActiveSensingConfig
-from mathnavi.controllers.intrinsic.attitude import AttitudeTrackingConfig
-from mathnavi.controllers.intrinsic.joints import JointTrackingConfig
+from mathnavi.controllers.intrinsic.references import AttitudeTrackingConfig, JointTrackingConfig
 from mathnavi.controllers.quadrotor.tracker import TrackerConfig
 from mathnavi.estimators.missile_kalman import MissileKalmanConfig
 from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBankConfig

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mathnavi.controllers.arrival.estimate import ArrivalEstimate
+from mathnavi.controllers.arrival.coordinator import ArrivalEstimate
 from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.dynamics import flow
 from mathnavi.models.aerial.plan_status import FlightPhase

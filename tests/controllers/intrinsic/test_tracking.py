@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mathnavi.controllers.intrinsic.attitude import AttitudeReference, AttitudeTracking
-from mathnavi.controllers.intrinsic.joints import JointTracking
 from mathnavi.controllers.intrinsic.law import InverseForce, TrackingGains, wanted_force
+from mathnavi.controllers.intrinsic.references import AttitudeReference, AttitudeTracking, JointTracking
 from mathnavi.interfaces.signals import Array, Estimate, PlanRequest, Status
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, hyperbolic_space, sphere
 from mathnavi.models.manifold.mission import LagrangianMission

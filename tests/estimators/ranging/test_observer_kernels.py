@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
+from mathnavi.estimators.observability.output_flow import output_flow
 from mathnavi.estimators.ranging.observer_kernels import corrected, descent
-from mathnavi.estimators.ranging.symbolic_output_flow import output_flow
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
 from tests.estimators.ranging.walls import (

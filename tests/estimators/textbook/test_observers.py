@@ -8,9 +8,15 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from mathnavi.estimators.textbook.example_2_2 import Example22, Example22Config
-from mathnavi.estimators.textbook.kazantzis_kravaris import Form, KazantzisKravaris, KazantzisKravarisConfig
-from mathnavi.estimators.textbook.output_injection import OutputInjection, OutputInjectionConfig
+from mathnavi.estimators.textbook.observers import (
+    Example22,
+    Example22Config,
+    Form,
+    KazantzisKravaris,
+    KazantzisKravarisConfig,
+    OutputInjection,
+    OutputInjectionConfig,
+)
 from mathnavi.interfaces.observer_properties import Rate
 from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.textbook.library import (

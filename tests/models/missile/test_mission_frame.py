@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from mathnavi.models.missile.mission_frame import MissionFrame
+from mathnavi.models.missile.mission import MissionFrame
 
 START = (0.0, 0.0, 10.0)
 

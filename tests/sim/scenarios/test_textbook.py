@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from mathnavi.commands.cli import main
-from mathnavi.estimators.textbook.example_2_2 import Example22
-from mathnavi.estimators.textbook.kazantzis_kravaris import KazantzisKravaris
+from mathnavi.estimators.textbook.observers import Example22, KazantzisKravaris
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.textbook import VEHICLE, TextbookConfig, TextbookObserver

@@ -207,26 +207,21 @@ def _row(vehicles: int, condition: str, rule: str, records: Sequence[Record]) ->
     return {"vehicles": vehicles, "network": condition, "rule": rule, **_figures(records)}
 
 
-_HEAD = ("all arrived", "too close", "least separation over required", "contacts", "last arrival [s]",
-         "stops of a fleet", "standing [s]", "plans adopted")  # fmt: skip
-
-
-def _cells(row: Mapping[str, Any]) -> tuple[Any, ...]:
-    return (
-        f"{row['arrived']} of {row['fleets']}", row["too_close"], f"{row['separation_over_allowed']:.3f}",
-        row["contacts"], f"{row['arrival_time_s']:.1f}", f"{row['stops']:.1f}", f"{row['standing_s']:.1f}",
-        f"{row['plans_adopted']:.0f}",
-    )  # fmt: skip
+_COLUMNS = (
+    ("all arrived", "{arrived} of {fleets}"), ("too close", "too_close"),
+    ("least separation over required", "{separation_over_allowed:.3f}"), ("contacts", "contacts"),
+    ("last arrival [s]", "{arrival_time_s:.1f}"), ("stops of a fleet", "{stops:.1f}"),
+    ("standing [s]", "{standing_s:.1f}"), ("plans adopted", "{plans_adopted:.0f}"),
+)  # fmt: skip
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
-    body = [(row["vehicles"], row["network"], LABELS[row["rule"]], *_cells(row)) for row in rows]
-    return Table("Fleets that swap places", ("vehicles", "network", "rule", *_HEAD), body)
+    fleets = (("vehicles", "vehicles"), ("network", "network"), ("rule", lambda row: LABELS[row["rule"]]))
+    return Table.of("Fleets that swap places", rows, (*fleets, *_COLUMNS))
 
 
 def _tuning_table(rows: Sequence[Mapping[str, Any]]) -> Table:
-    body = [(f"{row['delta_dc_s']:g}", *_cells(row)) for row in rows]
-    return Table("The delay check, tuned on other fleets", ("delta_DC [s]", *_HEAD), body)
+    return Table.of("The delay check, tuned on other fleets", rows, (("delta_DC [s]", "{delta_dc_s:g}"), *_COLUMNS))
 
 
 def _figure(groups: Mapping[tuple[int, str, str], Sequence[Record]]) -> Figure:

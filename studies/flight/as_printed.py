@@ -123,15 +123,12 @@ def _row(planner: str, records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _missions(rows: Sequence[dict[str, Any]]) -> Table:
-    columns = ("planner", "below h_min", "hit the ground", "late or not arrived", "least clearance")
-    cells = [
-        (
-            r["planner"], *(rate(r[key], r["missions"]).text() for key in ("below", "on_ground", "late")),
-            f"{r['least_m']:.1f} m",
-        )
-        for r in rows
-    ]  # fmt: skip
-    return Table("Missions", columns, cells)
+    return Table.of("Missions", rows, (
+        ("planner", "planner"), ("below h_min", lambda r: rate(r["below"], r["missions"]).text()),
+        ("hit the ground", lambda r: rate(r["on_ground"], r["missions"]).text()),
+        ("late or not arrived", lambda r: rate(r["late"], r["missions"]).text()),
+        ("least clearance", "{least_m:.1f} m"),
+    ))  # fmt: skip
 
 
 def _arcs(rows: Sequence[dict[str, Any]]) -> Table:

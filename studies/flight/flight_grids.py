@@ -13,7 +13,7 @@ and gusts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -124,7 +124,7 @@ class FlightGrids:
         return StudyResult(
             summary=(_summary(config, setup, rows),),
             rows=[*rows.values(), *kinds.values()],
-            tables=(_costs(rows), _faults(kinds)),
+            tables=(_costs(rows.values()), _faults(kinds.values())),
             figure=_figure(rows, by_condition, kinds),
             caption="The arcs of each horizon; what each mission costs on it over what it costs on the uniform grid of "
             "20 s (dots), and the mean cost over that of the uniform grid (diamonds); share of the faulted missions on "
@@ -212,34 +212,28 @@ def _summary(config: FlightGridsConfig, setup: Setup, rows: Mapping[HorizonGrid,
     )
 
 
-def _costs(rows: Mapping[HorizonGrid, Mapping[str, Any]]) -> Table:
-    columns = ("grid", "arcs [s]", "mean cost", "over uniform 20 s", "median over it", "path [m]", "effort",
-               "arrival [s]", "refused", "mean CPU [ms]", "p99 CPU [ms]")  # fmt: skip
-    cells = [
-        (
-            r["grid"], f"{r['first_arc_s']:.2f} to {r['last_arc_s']:.2f}" if grid.stretch != 1.0
-            else f"{r['first_arc_s']:.2f}", f"{r['cost']:,.0f}", f"{r['over_uniform_percent']:+.2f} %",
-            f"{r['median_over_uniform_percent']:+.2f} [{r['median_low_percent']:+.2f}, "
-            f"{r['median_high_percent']:+.2f}] %",
-            f"{r['path_m']:,.0f}", f"{r['effort']:,.0f}", f"{r['arrival_s']:.1f}",
-            f"{r['plans_rejected'] / r['replans']:.2%}", f"{r['solve_ms_mean']:.3f}", f"{r['solve_ms_p99']:.2f}",
-        )
-        for grid, r in rows.items()
-    ]  # fmt: skip
-    return Table("Whole missions", columns, cells)
+def _costs(rows: Iterable[Mapping[str, Any]]) -> Table:
+    def arcs(r: Mapping[str, Any]) -> str:
+        return f"{r['first_arc_s']:.2f}" + ("" if r["stretch"] == 1.0 else f" to {r['last_arc_s']:.2f}")
+
+    return Table.of("Whole missions", rows, (
+        ("grid", "grid"), ("arcs [s]", arcs), ("mean cost", "{cost:,.0f}"),
+        ("over uniform 20 s", "{over_uniform_percent:+.2f} %"),
+        ("median over it",
+         "{median_over_uniform_percent:+.2f} [{median_low_percent:+.2f}, {median_high_percent:+.2f}] %"),
+        ("path [m]", "{path_m:,.0f}"), ("effort", "{effort:,.0f}"), ("arrival [s]", "{arrival_s:.1f}"),
+        ("refused", lambda r: f"{r['plans_rejected'] / r['replans']:.2%}"),
+        ("mean CPU [ms]", "{solve_ms_mean:.3f}"), ("p99 CPU [ms]", "{solve_ms_p99:.2f}"),
+    ))  # fmt: skip
 
 
-def _faults(kinds: Mapping[str, Mapping[str, Any]]) -> Table:
-    columns = ("faults", "guarantees broken", "below h_min or on the ground", "late", "least clearance",
-               "latest / deadline", "breaches", "plans not flown")  # fmt: skip
-    cells = [
-        (
-            kind, rate(r["broken"], r["missions"]).text(), r["low"], r["late"], f"{r['least_m']:.1f} m",
-            f"{r['latest']:.3f}", r["breaches"], f"{r['not_flown'] / r['replans']:.1%}",
-        )
-        for kind, r in kinds.items()
-    ]  # fmt: skip
-    return Table(f"Faulted missions, {STRETCHED.name}", columns, cells)
+def _faults(rows: Iterable[Mapping[str, Any]]) -> Table:
+    return Table.of(f"Faulted missions, {STRETCHED.name}", rows, (
+        ("faults", "faults"), ("guarantees broken", lambda r: rate(r["broken"], r["missions"]).text()),
+        ("below h_min or on the ground", "low"), ("late", "late"), ("least clearance", "{least_m:.1f} m"),
+        ("latest / deadline", "{latest:.3f}"), ("breaches", "breaches"),
+        ("plans not flown", lambda r: f"{r['not_flown'] / r['replans']:.1%}"),
+    ))  # fmt: skip
 
 
 def _figure(

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -73,19 +73,12 @@ class Episodes:
     weights: tuple[float, ...] = ()  # of the searched policy
 
 
-@dataclass(frozen=True)
-class EpisodeFigures:
-    """Figures of episodes, one item each, and the CPU time of a step in all episodes but the first."""
+EpisodeFigures = Mapping[str, Any]
+"""figures of episodes, one item each, by name, and the CPU times of a step in all episodes but the first
 
-    least: tuple[float, ...]  # [m] clearance
-    contacts: tuple[int, ...]
-    violations: tuple[int, ...]
-    changed: tuple[float, ...]  # share of the steps
-    stored: tuple[float, ...]  # share of the steps at which the stored plan was flown
-    announced: tuple[int, ...]  # steps at which the guarantee was lost
-    steps: tuple[int, ...]
-    mean_ms: MeasuredTime
-    p99_ms: MeasuredTime
+``least`` is the least clearance [m], ``changed`` and ``stored`` are the shares of the steps at which the command was
+changed and the stored plan was flown, ``announced`` counts the steps at which the guarantee was lost.
+"""
 
 
 class SafetyFilterStudy:
@@ -175,7 +168,7 @@ def searched(asked: Episodes, population: int, generations: int) -> tuple[float,
 def _least(runner: EpisodeRunner, asked: Episodes, weights: tuple[float, ...]) -> float:
     """Return the least clearance [m] of one episode with these weights."""
     one = Episodes(asked.place, asked.seed, "searched", 1, asked.seconds, weights)
-    return _flown(runner, one, [np.random.default_rng(asked.seed)]).least[0]
+    return _flown(runner, one, [np.random.default_rng(asked.seed)])["least"][0]
 
 
 def _runner(asked: Episodes) -> EpisodeRunner:
@@ -215,11 +208,7 @@ def _flown(runner: EpisodeRunner, asked: Episodes, rngs: Sequence[np.random.Gene
         columns["announced"].append(int(lost.sum()))
         columns["steps"].append(len(infos))
     warm = times[columns["steps"][0] :] or times
-    return EpisodeFigures(
-        **{name: tuple(values) for name, values in columns.items()},
-        mean_ms=MeasuredTime(np.mean(warm)),
-        p99_ms=MeasuredTime(np.percentile(warm, 99)),
-    )
+    return {**columns, "mean_ms": MeasuredTime(np.mean(warm)), "p99_ms": MeasuredTime(np.percentile(warm, 99))}
 
 
 def _clearances(ground: HeightField, runner: EpisodeRunner, steps: int) -> Array:
@@ -273,23 +262,23 @@ class _Policy:
 
 
 def _row(policy: str, results: Sequence[EpisodeFigures], timed: EpisodeFigures) -> dict[str, Any]:
-    steps = np.concatenate([each.steps for each in results])
+    steps = np.concatenate([each["steps"] for each in results])
 
     def share(name: str) -> float:
-        return float(np.average(np.concatenate([getattr(each, name) for each in results]), weights=steps))
+        return float(np.average(np.concatenate([each[name] for each in results]), weights=steps))
 
     return {
         "policy": policy,
         "episodes": len(steps),
         "steps": int(steps.sum()),
-        "contacts": sum(sum(each.contacts) for each in results),
-        "violations": sum(sum(each.violations) for each in results),
-        "least_m": min(min(each.least) for each in results),
+        "contacts": sum(sum(each["contacts"]) for each in results),
+        "violations": sum(sum(each["violations"]) for each in results),
+        "least_m": min(min(each["least"]) for each in results),
         "changed": share("changed"),
         "stored": share("stored"),
-        "announced": sum(sum(each.announced) for each in results),
-        "mean_ms": float(timed.mean_ms),
-        "p99_ms": float(timed.p99_ms),
+        "announced": sum(sum(each["announced"]) for each in results),
+        "mean_ms": float(timed["mean_ms"]),
+        "p99_ms": float(timed["p99_ms"]),
     }
 
 
@@ -308,7 +297,7 @@ def _figure(by_policy: dict[str, list[EpisodeFigures]]) -> Figure:
         clearance, changed = figure.subplots(1, 2)
         for policy, results in by_policy.items():
             for axes, name in ((clearance, "least"), (changed, "changed")):
-                sample = np.concatenate([getattr(each, name) for each in results])
+                sample = np.concatenate([each[name] for each in results])
                 shares = (np.arange(len(sample)) + 1.0) / len(sample)
                 axes.plot(np.sort(sample), shares, color=_COLOURS[policy], label=policy)
         clearance.axvline(50.0, ls=":", color="#5a6876")

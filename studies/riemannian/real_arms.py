@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -22,7 +24,7 @@ from mathnavi.sim.metrics.tuning import RecordedCall, spread, tuned
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.claims import Claim
 from mathnavi.studies.framework.drawing import styled_figure
-from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
+from mathnavi.studies.framework.study import Jobs, Row, Setup, StudyResult
 from mathnavi.studies.riemannian.mechanisms import (
     BITS,
     BUTTERWORTH,
@@ -76,33 +78,25 @@ CASES = (
 )
 
 
-@dataclass(frozen=True)
-class ArmErrors:
-    """Errors of an estimator on a case."""
+def compared(case: ArmCase) -> list[dict[str, Any]]:
+    """A job: rows of the observer and its rivals over the same readings.
 
-    case: str
-    estimator: str
-    error: float  # [rad/s, m/s] root mean square of |qvel^ - qvel| while it is not lost
-    setting: float  # that it was tuned to; nan
-    lost: float  # share of the estimates
-    worst: float  # the largest error while OK over the greatest speed of the last second
-    peak: float  # [rad/s, m/s] the greatest speed
-    raised: str = ""
-
-
-def compared(case: ArmCase) -> list[ArmErrors]:
-    """A job: errors of the observer and its rivals over the same readings; an exception becomes part of the result."""
+    ``error`` [rad/s, m/s] is the root mean square of |qvel^ - qvel| while an estimator is not lost, ``setting`` the
+    value that it was tuned to, ``lost`` the share of lost estimates, ``worst`` the largest error while OK over the
+    greatest speed of the last second, ``peak`` [rad/s, m/s] the greatest speed, and ``raised`` an exception.
+    """
     mission = recorded(case.motion(TUNED_AT, 1.0, 1))[0]
     names = NAMES if mission.system.manifold.dimension <= SMALL else (OBSERVER, BUTTERWORTH, HIGH_GAIN, MOMENTUM)
     return [_errors(name, case) for name in names]
 
 
-def _errors(name: str, case: ArmCase) -> ArmErrors:
+def _errors(name: str, case: ArmCase) -> dict[str, Any]:
     mission, calls = recorded(case.motion(SHOWN_AT, case.load, 2))
     rates = slice(mission.system.manifold.size, None)
+    row: dict[str, Any] = {"case": case.label, "estimator": name}
     try:
         if name == OBSERVER:
-            plugin, setting = load("estimators", "riemannian_observer"), float("nan")
+            plugin, setting = load("estimators", "riemannian_observer"), np.nan
             config = plugin.Config()
         else:
             called, field, grid = SWEPT[name]
@@ -113,9 +107,9 @@ def _errors(name: str, case: ArmCase) -> ArmErrors:
             setting, config = found.best, replace(plugin.Config(), **{field: found.best})
         error, lost, worst, peak = _judged(plugin.build(config, mission), calls, rates)
     except (ValueError, ArithmeticError, np.linalg.LinAlgError, mujoco.FatalError) as fault:
-        nan = float("nan")
-        return ArmErrors(case.label, name, np.inf, nan, nan, nan, nan, f"{type(fault).__name__}: {fault}")
-    return ArmErrors(case.label, name, error, setting, lost, worst, peak)
+        nothing = {"error": np.inf, **dict.fromkeys(("setting", "lost", "worst", "peak"), np.nan)}
+        return {**row, **nothing, "raised": f"{type(fault).__name__}: {fault}"}
+    return {**row, "error": error, "setting": setting, "lost": lost, "worst": worst, "peak": peak, "raised": ""}
 
 
 def _judged(estimator: Estimator, calls: Sequence[RecordedCall], rates: slice) -> tuple[float, float, float, float]:
@@ -160,18 +154,14 @@ class RealArms:
         jobs = Jobs()
         cases = [replace(each, seconds=float(config.seconds), values=config.values) for each in CASES[: config.cases]]
         jobs.add("cases", compared, cases)
-        found: list[list[ArmErrors]] = jobs.done(setup)["cases"]
+        found: list[list[Row]] = jobs.done(setup)["cases"]
         return StudyResult(
             summary=(
                 f"Encoders of {BITS} bits at 1 kHz; a sine of {SHOWN_AT:g} rad/s on every actuator. The observer has "
                 f"no setting. Rivals are tuned on another run, at {TUNED_AT:g} rad/s, with the load that is believed."
                 f" Error: root mean square of |qvel^ - qvel| from {BEGIN:g} s on, while an estimator is not lost.",
             ),
-            rows=[
-                {"case": e.case, "estimator": e.estimator, "error": e.error, "setting": e.setting, "lost": e.lost,
-                 "worst": e.worst, "peak": e.peak, "raised": e.raised}
-                for errors in found for e in errors
-            ],
+            rows=[row for errors in found for row in errors],
             tables=(_table(found),),
             figure=_figure(found),
             caption="Error of the joint velocities on each mechanism: the observer as it comes, its rivals tuned on "
@@ -180,16 +170,16 @@ class RealArms:
         )  # fmt: skip
 
 
-def claims(found: Sequence[Sequence[ArmErrors]]) -> list[Claim]:
+def claims(found: Sequence[Sequence[Row]]) -> list[Claim]:
     """Evaluate the claims of the study."""
     behind = []
     for ours, *rivals in found:
-        best = min(rivals, key=lambda each: each.error)
-        if ours.error > max(WITHIN * best.error, NOTHING * ours.peak) or ours.raised:
-            behind.append(f"{ours.case}: {ours.error:.2g} against {best.error:.2g} ({best.estimator})")
-    ratios = [butterworth.error / ours.error for ours, butterworth, *_ in found]
-    worst = max((errors[0] for errors in found), key=lambda each: np.nan_to_num(each.worst, nan=np.inf))
-    lost = max(errors[0].lost for errors in found)
+        best = min(rivals, key=itemgetter("error"))
+        if ours["error"] > max(WITHIN * best["error"], NOTHING * ours["peak"]) or ours["raised"]:
+            behind.append(f"{ours['case']}: {ours['error']:.2g} against {best['error']:.2g} ({best['estimator']})")
+    ratios = [butterworth["error"] / ours["error"] for ours, butterworth, *_ in found]
+    worst = max((errors[0] for errors in found), key=lambda row: np.nan_to_num(row["worst"], nan=np.inf))
+    lost = max(errors[0]["lost"] for errors in found)
     return [
         Claim(
             "real-arms.best", "target", "Untuned, the observer is as good as the best tuned filter.", "D.6",
@@ -203,37 +193,37 @@ def claims(found: Sequence[Sequence[ArmErrors]]) -> list[Claim]:
         Claim(
             "real-arms.honest", "target", "An estimate that is far off is said to be lost.", "D.6",
             f"never an error above {TWICE:g} times the greatest speed of the last second while its status is OK",
-            f"at most {worst.worst:.2g} times ({worst.case})",
-            bool(worst.worst <= TWICE),
+            f"at most {worst['worst']:.2g} times ({worst['case']})",
+            bool(worst["worst"] <= TWICE),
         ),
     ]  # fmt: skip
 
 
-def _table(found: Sequence[Sequence[ArmErrors]]) -> Table:
+def _table(found: Sequence[Sequence[Row]]) -> Table:
     rows = []
     for errors in found:
-        by_name = {each.estimator: each for each in errors}
+        by_name = {each["estimator"]: each for each in errors}
         cells = [_cell(by_name[name]) if name in by_name else "-" for name in NAMES]
-        rows.append((errors[0].case, f"{errors[0].peak:.1f}", *cells, f"{100.0 * errors[0].lost:.1f}%"))
+        rows.append((errors[0]["case"], f"{errors[0]['peak']:.1f}", *cells, f"{100.0 * errors[0]['lost']:.1f}%"))
     return Table("Error [rad/s, m/s]", ("mechanism", "peak", *NAMES, "lost"), rows)
 
 
-def _cell(e: ArmErrors) -> str:
-    if e.raised:
-        return e.raised
-    return f"{e.error:.2g}" if np.isnan(e.setting) else f"{e.error:.2g} ({e.setting:g})"
+def _cell(row: Row) -> str:
+    if row["raised"]:
+        return str(row["raised"])
+    return f"{row['error']:.2g}" + ("" if np.isnan(row["setting"]) else f" ({row['setting']:g})")
 
 
-def _figure(found: Sequence[Sequence[ArmErrors]]) -> Figure:
+def _figure(found: Sequence[Sequence[Row]]) -> Figure:
     with styled_figure((10.0, 0.42 * len(found) + 2.0)) as page:
         axes = page.subplots()
         for name, marker in zip(NAMES, "os^vDP", strict=True):
             points = [
-                (each.error, k) for k, errors in enumerate(found) for each in errors
-                if each.estimator == name and np.isfinite(each.error) and each.error > 0.0
+                (each["error"], k) for k, errors in enumerate(found) for each in errors
+                if each["estimator"] == name and np.isfinite(each["error"]) and each["error"] > 0.0
             ]  # fmt: skip
             axes.plot(*np.reshape(points, (-1, 2)).T, marker, color=COLOURS[name], label=name, ms=7)
-        axes.set_yticks(range(len(found)), [errors[0].case for errors in found])
+        axes.set_yticks(range(len(found)), [errors[0]["case"] for errors in found])
         axes.set(ylim=(len(found) - 0.5, -0.5), xscale="log", xlabel="error of the joint velocities [rad/s, m/s]")
         axes.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return page

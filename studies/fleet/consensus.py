@@ -7,8 +7,8 @@ they approximate the continuous time of (A.11), unless stated otherwise.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -29,15 +29,10 @@ from mathnavi.studies.fleet.message_exchange import (
     PLANNING,
     SLOW,
     ClockCase,
-    ClockFound,
     DelayCase,
-    DelayFound,
     LinkCase,
-    LinkFound,
     OutlierCase,
-    OutlierFound,
     RateCase,
-    RateFound,
     clocks_agree,
     delayed,
     over_links,
@@ -45,7 +40,7 @@ from mathnavi.studies.fleet.message_exchange import (
     with_outlier,
 )
 from mathnavi.studies.framework.drawing import HALO, annotate, styled_figure
-from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
+from mathnavi.studies.framework.study import Jobs, Row, Setup, StudyResult
 
 WITHIN = 0.05  # of lambda_2
 KEPT = 0.02  # of how far an outlier that takes part would move the agreement
@@ -118,21 +113,13 @@ class ConsensusStudy:
         jobs.add("clocks", clocks_agree, [replace(case, n=many) for case in _CLOCKS])
         jobs.add("everybody", with_outlier, [OutlierCase(ROUNDS[0], None)])
         jobs.add("outliers", with_outlier, [OutlierCase(rounds) for rounds in ROUNDS])
-        found = Found(**jobs.done(setup))
+        found = jobs.done(setup)
         return StudyResult(
             summary=(
                 "Each vehicle holds one number, sends it to its neighbours once a round and moves it by (A.10) scaled "
                 "by s; rates are over s. Starts are the slowest mode and a tenth of noise for rates.",
             ),
-            rows=[
-                {
-                    **{"graph": each.case.kind, "vehicles": each.case.n, "seed": each.case.seed},
-                    **{"lambda_2": each.connectivity, "rate": each.rate, "off": each.error},
-                    **{"average_moved": each.moved, "diameter": each.diameter},
-                    "rounds_to_maximum": each.rounds_to_maximum,
-                }
-                for each in found.rates
-            ],
+            rows=[{name: value for name, value in row.items() if name != "above"} for row in found["rates"]],
             tables=_tables(found),
             figure=_figure(found),
             caption="(a) Measured decay of the disagreement against the algebraic connectivity. (b) A delay below and "
@@ -143,51 +130,43 @@ class ConsensusStudy:
         )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Found:
-    """Results of all cases, each kind in the order of its cases."""
-
-    rates: list[RateFound]
-    coarse: list[RateFound]  # of every kind by every amount
-    delays: list[DelayFound]
-    links: list[LinkFound]  # switching, then the two halves of a ring
-    loss: list[LinkFound]
-    clocks: list[ClockFound]
-    everybody: list[OutlierFound]  # one, in which the far one takes part
-    outliers: list[OutlierFound]  # by ``ROUNDS``
-
-
 # ---- tables
 
 
-def _tables(found: Found) -> tuple[Table, ...]:
-    per, many, loss = len(_AMOUNTS), found.coarse[0].case.n, found.loss
-    order = sorted(found.rates, key=lambda f: (KINDS.index(f.case.kind), f.case.n, f.case.seed))
+def _tables(found: Mapping[str, list[Row]]) -> tuple[Table, ...]:
+    per, many, loss = len(_AMOUNTS), found["coarse"][0]["vehicles"], found["loss"]
+    order = sorted(found["rates"], key=lambda f: (KINDS.index(f["graph"]), f["vehicles"], f["seed"]))
     return (
-        Table("Rate of decay over lambda_2", ("graph", "vehicles", "lambda_2", "rate / lambda_2", "rounds to the "
-              "maximum, diameter"),
-              [(f"{f.case.kind} {f.case.seed}" if f.case.kind == "random" else f.case.kind, f.case.n,
-                f"{f.connectivity:.4f}", f"{f.rate / f.connectivity:.4f}", f"{f.rounds_to_maximum}, {f.diameter}")
-               for f in order]),
+        Table.of("Rate of decay over lambda_2", order, (
+            ("graph", lambda f: f"{f['graph']} {f['seed']}" if f["graph"] == "random" else f["graph"]),
+            ("vehicles", "vehicles"), ("lambda_2", "{lambda_2:.4f}"),
+            ("rate / lambda_2", lambda f: f"{f['rate'] / f['lambda_2']:.4f}"),
+            ("rounds to the maximum, diameter", "{rounds_to_maximum}, {diameter}"),
+        )),
         Table(f"Rate over lambda_2 in long rounds, {many} vehicles", ("s h d_max", *KINDS),
-              [(f"{amount:g}", *(f"{f.rate / f.connectivity:.3f}" for f in found.coarse[row::per]))
+              [(f"{amount:g}", *(f"{f['rate'] / f['lambda_2']:.3f}" for f in found["coarse"][row::per]))
                for row, amount in enumerate(_AMOUNTS)]),
-        Table("Delay on every link of a random graph", ("delay over the bound", "compared with one's own value",
-              "rate", "rate by theory", "average moved"),
-              [(f"{f.case.fraction:g}", f.case.own, f"{f.rate:+.3f}",
-                "" if math.isnan(f.predicted) else f"{f.predicted:+.3f}", f"{f.moved:.1e}") for f in found.delays]),
+        Table.of("Delay on every link of a random graph", found["delays"], (
+            ("delay over the bound", "{fraction:g}"), ("compared with one's own value", "own"),
+            ("rate", "{rate:+.3f}"),
+            ("rate by theory", lambda f: "" if math.isnan(f["predicted"]) else f"{f['predicted']:+.3f}"),
+            ("average moved", "{average_moved:.1e}"),
+        )),
         Table("Links", ("what", "rate", "held against", "average moved"),
-              [*((LINKS[f.case.name], f"{f.rate:.3f}, slowest stay {f.least:.3f}", f"{f.reference:.3f}",
-                  f"{f.moved:.1e}") for f in found.links),
-               (f"a ring that loses {LOSS:.0%}", _span([f.rate for f in loss], ".3f"), f"{loss[0].reference:.3f}",
-                f"at most {max(f.moved for f in loss):.1e}")]),
-        Table(f"Clocks on a line of {many}", ("delays", "apart at first [s]", "corrected clocks apart [s]",
-              "delays' asymmetry allows [s]"),
-              [(f.case.name, f"{f.first:.2f}", f"{f.last:.2g}", f"{f.allowed:.2g}") for f in found.clocks]),
-        Table("An outlier in the middle of a line of 8, second planning period", ("rounds", "the others agree off "
-              "their own average by [s]", "all apart at the end [s]"),
-              [(f"{f.case.rounds}, it {'takes part' if f.case.delta is None else 'follows'}", f"{f.shift:+.4f}",
-                f"{f.spread[1]:.1e}") for f in (*found.everybody, *found.outliers)]),
+              [*((LINKS[f["links"]], f"{f['rate']:.3f}, slowest stay {f['least']:.3f}", f"{f['reference']:.3f}",
+                  f"{f['average_moved']:.1e}") for f in found["links"]),
+               (f"a ring that loses {LOSS:.0%}", _span([f["rate"] for f in loss], ".3f"), f"{loss[0]['reference']:.3f}",
+                f"at most {max(f['average_moved'] for f in loss):.1e}")]),
+        Table.of(f"Clocks on a line of {many}", found["clocks"], (
+            ("delays", "delays"), ("apart at first [s]", "{first:.2f}"),
+            ("corrected clocks apart [s]", "{last:.2g}"), ("delays' asymmetry allows [s]", "{allowed:.2g}"),
+        )),
+        Table.of("An outlier in the middle of a line of 8, second planning period",
+                 (*found["everybody"], *found["outliers"]), (
+            ("rounds", lambda f: f"{f['rounds']}, it {'takes part' if f['delta'] is None else 'follows'}"),
+            ("the others agree off their own average by [s]", "{shift:+.4f}"),
+            ("all apart at the end [s]", lambda f: f"{f['spread'][1]:.1e}"),
+        )),
     )  # fmt: skip
 
 
@@ -199,18 +178,18 @@ def _span(values: Sequence[float], form: str) -> str:
 # ---- claims
 
 
-def _claims(found: Found) -> list[Claim]:
-    error = {kind: max((f.error for f in found.rates if f.case.kind == kind), key=abs) for kind in KINDS}
+def _claims(found: Mapping[str, list[Row]]) -> list[Claim]:
+    error = {kind: max((f["off"] for f in found["rates"] if f["graph"] == kind), key=abs) for kind in KINDS}
     near = max(map(abs, error.values())) <= WITHIN
-    then = {f.case.fraction: f.rate for f in found.delays if f.case.own == "then"}
-    now = [f.rate for f in found.delays if f.case.own == "now"]
+    then = {f["fraction"]: f["rate"] for f in found["delays"] if f["own"] == "then"}
+    now = [f["rate"] for f in found["delays"] if f["own"] == "now"]
     split = all((rate > 0.0) == (fraction < 1.0) for fraction, rate in then.items())
-    switching, halves = found.links
-    links = switching.least >= (1.0 - WITHIN) * switching.reference
-    links &= halves.rate >= (1.0 - WITHIN) * halves.reference and min(f.rate for f in found.loss) > 0.0
-    above = max(f.above for f in found.rates)
-    (everybody,), first = found.everybody, found.outliers[0]
-    moved, drawn, finest = (abs(f.shift) for f in (first, everybody, found.outliers[-1]))
+    switching, halves = found["links"]
+    links = switching["least"] >= (1.0 - WITHIN) * switching["reference"]
+    links &= halves["rate"] >= (1.0 - WITHIN) * halves["reference"] and min(f["rate"] for f in found["loss"]) > 0.0
+    above = max(f["above"] for f in found["rates"])
+    (everybody,), first = found["everybody"], found["outliers"][0]
+    moved, drawn, finest = (abs(f["shift"]) for f in (first, everybody, found["outliers"][-1]))
     return [
         Claim(
             "fleet.laplacian", "target", "The error decays at the algebraic connectivity on every kind of graph; "
@@ -220,9 +199,10 @@ def _claims(found: Found) -> list[Claim]:
             f"off by {', '.join(f'{value:+.1%} ({kind})' for kind, value in error.items())}; with "
             f"{', '.join(f'{fraction:g}' for fraction in then)} of that delay at "
             f"{', '.join(f'{rate:+.2f}' for rate in then.values())}, compared with the own value now at "
-            f"{_span(now, '.2f')}; switching at >= {switching.least:.2f} (slowest graph {switching.reference:.2f}); "
-            f"two halves of a ring at {halves.rate:.3f} (their mean {halves.reference:.3f}); {LOSS:.0%} lost: "
-            f"{_span([f.rate / f.reference for f in found.loss], '.3f')} of lambda_2",
+            f"{_span(now, '.2f')}; switching at >= {switching['least']:.2f} "
+            f"(slowest graph {switching['reference']:.2f}); "
+            f"two halves of a ring at {halves['rate']:.3f} (their mean {halves['reference']:.3f}); {LOSS:.0%} lost: "
+            f"{_span([f['rate'] / f['reference'] for f in found['loss']], '.3f')} of lambda_2",
             bool(near and split and links and min(now) > 0.0),
         ),
         Claim(
@@ -230,7 +210,7 @@ def _claims(found: Found) -> list[Claim]:
             "the algebraic connectivity.", "A.8.1, Theorem 8 of [35]",
             "from any start at most exp(-s lambda_2 t), and exactly that in the slowest mode",
             f"random starts {'never' if above <= 1e-9 else f'up to {above:.1%}'} above it; the slowest mode at "
-            f"{_span([f.error for f in found.rates], '+.1%')} of it, which is what rounds of s h lambda_2 <= "
+            f"{_span([f['off'] for f in found['rates']], '+.1%')} of it, which is what rounds of s h lambda_2 <= "
             f"{SLOW:g} add to it",
             bool(near and above <= 1e-9),
         ),
@@ -240,7 +220,7 @@ def _claims(found: Found) -> list[Claim]:
             f"the others agree on their own average, to {KEPT:.0%} of what the outlier would move it by",
             f"moved by {moved:.2f} s where taking part moves it by {drawn:.1f} s ({moved / drawn:.1%}), for it lags "
             f"by a round: {finest:.2f} s with {ROUNDS[-1] // ROUNDS[0]} times as many rounds; delta = {DELTA:g}",
-            bool(moved <= KEPT * drawn and first.spread[1] <= 1e-3),
+            bool(moved <= KEPT * drawn and first["spread"][1] <= 1e-3),
         ),
     ]  # fmt: skip
 
@@ -248,45 +228,45 @@ def _claims(found: Found) -> list[Claim]:
 # ---- what is drawn
 
 
-def _figure(found: Found) -> Figure:
+def _figure(found: Mapping[str, list[Row]]) -> Figure:
     with styled_figure((12.0, 8.6)) as page:
         axes = page.subplots(2, 2)
-        _draw_rates(axes[0, 0], found.rates)
-        _draw_delays(axes[0, 1], found.delays)
-        _draw_links(axes[1, 0], (*found.links, found.loss[0]))
-        _draw_outlier(axes[1, 1], found.outliers[0])
+        _draw_rates(axes[0, 0], found["rates"])
+        _draw_delays(axes[0, 1], found["delays"])
+        _draw_links(axes[1, 0], (*found["links"], found["loss"][0]))
+        _draw_outlier(axes[1, 1], found["outliers"][0])
     return page
 
 
-def _draw_rates(axes: Axes, rates: Sequence[RateFound]) -> None:
+def _draw_rates(axes: Axes, rates: Sequence[Row]) -> None:
     axes.set_title("(a) the rate is the algebraic connectivity")
     ends = np.array([0.025, 25.0])
     axes.plot(ends, ends, color=INK, lw=1.0, ls=(0, (4, 3)))
     for kind in KINDS:
-        found = [f for f in rates if f.case.kind == kind]
-        error = max((f.error for f in found), key=abs)
+        found = [f for f in rates if f["graph"] == kind]
+        error = max((f["off"] for f in found), key=abs)
         colour, marker, size = _MARKS[kind]
         axes.plot(
-            [f.connectivity for f in found], [f.rate for f in found], marker, ms=size, color=colour, mec="white",
+            [f["lambda_2"] for f in found], [f["rate"] for f in found], marker, ms=size, color=colour, mec="white",
             label=f"{kind}, off by at most {abs(error):.1%}",
         )  # fmt: skip
-    numbers = sorted({f.case.n for f in rates})
+    numbers = sorted({f["vehicles"] for f in rates})
     axes.set(xscale="log", yscale="log", xlabel=r"$\lambda_2$", ylabel="measured rate of decay over $s$")
     axes.legend(loc="upper left", title=f"{', '.join(map(str, numbers))} vehicles", alignment="left")
 
 
-def _draw_delays(axes: Axes, delays: Sequence[DelayFound]) -> None:
+def _draw_delays(axes: Axes, delays: Sequence[Row]) -> None:
     axes.set_title(r"(b) delays $\tau$ around the bound $\pi / (2 s \lambda_n)$")
-    then, now = ({f.case.fraction: f for f in delays if f.case.own == own} for own in ("then", "now"))
+    then, now = ({f["fraction"]: f for f in delays if f["own"] == own} for own in ("then", "now"))
     shown = [fraction for fraction in (0.9, 1.1, 1.5) if fraction in then]
     colours = dict(zip(shown, (_BELOW, "#e07b00", _ABOVE), strict=True))
     for fraction, colour in colours.items():
-        axes.plot(then[fraction].t, then[fraction].size, color=colour, lw=1.4)
+        axes.plot(then[fraction]["t"], then[fraction]["size"], color=colour, lw=1.4)
     for fraction, colour in colours.items():
-        axes.plot(now[fraction].t, now[fraction].size, color=colour, lw=1.8, ls=(0, (5, 2)))
+        axes.plot(now[fraction]["t"], now[fraction]["size"], color=colour, lw=1.8, ls=(0, (5, 2)))
         found = then[fraction]
-        tail = found.t > 0.8 * found.t[-1]
-        annotate(axes, f"{fraction:g} of it", (found.t[-1], float(found.size[tail].max())), (5, 0), va="center",
+        tail = found["t"] > 0.8 * found["t"][-1]
+        annotate(axes, f"{fraction:g} of it", (found["t"][-1], float(found["size"][tail].max())), (5, 0), va="center",
                  color=colour, weight="bold", path_effects=HALO)  # fmt: skip
     axes.set(yscale="log", xlabel="time over the bound", ylabel="disagreement over the first")
     axes.plot([], [], color=INK, ls="-", label="own value when it was sent")
@@ -295,7 +275,7 @@ def _draw_delays(axes: Axes, delays: Sequence[DelayFound]) -> None:
     axes.legend(loc="upper left", title="compared with", alignment="left")
 
 
-def _draw_links(axes: Axes, links: Sequence[LinkFound]) -> None:
+def _draw_links(axes: Axes, links: Sequence[Row]) -> None:
     axes.set_title("(c) links that change or lose messages")
     named = (
         (_MARKS["complete"][0], "line, ring, complete in turn; dashed: line"),
@@ -303,33 +283,33 @@ def _draw_links(axes: Axes, links: Sequence[LinkFound]) -> None:
         (_MARKS["random"][0], rf"ring that loses {LOSS:.0%}; dashed: without loss"),
     )
     for found, (colour, label) in zip(links, named, strict=True):
-        kept = found.size >= _LEAST
-        axes.plot(found.t[kept], found.size[kept], color=colour, lw=1.8, label=label)
+        kept = found["size"] >= _LEAST
+        axes.plot(found["t"][kept], found["size"][kept], color=colour, lw=1.8, label=label)
         t = np.array([0.0, 30.0])
-        axes.plot(t, np.exp(-found.reference * t), color=colour, lw=1.0, ls=(0, (4, 3)))
+        axes.plot(t, np.exp(-found["reference"] * t), color=colour, lw=1.0, ls=(0, (4, 3)))
     axes.set(yscale="log", xlabel="time $s t$", ylabel="disagreement over the first", xlim=(0.0, 28.0))
     axes.set_ylim(_LEAST, 20.0)
     axes.legend(loc="upper right")
 
 
-def _draw_outlier(axes: Axes, found: OutlierFound) -> None:
+def _draw_outlier(axes: Axes, found: Row) -> None:
     axes.set_title("(d) an outlier follows and comes back")
-    steps = len(found.others)
-    per = len(found.t) // steps
+    steps = len(found["others"])
+    per = len(found["t"]) // steps
     for step in range(steps):
         block = slice(step * per, (step + 1) * per)
-        t, values = found.t[block], found.values[block]
-        if found.follows[step]:
+        t, values = found["t"][block], found["values"][block]
+        if found["follows"][step]:
             axes.axvspan(PLANNING * step, PLANNING * (step + 1), color="#f3e3d0", lw=0.0)
         axes.plot(t, np.delete(values, FAR, axis=1), color=_BELOW, lw=1.0)
-        axes.plot(t, _shown(values[:, FAR], bool(found.follows[step])), color=_ABOVE, lw=1.8)
+        axes.plot(t, _shown(values[:, FAR], bool(found["follows"][step])), color=_ABOVE, lw=1.8)
         ends = [PLANNING * step, PLANNING * (step + 1)]
-        axes.plot(ends, [found.others[step]] * 2, color=INK, lw=1.2, ls=":", zorder=4)
+        axes.plot(ends, [found["others"][step]] * 2, color=INK, lw=1.2, ls=":", zorder=4)
     axes.plot([], [], color=_BELOW, label="seven vehicles")
     axes.plot([], [], color=_ABOVE, label="the eighth; shaded: it only follows")
     axes.plot([], [], color=INK, ls=":", label="average of the seven's own numbers")
-    top = float(found.others[0]) + 40.0
-    annotate(axes, f"from {found.values[0, FAR]:.0f} s", (0.0, top), (4, -10), color=_ABOVE, weight="bold")
+    top = float(found["others"][0]) + 40.0
+    annotate(axes, f"from {found['values'][0, FAR]:.0f} s", (0.0, top), (4, -10), color=_ABOVE, weight="bold")
     axes.set(xlabel="time [s], planning periods of 5/3 s", ylabel="arrival time $\\eta$ [s]", ylim=(None, top))
     axes.set_xticks(PLANNING * np.arange(steps + 1), [f"{PLANNING * k:.1f}" for k in range(steps + 1)])
     axes.grid(visible=False)

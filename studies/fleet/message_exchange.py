@@ -121,26 +121,12 @@ class RateCase:
     amount: float = 0.0  # s h d_max; 0: so small that rounds are nearly continuous time
 
 
-@dataclass(frozen=True, eq=False)
-class RateFound:
-    """Measured rate of consensus on one graph."""
+def rate_on(case: RateCase) -> dict[str, Any]:
+    """A job: row of a graph, with its decay from the slowest mode with a tenth of noise, over the scaling.
 
-    case: RateCase
-    connectivity: float  # lambda_2
-    rate: float  # measured over the scaling
-    above: float  # largest disagreement from a random start over exp(-s lambda_2 t), less 1
-    moved: float  # of the average, over the first disagreement
-    diameter: int
-    rounds_to_maximum: int
-
-    @property
-    def error(self) -> float:
-        """Error of the rate, relative to the algebraic connectivity."""
-        return self.rate / self.connectivity - 1.0
-
-
-def rate_on(case: RateCase) -> RateFound:
-    """Measure the decay from the slowest mode with a tenth of noise, and the rounds of max-consensus."""
+    ``off`` is the error of the rate relative to ``lambda_2``, ``above`` the largest disagreement from a random start
+    over exp(-s lambda_2 t), less 1, and ``average_moved`` the shift of the average over the first disagreement.
+    """
     graph = graph_of(case.kind, case.n, case.seed)
     second = graph.algebraic_connectivity
     valency = float(graph.weights.sum(axis=1).max())
@@ -156,15 +142,12 @@ def rate_on(case: RateCase) -> RateFound:
         laplacians(graph, rng.uniform(50, 150, case.n), scaling=s), graph, IdealNetwork(graph.names), rounds // 2
     )
     bound = disagreement(drawn) / disagreement(drawn)[0] * np.exp(s * second * t[: len(drawn)])
-    return RateFound(
-        case,
-        second,
-        -slope(t[tail], size[tail]) / s,
-        float(bound.max()) - 1.0,
-        moved(values),
-        int(graph.diameter),
-        _rounds_to_maximum(graph, rng),
-    )
+    rate = -slope(t[tail], size[tail]) / s
+    return {
+        "graph": case.kind, "vehicles": case.n, "seed": case.seed, "lambda_2": second, "rate": rate,
+        "off": rate / second - 1.0, "average_moved": moved(values), "diameter": int(graph.diameter),
+        "rounds_to_maximum": _rounds_to_maximum(graph, rng), "above": float(bound.max()) - 1.0,
+    }  # fmt: skip
 
 
 def _rounds_to_maximum(graph: Graph, rng: np.random.Generator) -> int:
@@ -190,20 +173,12 @@ class DelayCase:
     n: int = 8
 
 
-@dataclass(frozen=True, eq=False)
-class DelayFound:
-    """Disagreement over time with a delay on every link."""
+def delayed(case: DelayCase) -> dict[str, Any]:
+    """A job: consensus on a random graph, with the same delay on every link.
 
-    case: DelayCase
-    t: Array  # (k,) over the bound
-    size: Array  # (k,) disagreement, over the first
-    rate: float  # measured decay over s
-    predicted: float  # by the roots of z + s lambda exp(-z tau) = 0; NaN where only the neighbours are delayed
-    moved: float  # of the average, over the first disagreement
-
-
-def delayed(case: DelayCase) -> DelayFound:
-    """Run consensus on a random graph, with the same delay on every link."""
+    ``t`` (k,) is the time over the bound, ``size`` (k,) the disagreement over the first, ``rate`` the decay over s, and
+    ``predicted`` that by the roots of z + s lambda exp(-z tau) = 0; NaN where only the neighbours are delayed.
+    """
     graph = graph_of("random", case.n)
     s = 0.05 / (graph.eigenvalues[-1] * H)
     bound = math.pi / (2.0 * s * graph.eigenvalues[-1])  # [s]
@@ -221,14 +196,11 @@ def delayed(case: DelayCase) -> DelayFound:
     swing = min(rounds // 4, math.ceil(math.pi / max(abs(dominant.imag), 1e-9) / H))  # rounds of half a swing
     envelope = np.array([size[k : k + swing].max() for k in range(rounds + 1 - swing)])
     tail = slice(rounds // 3, None) if case.own == "then" else slice(rounds // 3, rounds - swing)
-    return DelayFound(
-        case,
-        t / bound,
-        size / size[0],
-        -slope(t[: len(envelope)][tail], envelope[tail]) / s,
-        -dominant.real / s if case.own == "then" else math.nan,
-        moved(values),
-    )
+    return {
+        "fraction": case.fraction, "own": case.own, "t": t / bound, "size": size / size[0],
+        "rate": -slope(t[: len(envelope)][tail], envelope[tail]) / s,
+        "predicted": -dominant.real / s if case.own == "then" else math.nan, "average_moved": moved(values),
+    }  # fmt: skip
 
 
 # ---- switching and loss
@@ -243,21 +215,12 @@ class LinkCase:
     n: int = 8
 
 
-@dataclass(frozen=True, eq=False)
-class LinkFound:
-    """Disagreement over time on links that change or lose messages."""
+def over_links(case: LinkCase) -> dict[str, Any]:
+    """A job: consensus on links that switch among connected graphs, or between two unconnected ones, or lose messages.
 
-    case: LinkCase
-    t: Array  # (k,) [s] times s
-    size: Array  # (k,) disagreement, over the first
-    rate: float  # measured over s
-    reference: float  # lambda_2 that it is held against
-    least: float  # slowest decay over any one graph's stay, over s
-    moved: float  # of the average, over the first disagreement
-
-
-def over_links(case: LinkCase) -> LinkFound:
-    """Run consensus on links that switch among connected graphs, or between two unconnected ones, or lose messages."""
+    ``t`` (k,) is s times the time, ``size`` (k,) the disagreement over the first, ``rate`` the decay over s,
+    ``reference`` the lambda_2 that it is held against, and ``least`` the slowest decay over any one graph's stay.
+    """
     names = names_of(case.n)
     ring, line, complete = Graph.ring(names), Graph.line(names), Graph.complete(names)
     s, rounds = 0.04 / H, 240 if case.name == "switching" else 720
@@ -284,7 +247,10 @@ def over_links(case: LinkCase) -> LinkFound:
     tail = t >= 0.3 * t[-1]
     stays = np.diff(np.log(size[1::stay])) / (stay * H)  # what is sent first is taken in with the second round
     rate, least = -slope(t[tail], size[tail]) / s, float(-stays.max()) / s
-    return LinkFound(case, s * t, size / size[0], rate, reference, least, moved(values))
+    return {
+        "links": case.name, "t": s * t, "size": size / size[0], "rate": rate, "reference": reference, "least": least,
+        "average_moved": moved(values),
+    }  # fmt: skip
 
 
 def _alternating(graphs: Sequence[Graph], stay: int) -> Switching:
@@ -307,16 +273,6 @@ class ClockCase:
     n: int = 8
 
 
-@dataclass(frozen=True)
-class ClockFound:
-    """Differences between clocks before and after agreement."""
-
-    case: ClockCase
-    first: float  # [s] by which the clocks differ at most
-    last: float  # [s] by which the corrected ones do
-    allowed: float  # [s] what the delays' asymmetry adds up to along the line
-
-
 class _EachWay:
     """Network with different delays to vehicles that are later in the alphabet and to earlier ones."""
 
@@ -332,8 +288,12 @@ class _EachWay:
         return self._network.receive(receiver, t)
 
 
-def clocks_agree(case: ClockCase) -> ClockFound:
-    """Run clock consensus on a line, with clocks that are up to 5 s off and drift."""
+def clocks_agree(case: ClockCase) -> dict[str, Any]:
+    """A job: clock consensus on a line, with clocks that are up to 5 s off and drift.
+
+    ``first`` and ``last`` [s] are the largest differences of the clocks and of the corrected ones, and ``allowed`` [s]
+    is what the delays' asymmetry adds up to along the line.
+    """
     graph, period, seconds = graph_of("line", case.n), 0.01, 15.0
     rng = np.random.default_rng(3)
     offsets, drifts = rng.uniform(-5.0, 5.0, case.n), rng.uniform(-case.drift, case.drift, case.n)
@@ -347,7 +307,8 @@ def clocks_agree(case: ClockCase) -> ClockFound:
     values = exchanged(parts, graph, network, round(seconds / period), clocks=clocks)
     shown = np.array([clocks[name](seconds) for name in graph.names])
     worst = max(abs(a - b) for a, b in ((case.there[0], case.back[1]), (case.there[1], case.back[0])))
-    return ClockFound(case, float(np.ptp(shown)), float(np.ptp(shown + values[-1])), 0.5 * worst * (case.n - 1))
+    first, last = float(np.ptp(shown)), float(np.ptp(shown + values[-1]))
+    return {"delays": case.name, "first": first, "last": last, "allowed": 0.5 * worst * (case.n - 1)}
 
 
 # ---- outliers
@@ -362,27 +323,14 @@ class OutlierCase:
     steps: int = 5
 
 
-@dataclass(frozen=True, eq=False)
-class OutlierFound:
-    """Values that the vehicles hold, with an outlier among them."""
+def with_outlier(case: OutlierCase) -> dict[str, Any]:
+    """A job: eight vehicles on a line over some planning periods, in which the estimates decrease with time.
 
-    case: OutlierCase
-    t: Array  # (k,) [s]
-    values: Array  # (k, n) [s] eta, and the values that an outlier sends
-    follows: Array  # (steps,) whether the far one is an outlier
-    others: Array  # (steps,) [s] average of the others' starts
-    agreed: Array  # (steps,) [s] average of what the others hold at the end
-    spread: Array  # (steps,) [s] of what all hold at the end
-    everybody: Array  # (steps,) [s] average of all starts
-
-    @property
-    def shift(self) -> float:
-        """Shift [s] of the others' agreement from their average, in the first period in which the outlier follows."""
-        return float(self.agreed[1] - self.others[1])
-
-
-def with_outlier(case: OutlierCase) -> OutlierFound:
-    """Run eight vehicles on a line over some planning periods, in which the estimates decrease with time."""
+    ``values`` (k, n) [s] are eta, and the values that an outlier sends, at the times ``t`` (k,) [s]. By planning
+    period: whether the far one ``follows``, the average [s] of the ``others``' starts, the average [s] on which they
+    ``agreed`` at the end, and the ``spread`` [s] of all there. ``shift`` [s] is that of the others' agreement from
+    their average in the first period in which the outlier follows.
+    """
     graph, n = graph_of("line", 8), 8
     period = PLANNING / case.rounds
     delta = 1.0 if case.delta is None else case.delta  # with 1 the rule lets everything up to twice the own time pass
@@ -391,7 +339,7 @@ def with_outlier(case: OutlierCase) -> OutlierFound:
     starts = 100.0 + np.random.default_rng(5).uniform(-10.0, 10.0, n)
     parts = {name: LaplacianConsensus(config, graph.neighbourhood(name)) for name in graph.names}
     network = IdealNetwork(graph.names)
-    found: list[tuple[Array, bool, float, float, float, float]] = []
+    found: list[tuple[Array, bool, float, float, float]] = []
     for step in range(case.steps):
         own = starts - PLANNING * step
         own[FAR] = (far if step < _BACK else 115.0) - PLANNING * step
@@ -399,9 +347,14 @@ def with_outlier(case: OutlierCase) -> OutlierFound:
             part.start(float(eta))
         values = exchanged(parts, graph, network, case.rounds - 1, begin=PLANNING * step)
         rest = np.delete(np.arange(n), FAR)
-        follows = parts[graph.names[FAR]].outlier
+        outlier = parts[graph.names[FAR]].outlier
         last = values[-1]
-        found.append((values, follows, own[rest].mean(), last[rest].mean(), float(np.ptp(last)), own.mean()))
-    blocks, *by_step = zip(*found, strict=True)
-    t = period * np.arange(case.rounds * case.steps, dtype=np.float64)
-    return OutlierFound(case, t, np.concatenate(blocks), *(np.array(each, dtype=np.float64) for each in by_step))
+        found.append((values, outlier, own[rest].mean(), last[rest].mean(), float(np.ptp(last))))
+    blocks, follows, *by_step = zip(*found, strict=True)
+    others, agreed, spread = (np.array(each, dtype=np.float64) for each in by_step)
+    return {
+        "rounds": case.rounds, "delta": case.delta,
+        "t": period * np.arange(case.rounds * case.steps, dtype=np.float64), "values": np.concatenate(blocks),
+        "follows": list(follows), "others": others, "agreed": agreed, "spread": spread,
+        "shift": float(agreed[1] - others[1]),
+    }  # fmt: skip

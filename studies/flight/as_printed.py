@@ -48,7 +48,7 @@ class AsPrintedStudy:
 
     @staticmethod
     def run(config: AsPrintedStudyConfig, setup: Setup) -> StudyResult:
-        named = {"measure": "mathnavi.studies.flight.as_printed:arcs", "fields": {"drawn_heights": LOW}}
+        named: dict[str, Any] = {"measure": "mathnavi.studies.flight.as_printed:arcs", "fields": {"drawn_heights": LOW}}
         trials = {
             planner: [setup.trial(seed, controller=planner, **named) for seed in range(config.seeds)]
             for planner in PLANNERS

@@ -36,7 +36,7 @@ from mathnavi.renders.terrain_view import Track
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.studies.framework.drawing import styled_figure
-from mathnavi.studies.framework.study import Setup, StudyResult, TerrainReference
+from mathnavi.studies.framework.study import Row, Setup, StudyResult, TerrainReference
 
 GRIDS = ((33, 5), (65, 9))
 PLANNERS_GRID = GRIDS[1]
@@ -279,11 +279,11 @@ def _seconds(work: Callable[[], object], repetitions: int) -> MeasuredTime:
     return MeasuredTime(statistics.median(spent))
 
 
-def _name(row: dict[str, Any]) -> str:
+def _name(row: Row) -> str:
     return f"{row['grid']} × {row['grid']} × {row['layers']}"
 
 
-def _beside(row: dict[str, Any]) -> str:
+def _beside(row: Row) -> str:
     return "" if row["radar"] == "none" else f", radar {row['radar']}"
 
 

@@ -15,7 +15,7 @@ from mathnavi.renders.figures import BOUND
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.studies.framework.drawing import styled_figure
-from mathnavi.studies.framework.study import Setup, StudyResult
+from mathnavi.studies.framework.study import Row, Setup, StudyResult
 from mathnavi.studies.introduction.cost_measurement import (
     CURVES,
     Measured,
@@ -169,11 +169,11 @@ def _sweep_table(rates: Rows) -> Table:
     ))  # fmt: skip
 
 
-def _place(row: dict[str, Any]) -> str:
+def _place(row: Row) -> str:
     return "processes" if row["delay_s"] is None else f"Dask, {1e3 * row['delay_s']:g} ms away"
 
 
-def trials_a_second(row: dict[str, Any]) -> float:
+def trials_a_second(row: Row) -> float:
     """Return the rate [1/s] of a sweep; infinite if all trials had ended when the last worker's first one had."""
     return 1.0 / row["cost_wall_s"] if row["cost_wall_s"] > 0.0 else math.inf
 

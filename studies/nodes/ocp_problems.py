@@ -22,7 +22,7 @@ every figure is within the tolerance.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Annotated, Any
 
 import matplotlib
@@ -35,7 +35,7 @@ from mathnavi.controllers.ocp.methods.adaptation import distribute, redistribute
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.problems.library import PROBLEMS, KnownOptimum
+from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.collocation import LegendreGaussLobatto
@@ -45,7 +45,7 @@ from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.studies.framework.drawing import annotate, heat_map
-from mathnavi.studies.framework.study import Setup, StudyResult
+from mathnavi.studies.framework.study import Row, Setup, StudyResult
 
 Method = Callable[[ProblemFunctions, int], Solution]
 DEGREE = 4
@@ -126,7 +126,7 @@ class OcpProblems:
                 "on a dense grid are in the table, relative to the scale.",
             ),
             rows=automatic + rows,
-            tables=(automatic_table(automatic), _table(best)),
+            tables=(automatic_table(automatic), _table(best.values())),
             figure=_figure(rows, best),
             caption="The larger of the errors of J and of the replayed J, over the problem's tolerance, for every "
             "method: blue, below 1, where it is reached. Framed: what is reported.",
@@ -205,24 +205,22 @@ def _claim(best: Mapping[str, Mapping[str, Any]], reached: Sequence[str], config
     )  # fmt: skip
 
 
-def _table(best: Mapping[str, Mapping[str, Any]]) -> Table:
-    columns = (
-        "problem", "optimum", "source", "value", "replayed", "error", "miss", "path violation", "N", "method", "time",
-    )  # fmt: skip
-    cells = []
-    for name, row in best.items():
-        known: KnownOptimum = PROBLEMS[name]
-        mark = " *" if row["replay_by_intervals"] else ""
-        cells.append(
-            (
-                name if known.quantity == "J" else f"{name}: {known.quantity}", f"{row['optimum']:.8g}", known.source,
-                f"{row['value']:.8g}", f"{row['value_replayed']:.8g}{mark}",
-                f"{max(row['error'], row['error_replayed']):.0e}", f"{row['replay_miss']:.0e}",
-                f"{row['replay_path_violation']:.0e}", str(row["nodes"]),
-                row["method"] + ("" if row["reached"] else " (not reached)"), f"{row['solve_ms']:.0f} ms",
-            )
-        )  # fmt: skip
-    return Table("The larger of both errors; * replayed interval by interval", columns, cells)
+def _named(problem: str) -> str:
+    """Return the name of a problem, with what its optimum is the value of unless that is J."""
+    quantity = PROBLEMS[problem].quantity
+    return problem if quantity == "J" else f"{problem}: {quantity}"
+
+
+def _table(best: Iterable[Row]) -> Table:
+    return Table.of("The larger of both errors; * replayed interval by interval", best, (
+        ("problem", lambda row: _named(row["problem"])), ("optimum", "{optimum:.8g}"),
+        ("source", lambda row: PROBLEMS[row["problem"]].source), ("value", "{value:.8g}"),
+        ("replayed", lambda row: f"{row['value_replayed']:.8g}{' *' if row['replay_by_intervals'] else ''}"),
+        ("error", lambda row: f"{max(row['error'], row['error_replayed']):.0e}"), ("miss", "{replay_miss:.0e}"),
+        ("path violation", "{replay_path_violation:.0e}"), ("N", "{nodes}"),
+        ("method", lambda row: row["method"] + ("" if row["reached"] else " (not reached)")),
+        ("time", "{solve_ms:.0f} ms"),
+    ))  # fmt: skip
 
 
 def _figure(rows: Sequence[Mapping[str, Any]], best: Mapping[str, Mapping[str, Any]]) -> Figure:
@@ -316,22 +314,13 @@ def automatic_row(name: str, solution: Solution) -> dict[str, Any]:
 
 def automatic_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     """Return the table with a row for each problem."""
-    columns = (
-        "problem", "source", "control", "optimum", "J error", "replayed J error", "miss", "violation", "status",
-        "time",
-    )  # fmt: skip
-    cells = []
-    for each in rows:
-        known = PROBLEMS[each["problem"]]
-        cells.append(
-            (
-                each["problem"] if known.quantity == "J" else f"{each['problem']}: {known.quantity}", known.source,
-                each["kind"], f"{known.optimum:.10g}", f"{each['error']:.0e}", f"{each['error_replayed']:.0e}",
-                f"{each['replay_miss']:.0e}", f"{each['replay_path_violation']:.0e}",
-                each["status"] + (" (lie)" if each["lie"] else ""), f"{each['total_wall_s']:.1f} s",
-            )
-        )  # fmt: skip
-    return Table("Solved by name, nothing chosen: errors relative to the optimum", columns, cells)
+    return Table.of("Solved by name, nothing chosen: errors relative to the optimum", rows, (
+        ("problem", lambda row: _named(row["problem"])), ("source", lambda row: PROBLEMS[row["problem"]].source),
+        ("control", "kind"), ("optimum", lambda row: f"{PROBLEMS[row['problem']].optimum:.10g}"),
+        ("J error", "{error:.0e}"), ("replayed J error", "{error_replayed:.0e}"), ("miss", "{replay_miss:.0e}"),
+        ("violation", "{replay_path_violation:.0e}"),
+        ("status", lambda row: row["status"] + (" (lie)" if row["lie"] else "")), ("time", "{total_wall_s:.1f} s"),
+    ))  # fmt: skip
 
 
 def automatic_claims(rows: Sequence[Mapping[str, Any]]) -> tuple[Claim, Claim]:

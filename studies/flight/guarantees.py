@@ -44,8 +44,10 @@ from mathnavi.studies.framework.drawing import paths_on_map, styled_figure
 from mathnavi.studies.framework.study import (
     VEHICLE,
     MissionToDraw,
+    Row,
     Setup,
     StudyResult,
+    chosen,
     ends,
     mission_ends,
     recorded_trial,
@@ -306,18 +308,16 @@ def peers_claim(cells: Mapping[tuple[str, str], Sequence[Record]], rows: Sequenc
     )  # fmt: skip
 
 
-def _table(condition: str, rows: Sequence[Mapping[str, Any]]) -> Table:
-    columns = ("planner", "arrived without a violation", "contacts", "violations", "unannounced", "least clearance",
-               "mean time", "mean path", "CPU of a plan")  # fmt: skip
-    cells = [
-        (
-            r["planner"], rate(r["successes"], r["missions"]).text(), r["contacts"], r["violations"], r["unannounced"],
-            f"{r['least_m']:.1f} m", *("-" if r[name] is None else f"{scale * r[name]:.1f} {unit}" for name, scale, unit
-                                       in (("time_s", 1.0, "s"), ("path_m", 1e-3, "km"))), f"{r['cpu_ms']:.2f} ms",
-        )
-        for r in rows if r["condition"] == condition
-    ]  # fmt: skip
-    return Table(condition.capitalize(), columns, cells)
+def _table(condition: str, rows: Sequence[Row]) -> Table:
+    def mean(row: Row, name: str, scale: float, unit: str) -> str:
+        return "-" if row[name] is None else f"{scale * row[name]:.1f} {unit}"
+
+    return Table.of(condition.capitalize(), chosen(rows, condition=condition), (
+        ("planner", "planner"), ("arrived without a violation", lambda r: rate(r["successes"], r["missions"]).text()),
+        ("contacts", "contacts"), ("violations", "violations"), ("unannounced", "unannounced"),
+        ("least clearance", "{least_m:.1f} m"), ("mean time", lambda r: mean(r, "time_s", 1.0, "s")),
+        ("mean path", lambda r: mean(r, "path_m", 1e-3, "km")), ("CPU of a plan", "{cpu_ms:.2f} ms"),
+    ))  # fmt: skip
 
 
 def _tuned_on(config: GuaranteesConfig) -> str:

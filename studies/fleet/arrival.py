@@ -51,7 +51,7 @@ from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.flight_parts import drawn_point
 from mathnavi.sim.sweep.trial import Trial, trial
-from mathnavi.studies.framework.drawing import styled_figure
+from mathnavi.studies.framework.drawing import annotate, styled_figure
 from mathnavi.studies.framework.study import Setup, StudyResult, TerrainReference, median
 
 H = 5.0 / 3.0  # [s]
@@ -385,7 +385,7 @@ def _draw_spreads(axes: Axes, spreads: Mapping[tuple[str, int], Array]) -> None:
         label = kind if size == min(s for k, s in spreads if k == kind) else None
         axes.plot(x, np.maximum(spread, LEAST_DRAWN), "o", ms=5, alpha=0.75, color=COLOURS[kind], label=label)
     axes.axhline(H, color=INK, ls="--", lw=1.0)
-    label(axes, "h", (len(sizes) - 0.55, H), (0, 3))
+    annotate(axes, "h", (len(sizes) - 0.55, H), (0, 3))
     axes.set(yscale="log", ylim=(0.7 * LEAST_DRAWN, None))
     axes.set_xticks(range(len(sizes)), [str(size) for size in sizes])
     axes.set(xlabel="vehicles", ylabel="spread of arrivals [s]", title="(b) every fleet")

@@ -168,7 +168,8 @@ def searched(asked: Episodes, population: int, generations: int) -> tuple[float,
 def _least(runner: EpisodeRunner, asked: Episodes, weights: tuple[float, ...]) -> float:
     """Return the least clearance [m] of one episode with these weights."""
     one = Episodes(asked.place, asked.seed, "searched", 1, asked.seconds, weights)
-    return _flown(runner, one, [np.random.default_rng(asked.seed)])["least"][0]
+    (least,) = _flown(runner, one, [np.random.default_rng(asked.seed)])["least"]
+    return float(least)
 
 
 def _runner(asked: Episodes) -> EpisodeRunner:

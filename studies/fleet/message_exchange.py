@@ -328,8 +328,8 @@ def with_outlier(case: OutlierCase) -> dict[str, Any]:
 
     ``values`` (k, n) [s] are eta, and the values that an outlier sends, at the times ``t`` (k,) [s]. By planning
     period: whether the far one ``follows``, the average [s] of the ``others``' starts, the average [s] on which they
-    ``agreed`` at the end, and the ``spread`` [s] of all there. ``shift`` [s] is that of the others' agreement from
-    their average in the first period in which the outlier follows.
+    ``agreed`` at the end, the ``spread`` [s] of all there, and the average [s] of ``everybody``'s starts. ``shift`` [s]
+    is that of the others' agreement from their average in the first period in which the outlier follows.
     """
     graph, n = graph_of("line", 8), 8
     period = PLANNING / case.rounds
@@ -339,7 +339,7 @@ def with_outlier(case: OutlierCase) -> dict[str, Any]:
     starts = 100.0 + np.random.default_rng(5).uniform(-10.0, 10.0, n)
     parts = {name: LaplacianConsensus(config, graph.neighbourhood(name)) for name in graph.names}
     network = IdealNetwork(graph.names)
-    found: list[tuple[Array, bool, float, float, float]] = []
+    found: list[tuple[Array, bool, float, float, float, float]] = []
     for step in range(case.steps):
         own = starts - PLANNING * step
         own[FAR] = (far if step < _BACK else 115.0) - PLANNING * step
@@ -349,12 +349,12 @@ def with_outlier(case: OutlierCase) -> dict[str, Any]:
         rest = np.delete(np.arange(n), FAR)
         outlier = parts[graph.names[FAR]].outlier
         last = values[-1]
-        found.append((values, outlier, own[rest].mean(), last[rest].mean(), float(np.ptp(last))))
+        found.append((values, outlier, own[rest].mean(), last[rest].mean(), float(np.ptp(last)), own.mean()))
     blocks, follows, *by_step = zip(*found, strict=True)
-    others, agreed, spread = (np.array(each, dtype=np.float64) for each in by_step)
+    others, agreed, spread, everybody = (np.array(each, dtype=np.float64) for each in by_step)
     return {
         "rounds": case.rounds, "delta": case.delta,
         "t": period * np.arange(case.rounds * case.steps, dtype=np.float64), "values": np.concatenate(blocks),
         "follows": list(follows), "others": others, "agreed": agreed, "spread": spread,
-        "shift": float(agreed[1] - others[1]),
+        "everybody": everybody, "shift": float(agreed[1] - others[1]),
     }  # fmt: skip

@@ -12,6 +12,8 @@ from mathnavi.renders.film import Annotation, Frame
 from mathnavi.renders.overlay import Overlay, OverlayWriter
 from mathnavi.renders.palette import Picture
 
+MUJOCO = "mathnavi.renders.scene.mujoco:MujocoScene"  # draws what a function has described
+
 
 @dataclass(frozen=True)
 class ScenePainter:
@@ -37,7 +39,9 @@ class ScenePainter:
 class SceneDrawing:
     """Opens the scene of a run, with its overlay, as a painter."""
 
-    scene: type[Any] | str  # or "package.module:Class", which is imported where OpenGL's backend has been chosen
+    # A class of pictures, or a function that describes a run as a Scene (``mathnavi.renders.scene.elements``); or
+    # "package.module:name", which is imported where OpenGL's backend has been chosen.
+    scene: Callable[..., Any] | str
     overlay: Callable[[Any, Frame], Overlay]
     annotations: Callable[[Any], Sequence[Annotation]]
 
@@ -45,7 +49,11 @@ class SceneDrawing:
     def _opened(self, run: Any, width: int, height: int, samples: int) -> Iterator[ScenePainter]:
         scene: Any = pkgutil.resolve_name(self.scene) if isinstance(self.scene, str) else self.scene
         marks = [t / run.duration for t, _ in self.annotations(run)]
-        with scene(run, width, height, samples) as opened:
+        with (
+            scene(run, width, height, samples)
+            if isinstance(scene, type)
+            else pkgutil.resolve_name(MUJOCO)(scene(run), width, height, samples)
+        ) as opened:
             yield ScenePainter(
                 run, opened, self.overlay, marks, OverlayWriter(width, height), OverlayWriter(width, height, brief=True)
             )

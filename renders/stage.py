@@ -21,6 +21,7 @@ from mathnavi.renders.palette import Colour, Picture
 
 MAX_GEOMS = 4000
 DASH = 11.0  # [pixels] at a picture 720 pixels high: length of a dash and of the gap after it
+FINEST = 4.0  # [pixels] likewise: between two points of a line
 # For a pixel of a picture 720 pixels high there are so many in a small one, or so many times its share of the height if
 # that is less: else lines would be too thin to be seen.
 LEAST_UNIT, MOST_ENLARGED = 0.75, 1.5
@@ -232,6 +233,19 @@ class Stage:
             if not dashed or k % 2 == 0:
                 self.capsule(a, b, float(radii[k]), colour)
 
+    def drawable(self, points: Array) -> list[Array]:
+        """The parts before the camera of a line through points (n, 3), without points that no picture could show."""
+        before = self.pixels(points)[:, 2] > 0.0
+        kept = before | np.append(before[1:], False) | np.append(False, before[:-1])
+        found = []
+        for rows in np.split(np.arange(len(points)), np.flatnonzero(np.diff(kept)) + 1):
+            part = points[rows]
+            if len(part) > 1 and kept[rows[0]]:
+                along = _pixels_along(part, self.metres_per_pixel(part)) / (FINEST * self.unit)
+                chosen = np.unique(along.astype(np.int64), return_index=True)[1]
+                found.append(part[np.unique(np.append(chosen, len(part) - 1))])
+        return found
+
     def capsule(self, a: Array, b: Array, radius: float, colour: Colour) -> None:
         """Add a capsule from one point (3,) to another, of a radius [m]."""
         geom = self._geom(mujoco.mjtGeom.mjGEOM_CAPSULE, a, b, (*colour, 1.0))
@@ -243,8 +257,13 @@ class Stage:
         """Add a pin from a foot (3,) through a place (3,) to a head ``height`` pixels above it (at 720 pixels high)."""
         pixel = float(self.metres_per_pixel(place[None])[0]) * self.unit
         head = place + np.array([0.0, 0.0, height * pixel])
-        self.capsule(foot, head, 1.6 * pixel, colour)
-        self.capsule(head, head + np.array([0.0, 0.0, 0.1 * pixel]), 6.0 * pixel, colour)
+        self.capsule(foot, head, 2.0 * pixel, colour)
+        self.dot(head, 6.0, colour)
+
+    def dot(self, place: Array, radius: float, colour: Colour) -> None:
+        """Add a ball about a place (3,), its radius in pixels (at 720 pixels high)."""
+        pixel = float(self.metres_per_pixel(place[None])[0]) * self.unit
+        self.capsule(place, place + np.array([0.0, 0.0, 0.1 * pixel]), radius * pixel, colour)
 
     def arrow(self, a: Array, b: Array, radius: float, colour: Colour, opacity: float = 1.0) -> None:
         """Add an arrow from one point (3,) to another, its shaft of a radius [m]."""
@@ -271,6 +290,17 @@ class Stage:
             c, s = math.cos(angle), math.sin(angle)
             geom.size[:] = (*half_axes, DISC_HEIGHT)
             geom.pos[:], geom.mat[:] = centre, ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))
+            geom.emission = self._glow
+
+    def mesh(self, mesh: int, place: Array, rotation: Array, size: float, colour: Sequence[float]) -> None:
+        """A mesh of the model at a place (3,), turned by a rotation (3, 3), ``size`` times as large; red to opacity."""
+        geom = self._added(mujoco.mjtGeom.mjGEOM_MESH, colour)
+        if geom is not None:
+            own = np.empty(9)  # MuJoCo keeps a mesh about its centre, along its axes of inertia
+            mujoco.mju_quat2Mat(own, self.model.mesh_quat[mesh])
+            geom.dataid = 2 * mesh  # of each mesh and then of its convex hull
+            geom.pos[:] = place + size * rotation @ self.model.mesh_pos[mesh]
+            geom.mat[:] = size * rotation @ own.reshape(3, 3)
             geom.emission = self._glow
 
     def copy(
@@ -322,7 +352,13 @@ class Staged:
 
 def _resample(points: Array, span: Array, step: float) -> Array:
     """The line through points (n, 3), where a pixel spans ``span`` (n,) [m], ``step`` pixels from point to point."""
-    pixels = np.linalg.norm(np.diff(points, axis=0), axis=1) / (0.5 * (span[:-1] + span[1:]))
-    along = np.concatenate([[0.0], np.cumsum(np.minimum(pixels, MOST_PIXELS))])
+    along = _pixels_along(points, span)
     stops = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / step) + 1))
     return np.column_stack([np.interp(stops, along, points[:, k]) for k in range(3)])
+
+
+def _pixels_along(points: Array, span: Array) -> Array:
+    """(n,) length in pixels of the line through points (n, 3) up to each, where a pixel spans ``span`` (n,) [m]."""
+    pixels = np.linalg.norm(np.diff(points, axis=0), axis=1) / (0.5 * (span[:-1] + span[1:]))
+    found: Array = np.concatenate([[0.0], np.cumsum(np.minimum(pixels, MOST_PIXELS))])
+    return found

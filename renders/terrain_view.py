@@ -47,18 +47,18 @@ def terrain_view(
         if not np.isfinite(track.points).all():
             raise ArgumentError(f"track {track.name!r} has points that are not finite; allowed: finite numbers [m]")
     opengl.import_mujoco()
+    from mathnavi.renders.scene.elements import Layer, Mark, Scene
+    from mathnavi.renders.scene.landscape import dome, map_cameras, path, scale_marks
     from mathnavi.renders.web.document import scene_block  # these import mujoco, and most pages have no terrain
-    from mathnavi.renders.web.elements import Layer, Mark, WebScene
-    from mathnavi.renders.web.landscape import dome, ground, map_cameras, path, scale_marks
 
     colours = {part.value: COLOURS[part] for part in (SceneElement.START, SceneElement.TARGET)}
     course = tracks[0].points[-1] - tracks[0].points[0] if tracks else np.ones(3)
     names = list(dict.fromkeys(track.name for track in tracks))
-    scene = WebScene(
+    scene = Scene(
         terrain.name,
         0.0,
         map_cameras(terrain, course),
-        surfaces=[*ground(terrain), *(dome(radius, centre=np.array(place)) for *place, radius in radars)],
+        surfaces=[dome(radius, centre=np.array(place)) for *place, radius in radars],
         lines=[
             path(Layer(track.name, to_rgb(track.colour), track.dashed), track.points[thinned(len(track.points), 0)])
             for track in tracks
@@ -70,7 +70,7 @@ def terrain_view(
             ),
             *scale_marks(terrain),
         ],
-        low=float(terrain.z.min()),
+        ground=terrain,
     )
     label = f"The terrain {terrain.name} in three dimensions with {', '.join(names) or 'no track'}"
     tall = f"heights{', those of the radars too,' if radars else ''} {EXAGGERATION} times as tall as they are"

@@ -123,9 +123,9 @@ drawing = Drawing(
     shot_list=shot_list,
     highlight=highlight,
     annotations=annotations_of,
-    painter=SceneDrawing("mathnavi.renders.fleet.scene:FleetScene", overlay, annotations_of),
+    painter=SceneDrawing("mathnavi.renders.fleet.scene:fleet_scene", overlay, annotations_of),
     report="mathnavi.renders.fleet.report:report",
-    web="mathnavi.renders.fleet.web:web_scene",
+    web="mathnavi.renders.fleet.scene:fleet_scene",
     figure="mathnavi.renders.fleet.report:map_figure",
     turn=TURN,
 )

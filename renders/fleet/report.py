@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 
 import matplotlib
 import numpy as np
@@ -29,7 +28,7 @@ from mathnavi.renders.figures import (
 )
 from mathnavi.renders.fleet.drawing import highlight, verdict
 from mathnavi.renders.fleet.run_data import FleetRun
-from mathnavi.renders.fleet.web import web_scene
+from mathnavi.renders.fleet.scene import fleet_scene
 from mathnavi.renders.flight.report import draw_changes
 from mathnavi.renders.flight.run_data import FlightRun
 from mathnavi.renders.page import Drawn, Markup, quantity
@@ -37,10 +36,8 @@ from mathnavi.renders.palette import hexadecimal
 from mathnavi.renders.relief import EXAGGERATION
 from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
 from mathnavi.renders.web.document import scene_block
-from mathnavi.renders.web.elements import Layer, Mark
 from mathnavi.sim.records.figure_names import SHORTFALL
 
-MOST_NAMED = 8  # starts that have a name in the scene: of more they hide each other
 _FEWEST_COLUMNS, _MOST_ROWS = 4, 4  # of a legend
 
 
@@ -73,13 +70,8 @@ def _headline(run: FleetRun) -> Headline:
 
 
 def _scene(run: FleetRun) -> Markup:
-    scene, named = web_scene(run), len(run.vehicles) <= MOST_NAMED
-    starts = [
-        Mark(name, colour, flight.mission.start, layer=Layer(name, colour))
-        for (name, flight), colour in zip(run.vehicles.items(), run.colours, strict=True)
-    ]
+    scene = fleet_scene(run)
     label = f"The flights over {run.terrain.name} in three dimensions, with starts, slots and radars"
-    scene = replace(scene, marks=[*(starts if named else ()), *scene.marks])
     return scene_block(scene, label, f"{run.terrain.name}; {scene.note}.")
 
 

@@ -163,9 +163,9 @@ drawing = Drawing(
     shot_list=shot_list,
     highlight=highlight,
     annotations=annotations_of,
-    painter=SceneDrawing("mathnavi.renders.flight.scene:FlightScene", overlay, annotations_of),
+    painter=SceneDrawing("mathnavi.renders.flight.scene:flight_scene", overlay, annotations_of),
     report="mathnavi.renders.flight.report:report",
     figure="mathnavi.renders.flight.report:map_figure",
-    web="mathnavi.renders.flight.web:web_scene",
+    web="mathnavi.renders.flight.scene:flight_scene",
     turn=TURN,
 )

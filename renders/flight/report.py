@@ -26,13 +26,13 @@ from mathnavi.renders.figures import (
     thinned,
 )
 from mathnavi.renders.flight.run_data import FlightRun
-from mathnavi.renders.flight.web import web_scene
+from mathnavi.renders.flight.scene import flight_scene
 from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.relief import EXAGGERATION
 from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
+from mathnavi.renders.scene.landscape import first_plan
 from mathnavi.renders.web.document import scene_block
-from mathnavi.renders.web.landscape import first_plan
 from mathnavi.sim.records.figure_names import SHORTFALL
 
 
@@ -62,7 +62,7 @@ def _headline(run: FlightRun) -> Headline:
 
 
 def _scene(run: FlightRun) -> Markup:
-    scene = web_scene(run)
+    scene = flight_scene(run)
     label = f"The flight over {run.terrain.name} in three dimensions, with the first plan, radars, start and target"
     note = " Radars weigh on the optimised part of a plan only; its way to rest may lead through one."
     caption = f"{run.terrain.name}; {scene.note}.{note if run.mission.radars else ''}"

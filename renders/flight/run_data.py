@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from mathnavi.interfaces.errors import FieldError, RunFolderError
-from mathnavi.interfaces.signals import Array, Plan
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.hill import Hill, hills_of, with_hills
 from mathnavi.models.terrain.library import load_terrain
@@ -24,7 +24,6 @@ from mathnavi.renders.logged_run import LoggedRun
 from mathnavi.sim.records.missions import ChangingFlightRecord, RadarRecord, read_mission
 from mathnavi.sim.records.run_folder import ARRAYS, CONFIG, RunLog, read_log
 
-FINE_TRAIL = 6000.0  # [m] at the end of a trail
 MISSION_NUMBERS = ("clearance_min", "speed_max", "acceleration_max", "arrival_radius")
 
 
@@ -86,26 +85,6 @@ class FlightRun(LoggedRun):
     def state(self, t: float) -> Array:
         """(6,) true state at ``t`` [s], linear between samples; the first and last state beyond them."""
         return self.interpolated(self.x, t)
-
-
-def plan_arcs(plan: Plan, t: float, step: float) -> list[tuple[int, Array]]:
-    """The rest of a plan at ``t`` [s]: (phase, points (m, 3) [m]) of each arc, a point about every ``step`` [s]."""
-    arcs = []
-    for k, phase in enumerate(plan.phase):
-        begin, end = max(t, float(plan.t[k])), float(plan.t[k + 1])
-        if end <= begin:
-            continue
-        s = np.linspace(begin, end, max(2, int(np.ceil((end - begin) / step)) + 1))[:, None] - plan.t[k]
-        arcs.append((int(phase), plan.x[k, :3] + plan.x[k, 3:] * s + 0.5 * plan.u[k] * s**2))
-    return arcs
-
-
-def trail(run: FlightRun, t: float, fine: float, coarse: float) -> Array:
-    """The path flown until ``t`` [s] as points (m, 3) [m], ``fine`` [m] apart at its end and ``coarse`` [m] before."""
-    here = float(run.travelled[run.index(t)])
-    near = max(0.0, here - FINE_TRAIL)
-    stops = np.concatenate([np.arange(0.0, near, coarse), np.arange(near, here, fine), [here]])
-    return np.vstack([run.x[np.searchsorted(run.travelled, stops), :3], run.state(t)[:3]])
 
 
 def load_run(directory: str | Path) -> FlightRun:

@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from mathnavi.renders.framing import Box, framing
+from mathnavi.renders.framing import Box
 from mathnavi.renders.generic.run_data import GenericRun
-from mathnavi.renders.generic.scene_data import SceneData, reach, swept
+from mathnavi.renders.generic.scene_data import reach, swept
 from mathnavi.renders.palette import COLOURS, SceneElement, vehicle_colour
-from mathnavi.renders.stage import Optics
-from mathnavi.renders.web.bodies import body_surfaces, ghosts, motions_of
-from mathnavi.renders.web.elements import Camera, Layer, Lines, Mark, Motion, WebScene
-from mathnavi.renders.web.landscape import flown
+from mathnavi.renders.scene.bodies import body_surfaces, ghosts, motions_of
+from mathnavi.renders.scene.cameras import framing_camera
+from mathnavi.renders.scene.elements import Camera, Framed, Layer, Lines, Mark, Motion, Scene
+from mathnavi.renders.scene.landscape import flown
 
 FIELD_OF_VIEW, FREE, ASPECT = 36.0, Box(0.1, 0.9, 0.14, 0.88), 1.4
 FOLLOW_DISTANCE = 7.0  # sizes of a vehicle
 SMALLEST = 0.05  # of the extent: a vehicle that is smaller is seen from as far as if it were so large
 
 
-def web_scene(run: GenericRun) -> WebScene:
+def web_scene(run: GenericRun) -> Scene:
     """Return the scene of a run; without a recorded scene charts alone."""
     if run.scene is None:
-        return WebScene(run.title, run.duration, ())
+        return Scene(run.title, run.duration, ())
     scene = run.scene
     a, t = scene.arrays, scene.t
     several = len(scene.vehicles) > 1
@@ -38,7 +36,12 @@ def web_scene(run: GenericRun) -> WebScene:
         pairs = {f"body {body}": f"estimate {body}" for body in moving if f"estimate {body}" in own}
         motions |= own
         surfaces += ghosts(surfaces, pairs, SceneElement.ESTIMATE, Layer.for_element(SceneElement.ESTIMATE))
-    lines, marks, cameras = [], [], _cameras(scene)
+    framed = Framed(swept(scene), FREE)
+    cameras = [
+        framing_camera(name, framed, sight, FIELD_OF_VIEW, aspect=ASPECT)
+        for name, sight in {"fixed": (50.0, -24.0), "top": (90.0, -89.0)}.items()
+    ]
+    lines, marks = [], []
     size = reach(scene)
     for number, (name, body) in enumerate(scene.vehicles.items()):
         colour = vehicle_colour(number) if several else COLOURS[SceneElement.FLOWN]
@@ -61,15 +64,4 @@ def web_scene(run: GenericRun) -> WebScene:
             )
         )  # fmt: skip
     level = float(floors[0].vertices[:, 2].max()) if floors else None
-    return WebScene(run.title, run.duration, cameras, motions, surfaces, lines, marks, floor=level)
-
-
-def _cameras(scene: SceneData) -> list[Camera]:
-    """Return cameras from the side and from above, with all that moves in view."""
-    points, found = swept(scene), []
-    for name, sight in {"fixed": (50.0, -24.0), "top": (90.0, -89.0)}.items():
-        view = framing(points, FREE, Optics(FIELD_OF_VIEW, 0.002, 60.0), ASPECT, sight)
-        place = (float(view.lookat[0]), float(view.lookat[1]), float(view.lookat[2]))
-        found.append(Camera(name, place, view.distance, view.azimuth, view.elevation, field_of_view=FIELD_OF_VIEW))
-    assert math.isfinite(found[0].distance)
-    return found
+    return Scene(run.title, run.duration, cameras, motions, surfaces, lines, marks, floor=level)

@@ -6,18 +6,18 @@ import numpy as np
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.mechanism.entity import build_spec
-from mathnavi.renders.framing import Box, framing
+from mathnavi.renders.framing import Box
 from mathnavi.renders.lagrangian.charts import nose
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.renders.lagrangian.scene import ARROW, GROUPS, TURNING
 from mathnavi.renders.lagrangian.tip import Tip
 from mathnavi.renders.lagrangian.views import ELEVATION, RECENT, azimuth
 from mathnavi.renders.palette import SceneElement
-from mathnavi.renders.stage import Optics
-from mathnavi.renders.web.arrows import arrow, sequence, thinned_rows
-from mathnavi.renders.web.bodies import body_surfaces, ghosts, model_shapes, motions_of, poses, revolved, swept
-from mathnavi.renders.web.charts import ESTIMATE, TRUTH, curve
-from mathnavi.renders.web.elements import Camera, Chart, Layer, Lines, Mark, Motion, Surface, WebScene
+from mathnavi.renders.scene.arrows import arrow, sequence, thinned_rows
+from mathnavi.renders.scene.bodies import body_surfaces, ghosts, model_shapes, motions_of, poses, revolved, swept
+from mathnavi.renders.scene.cameras import framing_camera
+from mathnavi.renders.scene.charts import ESTIMATE, TRUTH, curve
+from mathnavi.renders.scene.elements import Camera, Chart, Framed, Layer, Lines, Mark, Motion, Scene, Surface
 
 MOST_POSES, MOST_FRAMES = 1200, 400
 MOST_COMPONENTS = 7  # of the velocity, in charts
@@ -27,7 +27,7 @@ PAPER = (0.93, 0.95, 0.97)
 OVER = 1.004  # of a globe: where lines on it are drawn
 
 
-def web_scene(run: LagrangianRun) -> WebScene:
+def web_scene(run: LagrangianRun) -> Scene:
     """Return the scene of a run."""
     return _mechanism(run) if run.mechanism is not None else _surface(run)
 
@@ -44,7 +44,7 @@ def lagrangian_charts(run: LagrangianRun) -> list[Chart]:
     return charts
 
 
-def _mechanism(run: LagrangianRun) -> WebScene:
+def _mechanism(run: LagrangianRun) -> Scene:
     """Bodies that MuJoCo moved, their ghosts, the path of its tip and the velocities there."""
     assert run.mechanism is not None
     model = build_spec(run.mechanism).compile()
@@ -63,16 +63,15 @@ def _mechanism(run: LagrangianRun) -> WebScene:
             motions |= found
             surfaces += ghosts(solid, {f"body {b}": f"{part.value} {b}" for b in moving}, part, Layer.for_element(part))
     points = swept(solid, motions)
-    cameras = []
-    for name, sight in {"side": (azimuth(run), ELEVATION), "top": (90.0, -89.0)}.items():
-        view = framing(points, FREE, Optics(FIELD_OF_VIEW, 0.02, 40.0), 1.5, sight)
-        place = (float(view.lookat[0]), float(view.lookat[1]), float(view.lookat[2]))
-        cameras.append(Camera(name, place, view.distance, view.azimuth, view.elevation, field_of_view=FIELD_OF_VIEW))
+    cameras = [
+        framing_camera(name, Framed(points, FREE), sight, FIELD_OF_VIEW)
+        for name, sight in {"side": (azimuth(run), ELEVATION), "top": (90.0, -89.0)}.items()
+    ]
     level = float(floors[0].vertices[:, 2].max()) if floors else None
     size = float(np.ptp(points, axis=0).max())
     lines = _tip_lines(run, Tip(model, is_ball=run.is_ball), size)
     note = f"errors of the position are drawn {run.magnification:g} times as large as they are"
-    return WebScene(
+    return Scene(
         run.log.title, run.duration, cameras, motions, surfaces, lines, (), lagrangian_charts(run), floor=level,
         note=note if run.magnification > 1.0 else "",
     )  # fmt: skip
@@ -133,7 +132,7 @@ def _tip_lines(run: LagrangianRun, tip: Tip, size: float) -> list[Lines]:
     return [path, *(each for each in arrows if each is not None)]
 
 
-def _surface(run: LagrangianRun) -> WebScene:
+def _surface(run: LagrangianRun) -> Scene:
     """Truth and estimate on the globe to which an attitude's nose points, or on the sheet of a hyperboloid."""
     n, is_globe = run.manifold.size, run.space == "sphere"
 
@@ -174,7 +173,7 @@ def _surface(run: LagrangianRun) -> WebScene:
         vertices, faces = revolved(np.sinh(rho), np.cosh(rho), 72)
         middle = float(np.cosh(0.6 * reach))
         camera = Camera("slant", (0.0, 0.0, middle), 4.4 * float(np.sinh(reach)), 60.0, -38.0, field_of_view=30.0)
-    return WebScene(
+    return Scene(
         run.log.title, run.duration, [camera], motions, [Surface(vertices, faces, PAPER, glow=0.25)], lines, marks,
         lagrangian_charts(run),
     )  # fmt: skip

@@ -8,16 +8,16 @@ import numpy as np
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.entity import build_spec
-from mathnavi.renders.framing import Box, framing
+from mathnavi.renders.framing import Box
 from mathnavi.renders.missile.run_data import MissileRun
 from mathnavi.renders.missile.scene import DRAWN, SPAN, TARGET_RADIUS
 from mathnavi.renders.palette import COLOURS, Colour, SceneElement
-from mathnavi.renders.stage import Optics
-from mathnavi.renders.web.arrows import arrow, sequence, thinned_rows
-from mathnavi.renders.web.bodies import body_surfaces, model_shapes, motions_of, poses
-from mathnavi.renders.web.charts import TRUTH, curve
-from mathnavi.renders.web.elements import Camera, Chart, Layer, Lines, Mark, Motion, WebScene
-from mathnavi.renders.web.landscape import chase, flown
+from mathnavi.renders.scene.arrows import arrow, sequence, thinned_rows
+from mathnavi.renders.scene.bodies import body_surfaces, model_shapes, motions_of, poses
+from mathnavi.renders.scene.cameras import chase, framing_camera
+from mathnavi.renders.scene.charts import TRUTH, curve
+from mathnavi.renders.scene.elements import Camera, Chart, Framed, Layer, Lines, Mark, Motion, Scene
+from mathnavi.renders.scene.landscape import flown
 
 GROUND_GROUP = 1
 GROUND: Colour = (0.56, 0.60, 0.47)
@@ -29,7 +29,7 @@ VELOCITY_TIME = 2.0  # [s] of motion of the target that its arrow is long
 FIELD_OF_VIEW, FREE = 30.0, Box(0.06, 0.94, 0.12, 0.85)
 
 
-def web_scene(run: MissileRun) -> WebScene:
+def web_scene(run: MissileRun) -> Scene:
     """Return the scene of a missile's flight."""
     model = build_spec(run.coordinates, run.input_max.tolist()).compile()
     half = len(run.coordinates.joints)
@@ -50,7 +50,7 @@ def web_scene(run: MissileRun) -> WebScene:
     surfaces = [replace(each, span=SPAN) if each.motion in own else each for each in surfaces]
     missile = next(name for name in motions if name.startswith("missile"))
     drawn = [flown(run.t, run.path, layer), *_plans(run), *_forces(run), *_target(run, times, places)]
-    return WebScene(
+    return Scene(
         run.log.title, run.duration,
         [*_cameras(run), chase("follow the missile", missile, 7.0 * SPAN, 0.15, 0.0)],
         motions, surfaces, drawn,
@@ -81,17 +81,11 @@ def _cameras(run: MissileRun) -> list[Camera]:
     """Return cameras from the side, with the whole path in view, and from above."""
     ends = np.array([run.target_at(0.0), run.target_at(run.duration)])
     points = np.vstack([run.path, ends + TARGET_RADIUS, ends - TARGET_RADIUS])
-    found = []
-    for name, sight in {
-        "side": (np.degrees(run.azimuth) + 90.0, -8.0),
-        "slant": (np.degrees(run.azimuth) + 50.0, -24.0),
-    }.items():
-        view = framing(points, FREE, Optics(FIELD_OF_VIEW, 0.05, 12.0), 1.5, sight)
-        place = (float(view.lookat[0]), float(view.lookat[1]), float(view.lookat[2]))
-        found.append(
-            Camera(name, place, view.distance, view.azimuth, view.elevation, field_of_view=FIELD_OF_VIEW, span=0.10)
-        )
-    return found
+    azimuth = float(np.degrees(run.azimuth))
+    return [
+        replace(framing_camera(name, Framed(points, FREE), sight, FIELD_OF_VIEW), span=0.10)
+        for name, sight in {"side": (azimuth + 90.0, -8.0), "slant": (azimuth + 50.0, -24.0)}.items()
+    ]
 
 
 def _plans(run: MissileRun) -> list[Lines]:

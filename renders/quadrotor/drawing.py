@@ -85,9 +85,9 @@ drawing = Drawing(
     shot_list=shot_list,
     highlight=highlight,
     annotations=annotations_of,
-    painter=SceneDrawing("mathnavi.renders.quadrotor.scene:QuadrotorScene", overlay, annotations_of),
+    painter=SceneDrawing("mathnavi.renders.quadrotor.inset:QuadrotorPictures", overlay, annotations_of),
     report="mathnavi.renders.quadrotor.report:report",
-    web="mathnavi.renders.quadrotor.web:web_scene",
+    web="mathnavi.renders.quadrotor.scene:quadrotor_scene",
     figure="mathnavi.renders.quadrotor.report:clearance_figure",
     turn=TURN,
 )

@@ -13,17 +13,31 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from mathnavi.interfaces.signals import Array
-from mathnavi.renders.flight.run_data import plan_arcs
-from mathnavi.renders.palette import COLOURS, Picture, SceneElement, part_of
+from mathnavi.renders.palette import COLOURS, Picture, SceneElement
 from mathnavi.renders.quadrotor.run_data import QuadrotorRun
+from mathnavi.renders.quadrotor.scene import quadrotor_scene
 from mathnavi.renders.relief import relief
+from mathnavi.renders.scene.landscape import plan_pieces
+from mathnavi.renders.scene.mujoco import MujocoScene
 
 SIZE, EDGE = 208, 18  # [pixels] at a picture 720 pixels high: of the longer side, and from the picture's edge
 SHARPER = 3  # it is drawn so many times as large
 LETTERS, LEAST_LETTERS = 13, 9.0  # [pixels] at a picture 720 pixels high, and in any: size of the words
 BAR = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)  # [m] lengths of the scale
 BAR_SHARE = 0.35  # of the map's width that the scale takes at most
-STEP = 0.25  # [s] between the points of a plan
+
+
+class QuadrotorPictures(MujocoScene):
+    """Pictures of a run; those of the camera that follows the vehicle have a small map."""
+
+    def __init__(self, run: QuadrotorRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
+        super().__init__(quadrotor_scene(run), width, height, samples)
+        self._inset = Inset(run, height)
+
+    def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
+        """Draw the picture at time ``t`` [s]; ``turn`` [degrees] turns the overview."""
+        picture = super().draw(t, camera, turn)
+        return self._inset.put(picture, t) if camera == "chase" else picture
 
 
 class Inset:
@@ -48,8 +62,8 @@ class Inset:
         draw, pixel = ImageDraw.Draw(chart), SHARPER * self._unit
         plan = run.plan(t)
         if plan is not None and t < run.duration:
-            for phase, points in plan_arcs(plan, t, STEP):
-                self._line(draw, points, part_of(phase), 1.6 * pixel)
+            for part, (_, points) in plan_pieces(plan, t):
+                self._line(draw, points, part, 1.6 * pixel)
         if run.index(t) > 0:
             self._line(draw, run.x[: run.index(t) + 1 : 20, :3], SceneElement.FLOWN, 2.4 * pixel)
         for place, part, radius in (

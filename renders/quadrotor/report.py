@@ -16,10 +16,10 @@ from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.palette import COLOURS, VEHICLES, SceneElement, hexadecimal
 from mathnavi.renders.quadrotor.drawing import highlight
 from mathnavi.renders.quadrotor.run_data import QuadrotorRun
-from mathnavi.renders.quadrotor.web import web_scene
+from mathnavi.renders.quadrotor.scene import quadrotor_scene
 from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
+from mathnavi.renders.scene.landscape import first_plan
 from mathnavi.renders.web.document import scene_block
-from mathnavi.renders.web.landscape import first_plan
 from mathnavi.sim.records.figure_names import SHORTFALL
 
 _LINE = hexadecimal(COLOURS[SceneElement.OPTIMISED])
@@ -56,7 +56,7 @@ def _headline(run: QuadrotorRun) -> Headline:
 
 
 def _scene(run: QuadrotorRun) -> Markup:
-    scene, name = web_scene(run), run.flight.terrain.name
+    scene, name = quadrotor_scene(run), run.flight.terrain.name
     caption = (
         f"{name}. The first plan's way to rest leads over the plateau; the plans after it find a shorter one. "
         "Seen from afar, the vehicle is drawn far larger than it is."

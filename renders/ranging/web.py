@@ -16,11 +16,12 @@ from mathnavi.renders.ranging import shapes
 from mathnavi.renders.ranging.floor import extent, floor_picture
 from mathnavi.renders.ranging.run_data import RangingRun
 from mathnavi.renders.ranging.scene import JUMP, MARKS, PATH, ROBOT_GROUP, TURRET, WALL
-from mathnavi.renders.web.arrows import lifted, sequence, thinned_rows
-from mathnavi.renders.web.bodies import body_surfaces, ghosts, model_shapes, motions_of, poses
-from mathnavi.renders.web.charts import ESTIMATE, curve
-from mathnavi.renders.web.elements import Camera, Chart, Layer, Lines, Mark, Surface, WebScene
-from mathnavi.renders.web.landscape import chase, flown
+from mathnavi.renders.scene.arrows import lifted, sequence, thinned_rows
+from mathnavi.renders.scene.bodies import body_surfaces, ghosts, model_shapes, motions_of, poses
+from mathnavi.renders.scene.cameras import chase
+from mathnavi.renders.scene.charts import ESTIMATE, curve
+from mathnavi.renders.scene.elements import Camera, Chart, Layer, Lines, Mark, Scene, Surface
+from mathnavi.renders.scene.landscape import flown
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
 
 MOST_FRAMES = 500  # of rays and of what is believed
@@ -28,7 +29,7 @@ DEVIATIONS = 3.0  # of the ellipse
 QUALITY = 88
 
 
-def web_scene(run: RangingRun) -> WebScene:
+def web_scene(run: RangingRun) -> Scene:
     """Return the scene of a robot in its field."""
     model = build_spec(run.curve, run.mission.angles, run.drive, run.friction).compile()
     rows = thinned_rows(len(run.t), 1500)
@@ -56,7 +57,7 @@ def web_scene(run: RangingRun) -> WebScene:
     ]
     lines = [each for each in (*_paths(run), *_rays(run), *_beliefs(run)) if each is not None]
     marks = [Mark("robot", COLOURS[SceneElement.DRIVEN], motion=chassis, dot=False)]
-    return WebScene(
+    return Scene(
         run.log.title, run.duration, cameras, motions, surfaces, lines, marks, ranging_charts(run), floor=0.0
     )  # fmt: skip
 

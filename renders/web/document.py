@@ -12,6 +12,7 @@ import json
 import math
 import zlib
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,9 @@ import numpy as np
 
 from mathnavi.interfaces.reading.files import read_text
 from mathnavi.renders.page import Markup, text
-from mathnavi.renders.palette import hexadecimal
+from mathnavi.renders.scene.elements import Layer, Scene
+from mathnavi.renders.scene.ground import ground_surfaces
 from mathnavi.renders.stage import HORIZON, ZENITH
-from mathnavi.renders.web.elements import Camera, Chart, Layer, Lines, Mark, Motion, Surface, WebScene
 
 VIEWER = Path(__file__).with_name("viewer")
 SCRIPTS = ("geometry.js", "stage.js", "charts.js", "labels.js", "player.js", "live.js")  # in this order
@@ -58,36 +59,42 @@ class DataBlock:
         return base64.b64encode(zlib.compress(b"".join(self._parts), 6)).decode("ascii")
 
 
-def packed(scene: WebScene) -> dict[str, Any]:
+def packed(scene: Scene) -> dict[str, Any]:
     """The scene as plain data; ``block`` holds its arrays."""
     block = DataBlock()
     layers: list[Layer] = []
-    described = {
-        "title": scene.title,
-        "duration": scene.duration,
-        "low": scene.low,
-        "floor": scene.floor,
-        "note": scene.note,
-        "embedded": False,
-        "speed": scene.speed,
-        "sky": [list(HORIZON), list(ZENITH)],
-        "motions": {name: _motion(motion, block) for name, motion in scene.motions.items()},
-        "surfaces": [_surface(each, layers, block) for each in scene.surfaces],
-        "lines": [_lines(each, layers, block) for each in scene.lines],
-        "marks": [_mark(each, layers) for each in scene.marks],
-        "cameras": [_camera(each) for each in scene.cameras],
-        "charts": [_chart(each, block) for each in scene.charts],
-        "events": [[t, words] for t, words in scene.events],
-        "facts": [list(fact) for fact in scene.facts],
-    }
-    described["layers"] = [
-        {"name": layer.name, "colour": hexadecimal(layer.colour), "dashed": layer.dashed, "shown": layer.shown}
-        for layer in layers
-    ]
-    return described | {"block": block.packed()}
+    ground = [] if scene.ground is None else ground_surfaces(scene.ground)
+    found = _packed(replace(scene, ground=None, surfaces=[*ground, *scene.surfaces]), layers, block)
+    found |= {"low": scene.low, "embedded": False, "sky": [list(HORIZON), list(ZENITH)]}
+    return found | {"layers": [vars(each) for each in layers], "block": block.packed()}
 
 
-def document(scene: WebScene, live: Mapping[str, Any] | None = None) -> Markup:
+def _packed(value: Any, layers: list[Layer], block: DataBlock) -> Any:
+    """A part of a scene as plain data: an array as a reference to the block, a layer as an index."""
+    if isinstance(value, Layer):  # those of one name are one
+        names = [each.name for each in layers]
+        if value.name not in names:
+            layers.append(value)
+            return len(names)
+        return names.index(value.name)
+    if isinstance(value, np.ndarray):
+        if np.issubdtype(value.dtype, np.integer) and value.min(initial=0) >= 0:
+            return block.add(value, "u4", stride=value.shape[1] if value.ndim == 2 else 0)
+        return block.add(value)
+    if isinstance(value, bytes):
+        return block.add(np.frombuffer(value, np.uint8), "u1") if value else None
+    if is_dataclass(value):
+        return {each.name: _packed(getattr(value, each.name), layers, block) for each in fields(value)}
+    if isinstance(value, Mapping):
+        return {name: _packed(each, layers, block) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_packed(each, layers, block) for each in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return math.copysign(FOREVER, value)
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def document(scene: Scene, live: Mapping[str, Any] | None = None) -> Markup:
     """The whole page; ``live`` is what a page that follows a run needs to know of its server."""
     style, script = _viewer("page.css", "viewer.css"), _viewer(*SCRIPTS)
     data = packed(scene) | ({"live": dict(live)} if live is not None else {})
@@ -102,7 +109,7 @@ def document(scene: WebScene, live: Mapping[str, Any] | None = None) -> Markup:
     )
 
 
-def scene_block(scene: WebScene, label: str, caption: str) -> Markup:
+def scene_block(scene: Scene, label: str, caption: str) -> Markup:
     """Return the scene as a block of a report (``mathnavi.renders.page``), of which a page can have one.
 
     It shows the end of the run at first, its time if it has a duration, and none of its charts. ``label`` describes the
@@ -141,117 +148,3 @@ def _policy(style: str, script: str, served: bool) -> str:
 def _json(data: Mapping[str, Any]) -> str:
     """JSON in which nothing ends a script."""
     return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-
-
-def _time(t: float) -> float:
-    return t if math.isfinite(t) else math.copysign(FOREVER, t)
-
-
-def _layer(layer: Layer | None, layers: list[Layer]) -> int:
-    """Index of a layer; -1 for none. Layers of one name are one."""
-    if layer is None:
-        return -1
-    names = [each.name for each in layers]
-    if layer.name not in names:
-        layers.append(layer)
-        return len(names)
-    return names.index(layer.name)
-
-
-def _motion(motion: Motion, block: DataBlock) -> dict[str, Any]:
-    return {
-        "t": block.add(motion.t),
-        "pos": block.add(motion.pos),
-        "quat": block.add(motion.quat),
-        "ground": block.add(motion.ground),
-        "shown": [[_time(begin), _time(end)] for begin, end in motion.shown],
-    }
-
-
-def _surface(surface: Surface, layers: list[Layer], block: DataBlock) -> dict[str, Any]:
-    found = {
-        "vertices": block.add(surface.vertices),
-        "faces": block.add(surface.faces, "u4", stride=3),
-        "colour": list(surface.colour),
-        "opacity": surface.opacity,
-        "motion": surface.motion,
-        "layer": _layer(surface.layer, layers),
-        "smooth": surface.smooth,
-        "glow": surface.glow,
-        "span": surface.span,
-        "tall": surface.tall,
-        "checker": float(surface.checker),
-        "shadow": surface.shadow,
-    }
-    if surface.picture:
-        found["picture"] = block.add(np.frombuffer(surface.picture, np.uint8), "u1")
-        found["box"] = list(surface.picture_box)
-    return found
-
-
-def _lines(lines: Lines, layers: list[Layer], block: DataBlock) -> dict[str, Any]:
-    several = lines.frames is not None
-    return {
-        "points": block.add(lines.points),
-        "offsets": block.add(lines.offsets, "u4"),
-        "times": block.add(lines.times),
-        "frames": block.add(lines.frames if several else [0, len(lines.offsets) - 1], "u4"),
-        "starts": block.add(lines.starts if several else [-FOREVER]),
-        "end": _time(lines.end),
-        "opacities": block.add(lines.opacities),
-        "colour": list(lines.colour),
-        "width": lines.width,
-        "dashed": lines.dashed,
-        "cut": lines.cut,
-        "trail": _time(lines.trail),
-        "motion": lines.motion,
-        "plan": lines.plan,
-        "layer": _layer(lines.layer, layers),
-    }
-
-
-def _mark(mark: Mark, layers: list[Layer]) -> dict[str, Any]:
-    return {
-        "text": mark.text,
-        "colour": hexadecimal(mark.colour),
-        "place": None if mark.place is None else mark.place.tolist(),
-        "motion": mark.motion,
-        "foot": mark.foot,
-        "dot": mark.dot,
-        "layer": _layer(mark.layer, layers),
-    }
-
-
-def _camera(camera: Camera) -> dict[str, Any]:
-    return {
-        "name": camera.name,
-        "target": list(camera.target),
-        "distance": camera.distance,
-        "azimuth": camera.azimuth,
-        "elevation": camera.elevation,
-        "follow": camera.follow,
-        "behind": camera.behind,
-        "fieldOfView": camera.field_of_view,
-        "tall": camera.tall,
-        "span": camera.span,
-    }
-
-
-def _chart(chart: Chart, block: DataBlock) -> dict[str, Any]:
-    return {
-        "title": chart.title,
-        "unit": chart.unit,
-        "bounds": [float(bound) for bound in chart.bounds],
-        "logarithmic": chart.logarithmic,
-        "series": [
-            {
-                "name": each.name,
-                "colour": hexadecimal(each.colour),
-                "t": block.add(each.t),
-                "y": block.add(each.y),
-                "step": each.step,
-                "dashed": each.dashed,
-            }
-            for each in chart.series
-        ],
-    }

@@ -17,14 +17,14 @@ from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.entity import airframe_pose
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.flight.run_data import mission_of_record, terrain_of
-from mathnavi.renders.flight.web import CHASE_BEHIND, CHASE_DISTANCE, CHASE_SPAN
-from mathnavi.renders.framing import Box, framing
+from mathnavi.renders.flight.scene import follow
+from mathnavi.renders.framing import Box
 from mathnavi.renders.palette import COLOURS, SceneElement, vehicle_colour
-from mathnavi.renders.stage import Optics
-from mathnavi.renders.web.bodies import body_surfaces, model_shapes
-from mathnavi.renders.web.charts import ESTIMATE, TRUTH, named
-from mathnavi.renders.web.elements import Camera, Chart, Layer, Lines, Mark, Motion, Series, WebScene
-from mathnavi.renders.web.landscape import airframe, chase, ground, map_cameras, plan_pieces, radar_domes
+from mathnavi.renders.scene.bodies import body_surfaces, model_shapes
+from mathnavi.renders.scene.cameras import framing_camera
+from mathnavi.renders.scene.charts import ESTIMATE, TRUTH, named
+from mathnavi.renders.scene.elements import Camera, Chart, Framed, Layer, Lines, Mark, Motion, Scene, Series
+from mathnavi.renders.scene.landscape import airframe, map_cameras, plan_pieces, radar_domes
 from mathnavi.sim.engine.faults import Disturbed
 from mathnavi.sim.engine.loop import Loop
 from mathnavi.sim.engine.plant import MujocoPlant
@@ -34,7 +34,7 @@ from mathnavi.sim.records.run_folder import described
 RATE = 20.0  # [1/s] of samples, in simulated time
 GROUPS = (0, 1, 2)  # of geoms that are shown
 MOST_STATES = 6  # that have a chart
-FIELD_OF_VIEW, FREE, ASPECT = 36.0, Box(0.2, 0.8, 0.2, 0.8), 1.5
+FIELD_OF_VIEW, FREE = 36.0, Box(0.2, 0.8, 0.2, 0.8)
 FOLLOW_DISTANCE = 8.0  # sizes of a vehicle
 PARTS = (SceneElement.OPTIMISED, SceneElement.MANOEUVRE, SceneElement.COMPLETION)
 Nowhere = np.zeros(0)
@@ -59,11 +59,11 @@ class LiveScene:
 
     # ---- the page at first
 
-    def scene(self) -> WebScene:
+    def scene(self) -> Scene:
         """The scene before the first sample."""
         flying = self._terrain is not None and self._has_airframes()
         own = self._flight() if flying else self._mechanism() if self._body is not None else {"cameras": ()}
-        return WebScene(self._title, self._duration, charts=self._charts, speed=1.0, **own)
+        return Scene(self._title, self._duration, charts=self._charts, speed=1.0, **own)
 
     def _has_airframes(self) -> bool:
         model = None if self._body is None else self._body.model
@@ -82,8 +82,8 @@ class LiveScene:
             each = {names[0]: mission}
         flown = {name: mission_of_record(read_mission(ChangingFlightRecord, own), ()) for name, own in each.items()}
         first = next(iter(flown.values()))
-        motions, domes = radar_domes(first.radars, terrain, self._duration)
-        surfaces, lines, marks, cameras = [*ground(terrain), *domes], [], [], []
+        motions, surfaces = radar_domes(first.radars, terrain, self._duration)
+        lines, marks, cameras = [], [], []
         for number, (name, own) in enumerate(flown.items()):
             layer = Layer(name, vehicle_colour(number)) if several else Layer.for_element(SceneElement.FLOWN)
             motions[name] = Motion(np.zeros(1), own.start[None], np.array([[1.0, 0.0, 0.0, 0.0]]))
@@ -94,12 +94,12 @@ class LiveScene:
                 lines.append(
                     _ahead(in_part, layer.colour if several else COLOURS[part], part, f"{name}:{PARTS.index(part)}")
                 )
-            cameras.append(chase(f"follow {name}", name, CHASE_DISTANCE, CHASE_BEHIND, CHASE_SPAN))
+            cameras.append(follow(name))
             foot = float(terrain.height(*own.target[:2]))
             marks.append(Mark("slot" if several else "target", COLOURS[SceneElement.TARGET], own.target, foot=foot))
         return {
             "cameras": [*map_cameras(terrain, first.target - first.start), *cameras], "motions": motions,
-            "surfaces": surfaces, "lines": lines, "marks": marks, "low": float(terrain.z.min()),
+            "surfaces": surfaces, "lines": lines, "marks": marks, "ground": terrain,
         }  # fmt: skip
 
     def _mechanism(self) -> dict[str, Any]:
@@ -118,9 +118,7 @@ class LiveScene:
         lines, cameras = [], []
         points = np.vstack([pos[moving] - 0.3 * extent, pos[moving] + 0.3 * extent])
         for name, sight in {"fixed": (50.0, -24.0), "top": (90.0, -89.0)}.items():
-            view = framing(points, FREE, Optics(FIELD_OF_VIEW, 0.002, 60.0), ASPECT, sight)
-            place = (float(view.lookat[0]), float(view.lookat[1]), float(view.lookat[2]))
-            cameras.append(Camera(name, place, view.distance, view.azimuth, view.elevation))
+            cameras.append(framing_camera(name, Framed(points, FREE), sight, FIELD_OF_VIEW))
         for number, name in enumerate(self._plant.names):
             body = next((b for b in moving if model.body(b).name.startswith(f"{name}/")), moving[0])
             size = float(model.geom_rbound[model.geom_bodyid == body].max(initial=0.05 * extent))

@@ -7,9 +7,8 @@ parts at an earlier time.
 
 from __future__ import annotations
 
-import pkgutil
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,11 +17,17 @@ import numpy as np
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.fleet.scene import fleet_scene
+from mathnavi.renders.flight.scene import flight_scene
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.renders.lagrangian.scene import MechanismScene
-from mathnavi.renders.quadrotor.scene import NEAR_GROUP
+from mathnavi.renders.missile.run_data import MissileRun
+from mathnavi.renders.missile.scene import MissileScene
+from mathnavi.renders.quadrotor.scene import quadrotor_scene
 from mathnavi.renders.ranging.run_data import RangingRun
 from mathnavi.renders.ranging.scene import ABOVE, ROBOT_GROUP, RangingScene
+from mathnavi.renders.scene.elements import Scene
+from mathnavi.renders.scene.mujoco import MujocoScene
 from tests.renders.ranging.believers import ELSEWHERE
 
 NOT_DRAWN = 5  # a group of geoms that no scene shows
@@ -38,48 +43,63 @@ Arrays = dict[str, Array]
 
 @dataclass(frozen=True)
 class Vehicles:
-    """Parts of a scene, when they are drawn, and which geoms are left out."""
+    """Parts of a scene, and when they are drawn."""
 
-    scene: str
+    scene: Callable[[Any, str], Any]  # of a run, without a part
+    parts: Callable[[Any], Iterable[str]]  # of a run
     moments: Mapping[str, float]  # by camera, a share of the run
     places: Callable[[Any, float], Array]  # (m, 3) of a run at a time [s]
-    geoms: Callable[[Any, Any], Mapping[str, Array]]  # of a run and a model, those of each part
     earlier: float | None = None  # share of the run
     targets: Callable[[Any], Array] | None = None  # (m, 3) places that the cameras should have in sight too
 
 
-def body(model: Any, name: str) -> Array:
-    """Geoms of a body."""
-    geoms: Array = model.geom_bodyid == model.body(name).id
-    return geoms
+def described(describe: Callable[[Any], Scene]) -> Callable[[Any, str], MujocoScene]:
+    """Scenes of a description, with a motion of which the surfaces are too small to be seen."""
+
+    def scene(run: Any, left_out: str) -> MujocoScene:
+        found = describe(run)
+        surfaces = [
+            replace(each, vertices=1e-3 * each.vertices) if each.motion == left_out else each for each in found.surfaces
+        ]
+        return MujocoScene(replace(found, surfaces=surfaces), 320, 180)
+
+    return scene
+
+
+def missile_scene(run: MissileRun, left_out: str) -> MissileScene:
+    """The scene of a missile, without it if it is to be left out."""
+    scene = MissileScene(run, 320, 180)
+    if left_out:
+        scene.model.geom_group[scene.model.geom_bodyid == scene.model.body("missile/body").id] = NOT_DRAWN
+    return scene
 
 
 VEHICLES = {
     "flight": Vehicles(
-        "mathnavi.renders.flight.scene:FlightScene",
+        described(flight_scene),
+        lambda run: ["vehicle"],
         {"chase": 0.5, "overview": 0.5, "top": 0.5},
         lambda run, t: run.state(t)[None, :3],
-        lambda run, model: {"airframe": body(model, "airframe")},
         earlier=0.0,
     ),
     "missile": Vehicles(
-        "mathnavi.renders.missile.scene:MissileScene",
+        missile_scene,
+        lambda run: ["missile"],
         {"chase": 0.55, "side": 0.6, "target": 0.96},
         lambda run, t: run.path[[run.index(t)]],
-        lambda run, model: {"missile": body(model, "missile/body")},
         earlier=0.3,
     ),
     "quadrotor": Vehicles(
-        "mathnavi.renders.quadrotor.scene:QuadrotorScene",
+        described(quadrotor_scene),
+        lambda run: ["vehicle"],
         {"chase": 0.5, "overview": 0.5, "top": 0.5},
         lambda run, t: run.pose(t)[0][None],
-        lambda run, model: {"vehicle": (model.geom_group == NEAR_GROUP) | body(model, "afar")},
     ),
     "fleet": Vehicles(
-        "mathnavi.renders.fleet.scene:FleetScene",
+        described(fleet_scene),
+        lambda run: run.vehicles,
         {"overview": 0.4, "top": 0.5, "arrival": 0.9},
         lambda run, t: run.positions(t),
-        lambda run, model: {name: body(model, name) for name in run.vehicles},
         targets=lambda run: run.slots,
     ),
 }
@@ -87,10 +107,9 @@ VEHICLES = {
 
 def draw_vehicles(vehicles: Vehicles, run: Any) -> Arrays:
     """Each camera's picture with all vehicles, and without each of them."""
-    scene_class: Any = pkgutil.resolve_name(vehicles.scene)
     times = {camera: share * run.duration for camera, share in vehicles.moments.items()}
     arrays: Arrays = {}
-    with scene_class(run, 320, 180) as scene:
+    with vehicles.scene(run, "") as scene:
         first = {camera: scene.draw(t, camera) for camera, t in times.items()}
         for camera, t in times.items():
             arrays[f"{camera}.with"] = scene.draw(t, camera)
@@ -103,14 +122,12 @@ def draw_vehicles(vehicles: Vehicles, run: Any) -> Arrays:
         if vehicles.targets is not None:
             arrays["end"] = scene.draw(run.duration, camera)
             arrays["end.targets"] = pixels(vehicles.targets(run), camera)
-        groups = scene.model.geom_group.copy()
-        for name, geoms in vehicles.geoms(run, scene.model).items():
-            scene.model.geom_group[geoms] = NOT_DRAWN
+    for name in vehicles.parts(run):
+        with vehicles.scene(run, name) as scene:
             for camera, t in times.items():
                 arrays[f"{camera}.without.{name}"] = scene.draw(t, camera)
                 if vehicles.earlier is not None:
                     arrays[f"{camera}.earlier"] = scene.draw(vehicles.earlier * run.duration, camera)
-            scene.model.geom_group[:] = groups
     return arrays
 
 

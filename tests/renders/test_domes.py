@@ -12,18 +12,15 @@ pytest.importorskip("mujoco")
 
 
 def test_a_dome_follows_its_radar_and_vanishes_with_it() -> None:
-    from mathnavi.renders.landscape import add_domes, landscape, place_domes
+    from mathnavi.renders.scene.landscape import radar_domes
 
     ground = flight.mountains()
-    track = RadarTrack(Radar(3000.0, 4000.0, 900.0, 1.0), 10.0, 60.0, (50.0, -20.0))
-    spec = landscape(ground, 64, 36, 0)
-    add_domes(spec, ground, (track,))
-    model = spec.compile()
-    dome = model.geom("radar 0 true")
-    for t, seen in ((0.0, False), (10.0, True), (40.0, True), (60.0, False)):
-        place_domes(model, ground, (track,), t, 0.3)
-        assert dome.rgba[3] == pytest.approx(0.3 if seen else 0.0)
-        if seen:
+    radar = Radar(3000.0, 4000.0, 900.0, 1.0)
+    motions, (dome,) = radar_domes([RadarTrack(radar, 10.0, 60.0, (50.0, -20.0))], ground, 100.0)
+    assert np.linalg.norm(dome.vertices, axis=1) == pytest.approx(radar.radius)
+    for t, seen in ((0.0, False), (10.0, True), (40.0, True), (61.0, False)):
+        pose = motions[str(dome.motion)].at(t)
+        assert (pose is not None) == seen
+        if pose is not None:
             x, y = 3000.0 + 50.0 * (t - 10.0), 4000.0 - 20.0 * (t - 10.0)
-            np.testing.assert_allclose(dome.pos, (x, y, float(ground.height(x, y))), atol=1e-3)
-    assert model.geom("radar 0 tall").pos[2] > dome.pos[2]
+            np.testing.assert_allclose(pose.pos, (x, y, float(ground.height(x, y)) + radar.mast), atol=5.0)

@@ -10,9 +10,10 @@ import pytest
 
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders import page
+from mathnavi.renders.palette import hexadecimal
 from mathnavi.renders.relief import EXAGGERATION
+from mathnavi.renders.scene.ground import NODES
 from mathnavi.renders.terrain_view import Track, terrain_view
-from mathnavi.renders.web.landscape import NODES
 from tests.renders.reading import Page, check_identifiers, check_stands_alone, lines_named
 from tests.renders.synthetic import ridges
 
@@ -52,9 +53,9 @@ def test_a_large_terrain_is_drawn_with_every_second_node_and_stays_small() -> No
 def test_a_track_keeps_its_ends_its_name_and_its_colour_and_is_thinned() -> None:
     scene = drawn(ridges(), [Track("as <planned>", PATH, "#2166ac", dashed=True)])
     (track,) = lines_named(scene, "as <planned>")
-    assert scene["layers"][track["layer"]] == {
-        "name": "as <planned>", "colour": "#2166ac", "dashed": True, "shown": True,
-    }  # fmt: skip
+    layer = scene["layers"][track["layer"]]
+    assert (layer["name"], layer["dashed"], layer["shown"]) == ("as <planned>", True, True)
+    assert hexadecimal(layer["colour"]) == "#2166ac"
     assert len(track["points"]) < 2000
     np.testing.assert_allclose(track["points"][[0, -1]], PATH[[0, -1]], atol=1e-3)
 
@@ -71,7 +72,7 @@ def test_places_have_names_and_radars_reach_as_far_as_they_see() -> None:
     names = [mark["text"] for mark in scene["marks"]]
     assert names[:2] == ["start", "base & camp"]
     assert {"north", "5 km"} <= set(names)
-    dome = next(each for each in scene["surfaces"] if each["layer"] >= 0)
+    dome = next(each for each in scene["surfaces"] if each["layer"] is not None)
     assert scene["layers"][dome["layer"]]["name"] == "radar"
     np.testing.assert_allclose(np.linalg.norm(vertices(dome) - radar[:3], axis=1), radar[3], atol=0.2)
 
@@ -91,7 +92,7 @@ def test_the_map_lies_in_the_view_and_fills_it(tall: float) -> None:
     forward = math.cos(elevation) * level + np.array([0.0, 0.0, math.sin(elevation)])
     right = np.array([level[1], -level[0], 0.0])
     ahead = points - (np.array(camera["target"]) - camera["distance"] * forward)
-    half = math.tan(math.radians(camera["fieldOfView"]) / 2.0) * (ahead @ forward)
+    half = math.tan(math.radians(camera["field_of_view"]) / 2.0) * (ahead @ forward)
     across, along = ahead @ right / half / ASPECT, ahead @ np.cross(right, forward) / half
     assert half.min() > 0.0
     assert max(np.abs(across).max(), np.abs(along).max()) < 1.0

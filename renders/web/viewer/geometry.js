@@ -42,7 +42,7 @@ const lastAt = (times, t) => {
 class Orbit {
   constructor() { this.target = [0, 0, 0]; this.distance = 1; this.azimuth = 0; this.elevation = 0; this.fieldOfView = 1; }
   take(camera) {
-    this.target = [...camera.target]; this.distance = camera.distance; this.fieldOfView = radians(camera.fieldOfView);
+    this.target = [...camera.target]; this.distance = camera.distance; this.fieldOfView = radians(camera.field_of_view);
     this.azimuth = radians(camera.azimuth); this.elevation = radians(camera.elevation);
   }
   turn(across, along) { this.azimuth -= across; this.elevation = clamp(this.elevation - along, -1.5706, 1.2); }

@@ -66,7 +66,7 @@ class Live {
     for (const lines of scene.lines) {
       const fresh = lines.plan && news.plans[lines.plan];
       if (!fresh) continue;
-      lines.points = Float32Array.from(fresh.points); lines.times = Float32Array.from(fresh.times); lines.offsets = fresh.offsets; lines.frames = [0, fresh.offsets.length - 1];
+      lines.points = Float32Array.from(fresh.points); lines.times = Float32Array.from(fresh.times); lines.offsets = fresh.offsets;
     }
     scene.events = news.events; scene.duration = Math.max(this.latest, 1e-3);
     for (const chart of this.player.charts) chart.duration = scene.duration;

@@ -19,6 +19,8 @@ const withArrays = (value, buffer) => {
   return Object.fromEntries(Object.entries(value).map(([name, each]) => [name, withArrays(each, buffer)]));
 };
 
+const css = (colour) => `rgb(${colour.map((share) => Math.round(255 * share)).join(", ")})`;
+
 const poseAt = (motion, t) => {
   if (!motion.shown.some(([begin, end]) => t >= begin - 1e-6 && t <= end + 1e-6)) return null;
   const { t: times, pos, quat, ground } = motion, k = clamp(lastAt(times, t), 0, times.length - 1), next = Math.min(k + 1, times.length - 1);
@@ -35,10 +37,10 @@ const poseAt = (motion, t) => {
 
 // The polylines of some lines at a time, cut at the present.
 const polylinesAt = (lines, t) => {
-  const k = lastAt(lines.starts, t);
+  const k = lines.frames ? lastAt(lines.starts, t) : 0;
   if (k < 0 || t > lines.end + 1e-6) return [];
-  const found = [];
-  for (let p = lines.frames[k]; p < lines.frames[k + 1]; p++) {
+  const [begin, end] = lines.frames ? [lines.frames[k], lines.frames[k + 1]] : [0, lines.offsets.length - 1], found = [];
+  for (let p = begin; p < end; p++) {
     const opacity = lines.opacities ? lines.opacities[p] : 1, [first, after] = [lines.offsets[p], lines.offsets[p + 1]];
     if (!lines.cut) { found.push({ points: lines.points.subarray(3 * first, 3 * after), opacity }); continue; }
     const times = lines.times.subarray(first, after), i = lastAt(times, t), points = lines.points;
@@ -60,6 +62,7 @@ class Player {
     this.hidden = new Set(scene.layers.flatMap((layer, k) => (layer.shown ? [] : [k])));
     this.orbit = new Orbit(); this.camera = scene.cameras[0]; this.heading = null;
     scene.extent = this.extent();
+    for (const each of [...scene.layers, ...scene.marks, ...scene.charts.flatMap((chart) => chart.series)]) each.colour = css(each.colour);
     $("title").textContent = scene.title; $("note").textContent = scene.note;
     for (const [name, value] of scene.facts) {
       const pair = document.createElement("div"), term = document.createElement("dt"), words = document.createElement("dd");
@@ -177,7 +180,7 @@ class Player {
     if (leader) this.leader = leader;
     const about = camera.follow && this.leader ? raised(this.leader.pos) : [0, 0, 0];
     this.view = this.orbit.view(about, camera.behind && camera.follow ? this.course(camera, t) : 0, size.width / size.height, 6 * scene.extent);
-    const shows = (layer) => layer < 0 || !this.hidden.has(layer), lines = [];
+    const shows = (layer) => !this.hidden.has(layer), lines = [];
     for (const own of scene.lines) if (shows(own.layer)) lines.push({ ...own, polylines: polylinesAt(own.motion ? { ...own, points: scene.motions[own.motion].pos, times: scene.motions[own.motion].t, offsets: [0, scene.motions[own.motion].t.length] } : own, t) });
     for (const pose of Object.values(poses)) if (pose?.ground != null) lines.push({ colour: [1, 1, 1], width: 1.5, dashed: false, polylines: [{ points: [pose.pos[0], pose.pos[1], pose.ground, ...pose.pos], opacity: 0.8 }] });
     for (const mark of scene.marks) if (mark.foot !== null && mark.place && shows(mark.layer)) lines.push({ colour: [1, 1, 1], width: 1.5, dashed: false, polylines: [{ points: [mark.place[0], mark.place[1], mark.foot, ...mark.place], opacity: 0.9 }] });

@@ -203,7 +203,7 @@ class Stage {
     gl.uniform1f(uniforms.uTall, own.tall ? now.tall : 1);
     gl.uniform4fv(uniforms.uColour, colour ?? [...own.colour, own.opacity]);
     gl.uniform1f(uniforms.uGlow, own.glow); gl.uniform1f(uniforms.uChecker, own.checker); gl.uniform1i(uniforms.uSmooth, own.smooth ? 1 : 0);
-    gl.uniform1i(uniforms.uPictured, own.texture ? 1 : 0); gl.uniform4fv(uniforms.uBox, own.box ?? [0, 0, 1, 1]);
+    gl.uniform1i(uniforms.uPictured, own.texture ? 1 : 0); gl.uniform4fv(uniforms.uBox, own.picture_box);
     if (own.texture) { gl.activeTexture(gl.TEXTURE0); gl.bindTexture(gl.TEXTURE_2D, own.texture); }
     gl.bindVertexArray(own.array); gl.drawElements(gl.TRIANGLES, own.count, gl.UNSIGNED_INT, 0);
   }

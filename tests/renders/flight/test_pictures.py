@@ -46,7 +46,7 @@ def test_vehicle_is_where_it_should_be_and_nothing_else_moves_with_it(run_dir: P
         assert depth > 0.0
         assert 0 < column < 320
         assert 0 < row < 180
-        without = pictures[f"{camera}.without.airframe"]
+        without = pictures[f"{camera}.without.vehicle"]
         rows, columns = differing(shown, without, 8)
         assert len(rows) > 20
         assert np.hypot(rows - row, columns - column).max() < 40  # all that changed is near the vehicle

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mathnavi.renders.flight.run_data import FlightRun, load_run, plan_arcs
+from mathnavi.renders.flight.run_data import FlightRun, load_run
+from mathnavi.renders.scene.landscape import plan_pieces
 
 
 def test_state_agrees_with_the_log_at_every_tick_and_stays_at_its_ends(run: FlightRun) -> None:
@@ -29,10 +30,12 @@ def test_plan_is_the_last_one_adopted(run: FlightRun) -> None:
 def test_what_is_left_of_a_plan_starts_now_and_ends_at_rest_on_its_last_state(run: FlightRun) -> None:
     plan = run.log.plans[2]
     now = plan.t_start + 2.0
-    arcs = plan_arcs(plan, now, step=0.5)
-    np.testing.assert_allclose(arcs[0][1][0], run.state(now)[:3], atol=60.0)  # the made-up arcs follow the path roughly
-    np.testing.assert_allclose(arcs[-1][1][-1], plan.x[-1, :3], atol=1e-6)
-    assert plan_arcs(plan, plan.t_end, step=0.5) == []
+    pieces = plan_pieces(plan, now)
+    (_, (times, places)), (_, (_, last)) = pieces[0], pieces[-1]
+    assert times[0] == now
+    np.testing.assert_allclose(places[0], run.state(now)[:3], atol=60.0)  # the made-up arcs follow the path roughly
+    np.testing.assert_allclose(last[-1], plan.x[-1, :3], atol=1e-6)
+    assert plan_pieces(plan, plan.t_end) == []
 
 
 def test_missing_folder_and_missing_files_are_named(run_dir: Path, tmp_path: Path) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mathnavi.renders.palette import SceneElement
-from mathnavi.renders.web.bodies import ghosts
-from mathnavi.renders.web.elements import Layer, Surface
+from mathnavi.renders.scene.bodies import ghosts
+from mathnavi.renders.scene.elements import Layer, Surface
 
 CORNERS = np.array([[1.0, 2.0, 3.0], [3.0, 2.0, 3.0], [1.0, 6.0, 3.0], [1.0, 2.0, 9.0]])
 FACES = np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]])

@@ -1,14 +1,13 @@
-"""Common part of flights over a terrain: the ground, airframes, radars, plans and cameras."""
+"""Common part of flights over a terrain: airframes, radars, plans and cameras."""
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 import mathnavi.models.aerial
 from mathnavi.interfaces.reading.mechanisms import read_spec
@@ -16,48 +15,37 @@ from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.entity import airframe_pose
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import RadarTrack
-from mathnavi.renders.landscape import BASE, OPTICS, TRUE_SPAN, Landscape
+from mathnavi.renders.framing import Box
 from mathnavi.renders.palette import COLOURS, Colour, SceneElement, part_of
-from mathnavi.renders.relief import EXAGGERATION, relief, resampled
-from mathnavi.renders.web.bodies import body_surfaces, grid_faces, model_shapes, revolved
-from mathnavi.renders.web.elements import Camera, Layer, Lines, Mark, Motion, Surface
+from mathnavi.renders.relief import EXAGGERATION
+from mathnavi.renders.scene.arrows import thinned_rows
+from mathnavi.renders.scene.bodies import body_surfaces, model_shapes, revolved
+from mathnavi.renders.scene.cameras import framing_camera
+from mathnavi.renders.scene.elements import (
+    MOST_POSES,
+    Camera,
+    Framed,
+    Layer,
+    Lines,
+    Mark,
+    Motion,
+    Surface,
+)
+from mathnavi.renders.scene.ground import BASE
 
-NODES, PIXELS = 257, 1025  # of the ground and of its picture, along the longer side
-QUALITY = 82  # of that picture, a JPEG
 MAP_NOTE = f"in the overview and the top view heights are {EXAGGERATION} times as tall as they are"
-EARTH: Colour = (0.36, 0.32, 0.27)  # of the sides of the map
-ASPECT = 1.5  # width over height of the picture, more or less
 DOME_OPACITY = 0.24
 RADAR_POSES = 120  # of one that drives
-PLAN_STEP = 2.0  # [s] between two points of an arc, or a 200th of the plan
 AIRFRAME_GROUP = 2
+TRUE_SPAN = 12.0  # [m] of the airframe
 MARGIN = 0.03  # around the map for the distances along its edges, in lengths of the longer side
 DISTANCES = 5  # about as many along the longer side
 GLOW = 0.35  # of airframes
-
-
-def ground(terrain: HeightField) -> list[Surface]:
-    """The ground under its relief, and the sides of the map."""
-    z = resampled(terrain, min(max(terrain.z.shape), NODES), order=1)
-    rows, columns = z.shape
-    east, north = np.meshgrid(np.linspace(0.0, terrain.width, columns), np.linspace(0.0, terrain.depth, rows))
-    vertices = np.column_stack([east.ravel(), north.ravel(), z.ravel()])
-    picture = io.BytesIO()
-    Image.fromarray(relief(terrain, PIXELS)).save(picture, "JPEG", quality=QUALITY)
-    edge = np.concatenate(
-        [np.arange(columns), np.arange(1, rows) * columns + columns - 1,
-         (rows - 1) * columns + np.arange(columns - 1)[::-1], np.arange(1, rows - 1)[::-1] * columns, [0]]
-    )  # fmt: skip
-    rim, base = vertices[edge], float(terrain.z.min()) - BASE * max(terrain.width, terrain.depth) / EXAGGERATION
-    lower = rim.copy()
-    lower[:, 2] = base
-    return [
-        Surface(
-            vertices, grid_faces(rows, columns), (0.6, 0.6, 0.58), glow=0.9, tall=True, picture=picture.getvalue(),
-            picture_box=(0.0, 0.0, terrain.width, terrain.depth),
-        ),
-        Surface(np.vstack([lower, rim]), grid_faces(2, len(edge)), EARTH, smooth=False, tall=True),
-    ]  # fmt: skip
+FINE = 1.0  # [m] by which a plan that bends may be off, as it is drawn
+# The top view is taken from far away, so that it looks like a map.
+FIELD_OF_VIEW = {"overview": 30.0, "top": 8.0}  # [degrees]
+FILL = {"overview": 0.97, "top": 0.95}  # share of the picture that the map takes
+ELEVATION, SIDEWAYS = -36.0, 24.0  # [degrees] of the overview, and off north-up
 
 
 def airframe(motion: str, layer: Layer, colour: Colour | None = None) -> list[Surface]:
@@ -71,10 +59,15 @@ def airframe(motion: str, layer: Layer, colour: Colour | None = None) -> list[Su
 
 def airframe_motion(t: Array, x: Array, u: Array, terrain: HeightField) -> Motion:
     """Motion of an airframe of states (n, 6) and accelerations (n, 3), with the ground below it."""
-    rows = np.unique(np.linspace(0, len(t) - 1, min(len(t), 1500)).round().astype(np.int64))
+    rows = thinned_rows(len(t), MOST_POSES)
     found = [airframe_pose(x[k, :3], x[k, 3:], u[min(k, len(u) - 1)]) for k in rows]
-    below = terrain.height(np.clip(x[rows, 0], 0.0, terrain.width), np.clip(x[rows, 1], 0.0, terrain.depth))
-    return Motion(t[rows], np.array([p for p, _ in found]), np.array([q for _, q in found]), ground=np.asarray(below))
+    return vehicle_motion(t[rows], np.array([p for p, _ in found]), np.array([q for _, q in found]), terrain)
+
+
+def vehicle_motion(t: Array, places: Array, quat: Array | None, terrain: HeightField) -> Motion:
+    """Motion through places (n, 3) [m] at attitudes (n, 4), with the ground below it."""
+    below = terrain.height(np.clip(places[:, 0], 0.0, terrain.width), np.clip(places[:, 1], 0.0, terrain.depth))
+    return Motion(t, places, quat, ground=np.asarray(below)).thinned()
 
 
 def path(layer: Layer, places: Array) -> Lines:
@@ -111,19 +104,22 @@ def round_step(step: float) -> float:
 
 def flown(t: Array, places: Array, layer: Layer, width: float = 3.4) -> Lines:
     """The path (n, 3) up to the present."""
-    rows = np.unique(np.linspace(0, len(t) - 1, min(len(t), 1500)).round().astype(np.int64))
-    return Lines(
-        layer, places[rows], np.array([0, len(rows)]), layer.colour, width, times=t[rows], cut="past",
-    )  # fmt: skip
+    rows = thinned_rows(len(t), MOST_POSES)
+    return Lines(layer, places[rows], np.array([0, len(rows)]), layer.colour, width, times=t[rows], cut="past")
 
 
 def plan_lines(
-    plans: Sequence[Plan], adopted: Array, end: float, own: Mapping[SceneElement, Layer], colour: Colour | None = None
+    plans: Sequence[Plan],
+    adopted: Array,
+    end: float,
+    own: Mapping[SceneElement, Layer],
+    colour: Colour | None = None,
+    fine: float = FINE,
 ) -> list[Lines]:
     """Part of the present plan, adopted at ``adopted`` (n,) [s], that is ahead: optimised, safety, completion."""
     parts: dict[SceneElement, list[list[tuple[Array, Array]]]] = {part: [[] for _ in plans] for part in own}
     for k, (plan, begin) in enumerate(zip(plans, adopted.tolist(), strict=True)):
-        pieces = plan_pieces(plan, begin)
+        pieces = plan_pieces(plan, begin, fine)
         for part, piece in pieces:
             if part in parts:
                 parts[part][k].append(piece)
@@ -144,15 +140,18 @@ def plan_lines(
     return found
 
 
-def plan_pieces(plan: Plan, begin: float) -> list[tuple[SceneElement, tuple[Array, Array]]]:
-    """The parts of a plan from ``begin`` [s] on: times (m,) [s] and places (m, 3) [m] of each."""
-    step = max(PLAN_STEP if plan.t_end - begin > 60.0 else 0.1, (plan.t_end - begin) / 200.0)
+def plan_pieces(plan: Plan, begin: float, fine: float = FINE) -> list[tuple[SceneElement, tuple[Array, Array]]]:
+    """The parts of a plan from ``begin`` [s] on: times (m,) [s] and places (m, 3) [m] of each.
+
+    Between two of its points a plan is at most ``fine`` [m] from the straight line.
+    """
     found: list[tuple[SceneElement, tuple[list[Array], list[Array]]]] = []
     for k, phase in enumerate(plan.phase):
         first, last = max(begin, float(plan.t[k])), float(plan.t[k + 1])
         if last <= first:
             continue
-        times = np.linspace(first, last, max(2, int(np.ceil((last - first) / step)) + 1))
+        pieces = math.ceil((last - first) * math.sqrt(float(np.linalg.norm(plan.u[k])) / (8.0 * fine)))
+        times = np.linspace(first, last, max(pieces, 1) + 1)
         s = times[:, None] - plan.t[k]
         places = plan.x[k, :3] + plan.x[k, 3:6] * s + 0.5 * plan.u[k] * s**2
         part = part_of(int(phase))
@@ -183,31 +182,35 @@ def radar_domes(
 def dome(radius: float, motion: str | None = None, centre: Array | None = None) -> Surface:
     """The sphere that a radar reaches, its radius in [m], on a motion or about a centre (3,) [m]."""
     layer = Layer.for_element(SceneElement.RADAR)
-    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 25)
-    vertices, faces = revolved(radius * np.cos(angle), radius * np.sin(angle))
+    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 33)
+    vertices, faces = revolved(radius * np.cos(angle), radius * np.sin(angle), 64)
     if centre is not None:
         vertices = vertices + centre
     return Surface(vertices, faces, layer.colour, DOME_OPACITY, motion, layer, glow=0.75, tall=True)
 
 
+def corners(terrain: HeightField, low: float, high: float) -> Array:
+    """(8, 3) [m] of the box over the map between two heights [m]."""
+    return np.array([[x, y, z] for x in (0.0, terrain.width) for y in (0.0, terrain.depth) for z in (low, high)])
+
+
 def map_cameras(terrain: HeightField, course: Array) -> list[Camera]:
-    """Overview and top view of a course (n, 3) [m], with heights as in every picture of a whole map."""
-    land = Landscape(terrain)
+    """Overview and top view, which the whole map fills, its heights multiplied.
+
+    The overview is turned a little from north-up, to the side from which a course (3,) crosses the picture.
+    """
+    low, high = float(terrain.z.min()), float(terrain.z.max())
+    box = corners(terrain, low - BASE * terrain.width / EXAGGERATION, 0.6 * high + 0.4 * low)
+    azimuth = 90.0 + (SIDEWAYS if course[0] * course[1] >= 0.0 else -SIDEWAYS)
     found = []
-    for name in ("overview", "top"):
-        view = land.view(name, course, 0.0, ASPECT)
-        degrees = OPTICS[name].field_of_view
-        found.append(
-            Camera(
-                name, tuple(view.lookat.tolist()), view.distance, view.azimuth, view.elevation,
-                field_of_view=degrees, tall=EXAGGERATION, span=0.075,
-            )
-        )  # fmt: skip
+    for name, sight in {"overview": (azimuth, ELEVATION), "top": (90.0, -89.9)}.items():
+        edges = 0.5 - 0.5 * FILL[name], 0.5 + 0.5 * FILL[name]
+        framed = Framed(box, Box(*edges, *edges))
+        found.append(map_camera(name, framed, sight, low=low, tall=EXAGGERATION))
     return found
 
 
-def chase(name: str, motion: str, distance: float, behind: float, span: float, elevation: float = -17.0) -> Camera:
-    """A camera behind a vehicle."""
-    return Camera(
-        name, (0.0, 0.0, 0.0), distance, 0.0, elevation, motion, behind, 45.0, span=span,
-    )  # fmt: skip
+def map_camera(name: str, framed: Framed, sight: tuple[float, float], *, low: float = 0.0, tall: float = 1.0) -> Camera:
+    """A camera of a whole map, of the same name in videos."""
+    found = framing_camera(name, framed, sight, FIELD_OF_VIEW[name], low=low, tall=tall)
+    return replace(found, span=0.075, shot=name)

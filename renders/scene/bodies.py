@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.renders.palette import COLOURS, Colour, SceneElement
-from mathnavi.renders.web.elements import Layer, Motion, Surface
+from mathnavi.renders.scene.elements import Layer, Motion, Surface
 from mathnavi.sim.engine.scene_record import FIELD, MESH, PLANE, shapes
 
 GHOST_OPACITY = 0.42

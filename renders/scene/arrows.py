@@ -8,7 +8,7 @@ import numpy as np
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.renders.palette import Colour
-from mathnavi.renders.web.elements import Layer, Lines
+from mathnavi.renders.scene.elements import Layer, Lines
 
 HEAD, SPREAD = 0.22, 0.4  # of an arrow: length of its head, and half of its width in that
 

@@ -10,7 +10,7 @@ import numpy as np
 from mathnavi.interfaces.signals import Array
 from mathnavi.renders.generic.run_data import GenericRun, estimates
 from mathnavi.renders.palette import COLOURS, Colour, SceneElement, vehicle_colour
-from mathnavi.renders.web.elements import Chart, Series
+from mathnavi.renders.scene.elements import Chart, Series
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.run_folder import described
 

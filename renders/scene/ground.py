@@ -1,0 +1,126 @@
+"""The ground of a scene under its relief, as a model of MuJoCo and as surfaces for the browser.
+
+MuJoCo's model holds it once for each factor of heights by which a camera shows it, in geom groups of their own: the
+true one for cameras near a vehicle, and a taller one for those that show the whole map.
+
+Import ``mathnavi.models.opengl`` and choose the backend before this module, which imports mujoco.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+from PIL import Image
+
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.renders.palette import Colour
+from mathnavi.renders.relief import EXAGGERATION, relief, resampled, roughened
+from mathnavi.renders.scene.bodies import grid_faces
+from mathnavi.renders.scene.elements import Surface
+from mathnavi.renders.stage import HORIZON, NADIR
+
+NODES, PIXELS = 257, 1025  # of the ground and of its picture, along the longer side
+QUALITY = 82  # of that picture, a JPEG, in the browser
+EARTH: Colour = (0.36, 0.32, 0.27)  # of the sides of the map
+BASE = 0.02  # share of the width: thickness of the slab under the lowest ground
+DETAIL = 4  # texture pixels painted for each pixel of the relief, unless the picture is small
+SMALL = 360  # [pixels] height of a small picture
+
+
+def ground_surfaces(terrain: HeightField) -> list[Surface]:
+    """The ground and the sides of the map."""
+    z = resampled(terrain, min(max(terrain.z.shape), NODES), order=1)
+    rows, columns = z.shape
+    east, north = np.meshgrid(np.linspace(0.0, terrain.width, columns), np.linspace(0.0, terrain.depth, rows))
+    vertices = np.column_stack([east.ravel(), north.ravel(), z.ravel()])
+    picture = io.BytesIO()
+    Image.fromarray(relief(terrain, PIXELS)).save(picture, "JPEG", quality=QUALITY)
+    edge = np.concatenate(
+        [np.arange(columns), np.arange(1, rows) * columns + columns - 1,
+         (rows - 1) * columns + np.arange(columns - 1)[::-1], np.arange(1, rows - 1)[::-1] * columns, [0]]
+    )  # fmt: skip
+    rim, base = vertices[edge], float(terrain.z.min()) - BASE * max(terrain.width, terrain.depth) / EXAGGERATION
+    lower = rim.copy()
+    lower[:, 2] = base
+    return [
+        Surface(
+            vertices, grid_faces(rows, columns), (0.6, 0.6, 0.58), glow=0.9, tall=True, picture=picture.getvalue(),
+            picture_box=(0.0, 0.0, terrain.width, terrain.depth),
+        ),
+        Surface(np.vstack([lower, rim]), grid_faces(2, len(edge)), EARTH, smooth=False, tall=True),
+    ]  # fmt: skip
+
+
+def ground_model(terrain: HeightField, factors: Sequence[float], width: int, height: int, samples: int) -> Any:
+    """An ``mjSpec`` of the ground by factors of its heights, each a geom group, for pictures of a size in pixels."""
+    spec = mujoco.MjSpec()
+    side = max(terrain.width, terrain.depth)
+    low, high = float(terrain.z.min()), float(terrain.z.max())
+    spec.stat.extent = 0.5 * side
+    spec.stat.center = [0.5 * terrain.width, 0.5 * terrain.depth, 0.5 * (low + high)]
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
+    spec.visual.map.fogstart, spec.visual.map.fogend = 0.25, 2.6
+    spec.visual.rgba.fog = [*HORIZON, 1.0]
+    spec.visual.quality.offsamples = samples
+    spec.visual.quality.numslices, spec.visual.quality.numstacks = 20, 6  # a line has hundreds of capsules
+    spec.visual.headlight.active = 0
+    spec.worldbody.add_light(
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        dir=[0.55, -0.55, -0.75],
+        diffuse=[0.26, 0.25, 0.23],
+        ambient=[0.08, 0.08, 0.09],
+        specular=[0.1, 0.1, 0.1],
+        castshadow=False,
+    )
+    spec.add_texture(
+        name="backdrop",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=HORIZON,
+        rgb2=NADIR,
+        width=256,
+        height=256 * 6,
+    )
+    _add_ground(spec, terrain, factors, detail=DETAIL if height > SMALL else 1)
+    return spec
+
+
+def _add_ground(spec: Any, terrain: HeightField, factors: Sequence[float], detail: int) -> None:
+    low, high = float(terrain.z.min()), float(terrain.z.max())
+    nodes = resampled(terrain, NODES, order=1)
+    picture = roughened(relief(terrain, PIXELS), detail, contrast=0.05)
+    # A texture's row 0 is its northern edge in relief() and its southern one in MuJoCo.
+    texture = spec.add_texture(
+        name="relief",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        width=picture.shape[1],
+        height=picture.shape[0],
+        nchannel=3,
+    )
+    texture.data = picture.tobytes()
+    ground = spec.add_material(name="ground", emission=0.86, specular=0.0, shininess=0.0)
+    textures = [""] * len(ground.textures)
+    textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "relief"
+    ground.textures = textures
+    for group, factor in enumerate(factors):
+        spec.add_hfield(
+            name=f"ground {group}",
+            nrow=nodes.shape[0],
+            ncol=nodes.shape[1],
+            size=[0.5 * terrain.width, 0.5 * terrain.depth, factor * max(high - low, 1.0), BASE * terrain.width],
+            userdata=((nodes - low) / max(high - low, 1.0)).ravel(),
+        )
+        spec.worldbody.add_geom(
+            name=f"ground {group}",
+            type=mujoco.mjtGeom.mjGEOM_HFIELD,
+            hfieldname=f"ground {group}",
+            pos=[0.5 * terrain.width, 0.5 * terrain.depth, low],
+            material="ground",
+            group=group,
+            contype=0,
+            conaffinity=0,
+        )

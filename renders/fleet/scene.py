@@ -67,7 +67,7 @@ def fleet_scene(run: FleetRun) -> Scene:
         motions,
         surfaces,
         lines,
-        [*starts, *slots, *names, *scale_marks(run.terrain)],
+        [*names, *slots, *starts, *scale_marks(run.terrain)],
         fleet_charts(run),
         ground=run.terrain,
         note=MAP_NOTE,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from mathnavi.renders.flight.run_data import FlightRun
 from mathnavi.renders.palette import COLOURS, SceneElement
 from mathnavi.renders.scene.cameras import chase
 from mathnavi.renders.scene.charts import TRUTH, curve
-from mathnavi.renders.scene.elements import Camera, Chart, Layer, Mark, Scene
+from mathnavi.renders.scene.elements import Camera, Chart, Layer, Lines, Mark, Motion, Scene, Surface
 from mathnavi.renders.scene.landscape import (
     MAP_NOTE,
     airframe,
@@ -34,10 +35,32 @@ PLAN_LAYERS = {
 
 def flight_scene(run: FlightRun) -> Scene:
     """Return the scene of a flight."""
-    mission, terrain = run.mission, run.terrain
     layer = Layer.for_element(SceneElement.FLOWN)
+    course = run.mission.target - run.mission.start
+    return mission_scene(
+        run,
+        [*map_cameras(run.terrain, course), replace(follow(VEHICLE), name="follow the vehicle", shot="chase")],
+        airframe_motion(run.t, run.x, run.u, run.terrain),
+        airframe(VEHICLE, layer),
+        [flown(run.t, run.x[:, :3], layer), *plan_lines(run.log.plans, run.log.adopted, run.duration, PLAN_LAYERS)],
+        flight_charts(run),
+        MAP_NOTE,
+    )
+
+
+def mission_scene(
+    run: FlightRun,
+    cameras: Sequence[Camera],
+    motion: Motion,
+    vehicle: Sequence[Surface],
+    lines: Sequence[Lines],
+    charts: Sequence[Chart],
+    note: str = "",
+) -> Scene:
+    """Return the scene of a vehicle on its motion ``VEHICLE``, with the ground, radars, start and target."""
+    mission, terrain = run.mission, run.terrain
     radar_motions, domes = radar_domes(mission.radars, terrain, run.duration)
-    motions = {VEHICLE: airframe_motion(run.t, run.x, run.u, terrain), **radar_motions}
+    motions = {VEHICLE: motion, **radar_motions}
     start, target = ((part.value, COLOURS[part]) for part in (SceneElement.START, SceneElement.TARGET))
     marks = [Mark(*start, mission.start, foot=height(run, mission.start))]
     if len(mission.target_path):
@@ -46,27 +69,13 @@ def flight_scene(run: FlightRun) -> Scene:
         marks.append(Mark(*target, motion=TARGET))
     else:
         marks.append(Mark(*target, mission.target, foot=height(run, mission.target)))
-    several = len(mission.radars) > 1
+    name, colour = SceneElement.RADAR.value, COLOURS[SceneElement.RADAR]
     marks += [
-        Mark(f"{SceneElement.RADAR.value} {k}" if several else SceneElement.RADAR.value, COLOURS[SceneElement.RADAR],
-             motion=name, layer=Layer.for_element(SceneElement.RADAR))
-        for k, name in enumerate(radar_motions, start=1)
-    ]  # fmt: skip
-    return Scene(
-        run.title,
-        run.duration,
-        [
-            *map_cameras(terrain, mission.target - mission.start),
-            replace(follow(VEHICLE), name="follow the vehicle", shot="chase"),
-        ],
-        motions,
-        [*airframe(VEHICLE, layer), *domes],
-        [flown(run.t, run.x[:, :3], layer), *plan_lines(run.log.plans, run.log.adopted, run.duration, PLAN_LAYERS)],
-        [*marks, *scale_marks(terrain)],
-        flight_charts(run),
-        ground=terrain,
-        note=MAP_NOTE,
-    )
+        Mark(f"{name} {k}" if len(mission.radars) > 1 else name, colour, motion=radar, layer=domes[0].layer)
+        for k, radar in enumerate(radar_motions, start=1)
+    ]
+    surfaces, marks = [*vehicle, *domes], [*marks, *scale_marks(terrain)]
+    return Scene(run.title, run.duration, cameras, motions, surfaces, lines, marks, charts, ground=terrain, note=note)
 
 
 def follow(vehicle: str) -> Camera:

@@ -13,7 +13,7 @@ import numpy as np
 
 from mathnavi.models.quadrotor.dynamics import ATTITUDE, ROTORS
 from mathnavi.models.quadrotor.entity import add_vehicle
-from mathnavi.renders.flight.scene import PLAN_LAYERS, VEHICLE, flight_scene
+from mathnavi.renders.flight.scene import PLAN_LAYERS, VEHICLE, mission_scene
 from mathnavi.renders.framing import Box
 from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.quadrotor.run_data import QuadrotorRun
@@ -36,25 +36,23 @@ LOW = np.array(
 
 def quadrotor_scene(run: QuadrotorRun) -> Scene:
     """Return the scene of a flight of a quadrotor."""
-    own, flight = run.flight, flight_scene(run.flight)
-    layer, terrain = Layer.for_element(SceneElement.FLOWN), own.terrain
+    flight, terrain, layer = run.flight, run.flight.terrain, Layer.for_element(SceneElement.FLOWN)
     box = corners(terrain, float(terrain.z.min()), float(terrain.z.max()))
     near = chase("follow the vehicle", VEHICLE, DISTANCE * run.reach, BEHIND, 0.0)
-    plans = [replace(plan, x=plan.x - np.pad(LOW, (0, 3))) for plan in own.log.plans]
-    return replace(
+    plans = [replace(plan, x=plan.x - np.pad(LOW, (0, 3))) for plan in flight.log.plans]
+    return mission_scene(
         flight,
-        cameras=[
+        [
             *(map_camera(name, Framed(box, FREE[name]), sight) for name, sight in SIGHT.items()),
             replace(near, field_of_view=WIDE, shot="chase", clear=CLEAR),
         ],
-        motions={**flight.motions, VEHICLE: vehicle_motion(own.t, own.x[:, :3], run.truth[:, ATTITUDE], terrain)},
-        surfaces=_vehicle(layer, 2.0 * run.reach),
-        lines=[
-            flown(own.t, own.x[:, :3] - LOW, layer),
-            *plan_lines(plans, own.log.adopted, run.duration, PLAN_LAYERS, fine=FINE),
+        vehicle_motion(flight.t, flight.x[:, :3], run.truth[:, ATTITUDE], terrain),
+        _vehicle(layer, 2.0 * run.reach),
+        [
+            flown(flight.t, flight.x[:, :3] - LOW, layer),
+            *plan_lines(plans, flight.log.adopted, run.duration, PLAN_LAYERS, fine=FINE),
         ],
-        charts=quadrotor_charts(run),
-        note="",
+        quadrotor_charts(run),
     )
 
 

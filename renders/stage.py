@@ -336,6 +336,21 @@ class Stage:
         return geom
 
 
+def set_size(spec: Any, width: int, height: int, samples: int) -> None:
+    """Prepare an ``mjSpec`` for pictures of a size in pixels, each of which is the mean of some samples, or of one."""
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
+    spec.visual.quality.offsamples = samples
+
+
+def add_sky(spec: Any) -> None:
+    """Add a sky that is darker below the horizon, and fog in its colour."""
+    spec.visual.rgba.fog = [*HORIZON, 1.0]
+    spec.add_texture(
+        name="backdrop", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=HORIZON, rgb2=NADIR, width=256, height=256 * 6,
+    )  # fmt: skip
+
+
 class Staged:
     """A scene on a stage, as a context manager: its end closes the renderer, or OSMesa complains at exit."""
 

@@ -18,7 +18,7 @@ from mathnavi.renders.generic.run_data import GenericRun, index
 from mathnavi.renders.generic.scene_data import PATH_POINTS, reach, swept
 from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement, vehicle_colour
-from mathnavi.renders.stage import HORIZON, NADIR, Optics, Stage, Staged, View
+from mathnavi.renders.stage import Optics, Stage, Staged, View, add_sky, set_size
 from mathnavi.sim.engine.scene_record import FIELD, MESH
 
 FIELD_OF_VIEW = 36.0  # [degrees]
@@ -149,8 +149,8 @@ class GenericScene(Staged):
         spec, a = mujoco.MjSpec(), self._scene.arrays
         middle = 0.5 * (self._points.min(axis=0) + self._points.max(axis=0))
         spec.stat.extent, spec.stat.center = self._extent, middle
-        spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
-        spec.visual.quality.offsamples, spec.visual.quality.shadowsize = samples, 4096
+        set_size(spec, width, height, samples)
+        spec.visual.quality.shadowsize = 4096
         spec.visual.map.shadowclip = SHADOWED
         spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.35] * 3, [0.25] * 3
         spec.visual.headlight.specular = [0.0] * 3
@@ -158,10 +158,7 @@ class GenericScene(Staged):
             type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=middle - 4.0 * self._extent * SUNLIGHT,
             dir=SUNLIGHT, diffuse=[0.6] * 3, specular=[0.15] * 3,
         )  # fmt: skip
-        spec.add_texture(
-            name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-            rgb1=HORIZON, rgb2=NADIR, width=256, height=256 * 6,
-        )  # fmt: skip
+        add_sky(spec)
         _ground_material(spec, self._extent)
         used = {(kind, data) for kind, data in zip(a["geom.type"].tolist(), a["geom.data"].tolist(), strict=True)}
         for kind, data in sorted(used):

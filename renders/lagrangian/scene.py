@@ -22,7 +22,7 @@ from mathnavi.renders.lagrangian.tip import Tip
 from mathnavi.renders.lagrangian.views import AZIMUTH, ELEVATION, RECENT, azimuth
 from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement
-from mathnavi.renders.stage import Optics, Stage, Staged
+from mathnavi.renders.stage import Optics, Stage, Staged, set_size
 
 OPTICS = Optics(28.0, 0.02, 40.0)
 FREE = Box(0.12, 0.96, 0.15, 0.67)  # of a picture, in which all may move
@@ -46,8 +46,7 @@ class MechanismScene(Staged):
         self.run = run
         assert run.mechanism is not None
         spec = build_spec(run.mechanism)
-        spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
-        spec.visual.quality.offsamples = samples
+        set_size(spec, width, height, samples)
         self._light(spec)
         self.model = spec.compile()
         self.stage = Stage(self.model, width, height, glow=0.25)

@@ -125,11 +125,11 @@ def _tip_lines(run: LagrangianRun, tip: Tip, size: float) -> list[Lines]:
         known = run.errors.found[k] > 0.0 and np.isfinite(state).all()
         found.append(arrow(tip.origin, scale * tip.velocity(state)) if known else [])
     t, end = run.t_estimate[shown], run.duration
-    arrows = (
-        sequence(Layer.for_element(SceneElement.FOUND_VELOCITY), found, t, end, 6.5),
-        sequence(Layer.for_element(SceneElement.TRUE_VELOCITY), true, t, end, 2.6),
-    )
-    return [path, *(each for each in arrows if each is not None)]
+    return [
+        path,
+        *sequence(Layer.for_element(SceneElement.FOUND_VELOCITY), found, t, end, 6.5),
+        *sequence(Layer.for_element(SceneElement.TRUE_VELOCITY), true, t, end, 2.6),
+    ]
 
 
 def _surface(run: LagrangianRun) -> Scene:
@@ -161,8 +161,7 @@ def _surface(run: LagrangianRun) -> Scene:
         ways = [run.belief(float(t[k])) for k in shown]
         shares = np.linspace(0.0, 1.0, ON_GEODESIC)
         frames = [[placed(np.array([run.towards(k, float(s)) for s in shares]))] if k >= 0 else [] for k in ways]
-        way = sequence(Layer.for_element(SceneElement.GEODESIC), frames, t[shown], run.duration, 3.0)
-        lines += [] if way is None else [way]
+        lines += sequence(Layer.for_element(SceneElement.GEODESIC), frames, t[shown], run.duration, 3.0)
     if is_globe:
         angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 49)
         vertices, faces = revolved(np.cos(angle), np.sin(angle), 72)

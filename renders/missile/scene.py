@@ -22,7 +22,7 @@ from mathnavi.renders.missile.ground import PIXELS, TILE, ground_picture
 from mathnavi.renders.missile.run_data import MissileRun
 from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement
-from mathnavi.renders.stage import HORIZON, NADIR, Optics, Stage, Staged, View
+from mathnavi.renders.stage import Optics, Stage, Staged, View, add_sky, set_size
 
 GROUND, DRAWN = 1, 2  # geom groups
 EXTENT = 500.0  # [m]
@@ -226,10 +226,8 @@ def _model(run: MissileRun, width: int, height: int, samples: int) -> Any:
     spec = build_spec(run.coordinates, run.input_max.tolist())
     spec.stat.extent = EXTENT
     spec.stat.center = [0.5 * float(run.path[:, 0].max()), 0.0, 50.0]
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
+    set_size(spec, width, height, samples)
     spec.visual.map.fogstart, spec.visual.map.fogend = 1.5, 9.0
-    spec.visual.rgba.fog = [*HORIZON, 1.0]
-    spec.visual.quality.offsamples = samples
     spec.visual.quality.shadowsize = 4096
     spec.visual.map.shadowclip = 0.06
     spec.visual.headlight.active = 0
@@ -239,10 +237,7 @@ def _model(run: MissileRun, width: int, height: int, samples: int) -> Any:
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=[0.45, 0.55, -0.9], diffuse=[0.62, 0.60, 0.56],
         ambient=[0.42, 0.43, 0.46], specular=[0.25, 0.25, 0.25],
     )  # fmt: skip
-    spec.add_texture(
-        name="backdrop", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=HORIZON, rgb2=NADIR, width=256, height=256 * 6,
-    )  # fmt: skip
+    add_sky(spec)
     texture = spec.texture("ground")
     texture.builtin = mujoco.mjtBuiltin.mjBUILTIN_NONE
     texture.mark = mujoco.mjtMark.mjMARK_NONE

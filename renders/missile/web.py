@@ -90,24 +90,14 @@ def _cameras(run: MissileRun) -> list[Camera]:
 
 def _plans(run: MissileRun) -> list[Lines]:
     """The part of each plan that is ahead."""
-    frames, times = [], []
-    for begin, plan in zip(run.log.adopted.tolist(), run.log.plans, strict=True):
-        t = np.linspace(begin, max(plan.t_end, begin + 1e-3), PLAN_POINTS)
-        frames.append(run.plan_ahead(begin, PLAN_POINTS))
-        times.append(
-            begin + (plan.t_end - begin) * np.linspace(0.0, 1.0, PLAN_POINTS) ** 1.7 if len(frames[-1]) else t[:0]
-        )
-    kept = [(begin, x, t) for begin, x, t in zip(run.log.adopted.tolist(), frames, times, strict=True) if len(x) > 1]
-    if not kept:
-        return []
-    layer = Layer.for_element(SceneElement.PLAN)
-    return [
-        Lines(
-            layer, np.vstack([x for _, x, _ in kept]), np.cumsum([0, *(len(x) for _, x, _ in kept)]), layer.colour, 3.0,
-            times=np.concatenate([t for *_, t in kept]), cut="ahead", frames=np.arange(len(kept) + 1),
-            starts=np.array([begin for begin, *_ in kept]), end=run.duration,
-        )
-    ]  # fmt: skip
+    each = (
+        (begin, plan.t_end, run.plan_ahead(begin, PLAN_POINTS))
+        for begin, plan in zip(run.log.adopted.tolist(), run.log.plans, strict=True)
+    )
+    kept = [(begin, end, places) for begin, end, places in each if len(places) > 1]
+    times = [begin + (end - begin) * np.linspace(0.0, 1.0, PLAN_POINTS) ** 1.7 for begin, end, _ in kept]
+    starts, frames = np.array([begin for begin, *_ in kept]), [[places] for *_, places in kept]
+    return sequence(Layer.for_element(SceneElement.PLAN), frames, starts, run.duration, 3.0, times=times)
 
 
 def _forces(run: MissileRun) -> list[Lines]:
@@ -116,8 +106,7 @@ def _forces(run: MissileRun) -> list[Lines]:
     forces = np.array([run.axes(float(run.t[k])) @ run.coordinates.input_in_space(run.u[k])[:3] for k in rows])
     scale = LONGEST * SPAN / max(float(np.linalg.norm(forces, axis=1).max()), run.weight)
     frames = [arrow(run.path[k], scale * force) for k, force in zip(rows, forces, strict=True)]
-    found = sequence(Layer.for_element(SceneElement.FORCE), frames, run.t[rows], run.duration, 3.0)
-    return [] if found is None else [found]
+    return sequence(Layer.for_element(SceneElement.FORCE), frames, run.t[rows], run.duration, 3.0)
 
 
 def _target(run: MissileRun, t: Array, places: Array) -> list[Lines]:
@@ -131,5 +120,4 @@ def _target(run: MissileRun, t: Array, places: Array) -> list[Lines]:
         arrow(place + np.array([0.0, 0.0, 2.0 * LIFT]), VELOCITY_TIME * run.target_velocity(float(s)))
         for s, place in zip(t, places, strict=True)
     ]
-    arrows = sequence(Layer.for_element(SceneElement.VELOCITY), frames, t, run.duration, 2.6)
-    return found if arrows is None else [*found, arrows]
+    return [*found, *sequence(Layer.for_element(SceneElement.VELOCITY), frames, t, run.duration, 2.6)]

@@ -24,7 +24,7 @@ from mathnavi.renders.palette import COLOURS, Picture, SceneElement
 from mathnavi.renders.ranging import shapes
 from mathnavi.renders.ranging.floor import OUTSIDE, extent, floor_picture, pale
 from mathnavi.renders.ranging.run_data import RangingRun
-from mathnavi.renders.stage import Optics, Stage, Staged, View
+from mathnavi.renders.stage import Optics, Stage, Staged, View, set_size
 from mathnavi.sim.records.run_folder import last_at
 
 ROBOT_GROUP = 2  # of the geoms of the robot that eyes see
@@ -208,8 +208,7 @@ def _lifted(places: Array, height: float) -> Array:
 def _model(run: RangingRun, width: int, height: int, samples: int) -> Any:
     spec = build_spec(run.curve, run.mission.angles, run.drive, run.friction)
     spec.stat.extent, spec.stat.center = 1.0, [*extent(run.curve)[0], 0.0]
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
-    spec.visual.quality.offsamples = samples
+    set_size(spec, width, height, samples)
     spec.visual.headlight.active = 0
     for light in list(spec.worldbody.lights):
         spec.delete(light)

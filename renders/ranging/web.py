@@ -55,7 +55,7 @@ def web_scene(run: RangingRun) -> Scene:
         Camera("top", (float(centre[0]), float(centre[1]), 0.0), 2.0 * low, 90.0, -89.9, field_of_view=30.0),
         chase("follow the robot", chassis, 2.7, 1.5, 0.0, -38.0),
     ]
-    lines = [each for each in (*_paths(run), *_rays(run), *_beliefs(run)) if each is not None]
+    lines = [*_paths(run), *_rays(run), *_beliefs(run)]
     marks = [Mark("robot", COLOURS[SceneElement.DRIVEN], motion=chassis, dot=False)]
     return Scene(
         run.log.title, run.duration, cameras, motions, surfaces, lines, marks, ranging_charts(run), floor=0.0
@@ -131,7 +131,7 @@ def _paths(run: RangingRun) -> list[Lines]:
     return [driven, Lines(layer, lifted(places, 2.0 * PATH), offsets, layer.colour, 2.0, times=t, cut="past")]
 
 
-def _rays(run: RangingRun) -> list[Lines | None]:
+def _rays(run: RangingRun) -> list[Lines]:
     """Rays from the turret to the wall; grey where the reading was lost."""
     rows = thinned_rows(len(run.t), MOST_FRAMES)
     read: list[list[Array]] = []
@@ -154,12 +154,12 @@ def _rays(run: RangingRun) -> list[Lines | None]:
             (read if math.isfinite(reading) else lost)[-1].append(ends)
     t, end = run.t[rows], run.duration
     return [
-        sequence(Layer.for_element(SceneElement.RAY), read, t, end, 2.0),
-        sequence(Layer.for_element(SceneElement.LOST_RAY, dashed=True), lost, t, end, 2.0, dashed=True),
+        *sequence(Layer.for_element(SceneElement.RAY), read, t, end, 2.0),
+        *sequence(Layer.for_element(SceneElement.LOST_RAY, dashed=True), lost, t, end, 2.0, dashed=True),
     ]
 
 
-def _beliefs(run: RangingRun) -> list[Lines | None]:
+def _beliefs(run: RangingRun) -> list[Lines]:
     """Outlines of the estimate with its ellipse, of the hypotheses, and of the poses that cannot be distinguished."""
     chosen = thinned_rows(len(run.beliefs.t), MOST_FRAMES) if len(run.beliefs.t) else np.array([], dtype=np.int64)
     beliefs = run.beliefs
@@ -191,8 +191,8 @@ def _beliefs(run: RangingRun) -> list[Lines | None]:
     rows = thinned_rows(len(run.t), MOST_FRAMES)
     images = [[lifted(shapes.outline(image), MARKS) for image in run.curve.images(run.pose[row])[1:]] for row in rows]
     return [
-        sequence(Layer.for_element(SceneElement.ESTIMATE), spread, t, end, 2.0),
-        sequence(Layer.for_element(SceneElement.HYPOTHESIS), guesses, t, end, 2.0, opacities=strengths),
-        sequence(Layer.for_element(SceneElement.BELIEVED), ends, t, end, 1.6, dashed=True),
-        sequence(Layer.for_element(SceneElement.IMAGE, shown=False), images, run.t[rows], end, 1.6),
+        *sequence(Layer.for_element(SceneElement.ESTIMATE), spread, t, end, 2.0),
+        *sequence(Layer.for_element(SceneElement.HYPOTHESIS), guesses, t, end, 2.0, opacities=strengths),
+        *sequence(Layer.for_element(SceneElement.BELIEVED), ends, t, end, 1.6, dashed=True),
+        *sequence(Layer.for_element(SceneElement.IMAGE, shown=False), images, run.t[rows], end, 1.6),
     ]

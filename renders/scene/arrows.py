@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,16 +24,21 @@ def sequence(
     colour: Colour | None = None,
     dashed: bool = False,
     opacities: Sequence[float] | None = None,
-) -> Lines | None:
-    """Polylines (m, 3) of frames that follow each other at times (k,) [s]; None where there is no polyline."""
+    times: Sequence[Array] | None = None,
+) -> list[Lines]:
+    """Polylines (m, 3) of frames that follow each other at times (k,) [s]; nothing where there is no polyline.
+
+    With ``times``, (m,) [s] of the points of each polyline, only what is ahead is shown.
+    """
     polylines = [each for frame in frames for each in frame]
     if not polylines:
-        return None
-    return Lines(
+        return []
+    own = Lines(
         layer, np.vstack(polylines), np.cumsum([0, *map(len, polylines)]), colour or layer.colour, width, dashed,
         frames=np.cumsum([0, *map(len, frames)]), starts=starts, end=end,
         opacities=None if opacities is None else np.array(opacities),
     )  # fmt: skip
+    return [own if times is None else replace(own, times=np.concatenate(times), cut="ahead")]
 
 
 def arrow(start: Array, vector: Array) -> list[Array]:

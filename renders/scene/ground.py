@@ -21,7 +21,7 @@ from mathnavi.renders.palette import Colour
 from mathnavi.renders.relief import EXAGGERATION, relief, resampled, roughened
 from mathnavi.renders.scene.bodies import grid_faces
 from mathnavi.renders.scene.elements import Surface
-from mathnavi.renders.stage import HORIZON, NADIR
+from mathnavi.renders.stage import add_sky, set_size
 
 NODES, PIXELS = 257, 1025  # of the ground and of its picture, along the longer side
 QUALITY = 82  # of that picture, a JPEG, in the browser
@@ -62,10 +62,8 @@ def ground_model(terrain: HeightField, factors: Sequence[float], width: int, hei
     low, high = float(terrain.z.min()), float(terrain.z.max())
     spec.stat.extent = 0.5 * side
     spec.stat.center = [0.5 * terrain.width, 0.5 * terrain.depth, 0.5 * (low + high)]
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
+    set_size(spec, width, height, samples)
     spec.visual.map.fogstart, spec.visual.map.fogend = 0.25, 2.6
-    spec.visual.rgba.fog = [*HORIZON, 1.0]
-    spec.visual.quality.offsamples = samples
     spec.visual.quality.numslices, spec.visual.quality.numstacks = 20, 6  # a line has hundreds of capsules
     spec.visual.headlight.active = 0
     spec.worldbody.add_light(
@@ -76,15 +74,7 @@ def ground_model(terrain: HeightField, factors: Sequence[float], width: int, hei
         specular=[0.1, 0.1, 0.1],
         castshadow=False,
     )
-    spec.add_texture(
-        name="backdrop",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=HORIZON,
-        rgb2=NADIR,
-        width=256,
-        height=256 * 6,
-    )
+    add_sky(spec)
     _add_ground(spec, terrain, factors, detail=DETAIL if height > SMALL else 1)
     return spec
 

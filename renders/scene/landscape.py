@@ -18,7 +18,7 @@ from mathnavi.models.terrain.visibility import RadarTrack
 from mathnavi.renders.framing import Box
 from mathnavi.renders.palette import COLOURS, Colour, SceneElement, part_of
 from mathnavi.renders.relief import EXAGGERATION
-from mathnavi.renders.scene.arrows import thinned_rows
+from mathnavi.renders.scene.arrows import sequence, thinned_rows
 from mathnavi.renders.scene.bodies import body_surfaces, model_shapes, revolved
 from mathnavi.renders.scene.cameras import framing_camera
 from mathnavi.renders.scene.elements import (
@@ -117,25 +117,13 @@ def plan_lines(
     fine: float = FINE,
 ) -> list[Lines]:
     """Part of the present plan, adopted at ``adopted`` (n,) [s], that is ahead: optimised, safety, completion."""
-    parts: dict[SceneElement, list[list[tuple[Array, Array]]]] = {part: [[] for _ in plans] for part in own}
-    for k, (plan, begin) in enumerate(zip(plans, adopted.tolist(), strict=True)):
-        pieces = plan_pieces(plan, begin, fine)
-        for part, piece in pieces:
-            if part in parts:
-                parts[part][k].append(piece)
+    pieces = [plan_pieces(plan, begin, fine) for plan, begin in zip(plans, adopted.tolist(), strict=True)]
     found = []
-    for part, frames in parts.items():
-        polylines = [piece for frame in frames for piece in frame]
-        if not polylines:
-            continue
-        counts = [len(t) for t, _ in polylines]
-        found.append(
-            Lines(
-                own[part], np.vstack([places for _, places in polylines]), np.cumsum([0, *counts]),
-                colour or COLOURS[part], 2.0 if colour else 3.0, part is SceneElement.COMPLETION,
-                times=np.concatenate([t for t, _ in polylines]), cut="ahead",
-                frames=np.cumsum([0, *map(len, frames)]), starts=adopted, end=end,
-            )
+    for part, layer in own.items():
+        found += sequence(
+            layer, [[places for kind, (_, places) in each if kind is part] for each in pieces], adopted, end,
+            2.0 if colour else 3.0, colour=colour or COLOURS[part], dashed=part is SceneElement.COMPLETION,
+            times=[t for each in pieces for kind, (t, _) in each if kind is part],
         )  # fmt: skip
     return found
 

@@ -292,8 +292,11 @@ class Stage:
             geom.pos[:], geom.mat[:] = centre, ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))
             geom.emission = self._glow
 
-    def mesh(self, mesh: int, place: Array, rotation: Array, size: float, colour: Sequence[float]) -> None:
-        """A mesh of the model at a place (3,), turned by a rotation (3, 3), ``size`` times as large; red to opacity."""
+    def mesh(self, mesh: int, place: Array, rotation: Array, size: float, colour: Sequence[float], glow: float) -> None:
+        """A mesh of the model at a place (3,), turned by a rotation (3, 3), ``size`` times as large; red to opacity.
+
+        It casts a shadow unless it is clear.
+        """
         geom = self._added(mujoco.mjtGeom.mjGEOM_MESH, colour)
         if geom is not None:
             own = np.empty(9)  # MuJoCo keeps a mesh about its centre, along its axes of inertia
@@ -301,7 +304,9 @@ class Stage:
             geom.dataid = 2 * mesh  # of each mesh and then of its convex hull
             geom.pos[:] = place + size * rotation @ self.model.mesh_pos[mesh]
             geom.mat[:] = size * rotation @ own.reshape(3, 3)
-            geom.emission = self._glow
+            geom.emission = glow
+            if colour[3] == 1.0:
+                geom.category = mujoco.mjtCatBit.mjCAT_DYNAMIC
 
     def copy(
         self, geoms: Collection[int], rotation: Array, shift: Array, colour: Sequence[float], size: float = COPY_SIZE

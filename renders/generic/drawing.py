@@ -20,7 +20,7 @@ from mathnavi.renders.drawing import Drawing
 from mathnavi.renders.figures import BOUND, STYLE
 from mathnavi.renders.film import TOUR, Annotation, Frame, Shot, consecutive
 from mathnavi.renders.generic.figures import states_figure
-from mathnavi.renders.generic.run_data import GenericRun, index, load_run
+from mathnavi.renders.generic.run_data import GenericRun, camera_name, index, load_run
 from mathnavi.renders.overlay import Key, Overlay, pace
 from mathnavi.renders.painter import SceneDrawing, ScenePainter
 from mathnavi.renders.palette import Picture, SceneElement, vehicle_colour
@@ -37,11 +37,6 @@ _CUTS = ((0.0, "fixed"), (0.35, "track"), (0.75, "fixed"))  # shares of the run 
 MOST_VALUES = 2  # of the state, next to the time
 INCHES_HIGH, BRIEF_INCHES = 6.4, 3.3  # of a picture, whatever its pixels, and of one whose letters are large
 MOST_ROWS, BRIEF_ROWS = 6, 2
-
-
-def camera_name(name: str) -> str:
-    """Return the name of a camera of the model on the command line and in files: "skiff/bow" is "skiff-bow"."""
-    return name.replace("/", "-")
 
 
 def highlight(run: GenericRun) -> tuple[float, float]:
@@ -165,7 +160,7 @@ class GenericPainter:
         return Board(self._run, *self._size, brief=True)
 
 
-SCENE = SceneDrawing("mathnavi.renders.generic.scene:GenericScene", overlay, annotations_of)
+SCENE = SceneDrawing("mathnavi.renders.generic.scene:generic_scene", overlay, annotations_of)
 
 
 @contextmanager

@@ -94,3 +94,8 @@ def load_run(directory: str | Path) -> GenericRun:
 def index(times: Array, t: float) -> int:
     """Index of the last of the times (n,) [s] at or before ``t`` [s]; 0 before the first."""
     return max(last_at(times, t), 0)
+
+
+def camera_name(name: str) -> str:
+    """Return the name of a camera of the model on the command line and in files: "skiff/bow" is "skiff-bow"."""
+    return name.replace("/", "-")

@@ -52,19 +52,6 @@ class PlanPaths:
     offsets: Array  # (p + 1,) of the plans
     adopted: Array  # (p,) [s]
 
-    def ahead(self, t: float) -> Array | None:
-        """(m, 3) [m] the places from ``t`` [s] on of the plan that is followed then; None where there are not two."""
-        i = int(np.searchsorted(self.adopted, t + 1e-9, side="right")) - 1
-        if i < 0:
-            return None
-        times, places = (each[self.offsets[i] : self.offsets[i + 1]] for each in (self.t, self.pos))
-        kept = (times > t) & np.isfinite(places).all(axis=1)
-        if len(times) < 2 or not kept.any():
-            return None
-        begin = [np.interp(t, times, places[:, k]) for k in range(3)]
-        path: Array = np.vstack([begin, places[kept]])
-        return path if np.isfinite(path).all() else None
-
 
 @dataclass(frozen=True, eq=False)
 class SceneData:

@@ -174,7 +174,9 @@ def _recorded(a: Mapping[str, Array], kind: int, data: int) -> Triangles:
     y = size[1] * (2.0 * rows / (heights.shape[0] - 1) - 1.0)
     east, north = np.meshgrid(x, y)
     vertices = np.column_stack([east.ravel(), north.ravel(), (size[2] * heights[np.ix_(rows, columns)]).ravel()])
-    return vertices, grid_faces(len(rows), len(columns)), True
+    sides, faces = grid_sides(vertices, len(rows), len(columns), -float(size[3]))
+    top = grid_faces(len(rows), len(columns))
+    return np.vstack([vertices, sides]), np.vstack([top, faces + len(vertices)]), True
 
 
 def triangles(kind: int, size: Array, endless: float) -> Triangles | None:
@@ -258,3 +260,15 @@ def grid_faces(rows: int, columns: int) -> NDArray[np.int64]:
     return np.concatenate(
         [np.column_stack([first, first + 1, across]), np.column_stack([first, across, first + columns])]
     )
+
+
+def grid_sides(vertices: Array, rows: int, columns: int, base: float) -> tuple[Array, NDArray[np.int64]]:
+    """Return vertices and faces, outwards, of the sides of a grid of nodes (rows * columns, 3) down to a height."""
+    edge = np.concatenate(
+        [np.arange(columns), np.arange(1, rows) * columns + columns - 1,
+         (rows - 1) * columns + np.arange(columns - 1)[::-1], np.arange(1, rows - 1)[::-1] * columns, [0]]
+    )  # fmt: skip
+    rim = vertices[edge]
+    lower = rim.copy()
+    lower[:, 2] = base
+    return np.vstack([lower, rim]), grid_faces(2, len(edge))

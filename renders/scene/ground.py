@@ -16,16 +16,19 @@ import mujoco
 import numpy as np
 from PIL import Image
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.palette import Colour
 from mathnavi.renders.relief import EXAGGERATION, relief, resampled, roughened
-from mathnavi.renders.scene.bodies import grid_faces
+from mathnavi.renders.scene.bodies import grid_faces, grid_sides
 from mathnavi.renders.scene.elements import Surface
 from mathnavi.renders.stage import add_sky, set_size
 
 NODES, PIXELS = 257, 1025  # of the ground and of its picture, along the longer side
 QUALITY = 82  # of that picture, a JPEG, in the browser
 EARTH: Colour = (0.36, 0.32, 0.27)  # of the sides of the map
+SHADOWED = 3.0  # extents around the middle in which shadows fall; at its edge the floor would shade itself
+SUNLIGHT = np.array([-0.35, 0.45, -0.85])  # direction of the light; it comes from where it shines on the middle
 BASE = 0.02  # share of the width: thickness of the slab under the lowest ground
 DETAIL = 4  # texture pixels painted for each pixel of the relief, unless the picture is small
 SMALL = 360  # [pixels] height of a small picture
@@ -39,19 +42,13 @@ def ground_surfaces(terrain: HeightField) -> list[Surface]:
     vertices = np.column_stack([east.ravel(), north.ravel(), z.ravel()])
     picture = io.BytesIO()
     Image.fromarray(relief(terrain, PIXELS)).save(picture, "JPEG", quality=QUALITY)
-    edge = np.concatenate(
-        [np.arange(columns), np.arange(1, rows) * columns + columns - 1,
-         (rows - 1) * columns + np.arange(columns - 1)[::-1], np.arange(1, rows - 1)[::-1] * columns, [0]]
-    )  # fmt: skip
-    rim, base = vertices[edge], float(terrain.z.min()) - BASE * max(terrain.width, terrain.depth) / EXAGGERATION
-    lower = rim.copy()
-    lower[:, 2] = base
+    base = float(terrain.z.min()) - BASE * max(terrain.width, terrain.depth) / EXAGGERATION
     return [
         Surface(
             vertices, grid_faces(rows, columns), (0.6, 0.6, 0.58), glow=0.9, tall=True, picture=picture.getvalue(),
             picture_box=(0.0, 0.0, terrain.width, terrain.depth),
         ),
-        Surface(np.vstack([lower, rim]), grid_faces(2, len(edge)), EARTH, smooth=False, tall=True),
+        Surface(*grid_sides(vertices, rows, columns, base), EARTH, smooth=False, tall=True),
     ]  # fmt: skip
 
 
@@ -76,6 +73,41 @@ def ground_model(terrain: HeightField, factors: Sequence[float], width: int, hei
     )
     add_sky(spec)
     _add_ground(spec, terrain, factors, detail=DETAIL if height > SMALL else 1)
+    return spec
+
+
+def floor_model(points: Array, floors: Sequence[Surface], width: int, height: int, samples: int) -> Any:
+    """An ``mjSpec`` of level floors, under a light that shines on the middle of points (m, 3) [m] around what moves."""
+    spec = mujoco.MjSpec()
+    middle, extent = 0.5 * (points.min(axis=0) + points.max(axis=0)), max(float(np.ptp(points, axis=0).max()), 1e-3)
+    spec.stat.extent, spec.stat.center = extent, middle
+    set_size(spec, width, height, samples)
+    spec.visual.quality.shadowsize, spec.visual.map.shadowclip = 4096, SHADOWED
+    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.35] * 3, [0.25] * 3
+    spec.visual.headlight.specular = [0.0] * 3
+    spec.worldbody.add_light(
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=middle - 4.0 * extent * SUNLIGHT, dir=SUNLIGHT,
+        diffuse=[0.6] * 3, specular=[0.15] * 3,
+    )  # fmt: skip
+    add_sky(spec)
+    spec.add_texture(
+        name="floor", type=mujoco.mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=[1.0, 1.0, 1.0], rgb2=[0.90, 0.90, 0.90], width=256, height=256,
+    )  # fmt: skip
+    for k, floor in enumerate(floors):
+        name = f"floor {k}"
+        material = spec.add_material(name=name, texuniform=True, texrepeat=[0.5 / floor.checker] * 2, specular=0.0)
+        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "floor"
+        corner, east, _, north = floor.vertices
+        sides = np.array([east - corner, north - corner])
+        size = np.linalg.norm(sides, axis=1)
+        x, y = sides / size[:, None]
+        quat = np.empty(4)
+        mujoco.mju_mat2Quat(quat, np.column_stack([x, y, np.cross(x, y)]).ravel())
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_PLANE, pos=floor.vertices.mean(axis=0), quat=quat, size=[*(0.5 * size), 1.0],
+            material=name, contype=0, conaffinity=0,
+        )  # fmt: skip
     return spec
 
 

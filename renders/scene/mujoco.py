@@ -1,6 +1,6 @@
-"""A scene of a ground and what is over it, drawn by MuJoCo: one model, and the picture at a time for a camera.
+"""A scene drawn by MuJoCo: one model, and the picture at a time for a camera.
 
-A camera that follows a vehicle sees fog and a clear sky; one that frames what it shows sees neither.
+Over a ground a camera that follows a vehicle sees fog and a clear sky; over a level floor there are shadows.
 
 Import ``mathnavi.models.opengl`` and choose the backend before this module, which imports mujoco.
 """
@@ -21,13 +21,14 @@ from mathnavi.renders.framing import framing
 from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import Colour, Picture
 from mathnavi.renders.scene.elements import Camera, Mark, Motion, Pose, Scene, Surface, raised
-from mathnavi.renders.scene.ground import ground_model
+from mathnavi.renders.scene.ground import floor_model, ground_model
 from mathnavi.renders.stage import Optics, Stage, Staged, View
 
-GLOW = 0.75  # of all but the ground
+GLOW, FLOOR_GLOW = 0.75, 0.25  # over a ground of all but that; over a floor, where there are shadows, of lines
 # Clipping planes: in distances of the camera, and in extents of the ground beyond two of those, for the sky is a cube
 # between them.
-NEAR, FAR = 0.02, 6.0
+NEAR, FAR, FLOOR_FAR = 0.02, 6.0, 60.0
+NEAREST = 0.002  # extents: of a camera that is mounted on something
 STEEP = -85.0  # [degrees] elevation below which a camera does not turn
 WIDER = 1.15  # factor of the widths of lines, which a video blurs
 PLUMB = 2.0  # [pixels] at a picture 720 pixels high: width of plumb lines
@@ -46,11 +47,19 @@ class MujocoScene(Staged):
     """Pictures of a scene as a context manager, see ``Staged``."""
 
     def __init__(self, scene: Scene, width: int = 1280, height: int = 720, samples: int = 0) -> None:
-        assert scene.ground is not None
         self.scene, self._ground = scene, scene.ground
         self._cameras = {camera.shot: camera for camera in scene.cameras if camera.shot}
         self._factors = sorted({camera.tall for camera in self._cameras.values()})
-        spec = ground_model(self._ground, self._factors, width, height, samples)
+        if self._ground is not None:
+            spec = ground_model(self._ground, self._factors, width, height, samples)
+        else:
+            points = np.vstack([each.framed.points for each in self._cameras.values() if each.framed is not None])
+            spec = floor_model(points, [each for each in scene.surfaces if _is_floor(each)], width, height, samples)
+        for shot, camera in self._cameras.items():
+            if camera.mounted is not None:
+                body = spec.worldbody.add_body(name=shot, mocap=True)
+                own = camera.mounted
+                body.add_camera(name=shot, pos=own.pos, quat=own.quat, fovy=camera.field_of_view)
         for k, surface in enumerate(scene.surfaces):
             for factor in self._factors if surface.tall else (1.0,):
                 low = scene.low if surface.motion is None else 0.0
@@ -58,7 +67,7 @@ class MujocoScene(Staged):
                 mesh.uservert = raised(surface.vertices, low, factor).ravel()
                 mesh.userface = surface.faces.ravel()
         self.model: Any = spec.compile()
-        self.stage = Stage(self.model, width, height, GLOW)
+        self.stage = Stage(self.model, width, height, FLOOR_GLOW if self._ground is None else GLOW)
         self._aspect = width / height
         self._meshes = {self.model.mesh(k).name: k for k in range(self.model.nmesh)}
         self._colours: dict[str, Colour] = {
@@ -67,33 +76,27 @@ class MujocoScene(Staged):
         self._chases = {
             shot: ChaseCamera(scene.motions[camera.follow], camera, self._ground)
             for shot, camera in self._cameras.items()
-            if camera.follow is not None
+            if camera.follow is not None and self._ground is not None
         }
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
         """Draw the picture at time ``t`` [s]; ``turn`` [degrees] turns cameras that see all from the side."""
         seen = self._cameras[camera]
-        follows, poses = seen.follow is not None, self._poses(t)
-        view = self._view(seen, poses, turn) if not follows else self._chases[camera].view(t)
-        beyond = view.distance / self.model.stat.extent
-        optics = Optics(seen.field_of_view, NEAR * beyond, 2.0 * beyond + FAR)
-        self.stage.look(view, optics, (self._factors.index(seen.tall),))
-        self.stage.begin(fog=follows)
+        follows, poses = camera in self._chases, self._poses(t)
+        self._look(camera, seen, poses, t, turn)
+        self.stage.begin(fog=follows, shadows=self._ground is None)
         for k, surface in enumerate(self.scene.surfaces):
             pose = WORLD if surface.motion is None else poses.get(surface.motion)
-            if pose is not None and (surface.layer is None or surface.layer.shown):
+            if pose is not None and (surface.layer is None or surface.layer.shown) and not _is_floor(surface):
                 self._add_surface(k, surface, pose, seen, t)
         for lines in self.scene.lines:
             if lines.layer.shown and (seen.dashed or not lines.dashed):
                 for points in lines.at(t):
                     self._add_line(self.world(points, camera), lines.colour, WIDER * lines.width, dashed=lines.dashed)
         for name, pose in poses.items():
-            if (
-                not follows
-                and name in self._colours
-                and pose.ground is not None
-                and self._ground.contains(*pose.pos[:2])
-            ):
+            if self._ground is None or follows or name not in self._colours or pose.ground is None:
+                continue
+            if self._ground.contains(*pose.pos[:2]):
                 ends = np.array([[*pose.pos[:2], pose.ground], pose.pos])
                 self._add_line(self.world(ends, camera), self._colours[name], PLUMB)
         for mark in self.scene.marks:
@@ -117,7 +120,8 @@ class MujocoScene(Staged):
             text = mark.brief or mark.text
             if place is None or not (foot or mark.motion) or self._is_ring(mark, camera):
                 continue
-            if camera in self._chases and foot is not None and not self._ground.line_of_sight(eye, place):
+            hidden = self._ground is not None and not self._ground.line_of_sight(eye, place)
+            if camera in self._chases and foot is not None and hidden:
                 continue
             points = self._points_of(mark, place)
             shown = self.world(points, camera)
@@ -138,9 +142,23 @@ class MujocoScene(Staged):
         found = {name: motion.at(t) for name, motion in self.scene.motions.items()}
         return {name: pose for name, pose in found.items() if pose is not None}
 
+    def _look(self, shot: str, camera: Camera, poses: Mapping[str, Pose], t: float, turn: float) -> None:
+        """Put a camera in its place."""
+        group, far = (self._factors.index(camera.tall),), FAR if self._ground is not None else FLOOR_FAR
+        if camera.mounted is not None:
+            k, pose = int(self.model.body(shot).mocapid[0]), WORLD if camera.follow is None else poses[camera.follow]
+            self.stage.data.mocap_pos[k], self.stage.data.mocap_quat[k] = pose.pos, pose.quat
+            self.stage.look_through(self.model.camera(shot).id, Optics(camera.field_of_view, NEAREST, far), group)
+            return
+        view = self._chases[shot].view(t) if shot in self._chases else self._view(camera, poses, turn)
+        beyond = view.distance / self.model.stat.extent
+        self.stage.look(view, Optics(camera.field_of_view, NEAR * beyond, 2.0 * beyond + far), group)
+
     def _view(self, camera: Camera, poses: Mapping[str, Pose], turn: float) -> View:
-        """The view that has in its box what the camera frames."""
-        assert camera.framed is not None
+        """The view that has in its box what the camera frames, or in its middle what it follows."""
+        if camera.framed is None:
+            about = poses[camera.follow].pos if camera.follow else 0.0
+            return View(about + np.array(camera.target), camera.distance, camera.azimuth + turn, camera.elevation)
         moved = [poses[name].pos for name in camera.framed.motions if name in poses]
         points = raised(np.vstack([camera.framed.points, *moved]), self.scene.low, camera.tall)
         sight = camera.azimuth + (turn if camera.elevation > STEEP else 0.0), camera.elevation
@@ -161,7 +179,7 @@ class MujocoScene(Staged):
     # ---- what is drawn
 
     def _add_surface(self, k: int, surface: Surface, pose: Pose, camera: Camera, t: float) -> None:
-        follows, opacity, quat, size = camera.follow is not None, surface.opacity, pose.quat, 1.0
+        follows, opacity, quat, size = camera.shot in self._chases, surface.opacity, pose.quat, 1.0
         place = raised(pose.pos, self.scene.low, camera.tall) if surface.motion else pose.pos
         if surface.span > 0.0:
             eye, forward, _ = self.stage.eye()
@@ -184,7 +202,8 @@ class MujocoScene(Staged):
             turned, axle = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([*surface.axle, 0.0])
             place, rotation = place + size * rotation @ (axle - turned @ axle), rotation @ turned
         mesh = self._meshes[f"{k} {camera.tall if surface.tall else 1.0}"]
-        self.stage.mesh(mesh, place, rotation, size, (*surface.colour, opacity))
+        glow = GLOW if self._ground is not None else surface.glow
+        self.stage.mesh(mesh, place, rotation, size, (*surface.colour, opacity), glow)
 
     def _add_line(self, points: Array, colour: Colour, width: float, *, dashed: bool = False) -> None:
         for part in self.stage.drawable(points):
@@ -240,6 +259,10 @@ class ChaseCamera:
             np.array([np.interp(t, self.t, path[:, k]) for k in range(3)]) for path in (self.eye, self.lookat)
         )
         return View.between(eye, lookat)
+
+
+def _is_floor(surface: Surface) -> bool:
+    return surface.checker > 0.0 and surface.motion is None
 
 
 def _place(mark: Mark, poses: Mapping[str, Pose]) -> tuple[Array | None, float | None]:

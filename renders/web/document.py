@@ -64,7 +64,9 @@ def packed(scene: Scene) -> dict[str, Any]:
     block = DataBlock()
     layers: list[Layer] = []
     ground = [] if scene.ground is None else ground_surfaces(scene.ground)
-    found = _packed(replace(scene, ground=None, surfaces=[*ground, *scene.surfaces]), layers, block)
+    cameras = [each for each in scene.cameras if each.mounted is None]
+    shown = replace(scene, ground=None, surfaces=[*ground, *scene.surfaces], cameras=cameras)
+    found = _packed(shown, layers, block)
     found |= {"low": scene.low, "embedded": False, "sky": [list(HORIZON), list(ZENITH)]}
     return found | {"layers": [vars(each) for each in layers], "block": block.packed()}
 

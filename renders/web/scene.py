@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.generic.run_data import load_run
-from mathnavi.renders.generic.web import web_scene as generic_scene
+from mathnavi.renders.generic.scene import generic_scene
 from mathnavi.renders.scene.charts import error_charts, events_of, facts_of, input_charts, state_charts
 from mathnavi.renders.scene.elements import Scene
 

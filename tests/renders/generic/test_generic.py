@@ -16,7 +16,9 @@ from mathnavi.interfaces.signals import Array, Estimate, Event, Plan
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.generic.drawing import BOARD, SCENE_CAMERAS
 from mathnavi.renders.generic.run_data import GenericRun, load_run
+from mathnavi.renders.generic.scene import generic_scene
 from mathnavi.renders.report import write_report
+from mathnavi.renders.scene.mujoco import MujocoScene
 from mathnavi.renders.video import write_still
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
@@ -87,8 +89,8 @@ def test_the_scene_holds_every_shape_and_where_it_was(folder: Path) -> None:
     np.testing.assert_allclose(a["estimate.pos"][:, 1, 0], 5.0 * run.scene.t + 0.5, atol=1e-5)
     assert len(a["geom.type"]) == 5
     assert a["geom.rgba"][2].tolist() == pytest.approx([0.9, 0.1, 0.1, 1.0])
-    ahead = run.scene.plans["cart"].ahead(1.5)
-    assert ahead is not None
+    (plan,) = (lines for lines in generic_scene(run).lines if lines.cut == "ahead")
+    (ahead,) = plan.at(1.5)
     np.testing.assert_allclose(ahead[:, 0], [5.5, 11.0])
     assert drawing_of(folder).cameras == (
         *SCENE_CAMERAS,
@@ -168,9 +170,7 @@ def test_the_tour_covers_the_run(folder: Path) -> None:
 
 @needs_opengl
 def test_the_light_shines_on_the_middle_so_that_shadows_fall_there(folder: Path) -> None:
-    from mathnavi.renders.generic.scene import GenericScene
-
-    with GenericScene(load_run(folder), 320, 180) as scene:
+    with MujocoScene(generic_scene(load_run(folder)), 320, 180) as scene:
         scene.draw(0.0, "fixed")
         towards = scene.model.stat.center - scene.stage.data.light_xpos[0]
         direction = scene.stage.data.light_xdir[0]
@@ -178,15 +178,17 @@ def test_the_light_shines_on_the_middle_so_that_shadows_fall_there(folder: Path)
 
 
 @needs_opengl
-def test_what_is_drawn_beside_the_scene_casts_no_shadow(folder: Path) -> None:
-    from mathnavi.renders.generic.scene import GenericScene
-
-    with GenericScene(load_run(folder), 320, 180) as scene:
+def test_bodies_cast_shadows_and_lines_and_ghosts_none(folder: Path) -> None:
+    with MujocoScene(generic_scene(load_run(folder)), 320, 180) as scene:
         scene.draw(1.5, "fixed")
         drawn = scene.stage._renderer.scene
         added = [g for g in drawn.geoms[: drawn.ngeom] if g.objtype != mujoco.mjtObj.mjOBJ_GEOM]
-        assert len(added) > 3  # path, plan and ghost
-        assert {g.category for g in added} == {int(mujoco.mjtCatBit.mjCAT_DECOR)}
+        bodies = [g for g in added if g.type == mujoco.mjtGeom.mjGEOM_MESH and g.rgba[3] == 1.0]
+        assert len(bodies) > 2
+        assert {g.category for g in bodies} == {int(mujoco.mjtCatBit.mjCAT_DYNAMIC)}
+        others = [g for g in added if g.type != mujoco.mjtGeom.mjGEOM_MESH or g.rgba[3] < 1.0]
+        assert len(others) > 3  # path, plan and ghost
+        assert {g.category for g in others} == {int(mujoco.mjtCatBit.mjCAT_DECOR)}
 
 
 def test_figures_of_a_scenario_stand_in_its_summary(folder: Path, tmp_path: Path) -> None:

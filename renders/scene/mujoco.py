@@ -76,7 +76,7 @@ class MujocoScene(Staged):
         self._chases = {
             shot: ChaseCamera(scene.motions[camera.follow], camera, self._ground)
             for shot, camera in self._cameras.items()
-            if camera.follow is not None and self._ground is not None
+            if camera.follow is not None and camera.behind > 0.0 and self._ground is not None
         }
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
@@ -118,13 +118,12 @@ class MujocoScene(Staged):
         for mark in self.scene.marks:
             place, foot = _place(mark, poses)
             text = mark.brief or mark.text
-            if place is None or not (foot or mark.motion) or self._is_ring(mark, camera):
+            if place is None or (foot is None and mark.motion is None) or self._is_ring(mark, camera):
                 continue
-            hidden = self._ground is not None and not self._ground.line_of_sight(eye, place)
-            if camera in self._chases and foot is not None and hidden:
+            hiding = self._ground if camera in self._chases and foot is not None else None
+            if hiding is not None and not hiding.line_of_sight(eye, place):
                 continue
-            points = self._points_of(mark, place)
-            shown = self.world(points, camera)
+            shown = self.world(self._points_of(mark, place), camera)
             if mark.dot and foot is not None:
                 shown[:, 2] += PIN * self.stage.unit * float(self.stage.metres_per_pixel(shown)[0])
             inside = self.stage.inside(shown)
@@ -168,7 +167,7 @@ class MujocoScene(Staged):
     def _points_of(self, mark: Mark, place: Array) -> Array:
         """(m, 3) [m] what a mark names: a dome over the ground, of which beside a vehicle only a part is in sight."""
         found = [each.vertices for each in self.scene.surfaces if each.motion == mark.motion and not each.span]
-        if mark.motion is None or not found:
+        if mark.motion is None or not mark.dot or not found:
             return place[None]
         shape = np.vstack(found)
         return place + shape[shape[:, 2] > 0.25 * shape[:, 2].max()]
@@ -191,7 +190,7 @@ class MujocoScene(Staged):
                 place, size = place + nearer * (eye - place), (1.0 - nearer) * wanted / surface.span
                 if not follows:
                     # Tilted, it could turn its edge to the camera, and the discs of its rotors are what can be seen.
-                    quat, opacity = np.array([quat[0], 0.0, 0.0, quat[3]]) / math.hypot(quat[0], quat[3]), 1.0
+                    quat, opacity = _level(quat), 1.0
         elif follows and opacity < 1.0:
             opacity *= INSIDE
         rotation = np.empty(9)
@@ -263,6 +262,12 @@ class ChaseCamera:
 
 def _is_floor(surface: Surface) -> bool:
     return surface.checker > 0.0 and surface.motion is None
+
+
+def _level(quat: Array) -> Array:
+    """The part (4,) about the vertical of a quaternion (4,); none of one that is upside down."""
+    length = math.hypot(quat[0], quat[3])
+    return np.array([quat[0], 0.0, 0.0, quat[3]]) / length if length > 1e-6 else WORLD.quat
 
 
 def _place(mark: Mark, poses: Mapping[str, Pose]) -> tuple[Array | None, float | None]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mathnavi.interfaces.signals import Array
-from mathnavi.renders.stage import Optics, View
+from mathnavi.renders.stage import View
 
 _FAR = 1000.0  # [m] from which the search starts at least
 _STEPS = 12  # centre, then fill; perspective couples the two only weakly
@@ -28,13 +28,14 @@ class Box:
 
 
 def framing(
-    points: Array, box: Box, optics: Optics, aspect: float, sight: tuple[float, float], *, low: bool = False
+    points: Array, box: Box, field_of_view: float, aspect: float, sight: tuple[float, float], *, low: bool = False
 ) -> View:
-    """View of points (m, 3) along a line of sight (azimuth, elevation) [degrees]; ``aspect`` is width over height.
+    """View of points (m, 3) along a line of sight (azimuth, elevation) [degrees].
 
-    They lie in the middle of the box, or with ``low`` on its lower edge, if they are wider than tall.
+    ``field_of_view`` [degrees] is vertical, ``aspect`` the picture's width over its height.
+    The points lie in the middle of the box, or with ``low`` on its lower edge, if they are wider than tall.
     """
-    tangent = math.tan(math.radians(optics.field_of_view) / 2.0)
+    tangent = math.tan(math.radians(field_of_view) / 2.0)
     far = max(_FAR, 2.0 * float(np.ptp(points, axis=0).max()))
     view = View(0.5 * (points.min(axis=0) + points.max(axis=0)), far, *sight)
     forward = (view.lookat - view.eye) / far

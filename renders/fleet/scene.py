@@ -24,7 +24,6 @@ from mathnavi.renders.scene.landscape import (
     radar_domes,
     scale_marks,
 )
-from mathnavi.renders.stage import Optics
 
 PARTS = (SceneElement.OPTIMISED, SceneElement.MANOEUVRE, SceneElement.COMPLETION)
 MOST_NAMED = 8  # starts that have a name: of more they hide each other
@@ -91,7 +90,7 @@ def _sight(run: FleetRun) -> tuple[float, float]:
     for elevation in ELEVATIONS:
         for side in SIDES:
             sight = (along + side, elevation)
-            eye = framing(places, FREE, Optics(FIELD_OF_VIEW, 0.05, 12.0), ASPECT, sight).eye
+            eye = framing(places, FREE, FIELD_OF_VIEW, ASPECT, sight).eye
             if run.terrain.visible(eye, run.slots).all():
                 return sight
     return along, ELEVATIONS[-1]

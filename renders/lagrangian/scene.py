@@ -58,9 +58,8 @@ class MechanismScene(Staged):
         self._ghost = self._tip.data
         places = [self._reached(float(t)) for t in np.linspace(0.0, run.duration, SAMPLES)]
         points = np.vstack(places)
-        self._view = framing(
-            points, FREE_IN_WIDE if width > WIDE * height else FREE, OPTICS, width / height, (azimuth(run), ELEVATION)
-        )
+        box, sight = FREE_IN_WIDE if width > WIDE * height else FREE, (azimuth(run), ELEVATION)
+        self._view = framing(points, box, OPTICS.field_of_view, width / height, sight)
         self._size = float(np.ptp(points, axis=0).max())
         speeds = [
             np.linalg.norm(self._tip.velocity(run.log.x[run.index(t)])) for t in np.linspace(0.0, run.duration, 400)

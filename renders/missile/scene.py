@@ -276,4 +276,4 @@ def side_view(run: MissileRun, aspect: float) -> View:
     points = np.vstack([run.path, ends, *(run.plan_ahead(plan.t_start, 40) for plan in run.log.plans[:1])])
     low, high = points.min(axis=0), points.max(axis=0)
     box = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (0.0, high[2])])
-    return framing(box, SIDE_BOX, OPTICS["side"], aspect, (90.0, SIDE_ELEVATION), low=True)
+    return framing(box, SIDE_BOX, OPTICS["side"].field_of_view, aspect, (90.0, SIDE_ELEVATION), low=True)

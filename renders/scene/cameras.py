@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from mathnavi.renders.framing import framing
 from mathnavi.renders.scene.elements import Camera, Framed, raised
-from mathnavi.renders.stage import Optics
 
 ASPECT = 1.5  # width over height of the picture in the browser, more or less
 
@@ -24,7 +23,7 @@ def framing_camera(
     Heights above ``low`` [m] are multiplied by ``tall``.
     """
     points = raised(framed.points, low, tall)
-    view = framing(points, framed.box, Optics(field_of_view, 0.05, 12.0), aspect, sight)
+    view = framing(points, framed.box, field_of_view, aspect, sight)
     place = (float(view.lookat[0]), float(view.lookat[1]), float(view.lookat[2]))
     return Camera(name, place, view.distance, *sight, field_of_view=field_of_view, tall=tall, framed=framed)
 

@@ -161,8 +161,7 @@ class MujocoScene(Staged):
         moved = [poses[name].pos for name in camera.framed.motions if name in poses]
         points = raised(np.vstack([camera.framed.points, *moved]), self.scene.low, camera.tall)
         sight = camera.azimuth + (turn if camera.elevation > STEEP else 0.0), camera.elevation
-        optics = Optics(camera.field_of_view, NEAR, FAR)
-        return framing(points, camera.framed.box, optics, self._aspect, sight)
+        return framing(points, camera.framed.box, camera.field_of_view, self._aspect, sight)
 
     def _points_of(self, mark: Mark, place: Array) -> Array:
         """(m, 3) [m] what a mark names: a dome over the ground, of which beside a vehicle only a part is in sight."""

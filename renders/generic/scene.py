@@ -70,11 +70,11 @@ def generic_scene(run: GenericRun) -> Scene:
         cameras.append(Camera("follow all", (0.0, 0.0, 0.0), distance, *FOLLOW, "all"))
     cameras[-1] = replace(cameras[-1], shot="track")
     for plan in scene.plans.values():
-        known = np.isfinite(plan.pos).all(axis=1)
+        known = np.asarray(np.isfinite(plan.pos).all(axis=1))
         kept = [first + np.flatnonzero(known[first:after]) for first, after in pairwise(plan.offsets.tolist())]
-        places, times = [[plan.pos[rows]] for rows in kept], [plan.t[rows] for rows in kept]
+        frames, times = [[plan.pos[rows]] for rows in kept], [plan.t[rows] for rows in kept]
         layer = Layer.for_element(SceneElement.PLAN)
-        lines += sequence(layer, places, plan.adopted, float(t[-1]), 2.8, times=times)
+        lines += sequence(layer, frames, plan.adopted, float(t[-1]), 2.8, times=times)
     level = float(floors[0].vertices[:, 2].max()) if floors else None
     cameras += _own_cameras(scene)
     return Scene(run.title, run.duration, cameras, motions, surfaces, lines, marks, floor=level)

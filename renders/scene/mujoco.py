@@ -169,7 +169,8 @@ class MujocoScene(Staged):
         if mark.motion is None or not mark.dot or not found:
             return place[None]
         shape = np.vstack(found)
-        return place + shape[shape[:, 2] > 0.25 * shape[:, 2].max()]
+        upper: Array = place + shape[shape[:, 2] > 0.25 * shape[:, 2].max()]
+        return upper
 
     def _is_ring(self, mark: Mark, camera: str) -> bool:
         return mark.ring > 0.0 and self._cameras[camera].tall == 1.0
@@ -192,9 +193,9 @@ class MujocoScene(Staged):
                     quat, opacity = _level(quat), 1.0
         elif follows and opacity < 1.0:
             opacity *= INSIDE
-        rotation = np.empty(9)
-        mujoco.mju_quat2Mat(rotation, quat)
-        rotation = rotation.reshape(3, 3)
+        matrix = np.empty(9)
+        mujoco.mju_quat2Mat(matrix, quat)
+        rotation: Array = matrix.reshape(3, 3)
         if surface.spin:
             c, s = math.cos(surface.spin * t), math.sin(surface.spin * t)
             turned, axle = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([*surface.axle, 0.0])
@@ -218,7 +219,7 @@ class MujocoScene(Staged):
             return
         ends = self.world(np.array([[*place[:2], foot], place]), camera)
         if not self._is_ring(mark, camera):
-            self.stage.pin(*ends, PIN, mark.colour)
+            self.stage.pin(ends[0], ends[1], PIN, mark.colour)
             return
         radius = max(mark.ring, RING * self.stage.unit * float(self.stage.metres_per_pixel(place[None])[0]))
         rim = np.column_stack([np.cos(CORNERS), np.sin(CORNERS), np.zeros_like(CORNERS)])

@@ -37,7 +37,10 @@ settings.load_profile("mathnavi")
 
 @pytest.fixture(scope="session", autouse=True)
 def every_module_has_one_name() -> Iterator[None]:
-    """After all tests of this process, no module was loaded by a second name (``tests/scripting/test_one_name.py``)."""
+    """After all tests of this process, no module was loaded by a second name.
+
+    The repository's root on sys.path makes ``import models`` possible beside ``import mathnavi.models``.
+    """
     yield
     from tests.one_name import bare
 

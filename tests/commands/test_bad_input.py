@@ -72,30 +72,21 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
     ("flags", "expected"),
     [
         ("--start 3000 3000 400", ["--start", "400.0", "under ground", "z >="]),
-        ("--target 7000 3000 400", ["--target", "400.0", "under ground", "z >="]),
         ("--start 3000 3000 500", ["--start", "500.0", "below the least clearance", "z >="]),
-        ("--target 7000 3000 570", ["--target", "570.0", "below the least clearance", "z >="]),
         ("--start -1 3000 800", ["--start", "-1.0", "off the map", "0 to 12000"]),
-        ("--target 3000 12001 800", ["--target", "12001.0", "off the map", "0 to 12000"]),
         ("--target 3000 3000 800", ["--target", "3000.0", "50 m"]),
         ("--planner.nodes 1", ["--planner.nodes", "1", "2 to"]),
         ("--planner.nodes 2.5", ["--planner.nodes", "2.5", "INT"]),
         ("--planner.horizon 0", ["--planner.horizon", "0.0", "> 0"]),
-        ("--planner.grid-nodes 2", ["--planner.grid-nodes", "2", "3 to 513"]),
         ("--planner.incorporation soft", ["--planner.incorporation", "soft", "schedule", "constraint", "penalty"]),
         ("--radar 5000 6000 0 2", ["--radar", "radius", "0.0", "> 0"]),
-        ("--radar 5000 -6000 900 2", ["--radar", "-6000.0", "0 to 12000"]),
         ("--radar 5000 6000 900", ["--radar", "5000 6000 900", "4 values"]),
-        ("--faults.solver-failure-rate 1.5", ["--faults.solver-failure-rate", "1.5", ">= 0 and <= 1"]),
-        ("--faults.late-plan-rate 2", ["--faults.late-plan-rate", "2.0", ">= 0 and <= 1"]),
         ("--faults.dropout_rate 7", ["--faults.dropout-rate", "7.0", ">= 0 and <= 1"]),
-        ("--noise.position-rate 301", ["--noise.position-rate", "301.0", "<= 300"]),
         ("--estimator.rate 7", ["7.0 Hz", "whole number of physics ticks"]),
         ("--seed -1", ["--seed", "-1", "from 0 to 9223372036854775807"]),
         ("--terrain atlantis", ["terrain", "atlantis", "jacksboro", "tian_shan", ".npz"]),
         ("--terrain atlantis.npz", ["--terrain", "atlantis.npz", "no such file"]),
         ("--controller autopilot", ["--controller", "autopilot", "flight", "as_printed", "package.module:Class"]),
-        ("--estimator oracle", ["--estimator", "oracle", "full_state", "kalman", "package.module:Class"]),
         ("--controller nowhere:Planner", ["--controller", "nowhere:Planner", "cannot be imported"]),
         ("--controller mathnavi.controllers.flight.planner:RecedingHorizon", ["--controller", "no frozen dataclass"]),
         (
@@ -104,14 +95,11 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         ),
         ("--planner.nods 3", ["--planner.nods", "did you mean --planner.nodes"]),
         ("--nodes 3", ["--nodes", "did you mean --planner.nodes"]),
-        ("--xyzzy 3", ["--xyzzy", "--seed", "--terrain", "--planner.*"]),
         ("--estimator.noise-floor 3", ["--estimator.noise-floor", "--estimator.rate"]),
         ("--seed 3 --seed 4", ["--seed", "2 times", "once"]),
         ("--noise.position-rate 11 --noise.position_rate 12", ["--noise.position-rate", "2 times", "once"]),
-        ("--video --video", ["--video", "2 times", "once"]),
         ("--seed", ["--seed: its value is missing", "1 value"]),
         ("--controller=", ["--controller", "''", "flight", "as_printed"]),
-        ("--seed 3 4", ["4"]),
         ("--start 1 2", ["--start", "1 2", "3 values: start x, y, z [m]"]),
     ],
 )
@@ -122,28 +110,23 @@ def test_run_refuses_what_no_mission_can_be(refused: Refusal, mission: Words, fl
         if flag in replaced:
             k = words.index(flag)
             del words[k : k + (2 if flag == "--terrain" else 4)]
-    line = refused("run", *words, *flags.split(), "--out", "former")
+    line = refused("run", *words, *flags.split(), "--out", "former" if "nodes" in flags else "new/run")
     for word in expected:
         assert word in line
-    refused("run", *words, *flags.split(), "--out", "new/run")
 
 
-FLOATS = [
-    *("--clearance-min", "--speed-max", "--acceleration-max", "--deadline-factor", "--arrival-radius", "--radar-time"),
-    *("--noise.position", "--faults.solver-failure-rate", "--faults.gust-rms", "--faults.position-jump"),
-    *("--planner.horizon", "--planner.beta", "--planner.margin", "--planner.tolerance", "--planner.bandwidth"),
-    "--planner.period",
-    "--estimator.timeout",
-]
+@pytest.mark.parametrize(
+    ("flag", "value"),
+    [
+        *((flag, "nan") for flag in ("--speed-max", "--noise.position", "--planner.beta", "--estimator.timeout")),
+        *(("--clearance-min", value) for value in ("inf", "-inf")),
+    ],
+)
+def test_numbers_must_be_finite(refused: Refusal, mission: Words, flag: str, value: str) -> None:
+    assert f"{flag} = {value}; allowed:" in refused("run", *mission, flag, value, "--out", "former")
 
 
-def test_numbers_must_be_finite(refused: Refusal, mission: Words) -> None:
-    for flag, value in (*((flag, "nan") for flag in FLOATS), (FLOATS[0], "inf"), (FLOATS[0], "-inf")):
-        line = refused("run", *mission, flag, value, "--out", "former")
-        assert f"{flag} = {value}; allowed:" in line
-
-
-@pytest.mark.parametrize("value", ["0", "-1", "nan", "inf", "5"])
+@pytest.mark.parametrize("value", ["0", "nan", "5"])
 def test_a_stretch_leaves_no_arc_a_thousand_times_as_long_as_another(
     refused: Refusal, mission: Words, value: str
 ) -> None:
@@ -182,22 +165,17 @@ def test_a_start_without_a_certificate_is_refused(refused: Refusal, hills: Path)
     [
         ("fly", ["COMMAND", "fly", "list, run, sweep, search, store, study, estimate, render, view, compare, terrain"]),
         ("run", ["SCENARIO", "safe-flight"]),
-        ("run --seed 3", ["--seed", "safe-flight"]),
         ("run hover", ["SCENARIO", "hover", "safe-flight"]),
         ("list planets", ["planets", "controllers", "terrains"]),
         ("render", ["DIR", "missing"]),
-        ("render nowhere", ["nowhere", "does not exist"]),
         ("render former", ["former", "config.json", "not JSON"]),
         ("render former --stil", ["--stil", "--still"]),
         ("terrain", ["import, show"]),
-        ("terrain dig", ["dig", "import, show"]),
         ("terrain show atlantis", ["atlantis", "tian_shan"]),
         ("terrain show map.npz", ["map.npz", "not a readable .npz"]),
         ("terrain show tian_shan --out tian_shan.txt", ["--out", "tian_shan.txt", ".png"]),
-        ("terrain import nowhere.hgt --out map.npz", ["nowhere.hgt", "no such file"]),
         ("terrain import map.npz", ["--out", "missing"]),
         ("terrain import map.npz --out new.npz", ["map.npz", "not a readable .npz"]),
-        ("run --from nowhere", ["--from", "nowhere", "config.json"]),
         ("run --from former", ["former/config.json", "not JSON"]),
     ],
 )
@@ -238,7 +216,6 @@ PLANNER, TRACKER = "Made(period=1.0, plan=print)", "Made(period=1.0, command=pri
     ("body", "expected"),
     [
         ("return mission.colour", ["build() failed", "AttributeError", "colour", ".py:14)"]),
-        ("return int('x')", ["build() failed", "ValueError", "int()", ".py:14)"]),
         ("return None", ["None", "a pair (planner, tracker)"]),
         (f"return {PLANNER}", ["a SimpleNamespace", "a pair (planner, tracker)"]),
         (f"return None, {TRACKER}", ["the planner None without period [s] and plan()"]),
@@ -421,17 +398,13 @@ def saved(hills: Path, tmp_path: Path) -> Callable[..., str]:
     [
         ({"terrain": {"digest": "0123"}}, ["digest", "0123"]),
         ({"scenario": None}, ["scenario", "missing"]),
-        ({"estimator": None}, ["estimator", "missing"]),
-        ({"seed": "one"}, ["seed", "one", "int"]),
         ({"seed": True}, ["seed", "True", "int"]),
         ({"scenario": "hover"}, ["hover", "safe-flight"]),
         ({"fields": {"colour": "red"}}, ["fields.colour", "terrain"]),
         ({"fields": {"start": [1.0, 2.0]}}, ["fields.start", "3 values"]),
-        ({"fields": {"radar": [[1.0, 2.0]]}}, ["fields.radar", "4 values"]),
         ({"fields": {"speed_max": "fast"}}, ["fields.speed_max", "fast", "float"]),
         ({"fields": {"speed_max": -1.0}}, ["speed_max", "-1.0", "> 0"]),
         ({"fields": {"noise": {"position": None}}}, ["fields.noise.position", "None"]),
-        ({"controller": {"fields": {"nodes": 1}}}, ["nodes", "1", "2 to"]),
         ({"controller": {"fields": {"incorporation": "x"}}}, ["controller.fields.incorporation", "'x'", "schedule"]),
         ({"controller": {"name": "autopilot"}}, ["autopilot", "flight"]),
     ],

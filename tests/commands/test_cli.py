@@ -320,18 +320,6 @@ def test_the_steepest_triangle_is_at_least_as_steep_as_any_point(name: str) -> N
     assert 0.7 * steepest(terrain) <= slope <= steepest(terrain) + 1e-9
 
 
-def test_a_process_of_its_own_prints_nothing_else(mission: Words, tmp_path: Path) -> None:
-    """No warning of a library, no bar without a terminal, no announcement where the caches are warm."""
-    command = [sys.executable, "-c", "import sys; from mathnavi.commands.cli import main; sys.exit(main())"]
-    flown = subprocess.run(
-        [*command, "run", *mission, "--out", str(tmp_path / "run")], capture_output=True, text=True, check=False
-    )
-    assert flown.returncode == 0
-    assert not flown.stderr
-    assert flown.stdout.rstrip().endswith(str(tmp_path / "run"))
-    assert "\x1b" not in flown.stdout
-
-
 def test_a_truth_value_can_be_given_either_way(mission: tuple[str, ...], tmp_path: Path) -> None:
     radar = ("--radar", "5000", "3000", "800", "10")
     for flag, known in (("--radar-known", True), ("--no-radar-known", False)):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
-from pathlib import Path
 
 import pytest
 from rich.console import Console
@@ -55,18 +54,6 @@ def test_the_list_imports_neither_numbers_nor_physics() -> None:
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "cannot be imported" not in done.stdout
-
-
-def test_a_flight_imports_neither_statistics_nor_what_draws(tmp_path: Path) -> None:
-    line = "run safe-flight --terrain jacksboro --start 3000 4000 1000 --target 4000 5000 1000 --out"
-    words = [*line.split(), str(tmp_path / "run")]
-    script = (
-        f"import sys; from mathnavi.commands.cli import main; assert main({words}) in (0, 1);"
-        "slow = {'scipy.stats', 'matplotlib', 'PIL.ImageFont', 'mathnavi.sim.sweep.cluster'} & set(sys.modules);"
-        "assert not slow, slow"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
 
 
 def test_with_full_estimators_say_what_they_claim(

@@ -6,16 +6,12 @@ import csv
 import errno
 import json
 import os
-import random
 import re
-import resource
 import shlex
 import shutil
 import signal
 import sqlite3
-import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -30,10 +26,11 @@ from mathnavi.models.terrain.dem import write_npz
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.sweep import cluster
+from mathnavi.sim.sweep.trial import trial
+from tests.commands.signalled import signalled
+from tests.little_room import little_room
 
 COIN = "tests.sim.sweep.scenarios:Coin"
-ROOT = Path(__file__).parents[2]  # where tests.sim.sweep.scenarios is found
-PROGRAM = [sys.executable, "-c", "import sys; from mathnavi.commands.cli import main; sys.exit(main())"]
 
 Words = tuple[str, ...]
 
@@ -69,9 +66,8 @@ def path(tmp_path: Path) -> Path:
 
 def test_a_trial_is_the_flight_of_a_run(mission: Words, path: Path, tmp_path: Path) -> None:
     fields = ("--noise.position", "0.5", "--faults.solver-failure-rate", "0.3", "--seed", "4")
-    assert (
-        sweep(*mission, *fields, "--vary", "planner.nodes=7,11", "--trials", "1", "--store", str(path), "--report") == 0
-    )
+    varied = ("--vary", "planner.nodes=7,11")
+    assert sweep(*mission, *fields, *varied, "--trials", "1", "--store", str(path), "--workers", "1", "--report") == 0
     flown = {record.fields["planner.nodes"]: record for record in records(path)}
     assert flown.keys() == {7, 11}
     main(["run", *mission, *fields, "--planner.nodes", "11", "--out", str(tmp_path / "run")])
@@ -198,10 +194,11 @@ def test_a_store_shows_a_drawn_field_in_bins(path: Path, capsys: pytest.CaptureF
 def test_a_sweep_says_what_it_finds_in_the_store(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = (COIN, "--store", str(path), "--trials")
     expected = []
-    for count in ("4", "6", "6"):
-        assert sweep(*words, count) == 0
+    for count, more in (("4", ()), ("6", ()), ("6", ("--bias", "0.25")), ("6", ())):
+        assert sweep(*words, count, *more) == 0
         expected.append(capsys.readouterr().err.partition(" already")[0])
-    assert expected == ["0 of 4 trials", "4 of 6 trials", "6 of 6 trials"]
+    assert expected == ["0 of 4 trials", "4 of 6 trials", "0 of 6 trials", "6 of 6 trials"]
+    assert len(records(path)) == 12
 
 
 @pytest.mark.usefixtures("trials_here")
@@ -216,11 +213,12 @@ def test_a_store_is_exported(path: Path, tmp_path: Path, capsys: pytest.CaptureF
     assert len((tmp_path / "table.jsonl").read_text().splitlines()) == 3
 
 
-def test_what_timed_out_is_named_and_run_again(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = (COIN, "--trials", "2", "--hang-at", "1", "--well-once", str(tmp_path / "ready"), "--store", str(path))
-    assert sweep(*words, "--timeout", "1") == 0
-    (tmp_path / "ready").mkdir()
-    assert "--retry" not in capsys.readouterr().out
+@pytest.mark.usefixtures("trials_here")
+def test_what_timed_out_is_named_and_run_again(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    hung = trial(COIN, 1)
+    with Store.open(path) as store:
+        store.add(hung.record(hung.content, "timed-out", error="no end within 1 s"))
+    words = (COIN, "--trials", "2", "--store", str(path))
     assert sweep(*words) == 0
     assert "found in the store as timed out or crashed: 1; --retry runs such trials again" in capsys.readouterr().out
     assert sweep(*words, "--retry") == 0
@@ -296,88 +294,55 @@ def test_a_file_that_has_changed_is_another_trial_and_is_named(
 
 
 @pytest.mark.usefixtures("trials_here")
-def test_one_store_holds_several_sweeps(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert sweep(COIN, "--trials", "4", "--store", str(path)) == 0
-    assert sweep(COIN, "--trials", "6", "--store", str(path), "--bias", "0.25") == 0
-    assert sweep(COIN, "--trials", "6", "--store", str(path)) == 0
-    assert "6 trials" in capsys.readouterr().out
-    assert len(records(path)) == 12
-
-
-def started(*argv: str, **options: Any) -> subprocess.Popen[str]:
-    """A sweep in a process of its own."""
-    given = {"cwd": ROOT, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    return subprocess.Popen([*PROGRAM, "sweep", *argv], **{**given, **options})
-
-
-def wait_for(path: Path, count: int) -> None:
-    """Until a store has so many trials."""
-    until = time.monotonic() + 60.0
-    while time.monotonic() < until:
-        time.sleep(0.02)
-        if path.exists():
-            with sqlite3.connect(path) as connection:
-                try:
-                    if connection.execute("SELECT count(*) FROM trials").fetchone()[0] >= count:
-                        return
-                except sqlite3.OperationalError:
-                    continue  # not made yet
-    raise AssertionError(f"{path} does not get {count} trials")
-
-
-@pytest.mark.usefixtures("trials_here")
 def test_a_sweep_that_is_killed_again_and_again_leaves_the_same_trials(path: Path, tmp_path: Path) -> None:
-    words = (COIN, "--trials", "30", "--vary", "part.share=0..1", "--raise-at", "7", "--wait", "0.1")
-    assert sweep(*words, "--store", str(tmp_path / "undisturbed.db"), "--workers", "1") == 0
-    chance = random.Random(1)
-    for kill in range(2):
-        process = started(*words, "--store", str(path), "--workers", "2")
-        wait_for(path, 8 * kill + chance.randrange(1, 8))
-        time.sleep(0.05 * chance.random())
-        process.kill()
-        process.communicate()
-    assert 0 < len(trials_of(path)) < 30
-    assert sweep(*words, "--store", str(path), "--workers", "1") == 0
+    ready = tmp_path / "ready"
+    hanging = ("--hang-at", "29", "--well-once", str(ready))  # so that no sweep ends before it is killed
+    words = (COIN, "--trials", "30", "--vary", "part.share=0..1", "--raise-at", "7", *hanging)
+    for place, rows in (("within", 12), ("after", 3), ("within", 20)):
+        done = signalled(signal.SIGKILL, place, rows, "sweep", *words, "--store", str(path), "--workers", "2")
+        assert done.returncode == -signal.SIGKILL
+    assert 3 <= len(trials_of(path)) < 30
+    ready.mkdir()
+    for store in (path, tmp_path / "undisturbed.db"):
+        assert sweep(*words, "--store", str(store)) == 0
     assert trials_of(path) == trials_of(tmp_path / "undisturbed.db")
 
 
 @pytest.mark.usefixtures("trials_here")
-def test_an_interrupt_keeps_what_has_ended_and_says_how_to_go_on(path: Path) -> None:
-    words = (COIN, "--trials", "20", "--wait", "0.2", "--store", str(path), "--workers", "2")
-    process = started(*words)
-    wait_for(path, 3)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate()
-    assert process.returncode == 130
-    assert not out
+def test_an_interrupt_keeps_what_has_ended_and_says_how_to_go_on(path: Path, tmp_path: Path) -> None:
+    ready = tmp_path / "ready"
+    words = ("--hang-at", "19", "--well-once", str(ready), "--store", str(path), "--workers", "2")
+    done = signalled(signal.SIGINT, "after", 3, "sweep", COIN, "--trials", "20", *words)
+    assert done.returncode == 130
+    assert not done.stdout
     kept = len(trials_of(path))
     assert 3 <= kept < 20
-    command = shlex.join(["mathnavi", "sweep", *words])
-    assert err.splitlines() == [
+    command = shlex.join(["mathnavi", "sweep", COIN, "--trials", "20", *words])
+    assert done.stderr.splitlines() == [
         f"0 of 20 trials already in {path}",
         f"mathnavi: interrupted, {kept} of 20 trials stored; to go on: {command}",
     ]
-    assert sweep(*words[:3], "--wait", "0.2", "--store", str(path), "--workers", "2") == 0
+    ready.mkdir()
+    assert sweep(COIN, "--trials", "20", *words) == 0
     assert len(trials_of(path)) == 20
 
 
 @pytest.mark.usefixtures("trials_here")
-def test_a_full_disk_ends_in_one_line_and_keeps_what_was_committed(path: Path) -> None:
-    def little_room() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
-
-    words = (COIN, "--trials", "400", "--store", str(path), "--workers", "1")
-    process = started(*words, preexec_fn=little_room)
-    out, err = process.communicate()
-    assert process.returncode == 1
+def test_a_full_disk_ends_in_one_line_and_keeps_what_was_committed(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = (COIN, "--trials", "100", "--store", str(path), "--workers", "1")
+    with little_room(60_000):
+        assert sweep(*words) == 1
+    out, err = capsys.readouterr()
     assert not out
     assert len(err.splitlines()) == 2, err
     kept = len(trials_of(path))
-    assert 0 < kept < 400
-    for expected in (str(path), "full", f"{kept} of 400 trials stored", "to go on: mathnavi sweep"):
+    assert 0 < kept < 100
+    for expected in (str(path), "full", f"{kept} of 100 trials stored", "to go on: mathnavi sweep"):
         assert expected in err
     assert sweep(*words) == 0
-    assert len(trials_of(path)) == 400
+    assert len(trials_of(path)) == 100
 
 
 Refusal = Callable[..., str]
@@ -408,26 +373,18 @@ def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pyt
     [
         ("--vary colour=1,2", ["--vary colour=1,2", "--part.*", "allowed"]),
         ("--vary part.shar=1,2", ["part.shar", "did you mean --part.share"]),
-        ("--vary count=1,2", ["count", "did you mean --part.count"]),
         ("--vary seed=1,2", ["seed=1,2", "not one of the fields", "allowed"]),
-        ("--vary trials=1,2", ["trials=1,2", "not one of the fields"]),
         ("--vary bias=0...2", ["--vary bias=0...2", "0..2 or 0..0.2", "allowed"]),
         ("--vary bias", ["--vary = 'bias'", "FIELD=V1,V2,...", "FIELD=LOW..HIGH"]),
-        ("--vary bias=", ["--vary = 'bias='", "FIELD=V1,V2,..."]),
-        ("--vary bias=0.5,high", ["bias", "high", "FLOAT"]),
         ("--vary bias=0.5,", ["bias=0.5,", "'' is not a value"]),
         ("--vary bias=0.5,nan", ["--bias = nan", "finite"]),
         ("--vary bias=0.5,0.5", ["0.5 is given twice", "once"]),
         ("--vary part.count=1.5,2", ["part.count", "1.5", "INT"]),
         ("--vary part.share=0.5,1.5", ["part.share", "1.5", "0 to 1"]),
-        ("--vary part.share=0.5..1.5", ["part.share", "1.5", "0 to 1"]),
         ("--vary part.share=0.9..0.1", ["part.share=0.9..0.1", "0.9 > 0.1", "LOW <= HIGH"]),
-        ("--vary part.count=1..2.5", ["part.count", "2.5", "INT"]),
-        ("--vary bias=0..inf", ["--bias = inf", "finite"]),
         ("--vary chatter=true,maybe", ["chatter=true,maybe", "'maybe'", "true, false"]),
         ("--vary bias=0.1,0.2 --vary bias=0..1", ["bias=0..1", "varied twice"]),
         ("--vary bias=0.1,0.2 --bias 0.3", ["bias=0.1,0.2", "--bias is given as well"]),
-        ("--vary raise-at=1,2 --raise_at 3", ["raise_at=1,2", "--raise-at is given as well"]),
         (
             "--vary controller=tests.nowhere:A,tests.nowhere:B",
             ["--controller", "tests.nowhere:A", "cannot be imported"],
@@ -436,16 +393,13 @@ def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pyt
         ("--vary bias=--trials", ["bias=--trials", "not a value"]),
         ("--vary", ["--vary: its value is missing"]),
         ("--trials 0", ["--trials = 0", "from 1 to 100000"]),
-        ("--workers 0", ["--workers = 0", "from 1 to 1024"]),
         ("--timeout 0", ["--timeout = 0.0", "> 0"]),
-        ("--timeout nan", ["--timeout = nan", "> 0"]),
         ("--seed -1", ["--seed = -1", "from 0 to"]),
         (f"--seed {LARGEST_SEED}", ["--seed", str(LARGEST_SEED)]),
         ("--workers 2 --cluster tcp://127.0.0.1:9", ["--cluster", "tcp://127.0.0.1:9", "--workers 2", "one of both"]),
         ("--cluster tcp://127.0.0.1:9", ["--cluster", "tcp://127.0.0.1:9", "Timed out", "tcp://HOST:8786"]),
         ("--cluster nowhere", ["--cluster", "nowhere", "tcp://HOST:8786"]),
         ("--bias high", ["--bias", "high", "FLOAT"]),
-        ("--colour red", ["--colour", "not a field"]),
         ("--out here", ["--out", "not a field"]),
     ],
 )
@@ -455,9 +409,6 @@ def test_a_sweep_refuses_what_it_cannot_be(refused: Refusal, path: Path, flags: 
     line = refused("sweep", *words)
     for word in expected:
         assert word in line
-    with Store.open(path):
-        pass
-    refused("sweep", *words)
 
 
 def not_a_store(path: Path) -> None:
@@ -489,7 +440,6 @@ def test_what_is_no_store_is_refused_and_left_alone(
     ("argv", "expected"),
     [
         ("sweep", ["SCENARIO", "safe-flight"]),
-        ("sweep --trials 3", ["--trials", "safe-flight"]),
         ("sweep hover --trials 3 --store s.db", ["SCENARIO", "hover", "safe-flight"]),
         ("sweep safe-flight --store s.db", ["--trials", "missing"]),
         ("sweep safe-flight --trials 3", ["--store", "missing"]),
@@ -500,19 +450,15 @@ def test_what_is_no_store_is_refused_and_left_alone(
             "sweep safe-flight --trials 3 --store s.db --terrain atlantis.npz",
             ["terrain", "atlantis.npz", "no such file"],
         ),
-        ("sweep safe-flight --trials 3 --store s.db --vary terrain=jacksboro,atlantis", ["terrain", "atlantis"]),
-        ("sweep safe-flight --trials 3 --store s.db --vary planner.nodes=9..4", ["planner.nodes=9..4", "LOW <= HIGH"]),
         (
             "sweep safe-flight --trials 3 --store s.db --vary planner.incorporation=a..b",
             ["planner.incorporation", "a..b", "schedule"],
         ),
         ("sweep safe-flight --trials 3 --store s.db --vary noise.position-rate=7..9", ["7.0", "300 Hz over a whole"]),
         ("store", ["show, export"]),
-        ("store open s.db", ["open", "show, export"]),
         ("store show", ["FILE.db", "missing"]),
         ("store show s.db", ["s.db", "no such file"]),
         ("store export s.db", ["--out", "missing"]),
-        ("store export s.db --out table.csv", ["s.db", "no such file"]),
     ],
 )
 def test_commands_refuse_what_is_not_there(refused: Refusal, argv: str, expected: list[str]) -> None:
@@ -568,7 +514,7 @@ def test_a_table_is_written_whole_or_not_at_all(refused: Refusal, path: Path, tm
     assert line.startswith("mathnavi: --out = /proc/y.csv: No such file or directory; allowed: a file in a folder")
 
 
-@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EACCES])
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS])
 def test_a_table_for_which_there_is_no_room_is_refused(
     refused: Refusal, path: Path, monkeypatch: pytest.MonkeyPatch, code: int
 ) -> None:
@@ -590,17 +536,8 @@ def test_without_dask_a_cluster_is_refused(refused: Refusal, path: Path, monkeyp
         assert word in line
 
 
-def test_what_is_drawn_is_refused_before_anything_is_run(refused: Refusal, path: Path) -> None:
-    line = refused("sweep", "safe-flight", "--trials", "3", "--store", str(path), "--vary", "noise.position-rate=1..30")
-    assert "noise.position_rate" in line or "noise.position-rate" in line
-
-
 def test_help_tells_how_fields_are_varied(capsys: pytest.CaptureFixture[str]) -> None:
-    for argv in (["sweep", "--help"], ["sweep", "safe-flight", "--help"], ["store", "--help"], ["store", "show", "-h"]):
-        assert main(argv) == 0
-        assert capsys.readouterr().out.startswith("usage: mathnavi")
     assert main(["sweep", "safe-flight", "--help"]) == 0
     out = capsys.readouterr().out
     assert "FIELD=LOW..HIGH" in out
     assert "--planner.nodes" in out
-    assert np.all([len(line) <= int(os.environ.get("COLUMNS", 80)) for line in out.splitlines()[2:]])

@@ -18,6 +18,7 @@ from mathnavi.sim.sweep.trial import contents
 WORDS = ("range-localisation", "--duration", "0.3", "--sensors", "0", "90", "--trials", "2", "--workers", "1")
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_the_page_shows_the_trials_that_are_stored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     store = tmp_path / "store.db"
     words = (*WORDS, "--store", str(store))

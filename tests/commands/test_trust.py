@@ -114,7 +114,7 @@ def test_no_field_of_a_folder_imports_what_it_names(
 
 
 def test_a_recorded_text_that_is_no_code_is_no_matter_of_trust(tmp_path: Path) -> None:
-    mn.run("arm-velocity", mechanism="dm_control:pendulum", duration=1.2).save(tmp_path / "old")
+    mn.run("arm-velocity", mechanism="dm_control:pendulum", duration=0.2, settled=0.1).save(tmp_path / "old")
     assert main(["run", "--from", str(tmp_path / "old"), "--out", str(tmp_path / "new")]) in (0, 1)
 
 

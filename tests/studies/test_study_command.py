@@ -6,9 +6,6 @@ import json
 import os
 import shlex
 import signal
-import subprocess
-import sys
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -21,6 +18,7 @@ from mathnavi.commands.cli import main
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.studies.framework.study import Setup, StudyError, StudyResult
+from tests.commands.signalled import signalled
 from tests.sim.sweep.computations import Walk, walked
 from tests.sim.sweep.test_jobs import stored
 
@@ -183,17 +181,14 @@ def test_a_study_that_is_interrupted_keeps_what_has_ended(tmp_path: Path, monkey
     marks.mkdir()
     monkeypatch.setenv("MARKS", str(marks))
     words = ["study", f"{HERE}:Patient", "--quick", "--workers", "2", "--out", str(out)]
-    study = subprocess.Popen([sys.executable, "-m", "mathnavi", *words], stderr=subprocess.PIPE, text=True)
-    until = time.monotonic() + 60.0
-    while time.monotonic() < until and study.poll() is None and stored(out / "trials.db") < 2:
-        time.sleep(0.05)
-    study.send_signal(signal.SIGINT)
-    _, error = study.communicate(timeout=30.0)
-    assert study.returncode == 130, error
+    study = signalled(signal.SIGINT, "after", 2, *words)
+    assert study.returncode == 130, study.stderr
     ended, begun = stored(out / "trials.db"), len(list(marks.iterdir()))
     assert 2 <= ended < 6
     command = shlex.join(["mathnavi", *words])
-    assert f"mathnavi: interrupted, {ended} results stored in {out / 'trials.db'}; to go on: {command}\n" in error
+    assert (
+        f"mathnavi: interrupted, {ended} results stored in {out / 'trials.db'}; to go on: {command}\n" in study.stderr
+    )
     assert not list(out.glob("*.json"))
     assert main(words) == 0
     assert len(list(marks.iterdir())) - begun == 6 - ended

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+import unittest
+import warnings
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
+from dm_env import test_utils
+from gymnasium.utils.env_checker import check_env
 
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.environments.dm import Environment
@@ -55,3 +60,28 @@ def commanded(scenario: str) -> EpisodeRunner:
 def environment(scenario: str, seed: int = 1) -> Environment:
     """A fresh one, on a mission that is built once."""
     return Environment(commanded(scenario), np.random.default_rng(seed))
+
+
+ADVICE = ("is infinity", "is -infinity", "recommend using a symmetric and normalized space", "Not able to test")
+"""of the checker of Gymnasium, that does not hold here: states and forces have units, and some have no bounds"""
+
+
+def assert_passes_dm_env(make: Callable[[], Any]) -> None:
+    """What is made passes the checker of dm_env."""
+
+    class Checked(test_utils.EnvironmentTestMixin, unittest.TestCase):
+        def make_object_under_test(self) -> Any:
+            return make()
+
+    result = unittest.TestResult()
+    unittest.defaultTestLoader.loadTestsFromTestCase(Checked).run(result)
+    assert result.testsRun >= 4
+    assert not [expected for _, expected in (*result.failures, *result.errors)]
+
+
+def assert_passes_gymnasium(env: gymnasium.Env[Any, Any]) -> None:
+    """It passes the checker of Gymnasium, without a warning that holds here."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        check_env(env)
+    assert not [str(each.message) for each in caught if not any(advice in str(each.message) for advice in ADVICE)]

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-import unittest
 from pathlib import Path
 from typing import Any
 
 import dm_env
 import numpy as np
 import pytest
-from dm_env import specs, test_utils
+from dm_env import specs
 
 from mathnavi.controllers.flight import plugin as flight_plugin
 from mathnavi.interfaces.fields import with_fields
 from mathnavi.sim.engine.loop import simulate
-from mathnavi.sim.environments.dm import Environment, load
+from mathnavi.sim.environments.dm import load
 from mathnavi.sim.plugin.registry import load as plugin
 from tests.sim.environments import missions
 
@@ -24,14 +23,7 @@ STILL = np.zeros(3)
 
 @pytest.mark.parametrize("scenario", missions.SCENARIOS)
 def test_every_scenario_passes_the_checker_of_dm_env(scenario: str) -> None:
-    class Checked(test_utils.EnvironmentTestMixin, unittest.TestCase):
-        def make_object_under_test(self) -> Environment:
-            return missions.environment(scenario)
-
-    result = unittest.TestResult()
-    unittest.defaultTestLoader.loadTestsFromTestCase(Checked).run(result)
-    assert result.testsRun >= 4
-    assert not [expected for _, expected in (*result.failures, *result.errors)]
+    missions.assert_passes_dm_env(lambda: missions.environment(scenario))
 
 
 @pytest.mark.parametrize("scenario", ["safe-flight", "simultaneous-arrival", "quadrotor-canyon", "missile-guidance"])

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import unittest
-import warnings
 from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
-from dm_env import specs, test_utils
-from gymnasium.utils.env_checker import check_env
+from dm_env import specs
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.quadrotor.dynamics import NOMINAL
@@ -23,7 +20,6 @@ from mathnavi.sim.environments.learning import LearningEpisode
 from mathnavi.sim.plugin.registry import load as plugin
 from mathnavi.sim.records.run_spec import RunSpec
 from tests.sim.environments import missions
-from tests.sim.environments.test_gym import ADVICE
 
 Policy = Callable[[dict[str, Any]], Array]
 
@@ -36,23 +32,15 @@ def learning(scenario: str, **options: Any) -> LearningEpisode:
 def test_every_scenario_passes_both_checkers_and_its_actions_are_bounded(
     scenario: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    class Checked(test_utils.EnvironmentTestMixin, unittest.TestCase):
-        def make_object_under_test(self) -> LearningEnvironment:
-            return LearningEnvironment(learning(scenario), np.random.default_rng(1))
+    def made() -> LearningEnvironment:
+        return LearningEnvironment(learning(scenario), np.random.default_rng(1))
 
-    result = unittest.TestResult()
-    unittest.defaultTestLoader.loadTestsFromTestCase(Checked).run(result)
-    assert result.testsRun >= 4
-    assert not [expected for _, expected in (*result.failures, *result.errors)]
-    action = Checked().make_object_under_test().action_spec()
+    missions.assert_passes_dm_env(made)
+    action = made().action_spec()
     assert isinstance(action, specs.BoundedArray)
     assert np.isfinite([action.minimum, action.maximum]).all()
-
     monkeypatch.setattr("mathnavi.sim.environments.gym.EpisodeRunner", lambda *_: missions.commanded(scenario))
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        check_env(LearningEnv(scenario))
-    assert not [str(each.message) for each in caught if not any(advice in str(each.message) for advice in ADVICE)]
+    missions.assert_passes_gymnasium(LearningEnv(scenario))
 
 
 def played(episode: LearningEpisode, policy: Policy, seed: int = 1) -> tuple[list[float], dict[str, Any], float]:

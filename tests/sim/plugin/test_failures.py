@@ -14,16 +14,10 @@ from mathnavi.models.terrain import library
 
 RAISED = {
     "exit": "raise SystemExit(0)",
-    "exit without a code": "import sys; sys.exit()",
-    "exit with a text": "raise SystemExit('enough')",
     "error": "raise KeyError('gone')",
-    "value": "raise ValueError('no such thing')",
-    "generator": "raise GeneratorExit",
     "own": "raise type('Own', (BaseException,), {})('mine')",
     "recursion": "f = lambda: f(); f()",
-    "memory": "raise MemoryError",
     "no message": "raise type('Odd', (Exception,), {'__str__': lambda error: 1 / 0})()",
-    "a refusal without a message": "raise type('Odd', (ValueError,), {'__str__': lambda error: None})()",
 }
 CLASS = """
 import dataclasses

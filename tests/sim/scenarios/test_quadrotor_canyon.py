@@ -15,7 +15,6 @@ from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
-from mathnavi.sim.scenarios.flight_fields import FlightNoise
 from mathnavi.sim.scenarios.quadrotor_canyon import QuadrotorCanyon
 from mathnavi.sim.scenarios.quadrotor_fields import QuadrotorCanyonConfig, QuadrotorMismatch
 
@@ -122,16 +121,11 @@ def test_an_estimator_of_something_else_is_refused() -> None:
         ({"start": (math.nan, 0.0, 0.0)}, r"start = .*; allowed: three finite numbers"),
         ({"terrain": "canyon:x"}, r"terrain 'canyon:x': allowed"),
         ({"terrain": "valley"}, r"terrain = 'valley': not known; allowed: canyon"),
-        ({"clearance_min": -1.0}, r"clearance_min = -1\.0"),
-        ({"speed_max": 0.0}, r"speed_max = 0\.0"),
         ({"speed_max": 0.2}, r"speed_max = 0.2 leaves nothing to plan with"),
-        ({"acceleration_max": math.inf}, r"acceleration_max = inf"),
-        ({"deadline_factor": 0.9}, r"deadline_factor = 0\.9"),
         ({"arrival_radius": 0.1}, r"arrival_radius = 0\.1 leaves nothing"),
         ({"control_rate": 70.0}, r"control_rate = 70\.0"),
         ({"control_rate": 50.0}, r"attitude_bandwidth = 14\.0; allowed"),
         ({"drawn_heights": (5.0, 1.0)}, r"drawn_heights = \(5\.0, 1\.0\)"),
-        ({"drawn_lowest": 0.0}, r"drawn_lowest = 0\.0"),
         ({"start": None, "drawn_separation": (1.4, 1.5)}, r"drawn_separation = .*; allowed: other shares"),
         ({"faults": AerialFaults(gust_rms=30.0, gust_limit=90.0)}, r"gust rms = 30\.0"),
     ],
@@ -144,11 +138,8 @@ def test_bad_input_names_the_culprit(fields: dict[str, Any], expected: str) -> N
 @pytest.mark.parametrize(
     ("build", "expected"),
     [
-        (lambda: QuadrotorMismatch(mass=0.0), r"mismatch\.mass = 0\.0"),
         (lambda: QuadrotorMismatch(mass=4.0), r"mismatch\.mass = 4\.0; allowed: < 3\.058"),
         (lambda: QuadrotorMismatch(rotor=1.2), r"mismatch\.rotor = 1\.2"),
-        (lambda: QuadrotorMismatch(drag=math.nan), r"mismatch\.drag = nan"),
-        (lambda: FlightNoise(position=-1.0), r"noise\.position = -1\.0"),
         (
             lambda: QuadrotorCanyonConfig(faults=AerialFaults(position_jump=1.0)),
             r"position_jump = 1\.0; allowed for a quad",

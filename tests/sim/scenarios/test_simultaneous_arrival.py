@@ -181,92 +181,80 @@ def test_who_cannot_come_so_late_is_an_outlier_and_comes_back(terrain: str) -> N
     assert outcome.summary["ground_contacts"] == 0
 
 
-def bad(terrain: str) -> list[tuple[dict[str, Any], str]]:
-    ground = flight.mountains()
+def _above(x: float, y: float, height: float = 200.0) -> tuple[float, float, float]:
+    return flight.above(flight.mountains(), (x, y), height)
 
-    def above(x: float, y: float, height: float = 200.0) -> tuple[float, float, float]:
-        return x, y, float(ground.height(x, y)) + height
 
-    middle = {"target": above(6_000.0, 6_000.0)}
-    near = (above(1_000.0, 1_000.0), above(1_080.0, 1_000.0), above(9_000.0, 2_000.0))
-    return [
-        ({"vehicles": 1}, r"vehicles = 1; allowed: a whole number from 2 to 256"),
-        ({"start": near[:2] + near[1:2]}, r"start of vehicle_1 and of vehicle_2 are .* m apart"),
-        ({"separation": 0.0}, r"separation = 0\.0"),
-        ({"slot_spacing": 10.0}, r"separation = 150\.0; allowed: <= slot_spacing = 10\.0"),
-        ({"start": (above(1e3, 1e3),)}, r"start = 1 points; allowed: 3, one for each vehicle"),
-        ({"graph": "star"}, r"graph = 'star'; allowed: line, ring, complete, random"),
-        (
-            {"consensus": "clock"},
-            r"consensus = 'clock': .* allowed: laplacian, maximum, or another that declares within_starts",
-        ),
-        ({"consensus": "vote"}, r"consensus: 'vote' is not known; allowed: "),
-        ({"start": near, **middle}, r"start of vehicle_1 and of vehicle_2 are .* m apart; allowed: >= 150 m"),
-        ({"start": (above(1e3, 1e3, 10.0), *near[1:]), **middle}, r"start of vehicle_1 = .* is below the least"),
-        ({"target": above(100.0, 100.0), "start": (near[0], near[2], above(5e3, 9e3))}, r"lie off the map"),
-        ({"deadline_factor": 0.5}, r"deadline_factor = 0\.5"),
-        ({"target": (math.nan, 0.0, 0.0)}, r"allowed: three finite numbers"),
-        ({"faults": AerialFaults(position_jump=5.0)}, r"position_jump = 5\.0; allowed in a fleet: 0"),
-        ({"slot_spacing": 150.0}, r"slot_spacing = 150\.0; allowed: >= 150\."),
-        ({"name": ("a", "b")}, r"name = \('a', 'b'\); allowed: 3, one for each vehicle"),
-        ({"name": ("a", "b", "a")}, r"name: names = .*; allowed: each once, and not a again"),
-        ({"name": ("a", "b", "c/d")}, r"name = 'c/d'; allowed: letters"),
-        (
-            {"name": ("a", "b", "c"), "edge": (("a", "b", 1.0),)},
-            r"edge: the graph is not connected: no way from a to c",
-        ),
-        ({"name": ("a", "b", "c"), "edge": (("a", "b", -1.0),)}, r"-1\.0; allowed: a finite value >= 0"),
-        ({"name": ("a", "b", "c"), "edge": (("a", "a", 1.0),)}, r"no self-loop"),
-        ({"name": ("a", "b", "c"), "edge": (("a", "d", 1.0),)}, r"'d'"),
-        ({"name": ("a", "b", "c"), "edge": (("a", "b", 1.0), ("b", "a", 2.0))}, r"each pair of vehicles once"),
-        ({"clocks": Clocks(offset=10.0, error=2.0)}, r"slot_spacing = 800\.0; allowed: >= 1350"),
-        ({"separation_rule": "delay_check", "delay_check": 1.5}, r"delay_check = 1\.5; allowed: <= 1\.4"),
-        ({"consensus_with": ("period",)}, r"consensus_with = 'period'; allowed: FIELD=VALUE"),
-        ({"consensus_with": ("=3",)}, r"consensus_with = '=3'; allowed: FIELD=VALUE"),
-        ({"consensus_with": ("period=3",)}, r"consensus_with = 'period=3'; allowed: any field but the period"),
-        ({"consensus_with": ("scaling=3",)}, r"consensus_with: scaling is not a field; allowed: period"),
-        ({"consensus": "laplacian", "consensus_with": ("scaling=-3",)}, r"consensus_with: scaling = -3\.0; allowed"),
-        (
-            {"vehicles": 256},
-            r"slot_spacing = 800\.0: the ring of 256 slots is .* does not fit the map.* allowed: fewer vehicles$",
-        ),
-        ({"target": (300.0, 300.0, 4_000.0)}, r"target = \(300.*: slots on a ring of \d+ m about it lie off the map"),
-        ({"start": ((-5.0, 0.0, 9e3), (1e3, 1e3, 9e3), (3e3, 3e3, 9e3))}, r"start of vehicle_1 = .* is off the map"),
-        ({"uncharted": ((6_000.0, 6_000.0, math.nan, 900.0),)}, r"uncharted: hill: radius = nan"),
-        ({"uncharted": ((-6_000.0, 6_000.0, 9.0, 900.0),)}, r"uncharted: hill: .* is not on the terrain"),
-        ({"uncharted": ((6_000.0, 6_000.0, 2_000.0, 900.0),), **middle}, r"target of vehicle_. = .*under ground"),
-    ]
+MIDDLE = {"target": _above(6_000.0, 6_000.0)}
+NEAR = (_above(1_000.0, 1_000.0), _above(1_080.0, 1_000.0), _above(9_000.0, 2_000.0))
+BAD: list[tuple[dict[str, Any], str]] = [
+    ({"vehicles": 1}, r"vehicles = 1; allowed: a whole number from 2 to 256"),
+    ({"start": NEAR[:2] + NEAR[1:2]}, r"start of vehicle_1 and of vehicle_2 are .* m apart"),
+    ({"slot_spacing": 10.0}, r"separation = 150\.0; allowed: <= slot_spacing = 10\.0"),
+    ({"start": (_above(1e3, 1e3),)}, r"start = 1 points; allowed: 3, one for each vehicle"),
+    ({"graph": "star"}, r"graph = 'star'; allowed: line, ring, complete, random"),
+    (
+        {"consensus": "clock"},
+        r"consensus = 'clock': .* allowed: laplacian, maximum, or another that declares within_starts",
+    ),
+    ({"consensus": "vote"}, r"consensus: 'vote' is not known; allowed: "),
+    ({"start": NEAR, **MIDDLE}, r"start of vehicle_1 and of vehicle_2 are .* m apart; allowed: >= 150 m"),
+    ({"start": (_above(1e3, 1e3, 10.0), *NEAR[1:]), **MIDDLE}, r"start of vehicle_1 = .* is below the least"),
+    ({"target": _above(100.0, 100.0), "start": (NEAR[0], NEAR[2], _above(5e3, 9e3))}, r"lie off the map"),
+    ({"faults": AerialFaults(position_jump=5.0)}, r"position_jump = 5\.0; allowed in a fleet: 0"),
+    ({"slot_spacing": 150.0}, r"slot_spacing = 150\.0; allowed: >= 150\."),
+    ({"name": ("a", "b")}, r"name = \('a', 'b'\); allowed: 3, one for each vehicle"),
+    ({"name": ("a", "b", "a")}, r"name: names = .*; allowed: each once, and not a again"),
+    ({"name": ("a", "b", "c/d")}, r"name = 'c/d'; allowed: letters"),
+    (
+        {"name": ("a", "b", "c"), "edge": (("a", "b", 1.0),)},
+        r"edge: the graph is not connected: no way from a to c",
+    ),
+    ({"name": ("a", "b", "c"), "edge": (("a", "b", -1.0),)}, r"-1\.0; allowed: a finite value >= 0"),
+    ({"name": ("a", "b", "c"), "edge": (("a", "a", 1.0),)}, r"no self-loop"),
+    ({"name": ("a", "b", "c"), "edge": (("a", "d", 1.0),)}, r"'d'"),
+    ({"name": ("a", "b", "c"), "edge": (("a", "b", 1.0), ("b", "a", 2.0))}, r"each pair of vehicles once"),
+    ({"clocks": Clocks(offset=10.0, error=2.0)}, r"slot_spacing = 800\.0; allowed: >= 1350"),
+    ({"separation_rule": "delay_check", "delay_check": 1.5}, r"delay_check = 1\.5; allowed: <= 1\.4"),
+    ({"consensus_with": ("period",)}, r"consensus_with = 'period'; allowed: FIELD=VALUE"),
+    ({"consensus_with": ("=3",)}, r"consensus_with = '=3'; allowed: FIELD=VALUE"),
+    ({"consensus_with": ("period=3",)}, r"consensus_with = 'period=3'; allowed: any field but the period"),
+    ({"consensus_with": ("scaling=3",)}, r"consensus_with: scaling is not a field; allowed: period"),
+    ({"consensus": "laplacian", "consensus_with": ("scaling=-3",)}, r"consensus_with: scaling = -3\.0; allowed"),
+    (
+        {"vehicles": 256},
+        r"slot_spacing = 800\.0: the ring of 256 slots is .* does not fit the map.* allowed: fewer vehicles$",
+    ),
+    ({"target": (300.0, 300.0, 4_000.0)}, r"target = \(300.*: slots on a ring of \d+ m about it lie off the map"),
+    ({"start": ((-5.0, 0.0, 9e3), (1e3, 1e3, 9e3), (3e3, 3e3, 9e3))}, r"start of vehicle_1 = .* is off the map"),
+    ({"uncharted": ((6_000.0, 6_000.0, math.nan, 900.0),)}, r"uncharted: hill: radius = nan"),
+    ({"uncharted": ((-6_000.0, 6_000.0, 9.0, 900.0),)}, r"uncharted: hill: .* is not on the terrain"),
+    ({"uncharted": ((6_000.0, 6_000.0, 2_000.0, 900.0),), **MIDDLE}, r"target of vehicle_. = .*under ground"),
+]
 
 
 def test_a_fleet_of_256_is_a_configuration() -> None:
     assert len(SimultaneousArrivalConfig(vehicles=256, slot_spacing=600.0).names) == 256
 
 
-@pytest.mark.parametrize("case", range(33))
-def test_bad_input_names_the_culprit(terrain: str, case: int) -> None:
-    fields, expected = bad(terrain)[case]
+@pytest.mark.parametrize(("fields", "expected"), BAD, ids=[expected for _, expected in BAD])
+def test_bad_input_names_the_culprit(terrain: str, fields: dict[str, Any], expected: str) -> None:
     with pytest.raises(ValueError, match=expected):
         SimultaneousArrival.build(config(terrain, **fields), 0)
 
 
 @pytest.mark.parametrize(
-    ("fields", "expected"),
-    [({"loss": 2.0}, r"radio\.loss = 2\.0"), ({"delay": (0.3, 0.1)}, r"radio\.delay = 0\.1"),
-     ({"partition": (5.0, 1.0)}, r"radio\.partition = 1\.0")],
-)  # fmt: skip
-def test_a_radio_that_cannot_be_is_refused(fields: dict[str, Any], expected: str) -> None:
+    ("made", "fields", "expected"),
+    [
+        (Radio, {"delay": (0.3, 0.1)}, r"radio\.delay = 0\.1"),
+        (Radio, {"partition": (5.0, 1.0)}, r"radio\.partition = 1\.0"),
+        (Clocks, {"offset": 50.0}, r"clocks\.offset = 50\.0"),
+        (Clocks, {"offset": 1.0}, r"clocks\.error = 0\.0 with clocks\.offset = 1"),
+    ],
+)
+def test_a_radio_and_clocks_that_cannot_be_are_refused(made: Any, fields: dict[str, Any], expected: str) -> None:
     with pytest.raises(ValueError, match=expected):
-        Radio(**fields)
-
-
-@pytest.mark.parametrize(
-    ("fields", "expected"),
-    [({"offset": 50.0}, r"clocks\.offset = 50\.0"), ({"drift": math.nan}, r"clocks\.drift = nan"),
-     ({"offset": 1.0}, r"clocks\.error = 0\.0 with clocks\.offset = 1"), ({"settling": -1.0}, r"clocks\.settling")],
-)  # fmt: skip
-def test_clocks_that_cannot_be_are_refused(fields: dict[str, Any], expected: str) -> None:
-    with pytest.raises(ValueError, match=expected):
-        Clocks(**fields)
+        made(**fields)
 
 
 def test_nobody_arrives_in_a_log_of_nothing(terrain: str) -> None:

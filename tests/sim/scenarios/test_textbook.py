@@ -1,15 +1,10 @@
-"""``textbook-observer``: run in Python and through the command line."""
+"""``textbook-observer``: errors, escapes, and repeatability."""
 
 from __future__ import annotations
-
-import json
-from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from mathnavi.commands.cli import main
 from mathnavi.estimators.textbook.observers import Example22, KazantzisKravaris
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.closed_loop import RunData
@@ -77,44 +72,3 @@ def test_errors_are_reported_state_by_state() -> None:
     errors = TextbookObserver.errors(config, np.array([[1.0, 2.0, 3.2]]), np.array([[0.0, 0.0, -3.2]]))
     assert list(errors) == ["x_1 [m]", "x_2 [m]", "phi [rad]"]
     assert errors["phi [rad]"][0] == pytest.approx(6.4 - 2.0 * np.pi)
-
-
-def test_a_run_leaves_what_every_run_leaves_and_can_be_run_again(tmp_path: Path) -> None:
-    words = ["--system", "krener-isidori", "--start", "0.5", "0.5", "--start-error", "0.1", "0.2", "--noise", "0.01"]
-    words += ["--estimator", "output_injection", "--estimator.poles", "-4", "-5", "--planner.constant", "0.1"]
-    first, second = tmp_path / "one", tmp_path / "two"
-    assert main(["run", "textbook-observer", *words, "--duration", "3", "--out", str(first)]) == 0
-    config = json.loads((first / "config.json").read_text())
-    assert config["fields"]["start"] == [0.5, 0.5]
-    assert config["estimator"]["fields"]["poles"] == [-4.0, -5.0]
-    assert main(["run", "--from", str(first), "--out", str(second)]) == 0
-    with np.load(first / "log.npz") as one, np.load(second / "log.npz") as other:
-        assert set(one) == set(other)
-        for name in one:
-            np.testing.assert_array_equal(one[name], other[name])
-
-
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (("--start", "1"), "--start = (1.0,); allowed: 3 finite numbers, of x_1 [-], x_2 [-], x_3 [-]"),
-        (("--start-error", "1", "x", "2"), "--start-error = 1 x 2; allowed: FLOAT..."),
-        (("--system", "example-2-3"), "--system = example-2-3; allowed: camera-and-flags, example-2-1"),
-        (("--no-distance-known",), "--distance-known = False; allowed: only of camera-and-flags, not of example-2-2"),
-        (("--rate", "333"), "--rate = 333.0; allowed: 1000 Hz over a whole number"),
-        (("--duration", "0"), "--duration = 0.0; allowed: a finite value >= 0.01"),
-        (("--noise", "-1"), "--noise = -1.0; allowed"),
-        (("--tolerance", "0"), "--tolerance = 0.0; allowed: a finite value > 0"),
-        (("--planner.constant", "1", "2"), "--planner.constant = (1.0, 2.0); allowed: one number for each of u [-]"),
-        (("--estimator", "output_injection"), "--system = 'example-2-2'; allowed with this observer: krener-isidori"),
-        (("--estimator", "kazantzis_kravaris"), "--system = 'example-2-2'; allowed: one without inputs"),
-        (("--estimator", "kalman"), "is for a FlightMission, and the mission is a TextbookMission"),
-    ],
-)
-def test_bad_input_is_one_line_that_names_the_flag(
-    words: Sequence[str], expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["run", "textbook-observer", *words, "--out", str(tmp_path / "run")]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert expected in line
-    assert not list(tmp_path.iterdir())

@@ -19,9 +19,9 @@ from mathnavi.renders.drawing import Drawing
 from mathnavi.sim.records.files import inside
 from mathnavi.sim.records.run_folder import RUN_FILES
 
-HOSTILE = [
-    "../../../../precious", "..", ".", "/", "/etc/passwd", "a/b", "a\\b", "", " ", " a", "a ", "-x", "--out", ".hidden",
-    "a\0b", "a\nb", "a\rb", "\x1b[2J", "a\x7f", "\u202egnp.exe", "\u2028", "\ud800", "x" * 101, "é" * 51, "x" * 100_000,
+HOSTILE = [  # one of each kind
+    "../../../../precious", "..", "/etc/passwd", "a\\b", "", " a", "-x", ".hidden", "a\0b", "\x1b[2J", "\u202egnp.exe",
+    "\u2028", "\ud800", "x" * 101, "é" * 51,
 ]  # fmt: skip
 
 

@@ -345,9 +345,12 @@ def assert_files(folder: Path, name: str, result: StudyResult, terrain: str | No
 def test_every_kind_of_the_missiles_flights_can_be_flown() -> None:
     """Their smallest study flies only some."""
     assert selected_kinds(OTHERS, PAIRS) == KINDS
+    smallest = SMALLEST["missile-closed-loop"]
+    flown = selected_kinds(smallest["others"], smallest["pairs"])
     for kind in KINDS:
         assert len(kind.trials(len(CASES), 3)) == (3 if kind.seeded else len(CASES))
-        kind.trials(1, 1)[0].build()
+        if kind not in flown:
+            kind.trials(1, 1)[0].build()
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -111,3 +112,18 @@ def test_parts_are_chosen_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert list(json.loads((tmp_path / "all.json").read_text(encoding="utf-8"))["parts"]) == ["more"]
     with pytest.raises(ValueError, match="only = 'runs'; allowed: walks, more"):
         every.main(every.Arguments(only=("runs",)))
+
+
+@pytest.mark.parametrize(
+    ("module", "field", "value"),
+    [
+        *((module, "repetitions", 0) for module in ("flight_solvers", "loop_overhead", "ocp_peers", "start_up")),
+        ("flight_solvers", "problems", 0),
+        ("sweep_scaling", "workers", 1),
+        ("sweep_scaling", "trials", 5),
+        ("tests_by_folder", "workers", -1),
+    ],
+)
+def test_too_little_is_no_measurement(module: str, field: str, value: int) -> None:
+    with pytest.raises(ValueError, match=f"{field} = {value}; allowed: >= "):
+        import_module(f"benchmarks.{module}").Arguments(**{field: value})

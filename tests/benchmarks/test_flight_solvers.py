@@ -19,7 +19,6 @@ from benchmarks.flight_solvers import (
     IPOPT,
     OURS,
     TOLERANCE,
-    Arguments,
     Recorded,
     Result,
     SolverFindings,
@@ -139,9 +138,3 @@ def test_what_is_found_can_be_shown_and_stored(capsys: pytest.CaptureFixture[str
     found.show(Console(width=100))
     assert "condensed" in capsys.readouterr().out
     assert found.plain()["problems"] == 2
-
-
-@pytest.mark.parametrize("field", ["problems", "repetitions"])
-def test_nothing_to_solve_is_refused(field: str) -> None:
-    with pytest.raises(ValueError, match=f"{field} = 0; allowed: >= 1"):
-        Arguments(**{field: 0})

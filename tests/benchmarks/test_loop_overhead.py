@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.loop_overhead import Arguments, Flight, bare_steps, dm_control_steps, fly
+from benchmarks.loop_overhead import Flight, bare_steps, dm_control_steps, fly
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
 from tests.flight import mountains, save
 
@@ -36,8 +36,3 @@ def test_its_commands_lead_everyone_to_the_same_end(flight: Flight, replay: Call
 def test_who_does_other_work_is_not_compared(flight: Flight, replay: Callable[[Flight], float]) -> None:
     with pytest.raises(RuntimeError, match="not the same work"):
         replay(dataclasses.replace(flight, commands=flight.commands[:-1]))
-
-
-def test_no_repetition_is_no_measurement() -> None:
-    with pytest.raises(ValueError, match="repetitions = 0; allowed: >= 1"):
-        Arguments(repetitions=0)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.sweep_scaling import MACHINE, OURS, POOL, Arguments, Course, SweepFindings, pooled, side_by_side, swept
+from benchmarks.sweep_scaling import MACHINE, OURS, POOL, Course, SweepFindings, pooled, side_by_side, swept
 from mathnavi.sim.sweep import execution
 from mathnavi.sim.sweep.trial import Trial, trial
 from tests.flight import START, above, mountains, save
@@ -47,9 +47,3 @@ def test_two_workers_are_compared_with_one_and_with_the_pool() -> None:
     rows = SweepFindings(20, 2, courses | {(MACHINE, 1): [one], (MACHINE, 2): [machine]}).comparisons()
     assert [row.ratio for row in rows] == pytest.approx([2.0, 1.6, 1.25, 1.8, 1.0, 1.0, 1.0])
     assert [row.wanted for row in rows] == [">= 1.9", "", "", "", "", "", ""]
-
-
-@pytest.mark.parametrize(("field", "value"), [("workers", 1), ("repetitions", 0), ("trials", 5)])
-def test_too_little_is_refused(field: str, value: int) -> None:
-    with pytest.raises(ValueError, match=f"{field} = {value}; allowed: >= "):
-        Arguments(**{field: value})

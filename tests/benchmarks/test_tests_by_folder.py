@@ -65,9 +65,3 @@ def test_only_all_tests_have_a_goal() -> None:
     (row,) = TestTimes({}, 9.0, wall=480.0).comparisons()
     assert (row.ratio, row.holds) == (2.0, False)
     assert TestTimes({}, 9.0).comparisons() == []
-
-
-def test_no_worker_is_one_process_and_fewer_are_refused() -> None:
-    assert Arguments(workers=0).workers == 0
-    with pytest.raises(ValueError, match="workers = -1; allowed: >= 0"):
-        Arguments(workers=-1)

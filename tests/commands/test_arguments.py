@@ -49,6 +49,8 @@ class Fields:
     names: list[str] = field(default_factory=list)
     numbers: NumberList = ()
     either: int | str = 0
+    several: tuple[float, float] | float = 0.0
+    nested: tuple[tuple[int, int], str] = ((0, 0), "")
     limit: Annotated[float, "a mark"] = 1.0
     table: dict[str, float] = field(default_factory=dict)
     inner: Inner = Inner()
@@ -82,6 +84,9 @@ def read(*argv: str, schema: type = Fields, prefix: str = "", default: Any = Non
         ("--numbers", "numbers", ()),
         ("--either 3", "either", 3),
         ("--either three", "either", "three"),
+        ("--several 1 2", "several", (1.0, 2.0)),
+        ("--several 1", "several", 1.0),
+        ("--nested 1 2 x", "nested", ((1, 2), "x")),
         ("--limit 2", "limit", 2.0),
         ("--inner.rate 2", "inner", Inner(2.0)),
         ("--inner.no-warm", "inner", Inner(1.0, False)),

@@ -77,23 +77,6 @@ FORMS: list[tuple[Any, tuple[str, int | None, bool, tuple[str, ...]]]] = [  # na
     (Literal["all"] | bool, ("{all}|{True,False}", 1, False, ("all", "True", "False"))),
     (tuple[float, float] | float, ("FLOAT FLOAT|FLOAT", None, False, ())),
 ]
-READ: list[tuple[Any, str, Any]] = [
-    (int, "-3", -3),
-    (float, ".5", 0.5),
-    (float, "-1e3", -1000.0),
-    (Path, "a", Path("a")),
-    (Literal["a", 2], "2", 2),
-    (Colour, "GREEN", Colour.GREEN),
-    (bool, "False", False),
-    (tuple[int, float] | None, "1 2", (1, 2.0)),
-    (tuple[tuple[str, float], ...], "a 1", ("a", 1.0)),  # of one occurrence
-    (NumberList, "", ()),
-    (NumberList, "1 2 3", (1.0, 2.0, 3.0)),
-    (int | str, "3", 3),
-    (int | str, "three", "three"),
-    (tuple[float, float] | float, "1", 1.0),
-    (tuple[tuple[int, int], str], "1 2 x", ((1, 2), "x")),
-]
 
 
 @pytest.mark.parametrize(("hint", "expected"), FORMS)
@@ -101,33 +84,6 @@ def test_a_type_says_which_words_it_takes(hint: Any, expected: tuple[str, int | 
     form = form_of(hint)
     assert form.readable
     assert (form.value_name, form.count, form.repeats, form.choices) == expected
-
-
-@pytest.mark.parametrize(("hint", "words", "value"), READ)
-def test_words_are_read_as_a_value(hint: Any, words: str, value: Any) -> None:
-    read = form_of(hint).read(words.split())
-    assert read == value
-    assert type(read) is type(value)
-
-
-@pytest.mark.parametrize(
-    ("hint", "words"),
-    [
-        (int, "2.5"),
-        (int, ""),
-        (int, "1 2"),
-        (float, "x"),
-        (Literal["a"], "b"),
-        (tuple[int, int], "1"),
-        (tuple[int, int] | None, "1 2 3"),
-        (int | float, "x"),
-    ],
-)
-def test_other_words_are_refused(hint: Any, words: str) -> None:
-    with pytest.raises(ValueError):  # noqa: PT011 - whatever it says
-        form_of(hint).read(words.split())
-    with pytest.raises(ValueError, match="an empty word"):
-        form_of(Path).read([""])
 
 
 @pytest.mark.parametrize(
@@ -145,6 +101,11 @@ def test_other_words_are_refused(hint: Any, words: str) -> None:
 )
 def test_a_type_without_words_says_so(hint: Any) -> None:
     assert not form_of(hint).readable
+
+
+def test_an_empty_word_is_no_place() -> None:
+    with pytest.raises(ValueError, match="an empty word"):
+        form_of(Path).read([""])
 
 
 def test_a_mark_is_found_wherever_it_stands() -> None:

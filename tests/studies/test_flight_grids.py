@@ -51,9 +51,3 @@ def test_the_stretched_grid_has_the_nodes_of_the_uniform_one_and_twice_its_horiz
     assert flight_grids.STRETCHED.nodes == flight_grids.UNIFORM.nodes
     assert sum(flight_grids.STRETCHED.lengths) == pytest.approx(2.0 * sum(flight_grids.UNIFORM.lengths))
     assert flight_grids.STRETCHED.stretch > 1.0
-
-
-@pytest.mark.parametrize("field", ["seeds", "faulted"])
-def test_a_study_of_nothing_is_refused(field: str) -> None:
-    with pytest.raises(ValueError, match=f"{field} = 0; allowed: a whole number from 1 to"):
-        flight_grids.FlightGridsConfig(**{field: 0})

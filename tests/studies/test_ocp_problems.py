@@ -17,9 +17,7 @@ from mathnavi.studies.nodes.ocp_problems import (
     METHODS,
     OcpProblemsConfig,
     _claim,
-    _figure,
     _first_reached,
-    _ratio,
     _row,
     attempts,
 )
@@ -80,31 +78,6 @@ def test_the_claim_is_about_every_problem(reached: bool, count: int, holds: bool
     claim = _claim(best, [name for name, row in best.items() if row["reached"]], OcpProblemsConfig())
     assert claim.holds is holds
     assert (last in claim.measured) is not reached
-
-
-def test_a_figure_tells_errors_over_the_tolerance_and_why_there_is_none() -> None:
-    tried = [
-        ("refinement", {"error": 2e-6, "reached": True}),
-        ("redistribution, curvature", {"status": "refused"}),
-        ("redistribution, arclength", {"status": "limit"}),
-        ("uniform", {"error": 3e-3, "adaptive": False}),
-    ]
-    row = {"problem": ENERGY, "error_replayed": 1e-9}
-    rows = [attempt(method=method, **{**row, **other}) for method, other in tried]
-    axes = _figure(rows, {ENERGY: rows[0]}).axes[0]
-    texts = {text.get_text(): text.get_position()[0] for text in axes.texts}
-    assert {"0.02", "30", "refused", "limit"} <= texts.keys()
-    cells = {round(patch.get_x()): patch.get_facecolor() for patch in axes.patches if patch.get_width() == 1.0}
-    assert len(cells) == len(tried)  # what was not tried is left out
-    assert len(set(cells.values())) == len(tried)
-
-
-@pytest.mark.parametrize(
-    ("excess", "expected"),
-    [(6e-12, "6e-12"), (9.9e-3, "1e-2"), (0.036, "0.036"), (71.2, "71"), (129.0, "129"), (1e6, "1e6")],
-)
-def test_a_ratio_is_short(excess: float, expected: str) -> None:
-    assert _ratio(excess) == expected
 
 
 def test_the_points_inside_an_interval_count_as_nodes() -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import pytest
-from annotated_types import Ge, Gt, Interval, Le, Lt
+from annotated_types import Ge, GroupedMetadata, Gt, Le, Lt
 
 from mathnavi.interfaces.field_table import leaves_of
 from mathnavi.interfaces.fields import with_fields
@@ -16,25 +16,25 @@ from mathnavi.sim.plugin.registry import load, names
 CONFIGURED = [(kind, name) for kind in ("scenarios", "controllers", "estimators", "studies") for name in names(kind)]
 
 
-def beyond(leaf: Any) -> Iterator[float]:
-    """Values of a field of one number that are none of its own."""
-    kind = leaf.form.kind
-    if kind is float:
-        yield math.nan
-    for mark in leaf.form.marks if kind in (int, float) else ():
-        for bound in mark if isinstance(mark, Interval) else (mark,):
-            if isinstance(bound, (Gt, Lt)):
-                yield kind(bound.gt if isinstance(bound, Gt) else bound.lt)
-            elif isinstance(bound, Ge):
-                yield kind(bound.ge - 1)
-            elif isinstance(bound, Le):
-                yield kind(bound.le + max(1, abs(bound.le)))
+def beyond(kind: type[float], marks: Iterable[Any]) -> Iterator[float]:
+    """Values just beyond what the marks of a field of one number declare."""
+    for mark in marks:
+        if isinstance(mark, GroupedMetadata):
+            yield from beyond(kind, mark)
+        elif isinstance(mark, (Gt, Lt)):
+            yield kind(mark.gt if isinstance(mark, Gt) else mark.lt)
+        elif isinstance(mark, Ge):
+            yield kind(mark.ge - 1)
+        elif isinstance(mark, Le):
+            yield kind(mark.le + max(1, abs(mark.le)))
 
 
 @pytest.mark.parametrize(("kind", "name"), CONFIGURED)
 def test_a_number_that_a_field_does_not_allow_is_refused_by_its_name(kind: str, name: str) -> None:
     config: Any = load(kind, name).Config
     for leaf in leaves_of(config):
-        for value in beyond(leaf):
+        number = leaf.form.kind
+        values = [*beyond(number, leaf.form.marks), *([math.nan] if number is float else [])]
+        for value in values if number in (int, float) else ():
             with pytest.raises(ValueError, match=rf"{leaf.path.rpartition('.')[2]}\b.* = {value!r}.*allowed"):
                 with_fields(config(), {leaf.path: value})

@@ -121,10 +121,10 @@ def _stored(path: Path) -> int:
 
 
 def test_what_is_refused_and_what_fails_is_reported(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ("--minimise", "height_m", *OVER, "--rim", "2", "--fire", "2", "--missions", "4", "--report")
+    words = ("--minimise", "height_m", *OVER, "--rim", "2", "--fire", "2", "--missions", "6", "--report")
     assert search(path, *words) == 0
     shown = printed(capsys)
-    assert "Bowl, 4 missions: " in shown
+    assert "Bowl, 6 missions: " in shown
     assert "failed mission" in shown
     page = path.with_suffix(".html").read_text(encoding="utf-8")
     assert "beyond the rim; allowed: &lt; 2.0" in page

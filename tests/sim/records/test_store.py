@@ -323,20 +323,16 @@ with Store.open(sys.argv[1]) as store:
 
 
 def test_a_writer_that_is_killed_loses_nothing_that_it_has_announced(path: Path) -> None:
-    for _ in range(3):
-        path.unlink(missing_ok=True)
-        writer = subprocess.Popen([sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, text=True)
+    with subprocess.Popen([sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, text=True) as writer:
         assert writer.stdout is not None
         for expected in writer.stdout:
             if int(expected) >= 20:
                 writer.kill()
                 break
         expected = (expected + writer.stdout.read()).split()[-1]
-        writer.wait()
-        writer.stdout.close()
-        with Store.open(path) as store:
-            assert len(store.keys()) in (int(expected) + 1, int(expected) + 2)
-        assert is_whole(path)
+    with Store.open(path) as store:
+        assert len(store.keys()) in (int(expected) + 1, int(expected) + 2)
+    assert is_whole(path)
 
 
 def test_the_table_has_a_line_a_trial_and_a_column_a_figure(path: Path, tmp_path: Path) -> None:

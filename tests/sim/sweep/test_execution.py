@@ -17,11 +17,11 @@ import pytest
 
 from mathnavi.sim.plugin import code_version as code
 from mathnavi.sim.records.origins import Elsewhere
-from mathnavi.sim.records.store import Record, Store, StoreWriteError
+from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.sweep.child import RefusedError, Worker, module_path
 from mathnavi.sim.sweep.execution import Pool, Progress, run_jobs, run_trials
 from mathnavi.sim.sweep.job import job
-from mathnavi.sim.sweep.trial import Trial, keys, trial
+from mathnavi.sim.sweep.trial import Trial, trial
 from tests.sim.sweep.computations import returned
 from tests.sim.sweep.scenarios import SLOW
 
@@ -228,17 +228,6 @@ def test_a_pool_goes_on_after_a_mishap(store: Store) -> None:
 def test_a_pool_has_a_worker() -> None:
     with pytest.raises(ValueError, match="workers = 0"):
         Pool(0)
-
-
-@pytest.mark.usefixtures("trials_here")
-def test_a_store_that_is_full_ends_the_sweep_and_keeps_what_it_has(store: Store) -> None:
-    run_trials(coins(3), store)
-    store._connection.execute("PRAGMA max_page_count = 12")
-    with pytest.raises(StoreWriteError, match="database or disk is full"):
-        run_trials(coins(100), store)
-    assert set(keys(coins(3))) <= store.keys()
-    store._connection.execute("PRAGMA max_page_count = 10000")
-    assert len(run_trials(coins(100), store, workers=2)) == len(store.keys()) == 100
 
 
 def test_what_numba_compiles_does_not_count(store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

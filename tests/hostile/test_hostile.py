@@ -18,7 +18,7 @@ from tests.hostile.judge import Case, box, judged
 from tests.hostile.originals import originals
 from tests.hostile.program import findings, remove
 
-SEED, COUNT, PARTS = 97, 240, 12  # every attack is among them; .ci/weekly makes thousands of others
+SEED, COUNT, PARTS = 94, 240, 12  # every attack is among them; .ci/weekly makes thousands of others
 EXAMPLES = 30
 
 scalars = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20)

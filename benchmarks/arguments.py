@@ -6,8 +6,8 @@ import inspect
 import sys
 from typing import TypeVar
 
-from mathnavi.commands.arguments import FlagGroup, HelpPrinted, parse
-from mathnavi.commands.errors import BadInputError, one_line
+from mathnavi.commands.arguments import FlagGroup, parse
+from mathnavi.commands.errors import BadInputError, HelpPrinted, one_line
 
 Arguments = TypeVar("Arguments")
 

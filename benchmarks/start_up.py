@@ -48,8 +48,11 @@ COMMANDS: dict[str, tuple[str, ...]] = {
         "--start", "3000", "4000", "1000", "--target", "6000", "7000", "1000",
     ),
 }
+WANTED = {  # [s] at most
+    ("--help", "warm"): 0.3, ("list", "warm"): 0.5, ("run safe-flight --help", "warm"): 0.3,
+    (FLIGHT, "warm"): 1.2, (FLIGHT, "first"): 8.0,
+}
 # fmt: on
-WANTED = {("--help", "warm"): 0.3, ("list", "warm"): 0.5, (FLIGHT, "warm"): 1.2, (FLIGHT, "first"): 8.0}  # [s] at most
 
 Tree = Literal["here", "before"]
 State = Literal["cold", "warm", "first"]

@@ -10,7 +10,8 @@
 
 ``fields_of(MapConfig)`` has an entry for each field, ``leaves_of(MapConfig)`` one for each field that is no dataclass
 itself: "terrain", "start", "noise.rate". Bounds, files, validation, command line, help, completion and the reference
-pages read what they need from these entries: the form of a type, its marks, its words, the help.
+pages read what they need from these entries: the form of a type, its marks, its words, the help. The command line reads
+``FieldDescription``, which is plain data, so that it can be kept where the class is not imported.
 """
 
 from __future__ import annotations
@@ -18,19 +19,18 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
-import io
+import linecache
 import re
-import textwrap
-import tokenize
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from itertools import islice
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 NAMES: dict[Any, str] = {int: "INT", float: "FLOAT", str: "STR", Path: "PATH"}
 TOGETHER = object()
@@ -174,6 +174,35 @@ def form_of(hint: Any) -> Form:
     return replace(members[0], hint=hint, marks=(*members[0].marks, *marks), optional=optional)
 
 
+class FieldDescription(NamedTuple):
+    """Field of a dataclass on the command line, as plain data."""
+
+    path: str
+    """dotted name in the dataclass: "noise.rate"; empty strings below are texts that are not there"""
+    flag: str
+    """--PREFIX.PATH"""
+    place: str
+    """name in a message: the flag, or the name of a positional argument"""
+    value_name: str
+    help: str
+    default: str | None
+    """value if it is not given; None if it has to be"""
+    group: str
+    """dotted name of the dataclass in which it lies, "planner.noise" with the prefix"""
+    group_help: str
+    positional: bool
+    switch: bool
+    """whether it is a truth value, which --no-NAME sets to false"""
+    repeats: bool
+    """whether each occurrence of the flag adds one value"""
+    readable: bool
+    """whether its values can be given as words"""
+    words: int | None
+    """number of words of one value; None for as many as follow"""
+    choices: tuple[str, ...]
+    """all words that are allowed, if they can be listed"""
+
+
 @dataclass(frozen=True)
 class Field:
     """Field of a dataclass."""
@@ -222,14 +251,29 @@ class Field:
         return (mark and mark.name) or (self.name.upper() if self.positional else self.form.value_name)
 
     @property
-    def place(self) -> str:
-        """Name in a message: the flag, or the name of a positional argument."""
-        return self.value_name if self.positional else self.flag
-
-    @property
     def help(self) -> str:
         """Documentation of the field, on one line."""
         return " ".join(field_help(self.owner).get(self.name, "").split())
+
+    @property
+    def description(self) -> FieldDescription:
+        """Plain data of the field that the command line reads."""
+        return FieldDescription(
+            path=self.path,
+            flag=self.flag,
+            place=self.value_name if self.positional else self.flag,
+            value_name=self.value_name,
+            help=self.help,
+            default=None if self.default is dataclasses.MISSING else shown(self.default),
+            group=f"{self.prefix}.{self.path}".strip(".").rpartition(".")[0],
+            group_help=docstring(self.owner),
+            positional=self.positional,
+            switch=self.switch,
+            repeats=self.form.repeats,
+            readable=self.form.readable,
+            words=self.form.count if self.form.readable else None,
+            choices=self.form.choices,
+        )
 
 
 @cache
@@ -276,6 +320,19 @@ def negation(flag: str) -> str:
     return f"--{above}{dot}no-{name}"
 
 
+def shown(value: Any) -> str:
+    """Return a value as the help shows it, without the brackets of a sequence; "" for None."""
+    if isinstance(value, (tuple, list)):
+        return " ".join(shown(item) for item in value)
+    return "" if value is None else value.name if isinstance(value, Enum) else str(value)
+
+
+def docstring(owner: type) -> str:
+    """Return the first paragraph of a dataclass's docstring; "" without one."""
+    text = inspect.cleandoc(owner.__doc__ or "").partition("\n\n")[0]
+    return "" if text.startswith(f"{owner.__name__}(") else text  # as dataclasses write it
+
+
 @cache
 def field_help(owner: type) -> dict[str, str]:
     """Return the help by name of the field, of a dataclass and of its base classes; "" for a field without text.
@@ -284,34 +341,49 @@ def field_help(owner: type) -> dict[str, str]:
     """
     texts: dict[str, str] = {}
     for each in reversed([base for base in owner.__mro__ if dataclasses.is_dataclass(base)]):
+        file = getattr(sys.modules.get(each.__module__), "__file__", None) or ""  # none in a notebook
+        linecache.checkcache(file)
+        lines = linecache.getlines(file)
         try:
-            source = textwrap.dedent(inspect.getsource(each))
-            statements = ast.parse(source).body[0].body  # type: ignore[attr-defined]
-        except (OSError, TypeError, SyntaxError):  # defined by a call, or in a notebook
+            statements = _classes("".join(lines))[each.__qualname__].body
+        except (KeyError, SyntaxError):  # defined by a call, or there is no source
             continue
-        remarks = comments(source)
         for field, below in zip(statements, [*statements[1:], None], strict=True):
             match field, below:
                 case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
                     texts[name] = inspect.cleandoc(text)
                 case ast.AnnAssign(target=ast.Name(id=name)), _:
-                    texts[name] = beside(field, remarks)
+                    texts[name] = beside(field, lines)
     return texts
 
 
-def comments(source: str) -> dict[int, tuple[int, str]]:
-    """Return column and text of every comment, by the number of its line."""
-    return {
-        token.start[0]: (token.start[1], token.string.lstrip("# ").strip())
-        for token in tokenize.generate_tokens(io.StringIO(source).readline)
-        if token.type == tokenize.COMMENT
-    }
+@lru_cache(maxsize=32)
+def _classes(source: str) -> dict[str, ast.ClassDef]:
+    """Return the classes that the source of a module defines, by their qualified names."""
+    found: dict[str, ast.ClassDef] = {}
+    waiting: list[tuple[str, ast.AST]] = [("", ast.parse(source))]
+    while waiting:
+        above, node = waiting.pop()
+        if isinstance(node, ast.ClassDef):
+            found.setdefault(f"{above}{node.name}", node)
+            above = f"{above}{node.name}."
+        elif isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            above = f"{above}{node.name}.<locals>."
+        inner = [(above, each) for each in ast.iter_child_nodes(node) if not isinstance(each, ast.expr)]
+        waiting += reversed(inner)
+    return found
 
 
-def beside(node: ast.stmt, remarks: Mapping[int, tuple[int, str]]) -> str:
-    """Return the comment next to a statement, with the lines that continue it below."""
-    line = node.end_lineno or node.lineno
-    column, text = remarks.get(line, (0, ""))
-    while text and (below := remarks.get(line + 1)) and below[0] == column:
-        line, text = line + 1, f"{text} {below[1]}"
-    return text
+def beside(node: ast.stmt, lines: Sequence[str]) -> str:
+    """Return the comment next to a statement in the lines of a source, with the lines that continue it below."""
+    number = node.end_lineno or node.lineno
+    comment = lines[number - 1].encode()[node.end_col_offset or 0 :].decode().strip()
+    if not comment.startswith("#"):
+        return ""
+    column = lines[number - 1].rindex(comment)
+    texts = [comment]
+    for line in lines[number:]:
+        if not line.startswith(f"{' ' * column}#"):
+            break
+        texts.append(line)
+    return " ".join(text.lstrip("# ").rstrip() for text in texts)

@@ -9,7 +9,6 @@ units. One of them has another default: near the walls of a canyon, cliffs at th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import ClassVar
 
 from mathnavi.controllers.flight.certificate import Certificate
@@ -17,19 +16,20 @@ from mathnavi.controllers.flight.plugin import RecedingHorizonConfig, planner
 from mathnavi.controllers.quadrotor.bound import tracking_bound
 from mathnavi.controllers.quadrotor.similarity import Similarity, SimilarPlanner
 from mathnavi.controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
+from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.protocols import Planner, Tracker
 from mathnavi.models.quadrotor.mission import QuadrotorMission
 
 
-@dataclass(frozen=True)
+@configuration
 class QuadrotorConfig:
     """Fields of ``--planner``."""
 
     kernels: ClassVar[str] = "mathnavi.controllers.quadrotor.kernels"  # compiled before the first run
 
-    flight: RecedingHorizonConfig = field(default_factory=lambda: RecedingHorizonConfig(margin=100.0))
+    flight: RecedingHorizonConfig = RecedingHorizonConfig(margin=100.0)
     """Fields of the planner, on the magnified mission: v_max is 300 m/s there, its times are 10/3 of the true ones."""
-    tracker: TrackerConfig = field(default_factory=TrackerConfig)
+    tracker: TrackerConfig = TrackerConfig()
 
 
 class QuadrotorFlight:

@@ -15,7 +15,7 @@ from typing import Any
 from prose import inline, prose
 from sphinx.application import Sphinx
 
-from mathnavi.interfaces.field_table import beside, comments
+from mathnavi.interfaces.field_table import beside
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("interfaces", "models", "controllers", "estimators", "sim", "renders", "studies", "commands", "scripting")
@@ -25,13 +25,13 @@ Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
 class Module:
-    """A source file: its tree, what its names mean, and the comments at the end of its lines."""
+    """A source file: its tree, what its names mean, and its lines."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.name = path, ".".join(("mathnavi", *path.relative_to(SOURCES).with_suffix("").parts))
         source = path.read_text(encoding="utf-8")
         self.tree = ast.parse(source)
-        self.comments = comments(source)
+        self.lines = source.splitlines()
         self.meaning = dict(self._meaning())
 
     def _meaning(self) -> Iterator[tuple[str, str]]:
@@ -143,7 +143,7 @@ def _data(
     target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]
     if not isinstance(target, ast.Name) or target.id.startswith("_"):
         return []
-    said = beside(node, module.comments)
+    said = beside(node, module.lines)
     if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant) and isinstance(below.value.value, str):
         said = below.value.value
     if owner is None and not said:

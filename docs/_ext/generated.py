@@ -24,8 +24,8 @@ from sphinx.application import Sphinx
 from sphinx.builders.html import StandaloneHTMLBuilder
 
 from mathnavi.commands import cli, opengl
-from mathnavi.commands.command_line import CommonOptions
 from mathnavi.commands.completion import OWN
+from mathnavi.commands.flown import CommonOptions
 from mathnavi.interfaces.field_table import Form, leaves_of
 from mathnavi.sim.plugin.groups import GROUPS
 from mathnavi.sim.plugin.registry import load, names

@@ -57,12 +57,12 @@ def _stranger(name: str) -> str:
         places = _places(module)
         if module == name and not places:
             raise ArgumentError(f"the plug-ins of module {name!r} have no file; allowed: modules with sources")
-        if module != name and places and _is_installed(places[0][1]) and (number := _version(module)):
+        if module != name and places and is_installed(places[0][1]) and (number := _version(module)):
             versions.add(f"{module} {number}")
             continue
         own = [(module, folder, file) for folder, start in places for file in _files(start)]
         counted += own
-        if module != name and places and _is_installed(places[0][1]):
+        if module != name and places and is_installed(places[0][1]):
             continue  # imports of an installed package are not followed
         found = {each for *_, file in own if file.suffix == ".py" for each in _imports(file)} - seen
         seen |= found
@@ -93,7 +93,7 @@ def _imports(file: Path) -> Iterator[str]:
                 yield name
 
 
-def _is_installed(file: Path) -> bool:
+def is_installed(file: Path) -> bool:
     """Return True for a path among the installed packages."""
     return any(file.is_relative_to(sysconfig.get_path(each)) for each in ("purelib", "platlib"))
 

@@ -10,6 +10,10 @@ GROUPS = {  # by kind of plug-in
     kind: f"{PREFIX}{kind}"
     for kind in ("controllers", "estimators", "consensus", "scenarios", "studies", "terrains", "drawings")
 }
+KINDS = {"controller": "controllers", "estimator": "estimators"}
+"""kind of the plug-in of each part of a run"""
+PREFIXES = {"controllers": "planner", "estimators": "estimator"}
+"""prefix of the fields on the command line, by kind; those of another kind have none"""
 PICTURES = f"{PREFIX}pictures"  # what draws the episodes of an environment; there is one, and nobody names it
 
 

@@ -15,16 +15,18 @@ from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from numbers import Real
 from types import UnionType
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_type_hints
 
 from mathnavi.interfaces.checks import allowed_for, plain_name
 from mathnavi.interfaces.entry_points import named
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.failures import explained, failures_named
 from mathnavi.interfaces.field_table import fields_of
-from mathnavi.interfaces.protocols import Consensus, Estimator, Planner, Sensor
-from mathnavi.sim.plugin.groups import installed
+from mathnavi.sim.plugin.groups import GROUPS, installed
 from mathnavi.sim.plugin.trust import check_loaded
+
+if TYPE_CHECKING:  # numpy, which takes as long to import as the command line
+    from mathnavi.interfaces.protocols import Consensus, Estimator, Planner, Sensor
 
 Quality = TypeVar("Quality")
 
@@ -79,16 +81,23 @@ def load(kind: str, name: str) -> Any:
     Raises PluginError if there is none, naming those that exist, if several have the name, naming the origin of each,
     or if it declares no frozen configuration.
     """
+    point = point_of(kind, name)
+    check_loaded(name)
+    with failures_named(f"{kind}: {name!r} cannot be imported:", PluginError):
+        plugin = _at(kind, name) if point.value == name else point.load()
+    check_class(kind, plugin, name)
+    return plugin
+
+
+def point_of(kind: str, name: str) -> EntryPoint:
+    """Return the entry point called ``name``, or one for "package.module:Class"; PluginError as of ``load``."""
     point = named(installed(kind), kind, name, _PLACE)
     if point is not None:
         _check_name(kind, point)
-    elif ":" not in name:
+        return point
+    if ":" not in name:
         raise PluginError(f"{kind}: {name!r} is not known; {allowed_for(name, names(kind), f'or {_PLACE}')}")
-    check_loaded(name)
-    with failures_named(f"{kind}: {name!r} cannot be imported:", PluginError):
-        plugin = point.load() if point else _at(kind, name)
-    _check_class(kind, plugin, name)
-    return plugin
+    return EntryPoint(name, name, GROUPS[kind])
 
 
 @contextmanager
@@ -127,7 +136,7 @@ def checked_controller(spec: PluginSpec, mission: Any, bound: type | None = None
 
     Raises PluginError if the build fails or anything that the loop needs is missing.
     """
-    _check_class("controllers", spec.plugin, spec.name)
+    check_class("controllers", spec.plugin, spec.name)
     pair = _invoke("controllers", spec, "build", mission)
     subject = f"controllers: {spec.name!r}: build() returned"
     if not (isinstance(pair, tuple) and len(pair) == 2):
@@ -143,7 +152,7 @@ def checked_controller(spec: PluginSpec, mission: Any, bound: type | None = None
 
 def checked_estimator(spec: PluginSpec, mission: Any) -> Estimator:
     """Return the estimator that a plug-in builds; PluginError as for a controller."""
-    _check_class("estimators", spec.plugin, spec.name)
+    check_class("estimators", spec.plugin, spec.name)
     estimator: Estimator = _invoke("estimators", spec, "build", mission)
     _check_made(f"estimators: {spec.name!r}: build() returned the estimator", estimator, "update")
     return estimator
@@ -151,7 +160,7 @@ def checked_estimator(spec: PluginSpec, mission: Any) -> Estimator:
 
 def checked_consensus(spec: PluginSpec, mission: Any) -> Consensus:
     """Return the consensus by which a vehicle agrees with others; PluginError as for a controller."""
-    _check_class("consensus", spec.plugin, spec.name)
+    check_class("consensus", spec.plugin, spec.name)
     consensus: Consensus = _invoke("consensus", spec, "build", mission)
     for method in ("exchange", "start"):
         _check_made(f"consensus: {spec.name!r}: build() returned", consensus, method)
@@ -166,7 +175,7 @@ def checked_consensus(spec: PluginSpec, mission: Any) -> Consensus:
 
 def checked_sensors(spec: PluginSpec, mission: Any) -> tuple[Sensor, ...]:
     """Return the sensors that a vehicle carries for an estimator; PluginError as for a controller."""
-    _check_class("estimators", spec.plugin, spec.name)
+    check_class("estimators", spec.plugin, spec.name)
     sensors = _invoke("estimators", spec, "sensors", mission)
     subject = f"estimators: {spec.name!r}: sensors() returned"
     if not isinstance(sensors, Sequence):
@@ -181,14 +190,15 @@ def checked_sensors(spec: PluginSpec, mission: Any) -> tuple[Sensor, ...]:
 
 def checked_quality(spec: PluginSpec, mission: Any, quality: type[Quality]) -> Quality:
     """Return the quality of a plug-in's estimates, of the given type; PluginError as for a controller."""
-    _check_class("estimators", spec.plugin, spec.name)
+    check_class("estimators", spec.plugin, spec.name)
     answer = _invoke("estimators", spec, "quality", mission)
     if not isinstance(answer, quality):
         raise PluginError(f"estimators: {spec.name!r}: quality() returned {_kind(answer)}; allowed: {quality.__name__}")
     return answer
 
 
-def _check_class(kind: str, plugin: Any, name: str) -> None:
+def check_class(kind: str, plugin: Any, name: str) -> None:
+    """Raise PluginError for a class that is no plug-in of a kind."""
     config = getattr(plugin, "Config", None)
     if not (isinstance(config, type) and dataclasses.is_dataclass(config) and _frozen(config)):
         raise PluginError(f"{kind}: {name!r} declares no frozen dataclass named Config, so it is not a plug-in")

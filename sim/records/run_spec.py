@@ -25,15 +25,13 @@ from mathnavi.interfaces.errors import ArgumentError, FieldError, PluginError
 from mathnavi.interfaces.fields import flattened, instance, leaf, leaf_type, plain, with_fields
 from mathnavi.interfaces.input_files import Digests, declared_inputs, input_digests, named_plugins
 from mathnavi.sim.plugin.code_version import code_version
+from mathnavi.sim.plugin.groups import KINDS
 from mathnavi.sim.plugin.registry import PluginSpec, called, load, of_stranger
 from mathnavi.sim.records.field_names import PARTS, joined, split
 from mathnavi.sim.records.store import canonical_json
 
 Plugin = PluginSpec | str | type[Any] | None
 """plug-in with its fields, or its name or its class; None for the one that is there already"""
-
-KINDS = {"controller": "controllers", "estimator": "estimators"}
-"""kind of the plug-in of each part"""
 
 
 @dataclass(frozen=True)

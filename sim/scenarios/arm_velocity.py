@@ -5,7 +5,7 @@ The metric is the mass matrix of the observer's model; the plant may carry a loa
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -46,7 +46,7 @@ class ArmVelocityConfig(LagrangianFields):
 
     kernels: ClassVar[str] = "mathnavi.models.mechanism.forces"  # compiled before the first run
 
-    reading: PositionQuality = field(default_factory=lambda: PositionQuality(resolution=14))
+    reading: PositionQuality = PositionQuality(resolution=14)
     """errors of the encoders"""
     settled: float = 1.0
     """time from which errors count [s]"""

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import field
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -51,7 +50,7 @@ class AttitudeTrackingFields(LagrangianFields):
 
     kernels: ClassVar[str] = "mathnavi.models.manifold.attitude"  # compiled before the first run
 
-    reading: PositionQuality = field(default_factory=lambda: PositionQuality(noise=0.005))
+    reading: PositionQuality = PositionQuality(noise=0.005)
     """errors of the attitude readings"""
     rate: float = 500.0
     """rate of readings, estimates and commands [Hz]"""

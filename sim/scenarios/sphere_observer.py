@@ -7,7 +7,6 @@ hyperbolic-plane   a point on H^2 as an ODE, in a bowl
 
 from __future__ import annotations
 
-from dataclasses import field
 from functools import lru_cache
 from typing import Annotated, ClassVar, Literal
 
@@ -56,7 +55,7 @@ class SphereObserverConfig(LagrangianFields):
 
     kernels: ClassVar[str] = "mathnavi.models.manifold.attitude"  # compiled before the first run
 
-    reading: PositionQuality = field(default_factory=lambda: PositionQuality(noise=0.01))
+    reading: PositionQuality = PositionQuality(noise=0.01)
     """errors of the position readings"""
     space: SpaceName = "body"
     """system: a rigid body in MuJoCo, a point on S^3 (sphere), or a point on the hyperbolic plane"""

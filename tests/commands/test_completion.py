@@ -13,12 +13,13 @@ import pytest
 
 from mathnavi.commands.arguments import flags
 from mathnavi.commands.cli import main
-from mathnavi.commands.completion import FLOWN, OWN, SCRIPTS, candidates, flags_of, plugin
-from mathnavi.commands.known import COMMANDS
-from mathnavi.sim.plugin.index import COMMAND, Description, describe
-from mathnavi.sim.plugin.registry import load, names
+from mathnavi.commands.completion import COMMON, SCRIPTS, candidates, flags_of, plugin
+from mathnavi.commands.known import COMMANDS, FLOWN, OPTIONS
+from mathnavi.sim.plugin.groups import PREFIXES
+from mathnavi.sim.plugin.index import COMMAND, Index, Point
+from mathnavi.sim.plugin.registry import load, names, point_of
 
-PLACES = sorted({place for places in OWN.values() for place in places})
+PLACES = sorted({*OPTIONS.values(), COMMON})
 CONFIGURED = [(kind, name) for kind in ("scenarios", "controllers", "estimators", "studies") for name in names(kind)]
 MINE = """
 from dataclasses import dataclass
@@ -44,23 +45,28 @@ ASKED = {
 }
 
 
-@pytest.mark.parametrize(("kind", "name"), CONFIGURED)
-def test_every_flag_of_a_plugin_is_completed_and_no_other(kind: str, name: str) -> None:
-    found = flags_of(plugin(kind, name), "planner")
-    assert set(found) == {flag for flag, _ in flags(load(kind, name).Config, "planner")}
-
-
 @pytest.fixture(scope="module")
-def described() -> dict[str, Description]:
-    """Index of every command's options, found by one process."""
-    return dict(zip(PLACES, describe([(COMMAND, EntryPoint(place, place, "")) for place in PLACES]), strict=True))
+def index() -> Index:
+    """Index of every command's flags and of every plug-in with fields, found by one process."""
+    index = Index.read()
+    index.describe(*map(options, PLACES), *((kind, point_of(kind, name)) for kind, name in CONFIGURED))
+    return index
+
+
+def options(place: str) -> Point:
+    return COMMAND, EntryPoint(place, place, "")
+
+
+@pytest.mark.parametrize(("kind", "name"), CONFIGURED)
+def test_every_flag_of_a_plugin_is_completed_and_no_other(kind: str, name: str, index: Index) -> None:
+    found = flags_of(plugin(kind, name, index))
+    assert set(found) == set(flags(load(kind, name).Config, PREFIXES.get(kind, "")))
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_every_flag_of_a_command_is_completed_and_no_other(place: str, described: dict[str, Description]) -> None:
-    module, _, name = place.partition(":")
-    options = getattr(__import__(module, fromlist=[name]), name)
-    assert set(flags_of(described[place])) == {flag for flag, _ in flags(options)}
+def test_every_flag_of_a_command_is_completed_and_no_other(place: str, index: Index) -> None:
+    (described,) = index.describe(options(place))
+    assert set(flags_of(described)) == set(flags(EntryPoint(place, place, "").load()))
 
 
 def test_commands_plugins_flags_and_values_are_completed() -> None:
@@ -73,7 +79,7 @@ def test_commands_plugins_flags_and_values_are_completed() -> None:
     assert candidates(["run", "safe-flight", "--planner.incorporation", ""]) == ["schedule", "constraint", "penalty"]
     assert "--planner.nodes" in candidates(["run", "safe-flight", "--planner."])
     chosen = ["run", "safe-flight", "--controller", "as_printed", "--planner."]
-    assert set(candidates(chosen)) == {flag for flag, _ in flags(load("controllers", "as_printed").Config, "planner")}
+    assert set(candidates(chosen)) == set(flags(load("controllers", "as_printed").Config, "planner"))
     assert candidates(["run", "safe-flight", "--out", ""]) == []  # a folder is for the shell to complete
 
 

@@ -150,10 +150,22 @@ def test_leaves_have_flags_defaults_and_help() -> None:
     assert leaves["noise.bias"].help == "offset of a reading [m]"
     assert leaves["size"].help == "of the whole"
     assert leaves["folder"].positional
-    assert (leaves["folder"].place, leaves["from_"].place) == ("DIR", "--part.from")
+    assert (leaves["folder"].description.place, leaves["from_"].description.place) == ("DIR", "--part.from")
+    assert leaves["noise.rate"].description.group == "part.noise"
     assert leaves["from_"].value_name == "PLACE"
     given = Config("large", Path("x"), noise=Noise(3.0))
     assert [each.default for each in leaves_of(Config, instance=given)] == ["large", Path("x"), None, 3.0, 0.0, ""]
+
+
+@dataclass(frozen=True)
+class Place:
+    x: float = 0.0  # east [m]
+    y: float = 0.0  # north [m]
+    z: str = "#"  # height
+
+
+def test_a_comment_ends_with_its_field() -> None:
+    assert [each.help for each in fields_of(Place)] == ["east [m]", "north [m]", "height"]
 
 
 def test_flags_and_their_negations() -> None:

@@ -1,31 +1,29 @@
 """Parser of a command line into frozen dataclasses, which validate themselves.
 
-Each leaf of a dataclass is a flag or a positional argument: ``argparse`` finds the words of each and prints the help,
-and the table of fields (``mathnavi.interfaces.field_table``) reads the words. A flag that is given twice is an error
-unless it takes a list; so are nan and infinity. A wrong word raises a ``BadInputError`` of one line that names the
-flag, its value and what is allowed.
+Each leaf of a dataclass is a flag or a positional argument. ``read_words`` finds the words of each by ``argparse``, and
+prints the help; it needs the descriptions of the fields alone. ``parse`` reads the words as values and makes the
+dataclasses. A flag that is given twice is an error unless it takes a list; so are nan and infinity. A wrong word raises
+a ``BadInputError`` of one line that names the flag, its value and what is allowed.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
-import inspect
 import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-from mathnavi.commands.errors import BadInputError, bad_input, short
+from mathnavi.commands.errors import BadInputError, HelpPrinted, bad_input, short
 from mathnavi.interfaces.checks import check_path, close_names
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.failures import failures_named
-from mathnavi.interfaces.field_table import Field, field_of, leaves_of, negation
+from mathnavi.interfaces.field_table import Field, FieldDescription, field_of, leaves_of, negation
 
 _HELP = frozenset(("-h", "--help"))
 _HELP_COLUMN = 27  # where the help of a flag begins
@@ -35,8 +33,25 @@ _HYPHEN = "\ue000"  # in place of "-" while a help is laid out, for no line is t
 _FLAGS_ALLOWED = "allowed: flags, each followed by its values"
 
 
-class HelpPrinted(Exception):  # noqa: N818
-    """Signal that the help was requested and has been printed."""
+@dataclass(frozen=True)
+class Section:
+    """Flags and positional arguments of one dataclass, as plain data."""
+
+    fields: Sequence[FieldDescription]
+    prefix: str = ""
+    heading: str | None = None
+    """in the help, if there is a prefix"""
+
+    @cached_property
+    def flags(self) -> dict[str, bool]:
+        """Whether each flag may be given several times; a truth value also has --no-FIELD."""
+        found = {}
+        for field in self.fields:
+            if not field.positional:
+                found[field.flag] = field.repeats
+                if field.switch:
+                    found[negation(field.flag)] = False
+        return found
 
 
 @dataclass(frozen=True)
@@ -46,12 +61,17 @@ class FlagGroup:
     schema: type
     prefix: str = ""
     default: Any = None  # an instance; None where fields have to be given
-    heading: str | None = None  # in the help; the docstring of the dataclass if not given
+    heading: str | None = None
 
     @property
     def leaves(self) -> list[Field]:
         """Fields on the command line, with the defaults of the group."""
         return [*leaves_of(self.schema, self.prefix, self.default)]
+
+    @cached_property
+    def section(self) -> Section:
+        """Description of the fields."""
+        return Section([leaf.description for leaf in self.leaves], self.prefix, self.heading)
 
 
 def parse(argv: Sequence[str], prog: str, description: str, *groups: FlagGroup) -> tuple[Any, ...]:
@@ -59,30 +79,39 @@ def parse(argv: Sequence[str], prog: str, description: str, *groups: FlagGroup) 
 
     ``--help`` prints the help and raises HelpPrinted.
     """
-    known: dict[str, bool] = {}
     owners: dict[str, type] = {}
     for group in groups:
-        for name, repeats in flags(group.schema, group.prefix):
-            known[name] = repeats
+        for name in group.section.flags:
             if (owner := owners.setdefault(name, group.schema)) is not group.schema:
                 raise BadInputError(
                     f"{name} is a field of {owner.__qualname__} and of {group.schema.__module__}."
                     f"{group.schema.__qualname__}; allowed: another name for the latter"
                 )
-    if _HELP & set(argv):
-        print(_parser(prog, description, groups, add_help=True).format_help().replace(_HYPHEN, "-"), end="")
-        raise HelpPrinted
-    _check_flags(argv, prog, known)
-    parser = _parser(prog, description, groups, add_help=False)
-    words = _words(argv, [leaf for group in groups for leaf in group.leaves], parser)
+    words = read_words(argv, prog, description, [group.section for group in groups])
     parsed = []
     for group in groups:
         values = {leaf.path: _value(leaf, words[leaf.flag], argv) for leaf in group.leaves if leaf.flag in words}
-        parsed.append(_built(group.schema, group.default, values, group.prefix, list(known)))
+        parsed.append(_built(group.schema, group.default, values, group.prefix, list(owners)))
     for group, value in zip(groups, parsed, strict=True):
         for leaf in leaves_of(type(value), group.prefix, value):
             _check_value(leaf.default, leaf.flag)
     return tuple(parsed)
+
+
+def read_words(
+    argv: Sequence[str], prog: str, description: str, sections: Sequence[Section]
+) -> dict[str, list[list[str]]]:
+    """Return the words of each field that ``argv`` gives, one list for each occurrence, by the flag of the field.
+
+    ``--help`` prints the help and raises HelpPrinted. Raises BadInputError for an unknown flag, for a flag that is
+    given too often, and where words are missing or left over.
+    """
+    if _HELP & set(argv):
+        print(_parser(prog, description, sections, add_help=True).format_help().replace(_HYPHEN, "-"), end="")
+        raise HelpPrinted
+    _check_flags(argv, prog, {flag: repeats for section in sections for flag, repeats in section.flags.items()})
+    parser = _parser(prog, description, sections, add_help=False)
+    return _words(argv, [field for section in sections for field in section.fields], parser)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -99,10 +128,10 @@ class _Switch(argparse.Action):
         setattr(namespace, self.dest, [[f" {option_string == self.option_strings[0]}"]])
 
 
-def _parser(prog: str, description: str, groups: Sequence[FlagGroup], *, add_help: bool) -> _Parser:
-    """Return a parser that gathers the words of each leaf of some groups under its flag, without the hyphens."""
-    leaves = [(group, leaf) for group in groups for leaf in group.leaves]
-    usage = " ".join([prog, "[-h] [OPTIONS]", *(leaf.place for _, leaf in leaves if leaf.positional)])
+def _parser(prog: str, description: str, sections: Sequence[Section], *, add_help: bool) -> _Parser:
+    """Return a parser that gathers the words of each field of some sections under its flag, without the hyphens."""
+    fields = [(section, field) for section in sections for field in section.fields]
+    usage = " ".join([prog, "[-h] [OPTIONS]", *(field.place for _, field in fields if field.positional)])
     parser = _Parser(
         usage=_laid_out(usage),
         description=_laid_out(description),
@@ -111,40 +140,29 @@ def _parser(prog: str, description: str, groups: Sequence[FlagGroup], *, add_hel
         allow_abbrev=False,
         exit_on_error=False,
     )
-    sections: dict[str, Any] = {"": parser}
-    for group, leaf in leaves:
-        above = f"{leaf.prefix}.{leaf.path}".strip(".").rpartition(".")[0]
-        if above not in sections:
-            text = group.heading if above == group.prefix else _docstring(leaf.owner)
-            sections[above] = parser.add_argument_group(f"{above} options", _laid_out(text or ""))
-        _add(sections[above], leaf, _told(leaf) if add_help else "")  # sources are read for the help alone
+    groups: dict[str, Any] = {"": parser}
+    for section, field in fields:
+        if field.group not in groups:
+            text = section.heading if field.group == section.prefix else field.group_help
+            groups[field.group] = parser.add_argument_group(f"{field.group} options", _laid_out(text or ""))
+        _add(groups[field.group], field, _told(field))
     return parser
 
 
-def _docstring(owner: type) -> str:
-    text = inspect.cleandoc(owner.__doc__ or "").partition("\n\n")[0]
-    return "" if text.startswith(f"{owner.__name__}(") else text  # as dataclasses write it
-
-
-def _add(section: Any, leaf: Field, told: str) -> None:
-    name = "NAME" if len(leaf.value_name) > _LONGEST_NAME else leaf.value_name.removesuffix("...")
-    count = leaf.form.count if leaf.form.readable else None
+def _add(group: Any, field: FieldDescription, told: str) -> None:
+    name = "NAME" if len(field.value_name) > _LONGEST_NAME else field.value_name.removesuffix("...")
     settings: dict[str, Any] = {"help": told, "default": argparse.SUPPRESS}
-    if leaf.switch:
-        section.add_argument(leaf.flag, negation(leaf.flag), dest=leaf.flag[2:], action=_Switch, nargs=0, **settings)
+    if field.switch:
+        group.add_argument(field.flag, negation(field.flag), dest=field.flag[2:], action=_Switch, nargs=0, **settings)
     else:
-        settings |= {} if leaf.positional else {"dest": leaf.flag[2:]}
-        settings |= {"nargs": count or "*", "metavar": tuple(name.split()) if (count or 0) > 1 else name}
-        section.add_argument(leaf.flag[2:] if leaf.positional else leaf.flag, action="append", **settings)
+        settings |= {} if field.positional else {"dest": field.flag[2:]}
+        settings |= {"nargs": field.words or "*", "metavar": tuple(name.split()) if (field.words or 0) > 1 else name}
+        group.add_argument(field.flag[2:] if field.positional else field.flag, action="append", **settings)
 
 
-def flags(schema: type, prefix: str = "") -> Iterator[tuple[str, bool]]:
+def flags(schema: type, prefix: str = "") -> dict[str, bool]:
     """Map each flag of a dataclass to whether it may be given several times; a truth value also has --no-FIELD."""
-    for leaf in leaves_of(schema, prefix):
-        if not leaf.positional:
-            yield leaf.flag, leaf.form.repeats
-            if leaf.switch:
-                yield negation(leaf.flag), False
+    return FlagGroup(schema, prefix).section.flags
 
 
 def fields_by_flag(schema: type, prefix: str = "") -> dict[str, str]:
@@ -152,43 +170,40 @@ def fields_by_flag(schema: type, prefix: str = "") -> dict[str, str]:
     return {leaf.flag: leaf.path for leaf in leaves_of(schema, prefix) if not leaf.positional}
 
 
-def _words(argv: Sequence[str], leaves: Sequence[Field], parser: _Parser) -> dict[str, list[list[str]]]:
-    """Return the words of each leaf that is given, one list for each occurrence, by the flag of the leaf.
-
-    Raises BadInputError where words are missing or left over.
-    """
+def _words(argv: Sequence[str], fields: Sequence[FieldDescription], parser: _Parser) -> dict[str, list[list[str]]]:
+    """Return the words of each field that is given; BadInputError where words are missing or left over."""
     namespace = argparse.Namespace()
     left_over: list[str] = []
     refused = ""
     try:
-        _, left_over = parser.parse_known_args(_marked(argv, leaves), namespace)
+        _, left_over = parser.parse_known_args(_marked(argv, fields), namespace)
     except argparse.ArgumentError as error:
-        for leaf in leaves:
-            if leaf.flag == error.argument_name:
-                raise _wrong(leaf, argv) from None
+        for field in fields:
+            if field.flag == error.argument_name:
+                raise _wrong(field, argv) from None
         refused = str(error)
     words = {
         f"--{name}": [[word[1:] for word in value] for value in values] for name, values in vars(namespace).items()
     }
-    if missing := [leaf for leaf in leaves if leaf.default is dataclasses.MISSING and leaf.flag not in words]:
-        raise BadInputError("; ".join(f"{leaf.place} is missing; allowed: {_wanted(leaf)}" for leaf in missing))
+    if missing := [field for field in fields if field.default is None and field.flag not in words]:
+        raise BadInputError("; ".join(f"{field.place} is missing; allowed: {_wanted(field)}" for field in missing))
     if refused:
         raise BadInputError(refused)
     if left_over:
-        for leaf in leaves:
-            if leaf.flag in words and 1 < (leaf.form.count or 0) < len(_following(leaf.flag, argv)):
-                raise _wrong(leaf, argv)
+        for field in fields:
+            if field.flag in words and 1 < (field.words or 0) < len(_following(field.flag, argv)):
+                raise _wrong(field, argv)
         named = ", ".join(short(word.removeprefix(" ")) or repr("") for word in left_over)
         raise BadInputError(f"{named}: this argument is not expected here; {_FLAGS_ALLOWED}")
     return words
 
 
-def _marked(argv: Sequence[str], leaves: Sequence[Field]) -> Iterator[str]:
+def _marked(argv: Sequence[str], fields: Sequence[FieldDescription]) -> Iterator[str]:
     """Return the words for ``argparse``: values with a blank before each, so that none (-1e3) is taken for a flag.
 
     A misspelt flag is no value of the flag before it; after "--" there are values only.
     """
-    known = {flag for leaf in leaves if not leaf.positional for flag in (leaf.flag, negation(leaf.flag))}
+    known = {flag for field in fields if not field.positional for flag in (field.flag, negation(field.flag))}
     flags_too = True
     for word in argv:
         name, equals, value = word.partition("=")
@@ -205,16 +220,16 @@ def _marked(argv: Sequence[str], leaves: Sequence[Field]) -> Iterator[str]:
 
 def _value(leaf: Field, occurrences: Sequence[Sequence[str]], argv: Sequence[str]) -> Any:
     """Return the value of a leaf that its words express."""
-    form = leaf.form
+    form, field = leaf.form, leaf.description
     if not form.readable:
-        raise _wrong(leaf, argv, "no value on the command line")
+        raise _wrong(field, argv, "no value on the command line")
     for word in (word for words in occurrences for word in words if form.choices):
         if word not in form.choices:
-            raise BadInputError(f"{leaf.place} = {short(word)}; allowed: {', '.join(sorted(form.choices))}")
+            raise BadInputError(f"{field.place} = {short(word)}; allowed: {', '.join(sorted(form.choices))}")
     try:
         values = [form.read(words) for words in occurrences]
     except (ValueError, TypeError):
-        raise _wrong(leaf, argv, _explained(leaf)) from None
+        raise _wrong(field, argv, _explained(field)) from None
     before = () if leaf.default in (None, dataclasses.MISSING) else leaf.default
     return form.origin([*before, *values]) if form.repeats else values[-1]
 
@@ -324,26 +339,26 @@ def _check_value(value: Any, flag: str) -> None:
             check_path(value, flag)
 
 
-def _wanted(leaf: Field) -> str:
+def _wanted(field: FieldDescription) -> str:
     """Return the allowed values, for the message if a field is missing."""
-    return (leaf.help if leaf.positional else f"{leaf.value_name} {leaf.help}".rstrip()) or leaf.value_name
+    return (field.help if field.positional else f"{field.value_name} {field.help}".rstrip()) or field.value_name
 
 
-def _explained(leaf: Field) -> str:
+def _explained(field: FieldDescription) -> str:
     """Return the allowed values, for the message if one is wrong: the type, or number and meanings of the values."""
-    name = leaf.value_name.strip("{}")
+    name = field.value_name.strip("{}")
     count = len(name.split())
     if count == 1:
         return name
-    meaning = leaf.help.replace(" (", ";").partition(";")[0]
+    meaning = field.help.replace(" (", ";").partition(";")[0]
     return f"{count} values{f': {meaning}' if meaning else ''} ({name})"
 
 
-def _wrong(leaf: Field, argv: Sequence[str], allowed: str = "") -> BadInputError:
+def _wrong(field: FieldDescription, argv: Sequence[str], allowed: str = "") -> BadInputError:
     """Return the error for words that are no value; without ``allowed`` for a number of them that is wrong."""
-    allowed = allowed or ("1 value" if leaf.form.count == 1 else _explained(leaf))
-    words = short(" ".join(_following(leaf.place, argv)))
-    return BadInputError(f"{leaf.place}{f' = {words}' if words else ': its value is missing'}; allowed: {allowed}")
+    allowed = allowed or ("1 value" if field.words == 1 else _explained(field))
+    words = short(" ".join(_following(field.place, argv)))
+    return BadInputError(f"{field.place}{f' = {words}' if words else ': its value is missing'}; allowed: {allowed}")
 
 
 def _following(flag: str, argv: Sequence[str]) -> list[str]:
@@ -361,26 +376,20 @@ def _following(flag: str, argv: Sequence[str]) -> list[str]:
     return words
 
 
-def _told(leaf: Field) -> str:
-    """Return the help of a leaf as ``argparse`` takes it."""
-    if not leaf.form.readable:
+def _told(field: FieldDescription) -> str:
+    """Return the help of a field as ``argparse`` takes it."""
+    if not field.readable:
         return argparse.SUPPRESS
-    notes = [leaf.help]
-    if len(leaf.value_name) > _LONGEST_NAME:
-        notes[0] += f": one of {', '.join(leaf.form.choices)}"
-    if leaf.default is dataclasses.MISSING:
+    notes = [field.help]
+    if len(field.value_name) > _LONGEST_NAME:
+        notes[0] += f": one of {', '.join(field.choices)}"
+    if field.default is None:
         notes.append("(required)")
-    elif leaf.form.repeats:
+    elif field.repeats:
         notes.append("(repeatable)")
-    elif shown := _shown(leaf.default):
-        notes.append(f"(default: {shown})")
+    elif field.default:
+        notes.append(f"(default: {field.default})")
     return _laid_out(" ".join(notes))
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, (tuple, list)):
-        return " ".join(_shown(item) for item in value)
-    return "" if value is None else value.name if isinstance(value, Enum) else str(value)
 
 
 def _laid_out(text: str) -> str:

@@ -15,10 +15,11 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 
-from mathnavi.commands.errors import PIPE_CLOSED, UNFORESEEN, BadInputError, print_error
+from mathnavi.commands.errors import PIPE_CLOSED, UNFORESEEN, BadInputError, HelpPrinted, print_error
 from mathnavi.commands.interruption import end, exit_code, interrupted_line, interruptible
-from mathnavi.commands.known import COMMANDS
+from mathnavi.commands.known import COMMANDS, FLOWN
 from mathnavi.commands.wrapping import wrapped
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.models.dm_control_requirement import MissingPackageError, require_dm_control
@@ -34,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
         with interruptible(arguments, whole_process=argv is None), _few_collections(whole_process=argv is None):
-            code = _called(arguments)
+            code = _called(arguments, whole_process=argv is None)
             if sys.stdout is not None:  # it may have been closed from the start
                 sys.stdout.flush()  # so that a reader that has gone, or a full disk, is noticed here
         return code
@@ -88,7 +89,7 @@ def _few_collections(whole_process: bool) -> Iterator[None]:
         gc.freeze()
 
 
-def _called(arguments: Sequence[str]) -> int:
+def _called(arguments: Sequence[str], whole_process: bool) -> int:
     """Run a command, or print the help or the version; return the exit code."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a name of a file may be no text
@@ -101,7 +102,16 @@ def _called(arguments: Sequence[str]) -> int:
 
         print(f"mathnavi {version('mathnavi')}")
         return 0
-    return _command(arguments[0])(arguments[1:])
+    name, *words = arguments
+    _check_command(name)
+    try:
+        if name in FLOWN:
+            from mathnavi.commands import flown  # no other command needs it
+
+            return flown.main(name, words, partial(_imported, name), whole_process=whole_process)
+        return _imported(name)(words)
+    except HelpPrinted:
+        return 0
 
 
 def _discard_output() -> None:
@@ -110,12 +120,15 @@ def _discard_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _command(name: str) -> Callable[[Sequence[str]], int]:
+def _check_command(name: str) -> None:
     if name not in COMMANDS:
         raise BadInputError(f"COMMAND = {name!r} is not known; {allowed_for(name, list(COMMANDS))}")
     try:
         require_dm_control()
     except MissingPackageError as error:
         raise BadInputError(str(error)) from None
+
+
+def _imported(name: str) -> Callable[[Sequence[str]], int]:
     command: Callable[[Sequence[str]], int] = importlib.import_module(COMMANDS[name][0]).main
     return command

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -14,34 +13,16 @@ from typing import TYPE_CHECKING, Any
 from mathnavi.commands import opengl
 from mathnavi.commands.arguments import FlagGroup, flags, given, parse, value_of, with_flag
 from mathnavi.commands.errors import BadInputError, bad_input, bad_plugin
+from mathnavi.commands.flown import HEADING, CommonOptions, import_from_here
 from mathnavi.commands.recorded_spec import RecordedSpec
-from mathnavi.commands.wrapping import wrapped
-from mathnavi.interfaces.bounds import Seed, configuration
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.field_table import flag_of
+from mathnavi.sim.plugin.groups import KINDS
 from mathnavi.sim.plugin.registry import called, names
-from mathnavi.sim.records.run_spec import KINDS, RunSpec
+from mathnavi.sim.records.run_spec import RunSpec
 
 if TYPE_CHECKING:
     from mathnavi.sim.scenarios.closed_loop import ClosedLoop
-
-USAGE = """usage: mathnavi {0} SCENARIO [OPTIONS]
-
-SCENARIO: {1}
-
-mathnavi {0} SCENARIO --help lists the options."""
-
-
-@configuration
-class CommonOptions:
-    """Flags of every scenario."""
-
-    seed: Seed = 0
-    """seed of every random draw: the same seed gives the same log, bit for bit"""
-    controller: str = ""
-    """controller: name of a plug-in, or package.module:Class; its fields are --planner.*"""
-    estimator: str = ""
-    """estimator: name of a plug-in, or package.module:Class; its fields are --estimator.*"""
 
 
 @dataclass(frozen=True)
@@ -89,32 +70,10 @@ class CommandLine:
         return next((f"{name} = {message}" for name in named), message)
 
 
-def usage(command: str, argv: Sequence[str]) -> bool:
-    """Print the usage if it is requested, and return whether it was; BadInputError without arguments."""
-    if not argv:
-        raise BadInputError(f"SCENARIO is missing; allowed: {', '.join(names('scenarios'))}")
-    if argv[0] in ("-h", "--help"):
-        print(wrapped(USAGE.format(command, ", ".join(names("scenarios")))))
-        return True
-    return False
-
-
 def prepare() -> None:
     """Import MuJoCo, and make a user's plug-in, "my_planner:Mine", importable from the current folder."""
     opengl.import_physics()
     import_from_here()
-
-
-def import_from_here() -> None:
-    """Make a user's modules importable from the current folder, after all that is installed."""
-    try:
-        here = os.getcwd()
-    except OSError as error:
-        raise BadInputError(
-            f"the folder in which the command is given: {error.strerror}; allowed: one that is there"
-        ) from None
-    if here not in sys.path:
-        sys.path.append(here)
 
 
 def read_command_line(
@@ -137,11 +96,11 @@ def read_command_line(
             spec = _without_lists(recorded.spec, words).with_plugins(controller, estimator)
     common = CommonOptions(spec.seed, *(called(kind, getattr(spec, part).name) for part, kind in KINDS.items()))
     groups = (
-        FlagGroup(CommonOptions, default=common, heading="Flags of every scenario."),
+        FlagGroup(CommonOptions, default=common),
         FlagGroup(options),
         *field_groups(spec),
     )
-    known = tuple(flag for group in groups for flag, _ in flags(group.schema, group.prefix))
+    known = tuple(flag for group in groups for flag in group.section.flags)
     purpose = (spec.scenario_class.__doc__ or "").strip().partition("\n")[0]
     prog = f"mathnavi {command} {name}"
     common, own, config, planner, observer = parse(words, prog, purpose, *groups)
@@ -153,8 +112,8 @@ def field_groups(spec: RunSpec) -> tuple[FlagGroup, ...]:
     """Return the fields of the scenario and its plug-ins as flags, at their present values."""
     headings = {
         "": None,
-        "planner": f"Fields of controller {called('controllers', spec.controller.name)}.",
-        "estimator": f"Fields of estimator {called('estimators', spec.estimator.name)}.",
+        "planner": HEADING.format("controller", called("controllers", spec.controller.name)),
+        "estimator": HEADING.format("estimator", called("estimators", spec.estimator.name)),
     }
     return tuple(FlagGroup(type(part), prefix, part, headings[prefix]) for prefix, part in spec.parts.items())
 
@@ -175,7 +134,7 @@ def _scenario(argv: Sequence[str], recorded: RecordedSpec | None) -> tuple[str, 
 
 def _without_lists(spec: RunSpec, words: Sequence[str]) -> RunSpec:
     """Return the specification with default lists for the scenario's lists that are given again, which replace them."""
-    again = {flag for flag, repeats in flags(type(spec.config)) if repeats} & set(given(words))
+    again = {flag for flag, repeats in flags(type(spec.config)).items() if repeats} & set(given(words))
     default = type(spec.config)()
     lists = (entry.name for entry in dataclasses.fields(default) if flag_of(entry.name) in again)
     return spec.with_fields({name: getattr(default, name) for name in lists})

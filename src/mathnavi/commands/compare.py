@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table as Printed
 from rich.text import Text
 
-from mathnavi.commands.arguments import FlagGroup, HelpPrinted, parse
+from mathnavi.commands.arguments import FlagGroup, parse
 from mathnavi.commands.errors import BadInputError, bad_input
 from mathnavi.commands.output import output_folder
 from mathnavi.interfaces.checks import check_spares
@@ -41,10 +41,7 @@ class CompareOptions:
 
 
 def main(argv: Sequence[str]) -> int:
-    try:
-        (options,) = parse(argv, "mathnavi compare", DESCRIPTION, FlagGroup(CompareOptions))
-    except HelpPrinted:
-        return 0
+    (options,) = parse(argv, "mathnavi compare", DESCRIPTION, FlagGroup(CompareOptions))
     from mathnavi.renders.comparison.report import (  # the drawing modules take long to import
         compare,
         is_comparison,

@@ -12,13 +12,13 @@ from collections.abc import Sequence
 from importlib.metadata import EntryPoint
 
 from mathnavi.commands.errors import BadInputError
-from mathnavi.commands.known import COMMANDS
+from mathnavi.commands.known import COMMANDS, FLOWN, OPTIONS
 from mathnavi.commands.wrapping import wrapped
-from mathnavi.interfaces.entry_points import named
 from mathnavi.interfaces.errors import PluginError
-from mathnavi.interfaces.field_table import flag_of, negation
-from mathnavi.sim.plugin.groups import GROUPS, installed
-from mathnavi.sim.plugin.index import COMMAND, Description, describe
+from mathnavi.interfaces.field_table import negation
+from mathnavi.sim.plugin.groups import KINDS, installed
+from mathnavi.sim.plugin.index import COMMAND, Description, Index
+from mathnavi.sim.plugin.registry import point_of
 
 WORDS = "words"  # the argument that the scripts pass
 SCRIPTS = {
@@ -54,23 +54,9 @@ Print a script that completes mathnavi's commands, plug-ins and flags. To have i
   ~/.zshrc (after compinit)    eval "$(mathnavi completion zsh)"
   ~/.config/fish/config.fish   mathnavi completion fish | source"""
 
-FLOWN = ("run", "search", "sweep")
 PLUGIN_FLAGS = {"--controller": "controllers", "--estimator": "estimators", "--consensus": "consensus"}
 NAMES = {**PLUGIN_FLAGS, "--terrain": "terrains"}  # kinds of plug-ins that a flag takes
-OWN = {  # dataclasses of a command's own flags
-    "run": ("mathnavi.commands.run:RunOptions", "mathnavi.commands.command_line:CommonOptions"),
-    "search": ("mathnavi.commands.search:SearchOptions", "mathnavi.commands.command_line:CommonOptions"),
-    "sweep": ("mathnavi.commands.sweep:SweepOptions", "mathnavi.commands.command_line:CommonOptions"),
-    "study": ("mathnavi.commands.study:StudyOptions",),
-    "estimate": ("mathnavi.commands.estimate:EstimateOptions",),
-    "render": ("mathnavi.commands.render:RenderOptions",),
-    "view": ("mathnavi.commands.view:ViewOptions",),
-    "compare": ("mathnavi.commands.compare:CompareOptions",),
-    "store show": ("mathnavi.commands.store:StoreShowOptions",),
-    "store export": ("mathnavi.commands.store:StoreExportOptions",),
-    "terrain import": ("mathnavi.commands.terrain:TerrainImportOptions",),
-    "terrain show": ("mathnavi.commands.terrain:TerrainShowOptions",),
-}
+COMMON = "mathnavi.commands.flown:CommonOptions"
 Flags = dict[str, tuple[str, ...]]  # words that may follow each, as far as they are known
 
 
@@ -121,56 +107,54 @@ def _first(command: str) -> Sequence[str]:
     if command == "completion":
         return list(SCRIPTS)
     if command == "list":
-        from mathnavi.commands.listing import KINDS
+        from mathnavi.commands import listing
 
-        return KINDS
-    return [own.partition(" ")[2] for own in OWN if own.startswith(f"{command} ")]
+        return listing.KINDS
+    return [own.partition(" ")[2] for own in OPTIONS if own.startswith(f"{command} ")]
 
 
 def _flags(command: str, given: Sequence[str]) -> Flags:
     """Return the flags of a command with the values that they take."""
     if command == "list":
         return {"--full": (), "--verbose": ()}
+    index = Index.read()
     name, flags = given[0] if given else "", Flags()
-    own = OWN.get(command, ()) or OWN.get(f"{command} {name}", ())
-    for options in describe([(COMMAND, EntryPoint(place, place, "")) for place in own]):
+    own = OPTIONS.get(command) or OPTIONS.get(f"{command} {name}")
+    places = [place for place in (own, COMMON if command in FLOWN else None) if place]
+    for options in index.describe(*((COMMAND, EntryPoint(place, place, "")) for place in places)):
         flags |= flags_of(options)
     if not name or name.startswith("-"):
         return flags
     if command == "study" and name != "all":
-        flags |= flags_of(plugin("studies", name))
+        flags |= flags_of(plugin("studies", name, index))
     if command == "estimate":
-        flags |= flags_of(plugin("estimators", name), "estimator")
+        flags |= flags_of(plugin("estimators", name, index))
     if command in FLOWN:
-        scenario = plugin("scenarios", name)
+        scenario = plugin("scenarios", name, index)
         flags |= flags_of(scenario)
-        for flag, prefix in (("--controller", "planner"), ("--estimator", "estimator")):
-            part = _given(flag, given) or scenario.stated.get(flag.removeprefix("--"))
-            flags |= flags_of(plugin(PLUGIN_FLAGS[flag], part), prefix) if part else {}
+        for part, kind in KINDS.items():
+            used = _given(f"--{part}", given) or scenario.stated.get(part)
+            flags |= flags_of(plugin(kind, used, index)) if used else {}
     return flags
 
 
-def flags_of(described: Description, prefix: str = "") -> Flags:
-    """Return the flags of a described dataclass under a prefix, with the values that are known to be allowed."""
+def flags_of(described: Description) -> Flags:
+    """Return the flags of a described dataclass, with the values that are known to be allowed."""
     flags = Flags()
     for field in described.fields:
-        flag = flag_of(f"{prefix}.{field.name}")
         if field.switch:
-            flags |= {flag: (), negation(flag): ()}
-        else:
-            flags[flag] = tuple(_names(NAMES[flag])) if flag in NAMES else field.choices
+            flags |= {field.flag: (), negation(field.flag): ()}
+        elif not field.positional:
+            flags[field.flag] = tuple(_names(NAMES[field.flag])) if field.flag in NAMES else field.choices
     return flags
 
 
-def plugin(kind: str, name: str) -> Description:
+def plugin(kind: str, name: str, index: Index) -> Description:
     """Return the plug-in with a name, or at "package.module:Class".
 
-    Raises LookupError if there is none or it cannot be imported, PluginError for a name that several plug-ins have.
+    Raises PluginError if there is none, or several have the name; LookupError if it cannot be imported.
     """
-    point = named(installed(kind), kind, name) or EntryPoint(name, name, GROUPS[kind])
-    if ":" not in point.value:
-        raise LookupError(f"{kind}: {name!r} is not known")
-    (described,) = describe([(kind, point)])
+    (described,) = index.describe((kind, point_of(kind, name)))
     if described.error:
         raise LookupError(f"{kind}: {name!r} cannot be imported: {described.error}")
     return described

@@ -22,6 +22,10 @@ _LONGEST_WORD = 200  # [characters] that a message shows
 _LONGEST = 2000  # [characters] of a line on standard error
 
 
+class HelpPrinted(Exception):  # noqa: N818
+    """Signal that the help was requested and has been printed, so that the command has come to its end."""
+
+
 class BadInputError(ValueError):
     """Mistake in the input; the message names the field, its value and what is allowed."""
 

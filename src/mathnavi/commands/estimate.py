@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from mathnavi.commands.arguments import FlagGroup, HelpPrinted, flags, given, parse
+from mathnavi.commands.arguments import FlagGroup, given, parse
 from mathnavi.commands.command_line import CommandLine, prepare
 from mathnavi.commands.deadline import WallDeadline, watched
 from mathnavi.commands.errors import BadInputError, bad_input, bad_plugin
@@ -70,10 +70,7 @@ def main(argv: Sequence[str]) -> int:
         log = read_log(folder)
     with trusting("--trust" in given(words)):
         recorded = RecordedSpec.read(folder, argv)
-    try:
-        line = _command_line(estimator, recorded, words)
-    except HelpPrinted:
-        return 0
+    line = _command_line(estimator, recorded, words)
     out = line.options.out or folder.with_name(f"{folder.resolve().name}-{estimator.replace(':', '.')}")
     with bad_input():
         check_spares(out, [folder], "--out")
@@ -120,7 +117,7 @@ def _command_line(name: str, recorded: RecordedSpec, words: Sequence[str]) -> Co
         FlagGroup(EstimateOptions),
         FlagGroup(type(estimator.config), "estimator", estimator.config, f"Fields of estimator {name}."),
     )
-    known = tuple(flag for group in groups for flag, _ in flags(group.schema, group.prefix))
+    known = tuple(flag for group in groups for flag in group.section.flags)
     prog = f"mathnavi estimate {name}"
     purpose = (estimator.plugin.__doc__ or "").strip().partition("\n")[0]
     options, fields = parse(words, prog, purpose, *groups)

@@ -1,4 +1,4 @@
-"""Table of the commands by name: the module of each, and its purpose."""
+"""Table of the commands by name: the module of each, its purpose, and the dataclass of its own flags."""
 
 from __future__ import annotations
 
@@ -24,4 +24,19 @@ COMMANDS = {
     "compare": ("mathnavi.commands.compare", "two runs, sweeps or studies side by side"),
     "terrain": ("mathnavi.commands.terrain", "import an elevation model, show a map"),
     "completion": ("mathnavi.commands.completion", "a script for bash, zsh or fish that completes what is typed"),
+}
+FLOWN = ("run", "search", "sweep")  # commands with the flags of a scenario
+OPTIONS = {  # dataclass of a command's own flags
+    "run": "mathnavi.commands.run:RunOptions",
+    "search": "mathnavi.commands.search:SearchOptions",
+    "sweep": "mathnavi.commands.sweep:SweepOptions",
+    "study": "mathnavi.commands.study:StudyOptions",
+    "estimate": "mathnavi.commands.estimate:EstimateOptions",
+    "render": "mathnavi.commands.render:RenderOptions",
+    "view": "mathnavi.commands.view:ViewOptions",
+    "compare": "mathnavi.commands.compare:CompareOptions",
+    "store show": "mathnavi.commands.store:StoreShowOptions",
+    "store export": "mathnavi.commands.store:StoreExportOptions",
+    "terrain import": "mathnavi.commands.terrain:TerrainImportOptions",
+    "terrain show": "mathnavi.commands.terrain:TerrainShowOptions",
 }

@@ -18,8 +18,8 @@ from rich.text import Text
 from mathnavi.commands.errors import BadInputError
 from mathnavi.commands.wrapping import wrapped
 from mathnavi.interfaces.field_table import flag_of
-from mathnavi.sim.plugin.groups import GROUPS, installed
-from mathnavi.sim.plugin.index import Description, describe, imported, sourced
+from mathnavi.sim.plugin.groups import GROUPS, PREFIXES, installed
+from mathnavi.sim.plugin.index import Description, Index, imported, sourced
 
 ALL, FULL, VERBOSE = "all", "--full", "--verbose"
 OWN = "mathnavi"  # distribution whose plug-ins stand without its name
@@ -34,7 +34,6 @@ CLAIMED = (
     "claimed (Table 2.1): domain of attraction, rate of convergence, input dependence, domains of operation of the "
     "observer and of the system; whether it stays on the truth (Property 2.1)"
 )
-WITH_FIELDS = {"controllers": "--planner", "estimators": "--estimator"}
 
 
 def main(argv: Sequence[str]) -> int:
@@ -84,9 +83,9 @@ def listing(kind: str, points: Sequence[EntryPoint], full: bool, verbose: bool) 
     taken = Counter(plugin.name for plugin in found)
     for plugin in found:
         text = Text(f"cannot be imported: {plugin.error}", style="red") if plugin.error else Text(plugin.first_line)
-        fields = dict.fromkeys(flag_of(field.name.partition(".")[0])[2:] for field in plugin.fields)
-        if verbose and fields and kind in WITH_FIELDS:
-            text.append(f"\n{WITH_FIELDS[kind]}: {', '.join(fields)}", style="dim")
+        fields = dict.fromkeys(flag_of(field.path.partition(".")[0])[2:] for field in plugin.fields)
+        if verbose and fields and kind in PREFIXES:
+            text.append(f"\n--{PREFIXES[kind]}: {', '.join(fields)}", style="dim")
         if taken[plugin.name] > 1:
             text.append(f"\nrefused: {taken[plugin.name]} plug-ins have this name", style="red")
         foreign = "" if plugin.distribution.partition(" ")[0] == OWN else plugin.distribution
@@ -101,7 +100,7 @@ def listing(kind: str, points: Sequence[EntryPoint], full: bool, verbose: bool) 
 
 def _found(kind: str, points: Sequence[EntryPoint], full: bool, verbose: bool) -> list[Description]:
     if verbose and not full:
-        return describe([(kind, point) for point in points])
+        return Index.read().describe(*((kind, point) for point in points))
     return [(imported if full else sourced)(kind, point) for point in points]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from mathnavi.commands import opengl
-from mathnavi.commands.arguments import FlagGroup, HelpPrinted, parse, with_flag
+from mathnavi.commands.arguments import FlagGroup, parse, with_flag
 from mathnavi.commands.deadline import WallDeadline, watched
 from mathnavi.commands.errors import BadInputError, bad_input, print_error
 from mathnavi.interfaces.bounds import configuration
@@ -59,17 +59,10 @@ class RenderOptions:
 def main(argv: Sequence[str]) -> int:
     if (code := watched("render", argv)) is not None:
         return code
-    try:
-        (options,) = parse(
-            argv,
-            "mathnavi render",
-            "Draw a run: video.mp4, CAMERA.mp4, CAMERA.png or CAMERA.webp.",
-            FlagGroup(RenderOptions),
-        )
-    except HelpPrinted:
-        return 0
+    purpose = "Draw a run: video.mp4, CAMERA.mp4, CAMERA.png or CAMERA.webp."
+    (options,) = parse(argv, "mathnavi render", purpose, FlagGroup(RenderOptions))
     opengl.check_choice()
-    from mathnavi.commands.command_line import import_from_here
+    from mathnavi.commands.flown import import_from_here
     from mathnavi.models.opengl import NoOpenGLError
     from mathnavi.renders.clip import write_clip  # the drawing modules take a while to import
     from mathnavi.renders.film import TOUR

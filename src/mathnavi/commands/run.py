@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Literal
 
 from rich.console import Console
 
-from mathnavi.commands.arguments import HelpPrinted, given, value_of
-from mathnavi.commands.command_line import CommandLine, prepare, read_command_line, usage
+from mathnavi.commands.arguments import given, value_of
+from mathnavi.commands.command_line import CommandLine, prepare, read_command_line
 from mathnavi.commands.deadline import WallDeadline, watched
 from mathnavi.commands.errors import BadInputError, bad_input, print_error, print_note, worded
 from mathnavi.commands.interruption import when_interrupted
@@ -73,16 +73,11 @@ class RunOptions:
 def main(argv: Sequence[str]) -> int:
     if (code := watched("run", argv)) is not None:
         return code
-    if usage("run", argv):
-        return 0
     prepare()
-    try:
-        source = value_of("--from", argv)
-        with trusting("--trust" in given(argv)):
-            recorded = RecordedSpec.read(Path(source), argv) if source is not None else None
-        line = read_command_line("run", argv, RunOptions, recorded)
-    except HelpPrinted:
-        return 0
+    source = value_of("--from", argv)
+    with trusting("--trust" in given(argv)):
+        recorded = RecordedSpec.read(Path(source), argv) if source is not None else None
+    line = read_command_line("run", argv, RunOptions, recorded)
     folder = line.options.out or Path("renders/out") / f"{line.spec.scenario.replace(':', '.')}-seed{line.spec.seed}"
     _check_spared(folder, Path(source) if source is not None else None, line.files)
     errors = Console(stderr=True, markup=False)

@@ -10,8 +10,7 @@ from typing import Annotated
 from annotated_types import Interval
 from rich.console import Console
 
-from mathnavi.commands.arguments import HelpPrinted
-from mathnavi.commands.command_line import CommandLine, prepare, read_command_line, usage
+from mathnavi.commands.command_line import CommandLine, prepare, read_command_line
 from mathnavi.commands.errors import BadInputError, bad_input, print_error, worded
 from mathnavi.commands.interruption import when_interrupted
 from mathnavi.commands.progress import compilation_announced, sweep_progress
@@ -99,13 +98,8 @@ class SearchOptions:
 
 
 def main(argv: Sequence[str]) -> int:
-    if usage("search", argv):
-        return 0
     prepare()
-    try:
-        line = read_command_line("search", argv, SearchOptions)
-    except HelpPrinted:
-        return 0
+    line = read_command_line("search", argv, SearchOptions)
     fields = read_space(argv, line)
     options: SearchOptions = line.options
     if options.report:

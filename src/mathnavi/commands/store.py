@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from rich.console import Console
 
-from mathnavi.commands.arguments import FlagGroup, HelpPrinted, parse
+from mathnavi.commands.arguments import FlagGroup, parse
 from mathnavi.commands.errors import BadInputError, bad_input
 from mathnavi.commands.evidence import print_evidence, verdict
 from mathnavi.interfaces.checks import check_spares
@@ -54,8 +53,7 @@ def main(argv: Sequence[str]) -> int:
         return 0
     if not argv or argv[0] not in actions:
         raise BadInputError(f"store {' '.join(argv[:1])}: not a command; allowed: {', '.join(actions)}")
-    with suppress(HelpPrinted):
-        actions[argv[0]](argv[1:])
+    actions[argv[0]](argv[1:])
     return 0
 
 

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from mathnavi.commands.arguments import FlagGroup, HelpPrinted, parse, without
+from mathnavi.commands.arguments import FlagGroup, parse, without
 from mathnavi.commands.command_line import prepare
 from mathnavi.commands.errors import BadInputError, bad_input, print_error, worded
 from mathnavi.commands.interruption import when_interrupted
@@ -79,10 +79,7 @@ def main(argv: Sequence[str]) -> int:
         print(wrapped(USAGE.format(", ".join(known))))
         return 0
     prepare()
-    try:
-        options, studies = read_studies(argv)
-    except HelpPrinted:
-        return 0
+    options, studies = read_studies(argv)
     if options.cluster is not None:
         with bad_input():
             check(options.cluster)

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from mathnavi.commands.arguments import HelpPrinted
-from mathnavi.commands.command_line import CommandLine, prepare, usage
+from mathnavi.commands.command_line import CommandLine, prepare
 from mathnavi.commands.errors import BadInputError, bad_input, print_error, print_note, worded
 from mathnavi.commands.evidence import print_evidence, verdict
 from mathnavi.commands.interruption import when_interrupted
@@ -76,13 +75,8 @@ class SweepOptions:
 
 
 def main(argv: Sequence[str]) -> int:
-    if usage("sweep", argv):
-        return 0
     prepare()
-    try:
-        sweep = read_sweep(argv)
-    except HelpPrinted:
-        return 0
+    sweep = read_sweep(argv)
     with ExitStack() as served:
         return _run(sweep, argv, served)
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 
-from mathnavi.commands.arguments import FlagGroup, HelpPrinted, flags, parse, with_flag
+from mathnavi.commands.arguments import FlagGroup, flags, parse, with_flag
 from mathnavi.commands.errors import BadInputError, bad_input
 from mathnavi.commands.output import output_folder
 from mathnavi.commands.wrapping import wrapped
@@ -69,8 +68,7 @@ def main(argv: Sequence[str]) -> int:
         return 0
     if not argv or argv[0] not in actions:
         raise BadInputError(f"terrain {' '.join(argv[:1])}: not a command; allowed: {', '.join(actions)}")
-    with suppress(HelpPrinted):
-        actions[argv[0]](argv[1:])
+    actions[argv[0]](argv[1:])
     return 0
 
 
@@ -90,7 +88,7 @@ def _import(argv: Sequence[str]) -> None:
                 resample=options.resample,
             )
     except BadInputError as error:
-        raise BadInputError(with_flag(str(error), [flag for flag, _ in flags(TerrainImportOptions)])) from error
+        raise BadInputError(with_flag(str(error), [*flags(TerrainImportOptions)])) from error
     print(statistics(terrain))
     print(f"map       {options.out}")
 

@@ -8,8 +8,9 @@ from typing import Any
 from mathnavi.commands.arguments import flags
 from mathnavi.interfaces.field_table import flag_of, negation
 from mathnavi.interfaces.fields import flattened, plain
+from mathnavi.sim.plugin.groups import KINDS
 from mathnavi.sim.plugin.registry import called
-from mathnavi.sim.records.run_spec import KINDS, RunSpec
+from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.sweep.trial import Trial
 
 
@@ -27,7 +28,7 @@ def command_of(trial: Trial) -> str:
 
 
 def _words(config: Any, prefix: str) -> list[str]:
-    repeats = dict(flags(type(config), prefix))
+    repeats = flags(type(config), prefix)
     default = flattened(plain(type(config)()))
     words: list[str] = []
     for name, value in flattened(plain(config)).items():

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from mathnavi.commands.arguments import FlagGroup, HelpPrinted, parse
+from mathnavi.commands.arguments import FlagGroup, parse
 from mathnavi.commands.command_line import CommandLine, prepare
 from mathnavi.commands.errors import BadInputError, bad_input
 from mathnavi.commands.recorded_spec import RecordedSpec
@@ -64,10 +64,7 @@ class ViewOptions:
 
 
 def main(argv: Sequence[str]) -> int:
-    try:
-        (options,) = parse(argv, "mathnavi view", DESCRIPTION, FlagGroup(ViewOptions))
-    except HelpPrinted:
-        return 0
+    (options,) = parse(argv, "mathnavi view", DESCRIPTION, FlagGroup(ViewOptions))
     prepare()
     if options.web or options.save is not None:
         from mathnavi.commands.view_web import show  # which the viewer does not need

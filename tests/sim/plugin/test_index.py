@@ -7,14 +7,16 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 import pytest
 
+from mathnavi.sim.plugin import index
 from mathnavi.sim.plugin.groups import GROUPS, PICTURES, installed
-from mathnavi.sim.plugin.index import COMMAND, Description, describe, docstring, imported, sourced
+from mathnavi.sim.plugin.index import COMMAND, Description, Index, docstring, imported, sourced
 
 POINTS = [(kind, point) for kind in GROUPS for point in installed(kind)]
 Describe = Callable[[], Description]
@@ -35,6 +37,8 @@ PLUGIN = '''
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from strange_units import Unit
+
 from .base import Fields, Shape
 
 print("imported")
@@ -47,6 +51,7 @@ class Inner:
 class Own(Fields):
     kind: ClassVar[str] = "strange"
     shape: Shape = "round"
+    unit: Unit = "m"
     inner: Inner = Inner()
     third: tuple[tuple[int, float], ...] = ()
 
@@ -67,6 +72,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (folder / "__init__.py").touch()
     (folder / "base.py").write_text(BASE)
     (folder / "plugin.py").write_text(PLUGIN)
+    (tmp_path / "strange_units.py").write_text('from typing import Literal\n\nUnit = Literal["m", "km"]\n')
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     return folder
@@ -76,7 +82,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def wanted(package: Path) -> Describe:
     """The description of the stranger's class, kept like those of a command's own flags."""
     place = "strange_package.plugin:Wanted"
-    return lambda: describe([(COMMAND, EntryPoint(place, place, ""))])[0]
+    return lambda: Index.read().describe((COMMAND, EntryPoint(place, place, "")))[0]
 
 
 @pytest.fixture
@@ -86,7 +92,7 @@ def children(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     run = subprocess.run
 
     def counted(*arguments: object, **named: object) -> object:
-        started.append(json.loads(str(named["input"]))["values"])
+        started.append(json.loads(str(named["input"]))["places"])
         return run(*arguments, **named)  # type: ignore[call-overload]
 
     monkeypatch.setattr(subprocess, "run", counted)
@@ -94,7 +100,7 @@ def children(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
 
 
 def test_the_index_says_what_the_plugins_say() -> None:
-    for (_, point), described in zip(POINTS, describe(POINTS), strict=True):
+    for (_, point), described in zip(POINTS, Index.read().describe(*POINTS), strict=True):
         plugin = point.load()
         assert not described.error
         assert described.first_line == (plugin.__doc__ or "").strip().partition("\n")[0]
@@ -102,7 +108,7 @@ def test_the_index_says_what_the_plugins_say() -> None:
         assert described.distribution == f"{point.dist.name} {point.dist.version}"
         config = getattr(plugin, "Config", None)
         fields = [field.name for field in dataclasses.fields(config)] if config else []
-        assert list(dict.fromkeys(field.name.partition(".")[0] for field in described.fields)) == fields
+        assert list(dict.fromkeys(field.path.partition(".")[0] for field in described.fields)) == fields
 
 
 def test_a_source_says_what_its_import_says() -> None:
@@ -136,15 +142,16 @@ def test_a_docstring_is_read_from_the_source(package: Path, source: str, name: s
 
 
 def test_what_is_found_apart_is_what_is_found_here() -> None:
-    assert [*describe(POINTS[:12])] == [imported(*point) for point in POINTS[:12]]
+    assert Index.read().describe(*POINTS[:12]) == [imported(*point) for point in POINTS[:12]]
 
 
 def test_every_field_is_there_with_its_choices(wanted: Describe) -> None:
     described = wanted()
     assert described.first_line == "It plans."
     assert described.stated == {"controller": "flight"}
-    fields = {field.name: field for field in described.fields}
-    assert list(fields) == ["first", "second", "shape", "inner.deep", "third"]
+    fields = {field.path: field for field in described.fields}
+    assert list(fields) == ["first", "second", "shape", "unit", "inner.deep", "third"]
+    assert (fields["first"].help, fields["first"].default) == ("the first [m]", "1.0")
     assert fields["shape"].choices == ("round", "square")
     assert fields["inner.deep"].switch
     assert not [name for name in sys.modules if name.startswith("strange_package")]
@@ -152,7 +159,7 @@ def test_every_field_is_there_with_its_choices(wanted: Describe) -> None:
 
 def test_what_has_not_changed_is_imported_once(wanted: Describe, children: list[list[str]]) -> None:
     assert wanted() == wanted()
-    assert children == [["strange_package.plugin:Wanted"]]
+    assert children == [[[COMMAND, "strange_package.plugin:Wanted"]]]
 
 
 @pytest.mark.parametrize(
@@ -160,7 +167,9 @@ def test_what_has_not_changed_is_imported_once(wanted: Describe, children: list[
     [
         ("plugin.py", "It plans.", "It plans well."),
         ("base.py", "second", "other"),
+        ("base.py", "the first [m]", "the first [km]"),
         ("base.py", '"square"]', '"square", "flat"]'),  # the type of a field, which is defined elsewhere
+        ("../strange_units.py", '"km"]', '"km", "mile"]'),
     ],
 )
 def test_an_edited_plugin_is_seen(
@@ -176,6 +185,16 @@ def test_an_edited_plugin_is_seen(
     assert len(children) == 2
 
 
+def test_one_name_in_two_folders_is_two_plugins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    for line in ("It plans.", "It waits."):
+        (tmp_path / line).mkdir()
+        (tmp_path / line / "mine.py").write_text(f'class Mine:\n    """{line}"""')
+        monkeypatch.chdir(tmp_path / line)
+        (described,) = Index.read().describe((COMMAND, EntryPoint("mine", "mine:Mine", "")))
+        assert described.first_line == line
+
+
 def test_a_plugin_that_cannot_be_imported_is_tried_again(wanted: Describe, package: Path) -> None:
     (package / "base.py").rename(package / "elsewhere.py")
     assert wanted().error == "No module named 'strange_package.base'"
@@ -188,7 +207,7 @@ def test_an_import_that_ends_its_process_hides_no_other(wanted: Describe, packag
     (package / "deadly.py").write_text(ending)
     deadly = EntryPoint("deadly", "strange_package.deadly:Planner", "g")
     other = EntryPoint("other", "strange_package.plugin:Wanted", "g")
-    broken, sound = describe([("controllers", deadly), ("controllers", other)])
+    broken, sound = Index.read().describe(("controllers", deadly), ("controllers", other))
     assert "3" in broken.error
     assert sound.first_line == "It plans."
 
@@ -196,14 +215,25 @@ def test_an_import_that_ends_its_process_hides_no_other(wanted: Describe, packag
 def test_a_damaged_index_is_made_anew(wanted: Describe, tmp_path: Path) -> None:
     described = wanted()
     (file,) = (tmp_path / "cache" / "mathnavi").iterdir()
-    saved = json.loads(file.read_text())
-    lacking = {**saved, "entries": {place: {**entry} for place, entry in saved["entries"].items()}}
-    for entry in lacking["entries"].values():
-        del entry["fields"]
-    for damage in ("", "{", "[]", '{"files": {}}', "\x00", '{"files": 1, "entries": 2}', json.dumps(lacking)):
+    saved = file.read_text()
+    for damage in ("", "{", "\x00", saved[:-1], saved.partition("\n")[2], saved.replace("the first", "the last")):
         file.write_text(damage)
         assert wanted() == described, damage
-        assert json.loads(file.read_text()) == saved, damage
+        assert file.read_text() == saved, damage
+
+
+def test_a_source_that_is_newer_than_this_process_is_not_taken_for_what_was_imported(
+    package: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    point = (COMMAND, EntryPoint("wanted", "strange_package.plugin:Wanted", ""))
+    for name in ("strange_package", "strange_package.base", "strange_package.plugin", "strange_units"):
+        monkeypatch.setitem(sys.modules, name, None)  # so that what is imported here goes afterwards
+        monkeypatch.delitem(sys.modules, name)
+    for begun, kept in ((0, False), (2 * time.time_ns(), True)):
+        monkeypatch.setattr(index, "_BEGUN", begun)
+        (described,) = Index.read().describe(point, apart=False)
+        assert described.first_line == "It plans."
+        assert Index.read().holds(point) == kept
 
 
 def test_without_a_folder_to_write_to_it_is_made_every_time(
@@ -219,7 +249,7 @@ def test_two_processes_may_make_it_at_once(wanted: Describe, tmp_path: Path) -> 
     script = (
         "from importlib.metadata import EntryPoint; from mathnavi.sim.plugin import index;"
         "place = 'strange_package.plugin:Wanted';"
-        "print(index.describe([('commands', EntryPoint(place, place, ''))])[0].first_line)"
+        "print(index.Index.read().describe(('commands', EntryPoint(place, place, '')))[0].first_line)"
     )
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     started = [

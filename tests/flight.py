@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array, Event, Measurement, Plan
 from mathnavi.models.aerial.dynamics import flow
 from mathnavi.models.aerial.mission import FlightMission
@@ -94,6 +95,9 @@ class PointMass:
 
     def sensor_sizes(self, name: str) -> dict[str, int]:
         return {"full_state": 6}
+
+    def sensors(self, name: str) -> tuple[Sensor, ...]:
+        return ()
 
     def sense(self, name: str) -> Sequence[Measurement]:
         readings, self._readings = self._readings, []

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mathnavi.interfaces.protocols import Coordinator
-from mathnavi.interfaces.signals import Event, Message, Outbox, Plan
+from mathnavi.interfaces.signals import Event, Message, Outbox, Plan, PlanRequest
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.loop import simulate
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork
@@ -89,6 +89,20 @@ def test_a_plan_that_is_not_admitted_is_on_record_and_the_one_before_stays() -> 
     assert refused == pytest.approx(PERIOD * np.arange(2, 7))
     assert len(east.taken) == 1
     assert len([event for event in events if event.agent == "west" and event.kind == "not-admitted"]) == 5
+
+
+def test_a_plan_of_the_monitor_is_proposed_and_taken_over_at_once() -> None:
+    class Watches(Answers):
+        def monitor(self, request: PlanRequest) -> Plan | None:
+            return there_and_stop(request) if request.t == pytest.approx(0.7) else None
+
+    east, west = Talks("east", "west"), Talks("west", "east")
+    agents = {
+        each.name: Agent(ReadsState(), Watches(there_and_stop), Follows(), coordinator=each) for each in (east, west)
+    }
+    simulate(Pair(), agents, 1.0)
+    (taken,) = [plan for t, plan in east.taken if t == pytest.approx(0.7)]
+    assert [plan for t, plan in east.proposed if t == pytest.approx(0.7)] == [taken]
 
 
 def test_a_coordinator_that_raises_has_said_nothing_and_is_on_record() -> None:

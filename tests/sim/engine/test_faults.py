@@ -118,6 +118,15 @@ def test_what_is_no_latency_is_refused(latency: float) -> None:
         Delayed(Good(), latency, 0.5, np.random.default_rng(0))
 
 
+def test_the_least_faults_are_allowed() -> None:
+    rng = np.random.default_rng(0)
+    assert Delayed(Good(), 0.0, 1.0, rng).plan(LATER).ready == LATER.t
+    assert blown(0.0, 1e-3, 1e-3, 2).tolist() == [[0.0] * 3] * 2
+    plant = flight.PointMass(START, 0.1)
+    PositionJumps(0.0, 0.1, rng).act(plant, 1)
+    np.testing.assert_array_equal(plant.state("vehicle"), START)
+
+
 def test_a_corrupted_plan_leaves_the_planners_own_alone() -> None:
     CorruptedPlan(Good(), 1.0, np.random.default_rng(0)).plan(LATER)
     assert np.isfinite(GOOD.x).all()
@@ -248,4 +257,5 @@ def test_a_plant_without_disturbances_is_the_plant() -> None:
     np.testing.assert_array_equal(plant.state("vehicle"), twin.state("vehicle"))
     assert plant.state_names("vehicle") == twin.state_names("vehicle")
     assert plant.sensor_sizes("vehicle") == twin.sensor_sizes("vehicle")
+    assert plant.sensors("vehicle") == twin.sensors("vehicle")
     np.testing.assert_array_equal(plant.sense("vehicle")[0].value, twin.sense("vehicle")[0].value)

@@ -252,18 +252,22 @@ def test_a_message_is_delivered_once_at_the_first_request_after_its_time() -> No
     assert kinds(recording) == 4 * ["message"]
 
 
-def test_a_command_that_is_not_finite_is_not_passed_on_and_reported_once_an_episode() -> None:
+def test_a_command_that_is_not_finite_or_not_given_is_not_passed_on_and_reported_once_an_episode() -> None:
     @dataclass
     class Stumbles(Follows):
         def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
             good = Follows.command(self, t, estimate, plan)
-            return good * np.nan if 0.35 < t < 0.75 or 2.0 < t < 2.2 else good
+            if 2.0 < t < 2.2:
+                raise KeyError("a bug")
+            return good * np.nan if 0.35 < t < 0.75 else good
 
     recording = Flight(later(lambda r: Plan.failure(Status.INFEASIBLE)), tracker=Stumbles()).run()
     commands = recording.agents["vehicle"].commands
     assert np.isfinite(commands).all()
     np.testing.assert_array_equal(commands[4:8], commands[[3, 3, 3, 3]])
-    assert kinds(recording).count("command-unusable") == 2
+    first, second = (event.message for event in recording.events if event.kind == "command-unusable")
+    assert "nan" in first
+    assert second == "KeyError: 'a bug'; the last usable command is held"
 
 
 def test_the_referee_ends_the_flight() -> None:
@@ -348,11 +352,18 @@ def test_several_vehicles_fly_by_themselves_and_are_logged_by_name() -> None:
         np.testing.assert_allclose(arrays[f"{name}.command.u"], alone["command.u"], atol=1e-9)
 
 
-def test_progress_is_reported_once_a_simulated_second() -> None:
-    expected: list[float] = []
+def test_progress_is_reported_once_a_simulated_second_and_every_step_is_watched() -> None:
+    reported, watched = list[float](), list[float]()
     agent = Agent(ReadsState(), Answers(there_and_stop), Follows())
-    simulate(flight.PointMass(START, DT), {"vehicle": agent}, 4.0, progress=expected.append)
-    assert expected == pytest.approx([float(k) for k in range(4)], abs=0.11)
+    recording = simulate(
+        flight.PointMass(START, DT),
+        {"vehicle": agent},
+        4.0,
+        progress=reported.append,
+        watch=lambda loop: watched.append(loop.t),
+    )
+    assert reported == pytest.approx([float(k) for k in range(4)], abs=0.11)
+    assert watched == recording.t.tolist()
 
 
 @pytest.mark.parametrize(("estimator", "tracker", "steps"), [(1, 1, 1), (5, 5, 5), (2, 4, 2), (5, 25, 5)])
@@ -429,6 +440,7 @@ def test_the_commands_of_a_flight_given_from_outside_lead_the_same_way() -> None
     flown, again = Flight(), Flight()
     recording = flown.run()
     loop = Loop(again.plant, {"vehicle": Agent(again.estimator, again.planner, again.tracker)}, again.duration)
+    assert (loop.t, loop.over) == (0.0, False)
     for u in recording.agents["vehicle"].commands:
         loop.observe()
         loop.command("vehicle", u)

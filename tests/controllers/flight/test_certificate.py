@@ -5,14 +5,16 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 import pytest
 
-from mathnavi.controllers.flight.certificate import Certificate, TrackingBound, pass_time
+from mathnavi.controllers.flight.certificate import Certificate, TrackingBound, pass_time, remainder
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.completion import ArcList, complete
+from mathnavi.controllers.flight.held_input import NO_LAG, HeldInput
 from mathnavi.controllers.flight.planner import StopAndHover, complete_by
 from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.models.aerial.dynamics import state_at
@@ -75,6 +77,16 @@ def over_the_edge(certificate: Certificate, good: Plan) -> Plan:
     return arcs.plan(0.0, 0.0)
 
 
+def pushed(certificate: Certificate, good: Plan, way: Array) -> Plan:
+    """There and back on a straight line, a little harder than is allowed, and then the good way on."""
+    arcs = ArcList.begin(0.0, good.x[0])
+    for sign in (1.0, -1.0, -1.0, 1.0):
+        arcs.add(sign * 1.01 * certificate.acceleration_max * way, 1.0, FlightPhase.CRUISE)
+    arcs.rest()
+    complete_by(arcs, certificate)
+    return arcs.plan(0.0, 0.0)
+
+
 def scaled(good: Plan, factor: float) -> Plan:
     """The same path flown ``factor`` times as fast."""
     x = good.x.copy()
@@ -84,6 +96,13 @@ def scaled(good: Plan, factor: float) -> Plan:
 
 def shifted(good: Plan, offset: Array) -> Plan:
     return dataclasses.replace(good, x=good.x + offset)
+
+
+def jumping(plan: Plan, k: int, offset: Array) -> Plan:
+    """The plan with one of its states elsewhere."""
+    x = plan.x.copy()
+    x[k] += offset
+    return dataclasses.replace(plan, x=x)
 
 
 def backwards(plan: Plan) -> Plan:
@@ -100,7 +119,8 @@ BAD: dict[str, tuple[Status, Callable[[Certificate, Plan], Plan]]] = {
     "a phase that does not exist": (Status.MALFORMED, lambda c, p: dataclasses.replace(p, phase=p.phase + 99)),
     "states of the wrong width": (Status.MALFORMED, lambda c, p: dataclasses.replace(p, x=p.x[:, :5])),
     "time runs backwards": (Status.MALFORMED, lambda c, p: backwards(p)),
-    "arcs that do not join": (Status.MALFORMED, lambda c, p: dataclasses.replace(p, u=p.u + 1e-3)),
+    "a jump of the position": (Status.MALFORMED, lambda c, p: jumping(p, 0, np.array([1e-3, 0.0, 0.0, 0.0, 0.0, 0.0]))),
+    "a jump of the speed": (Status.MALFORMED, lambda c, p: jumping(p, -1, np.array([0.0, 0.0, 0.0, 0.0, 1e-3, 0.0]))),
     "an arc beyond all measure": (
         Status.MALFORMED,
         lambda c, p: dataclasses.replace(p, t=np.append(p.t[:-1], 1e300)),
@@ -113,6 +133,8 @@ BAD: dict[str, tuple[Status, Callable[[Certificate, Plan], Plan]]] = {
     "a little too low": (FlightStatus.LOW_CLEARANCE, lambda c, p: shifted(p, np.array([0, 0, -45.0, 0, 0, 0]))),
     "over the edge of the map": (FlightStatus.OFF_MAP, over_the_edge),
     "too fast": (FlightStatus.BOUNDS, lambda c, p: scaled(p, 1.01)),
+    "pushed too hard across": (FlightStatus.BOUNDS, lambda c, p: pushed(c, p, np.array([0.6, 0.8, 0.0]))),
+    "pushed too hard upwards": (FlightStatus.BOUNDS, lambda c, p: pushed(c, p, np.array([0.0, 0.0, 1.0]))),
     "beside the target": (FlightStatus.NO_ARRIVAL, lambda c, p: shifted(p, np.array([60.0, 0, 500.0, 0, 0, 0]))),
     "only half of the way": (
         FlightStatus.NO_ARRIVAL,
@@ -170,6 +192,13 @@ def test_a_tracker_that_needs_everything_is_refused(name: str, bound: TrackingBo
 def test_a_pass_is_the_first_breakpoint_at_the_target(certificate: Certificate, good: Plan) -> None:
     assert pass_time(good, certificate.target, 0.0) == good.t_end
     assert pass_time(good, certificate.target, good.t_end) == math.inf
+
+
+def test_what_remains_of_a_plan_at_its_end_is_a_second_of_rest(certificate: Certificate, good: Plan) -> None:
+    rest = remainder(good, good.t_end + 5.0)
+    assert certificate.check(rest) is None
+    assert rest.t.tolist() == [good.t_end + 5.0, good.t_end + 6.0]
+    np.testing.assert_array_equal(rest.x, good.x[[-1, -1]])
 
 
 class Answers:
@@ -363,6 +392,53 @@ def test_a_vehicle_off_its_plan_without_a_way_on_is_a_loss_that_is_announced(
     plan = wrapped.plan(dataclasses.replace(request, estimate=Estimate(request.t, under_ground)))
     assert not plan.ok
     assert {"tracking-breach", "guarantee-lost"} <= set(plan.notes)
+
+
+def test_the_loss_of_an_estimate_is_announced_once_and_its_return_too(
+    certificate: Certificate, good: Plan, mission: FlightMission
+) -> None:
+    wrapped = certified(certificate, Answers(good))
+    wrapped.plan(first_request(mission))
+
+    def lost(t: float) -> PlanRequest:
+        request = later_request(good, t)
+        return dataclasses.replace(request, estimate=dataclasses.replace(request.estimate, status=Status.LOST))
+
+    announced = wrapped.monitor(lost(3.0))
+    assert announced is not None
+    assert (announced.status, announced.notes) == (Status.LOST, ("guarantee-lost",))
+    assert wrapped.monitor(lost(3.1)) is None
+    assert wrapped.plan(later_request(good, 4.0)).notes[:1] == ("guarantee-regained",)
+    assert wrapped.plan(lost(6.0)).notes[:1] == ("guarantee-lost",)
+    assert wrapped.plan(later_request(good, 8.0)).notes[:1] == ("guarantee-regained",)
+
+
+@dataclass(frozen=True)
+class Counts(HeldInput):
+    """A held input whose lag is the time [s] over which it was carried on."""
+
+    lags: list[float] = field(default_factory=list)
+
+    def after(self, plan: Plan, lag: Array, begin: float, end: float) -> Array:
+        return lag + (end - begin)
+
+    def greatest(self, plan: Plan, lag: Array = NO_LAG) -> float:
+        self.lags.append(float(lag[0]))
+        return 0.0
+
+
+def test_a_lag_is_carried_on_to_a_plan_that_starts_on_the_last_one(
+    certificate: Certificate, good: Plan, mission: FlightMission
+) -> None:
+    held = Counts(0.1, 1.0, math.inf)
+    planner = Answers(good)
+    wrapped = certified(dataclasses.replace(certificate, held=held), planner)
+    wrapped.plan(first_request(mission))
+    planner.answer = onward = braking_plan(certificate, good)
+    wrapped.plan(later_request(good))
+    for current in (onward, shifted(onward, np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]))):
+        wrapped.plan(later_request(current, 14.0))
+    assert held.lags == pytest.approx([0.0, 12.0, 16.0, 4.0])
 
 
 def test_a_deadline_before_the_first_arrival_is_refused(certificate: Certificate, good: Plan) -> None:

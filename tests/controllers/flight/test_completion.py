@@ -23,9 +23,9 @@ place = st.tuples(inside, inside)
 height = st.floats(CLEARANCE, 3000.0)
 
 
-def completed(x: Array, target: Array) -> Plan:
+def completed(x: Array, target: Array, end: float = -math.inf) -> Plan:
     arcs = ArcList.begin(12.0, x)
-    complete(arcs, flight.mountains(), target, CLEARANCE, SPEED, ACCELERATION)
+    complete(arcs, flight.mountains(), target, CLEARANCE, SPEED, ACCELERATION, end)
     return arcs.plan(math.nan, math.nan)
 
 
@@ -50,10 +50,14 @@ def test_it_rests_on_the_target_keeps_the_bounds_and_clears_the_ground(
     assert clearance.min() >= CLEARANCE - 1e-6
 
 
-def test_its_phases_follow_each_other() -> None:
-    plan = completed(np.array([*point(flight.START, 100.0), 0.0, 0.0, 60.0]), point(flight.TARGET, 100.0))
-    order = list(dict.fromkeys(FlightPhase(phase) for phase in plan.phase))
-    assert order == [FlightPhase.MANOEUVRE, FlightPhase.CLIMB, FlightPhase.CRUISE, FlightPhase.DESCENT]
+def test_its_phases_follow_each_other_and_it_waits_at_the_first_rest() -> None:
+    start, target = np.array([*point(flight.START, 100.0), 0.0, 0.0, 60.0]), point(flight.TARGET, 100.0)
+    plan, late = completed(start, target), completed(start, target, 500.0)
+    order = [list(dict.fromkeys(FlightPhase(phase) for phase in each.phase)) for each in (plan, late)]
+    assert order[0] == [FlightPhase.MANOEUVRE, FlightPhase.CLIMB, FlightPhase.CRUISE, FlightPhase.DESCENT]
+    assert order[1] == [FlightPhase.MANOEUVRE, FlightPhase.HOVER, *order[0][1:]]
+    assert plan.t_end < late.t_end == 500.0
+    flight.assert_well_formed(late)
 
 
 def test_it_is_as_fast_as_its_bounds_allow() -> None:

@@ -42,6 +42,13 @@ def test_heights_are_a_read_only_copy() -> None:
         terrain.z[0, 0] = 1.0
 
 
+def test_a_source_and_a_licence_are_one_line_of_at_most_a_thousand_characters() -> None:
+    assert HeightField(np.eye(2), 1.0, source="x" * 1000, licence="").source == "x" * 1000
+    for bad in ("x" * 1001, "two\nlines", 3):
+        with pytest.raises(ValueError, match="allowed: one line of at most 1000 printable characters"):
+            HeightField(np.eye(2), 1.0, licence=bad)  # type: ignore[arg-type]
+
+
 def test_pickling_keeps_the_heights_read_only() -> None:
     terrain = HeightField(np.eye(3), 10.0, "a", "b", "c")
     copy = pickle.loads(pickle.dumps(terrain))

@@ -262,8 +262,9 @@ def test_a_plan_cannot_be_changed_once_it_is_certified(
         plan.x[1:, 2] -= 2000.0
 
 
+@pytest.mark.parametrize("replanned", [True, False])
 def test_a_pass_after_which_the_mission_goes_on_is_missed_once_and_never_shortens_the_time(
-    certificate: Certificate, mission: FlightMission
+    certificate: Certificate, mission: FlightMission, replanned: bool
 ) -> None:
     beyond = certificate.target + np.array([-400.0, -400.0, 1000.0])  # a go-around
     arcs = ArcList.begin(0.0, flight.at_rest(mission.start))
@@ -279,18 +280,19 @@ def test_a_pass_after_which_the_mission_goes_on_is_missed_once_and_never_shorten
         request = PlanRequest(t, t + planner.period, Estimate(t, state_at(plan, t)), current)
         k = int(np.searchsorted(plan.t, request.t_start, side="right")) - 1  # the remaining plan, the pass cut off
         begun = state_at(plan, request.t_start)
-        planner.answer = dataclasses.replace(
+        rest = dataclasses.replace(
             plan,
             t=np.append(request.t_start, plan.t[k + 1 :]),
             x=np.vstack([begun, plan.x[k + 1 :]]),
             u=plan.u[k:],
             phase=plan.phase[k:],
         )
+        planner.answer = rest if replanned else Plan.failure(Status.SOLVER_FAILED)
         deadline, answer = wrapped.deadline, wrapped.plan(request)
         if "missed-pass" in answer.notes:
             missed.append(t)
             assert wrapped.deadline >= deadline
-        current = answer
+        current = answer if answer.ok else current
     assert len(missed) == 1
     assert there < missed[0] <= there + planner.period
 
@@ -370,13 +372,14 @@ def test_a_first_answer_that_is_late_is_replaced_by_the_fallback_plan(
 def test_a_vehicle_off_its_plan_is_planned_for_from_where_it_is(
     certificate: Certificate, good: Plan, mission: FlightMission
 ) -> None:
-    wrapped = certified(certificate, Answers(good))
+    wrapped = certified(certificate, Answers(good), factor=1.0)
     wrapped.plan(first_request(mission))
-    request = later_request(good)
+    request = later_request(good, 30.0)  # at full speed: to stop costs time
     x = request.estimate.x + np.array([30.0, 0.0, 10.0, 0.0, 0.0, 0.0])
     plan = wrapped.plan(dataclasses.replace(request, estimate=Estimate(request.t, x)))
     assert plan.ok
-    assert {"tracking-breach", "rebased"} <= set(plan.notes)
+    assert {"tracking-breach", "deadline-lost", "rebased"} <= set(plan.notes)
+    assert wrapped.deadline == plan.t_end > good.t_end
     assert plan.t_start == request.t
     np.testing.assert_array_equal(plan.x[0], x)
     assert certificate.check(plan) is None

@@ -100,3 +100,4 @@ def test_level_flight_is_at_the_given_level_unless_the_ground_is_higher() -> Non
         plan = arcs.plan(0.0, 0.0)
         cruising = plan.x[:-1][plan.phase == FlightPhase.CRUISE]
         assert cruising[:, 2] == pytest.approx(expected)
+        assert plan.x[-1, :3] == pytest.approx(target)

@@ -96,11 +96,13 @@ def test_a_bad_statement_ends_where_it_is_written(wrong: Stated, named: str) -> 
 @pytest.mark.parametrize(
     ("more", "named"),
     [
-        (lambda ocp, x, u: ocp.start_constraint(2 * x), "2 equations at the start: start of x, (2.*x); allowed: 1"),
+        (lambda ocp, x, u: ocp.start_constraint(2 * x), "2 equations at the start: start of x, (2.*x); allowed: 1, "),
+        (lambda ocp, x, u: ocp.start_constraint(x**2), "allowed: 1, as many as x, y[0], y[1] can meet"),
         (
             lambda ocp, x, u: [ocp.start_constraint(k * ca.sum1(ocp.statement.x[1:])) for k in (1, 2)],
             "3 equations at the start",
         ),
+        (lambda ocp, x, u: ocp.start_constraint(ca.sqrt(x - 9)), "2 equations at the start: start of x, sqrt((x-9))"),
         (lambda ocp, x, u: [ocp.end(x, 1), ocp.end_constraint(x**2)], "2 equations at the end: end of x, sq(x); "),
         (lambda ocp, x, u: ocp.end_constraint(ocp.statement.final_time == 3), "1 equations at the end"),
         (lambda ocp, x, u: [ocp.constrain(u == 0), ocp.constrain(u + x == 0)], "2 equations at the path"),

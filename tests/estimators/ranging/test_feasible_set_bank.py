@@ -95,6 +95,25 @@ def test_without_noise_the_error_vanishes(sensors: str) -> None:
         assert last_errors(task, estimates) < (1e-3, 1e-3)
 
 
+@pytest.mark.parametrize("readings", [9, 10])
+def test_odometry_leads_the_first_hypotheses_on_from_the_middle_of_the_readings(readings: int) -> None:
+    """Of an even number, from between two of them."""
+    task = mission("4", noise=False)
+    steps = itertools.islice(driven(task, STARTS[0], 1.0), readings)
+    step, estimate = estimates_of(task, steps, readings=readings)[-1]
+    assert min(task.error(pose, step.truth)[0] for pose in estimate.extra["hypotheses"] if np.isfinite(pose[0])) < 1e-3
+
+
+def test_no_first_hypothesis_contradicts_the_readings() -> None:
+    task = mission("4")
+    for seed, start in enumerate(STARTS):
+        steps = itertools.islice(driven(task, start, 1.0, rng=np.random.default_rng(seed)), 10)
+        step, estimate = estimates_of(task, steps)[-1]
+        ranges = task.curve.ranges(step.truth, task.alpha)[0]
+        poses = [pose for pose in estimate.extra["hypotheses"] if np.isfinite(pose[0])]
+        assert max(np.abs(task.curve.ranges(pose, task.alpha)[0] - ranges).max() for pose in poses) < 1.0
+
+
 def test_until_one_hypothesis_is_twice_as_likely_as_all_others_it_is_initialising() -> None:
     task = mission()
     estimates = [each for _, each in estimates_of(task, driven(task, STARTS[0], 1.0, rng=np.random.default_rng(0)))]

@@ -92,7 +92,7 @@ def test_arcs_join_exactly(u: list[tuple[float, float, float]], duration: float)
 
 
 def test_level_flight_is_at_the_given_level_unless_the_ground_is_higher() -> None:
-    terrain, start, target = flight.mountains(), np.array([3e3, 3e3, 900.0]), np.array([9e3, 9e3, 900.0])
+    terrain, start, target = flight.mountains(), np.array([3e3, 3e3, 900.0]), np.array([9e3, 9e3, 800.0])
     highest = highest_ground(terrain, start[:2], target[:2])
     for level, expected in ((highest + 700.0, highest + 700.0), (0.0, highest + 51.0)):
         arcs = ArcList.begin(0.0, np.concatenate([start, np.zeros(3)]))

@@ -56,6 +56,9 @@ def test_an_ill_posed_open_loop_is_replayed_interval_by_interval() -> None:
     assert wild.replay is not None
     assert wild.replay.by_intervals
     assert wild.replay.miss < 1e-2  # flown in one piece a rounding error would grow by e^24
+    wilder = replayed(dataclasses.replace(tame, problem=problem_with(200.0))).replay
+    assert wilder is not None
+    assert wilder.by_intervals  # by more than a number holds
 
 
 def test_a_control_that_is_changed_is_found_out() -> None:

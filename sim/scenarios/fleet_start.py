@@ -20,9 +20,9 @@ from scipy.spatial.distance import cdist, pdist
 from mathnavi.controllers.arrival.coordinator import ArrivalEstimate
 from mathnavi.controllers.arrival.separation_rule import Zone, checked_start
 from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
-from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.planner import ASSURED, braking_time
 from mathnavi.interfaces.errors import MissionError, PluginError
+from mathnavi.interfaces.protocols import Planner
 from mathnavi.interfaces.signals import Estimate, Message, Plan, PlanRequest
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
@@ -32,6 +32,7 @@ from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.assembler import Assembler, RandomStreams
 from mathnavi.sim.scenarios.fault_fields import PLANNER_STREAMS
 from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig, SlotAssignment
+from mathnavi.sim.scenarios.flight_assurance import FlightAssurance
 from mathnavi.sim.scenarios.flight_parts import check_above_ground, drawn_point
 
 _DRAWS = 200
@@ -47,7 +48,7 @@ class StartedVehicle:
 
     mission: FlightMission
     centre: Point  # [m] of the slots
-    planner: Certified
+    planner: Planner  # with its certificate
     tracker: Any
     estimate: ArrivalEstimate
     stored: Plan
@@ -268,14 +269,20 @@ def _vehicle(
             f"controller = {parts.controller.name!r}: its planner has no length to go; allowed: one that has "
             "length_to_go(points), from which its vehicle estimates its arrival time"
         )
-    planner = Certified.for_mission(parts.with_planner_faults(raw, streams), mission, tracker)
+    assurance = FlightAssurance.for_mission(parts, mission)
+    if not assurance.guaranteed:
+        raise PluginError(
+            f"controller = {parts.controller.name!r}: certifier = None; allowed in a fleet: a function, or no entry, "
+            "for vehicles rely on the certified plans of others"
+        )
+    planner, tracker = assurance.around(parts.with_planner_faults(raw, streams), tracker)
     stored = _stored(name, planner, mission)
     estimate = ArrivalEstimate(raw.length_to_go, np.array(mission.target), mission.speed_max - tracker.bound.speed)
     braking = braking_time(Certificate.for_mission(mission, tracker.bound))
     return StartedVehicle(mission, centre, planner, tracker, estimate, stored, braking)
 
 
-def _stored(name: str, planner: Certified, mission: FlightMission, assured: float | None = None) -> Plan:
+def _stored(name: str, planner: Planner, mission: FlightMission, assured: float | None = None) -> Plan:
     """First plan of a vehicle, to arrive at ``assured`` [s] if given; _NoFleetError if it cannot be certified."""
     messages = () if assured is None else (Message(0.0, name, ASSURED, assured),)
     stored = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, mission.start_state), None, messages))

@@ -3,6 +3,8 @@
     sensors -> estimator -> Certified(faults(planner)) -> tracker -> MuJoCo        of each vehicle alone
     plans, times of arrival <-> coordinator <-> network                              their only knowledge of each other
 
+A controller's own ``certifier`` takes the place of ``Certified``, as in ``safe-flight``; ``certifier = None`` is refused.
+
 Each vehicle has its own slot on a ring about the target and its own level on which its stored plan crosses. The fleet's
 deadline is D = gamma max V_0, V_0 the duration of each vehicle's first plan. Each has a coordinator, on a common clock
 or on the vehicle's own.
@@ -26,6 +28,7 @@ from mathnavi.controllers.arrival.delay_check import DelayCheck
 from mathnavi.controllers.arrival.local_clock import ClockedCoordinator, LocalClock
 from mathnavi.controllers.arrival.separation import Separation
 from mathnavi.controllers.arrival.separation_rule import SeparationRule, Zone
+from mathnavi.controllers.flight.certified import Certified
 from mathnavi.interfaces.errors import FieldError, PluginError
 from mathnavi.interfaces.protocols import Coordinator
 from mathnavi.interfaces.signals import Array, Plan
@@ -190,7 +193,8 @@ class SimultaneousArrival:
         agents, setups = {}, {}
         for (name, vehicle), streams in zip(fleet.items(), parts.streams.split("dropouts", len(fleet)), strict=True):
             mission = vehicle.mission
-            vehicle.planner.deadline = flight.deadline
+            if isinstance(vehicle.planner, Certified):
+                vehicle.planner.deadline = flight.deadline
             sensors = parts.sensors(mission, AccelerationSensor(), streams=streams)
             setups[name] = VehicleSetup(mission.start_state, sensors, config.acceleration_max)
             agents[name] = Agent(

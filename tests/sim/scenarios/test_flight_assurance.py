@@ -16,9 +16,11 @@ from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios import flight_assurance, flight_learning
 from mathnavi.sim.scenarios.assembler import Assembler
+from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig
 from mathnavi.sim.scenarios.flight_assurance import FirstPlans, FlightAssurance
 from mathnavi.sim.scenarios.flight_fields import FlightNoise, SafeFlightConfig
 from mathnavi.sim.scenarios.safe_flight import SafeFlight
+from mathnavi.sim.scenarios.simultaneous_arrival import SimultaneousArrival
 
 
 class Trusting(FlightController):
@@ -27,6 +29,12 @@ class Trusting(FlightController):
     @staticmethod
     def certifier(planner: Planner, mission: FlightMission, tracker: Any) -> Planner:
         return planner
+
+
+class Uncertified(FlightController):
+    """A controller whose plans are flown as they come."""
+
+    certifier = None
 
 
 class Mistaken(FlightController):
@@ -56,6 +64,21 @@ def test_a_controller_declares_its_certifier_or_none_and_else_has_the_certificat
 def test_a_certifier_that_is_none_is_refused_by_name() -> None:
     with pytest.raises(PluginError, match=r"Mistaken': certifier = False; allowed: None, or a function \(planner, mis"):
         FlightAssurance.for_mission(assembler(Mistaken), Any)  # type: ignore[arg-type]
+
+
+def test_a_fleet_certifies_by_the_rule_of_a_single_flight() -> None:
+    config = SimultaneousArrivalConfig(terrain="jacksboro", vehicles=2)
+    certified = {
+        controller: {
+            isinstance(agent.planner, Certified)
+            for agent in SimultaneousArrival.build(config, 0, PluginSpec.with_fields(controller)).agents.values()
+        }
+        for controller in (FlightController, Trusting)
+    }
+    assert certified == {FlightController: {True}, Trusting: {False}}
+    for controller in (Uncertified, Mistaken):
+        with pytest.raises(PluginError, match=rf"{controller.__name__}'.*: certifier = (None|False); allowed"):
+            SimultaneousArrival.build(config, 0, PluginSpec.with_fields(controller))
 
 
 def test_a_start_that_is_too_low_costs_no_planner_and_none_could_fly_from_it(monkeypatch: pytest.MonkeyPatch) -> None:

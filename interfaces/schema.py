@@ -20,7 +20,7 @@ import msgspec
 
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import FieldError
-from mathnavi.interfaces.field_table import Form, fields_of, form_of
+from mathnavi.interfaces.field_table import Form, fields_of, form_of, leaves_of
 
 ROOT = "$"  # the whole file, in place of a value
 _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")  # in a place: a field, the number of an item, or any key
@@ -58,8 +58,14 @@ def known_fields(kind: Any) -> list[str]:
 
 
 def unknown_field(kind: Any, name: object, where: str) -> FieldError:
-    """Return the error for a name that a dataclass does not have."""
-    return FieldError(f"{_joined(where, str(name))} is not a field; {allowed_for(str(name), known_fields(kind))}")
+    """Return the error for a name that a dataclass does not have; it names a field of a part that is called so."""
+    known = known_fields(kind)
+    inner = [leaf.path for leaf in leaves_of(kind) if leaf.path.rpartition(".")[2] == name]
+    if inner:
+        meant = f"did you mean {' or '.join(inner)}? allowed: {', '.join(known)}"
+    else:
+        meant = allowed_for(str(name), known)
+    return FieldError(f"{_joined(where, str(name))} is not a field; {meant}")
 
 
 def _decoded(kind: Any, value: Any) -> Any:

@@ -152,6 +152,7 @@ def test_another_estimator_is_observed_by_its_name() -> None:
     [
         ("safe-fight", {}, "scenarios: 'safe-fight' is not known; "),
         ("safe-flight", {"speed": 3.0}, "speed is not a field; "),
+        ("safe-flight", {"gust_rms": 0.5}, "gust_rms is not a field; did you mean faults.gust_rms"),
         ("safe-flight", {"speed_max": -3.0}, "speed_max = -3.0; allowed: "),
         ("safe-flight", {"noise": {"position": "much"}}, "noise.position = 'much'; allowed: float"),
         ("safe-flight", {"seed": -1}, "seed = -1; allowed: a whole number from 0 to"),

@@ -26,7 +26,8 @@ from sphinx.builders.html import StandaloneHTMLBuilder
 from mathnavi.commands import cli, opengl
 from mathnavi.commands.completion import OWN
 from mathnavi.commands.flown import CommonOptions
-from mathnavi.interfaces.field_table import Form, leaves_of
+from mathnavi.interfaces.bounds import declared
+from mathnavi.interfaces.field_table import Field, Form, leaves_of
 from mathnavi.sim.plugin.groups import GROUPS
 from mathnavi.sim.plugin.registry import load, names
 
@@ -89,20 +90,27 @@ PARTS: dict[str, Callable[[], str]] = {
 
 
 def table(owner: type, prefix: str = "") -> str:
-    """Return the flags of a frozen dataclass: kind of value, default and meaning."""
+    """Return the flags of a frozen dataclass: kind of value, what is allowed, default and meaning."""
     factories = {entry.name: entry.default_factory for entry in dataclasses.fields(owner)}
     rows = []
     for leaf in leaves_of(owner, prefix):
         default = _asked(factories.get(leaf.path)) or _shown(leaf.default)
         if not leaf.positional:
-            rows.append((_code(leaf.flag), _kind(leaf.form), default, _escaped(leaf.help)))
-    return _rows(("flag", "value", "default", "meaning"), rows) if rows else "It has no fields."
+            rows.append((_code(leaf.flag), _kind(leaf.form), _allowed(leaf), default, _escaped(leaf.help)))
+    return _rows(("flag", "value", "allowed", "default", "meaning"), rows) if rows else "It has no fields."
 
 
 def _asked(factory: Any) -> str:
     """Return the description of a default that depends on the machine, for its value; "" for another default."""
     asks = inspect.isfunction(factory) and factory.__doc__
     return _shown(inspect.cleandoc(asks).partition("\n")[0].rstrip(".")) if asks else ""
+
+
+def _allowed(leaf: Field) -> str:
+    """Return the bounds of a field in the words of the message that refuses a value; "" for choices, and without."""
+    choices = leaf.form.choices
+    words = dict.fromkeys(bound.allowed for bound in declared(leaf.owner) if bound.name == leaf.name and not choices)
+    return _escaped("; ".join(words).removeprefix("a finite value "))
 
 
 def _kind(form: Form) -> str:

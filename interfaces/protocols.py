@@ -93,8 +93,9 @@ class Plant(Protocol):
         ...
 
     def state(self, name: str) -> Array:
-        """Return the true state (nx,) of one vehicle. For sensors, disturbances, log and metrics, never for a
-        controller.
+        """Return the true state (nx,) of one vehicle.
+
+        For sensors, disturbances, log and metrics, never for a controller.
         """
         ...
 

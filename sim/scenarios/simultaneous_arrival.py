@@ -3,7 +3,7 @@
     sensors -> estimator -> Certified(faults(planner)) -> tracker -> MuJoCo        of each vehicle alone
     plans, times of arrival <-> coordinator <-> network                              their only knowledge of each other
 
-A controller's own ``certifier`` takes the place of ``Certified`` as in ``safe-flight``; ``certifier = None`` is refused.
+A ``certifier`` that the controller declares stands in the place of ``Certified``; None is refused.
 
 Each vehicle has its own slot on a ring about the target and its own level on which its stored plan crosses. The fleet's
 deadline is D = gamma max V_0, V_0 the duration of each vehicle's first plan. Each has a coordinator, on a common clock

@@ -8,7 +8,7 @@ import pytest
 from mathnavi.estimators.quadrotor_state import QuadrotorState
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.signals import Measurement, Status
-from mathnavi.models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, RATE, VELOCITY, at_rest, flow
+from mathnavi.models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, RATE, VELOCITY, flow
 from mathnavi.models.quadrotor.mission import QuadrotorMission, QuadrotorStateSensor
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from tests.quadrotor import HIGH, PERIOD, built, flight_mission, plain
@@ -69,10 +69,3 @@ def test_its_quality_is_that_of_the_point_mass() -> None:
 def test_a_noise_that_cannot_be_is_refused(noise: float) -> None:
     with pytest.raises(ValueError, match=r"position_noise = .*; allowed"):
         QuadrotorStateSensor(noise)
-
-
-def test_the_start_is_a_state_of_rest() -> None:
-    x = MISSION.start_state
-    np.testing.assert_array_equal(x[7:], 0.0)
-    assert np.linalg.norm(x[ATTITUDE]) == pytest.approx(1.0)
-    assert at_rest(HIGH).shape == x.shape == (13,)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mathnavi.controllers.active_sensing.belief import Belief, BeliefFromEstimates, mean_input
+from mathnavi.controllers.active_sensing.belief import Belief, BeliefFromEstimates
 from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from tests.controllers.active_sensing.robots import START, assert_well_formed, built, mission, winding_path
 
@@ -78,13 +78,6 @@ def test_what_is_predicted_is_where_samples_of_the_belief_go() -> None:
         samples.append(x)
     np.testing.assert_allclose(np.mean(samples, axis=0), end.pose, atol=2e-3)
     np.testing.assert_allclose(np.cov(np.array(samples).T), end.covariance, atol=4e-5)
-
-
-def test_the_mean_input_counts_rest_before_and_after() -> None:
-    plan = winding_path(mission())
-    whole = np.diff(plan.t) @ plan.u
-    np.testing.assert_allclose(mean_input(plan, -1.0, plan.t_end + 1.0), whole / (plan.t_end + 2.0), rtol=1e-12)
-    np.testing.assert_array_equal(mean_input(plan, plan.t_end + 1.0, plan.t_end + 2.0), [0.0, 0.0])
 
 
 def test_a_plan_rests_within_the_wall_at_its_end() -> None:

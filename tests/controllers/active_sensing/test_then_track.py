@@ -24,7 +24,7 @@ def off_path(flown: Array, then: str, curve: Curve) -> float:
     return max(float(np.linalg.norm(points - p, axis=1).min()) for p in flown)
 
 
-@pytest.mark.parametrize(("curve", "then"), [(FIELD, "circle"), (EGG, "figure-eight"), (BEAN, "circle")])
+@pytest.mark.parametrize(("curve", "then"), [(EGG, "figure-eight"), (BEAN, "circle")])
 def test_the_path_is_joined_and_kept_again_and_again(curve: Curve, then: str) -> None:
     task = mission(curve)
     flight = fly(built(task, then=then, speed=0.3), task, START, 22.0)

@@ -159,13 +159,6 @@ def test_a_vehicle_without_an_estimate_follows() -> None:
     np.testing.assert_allclose(ends[0], 101.0, atol=0.5)
 
 
-@given(st.floats(1.0, 1e4), st.floats(0.0, 3.0), st.floats(0.0, 5.0), st.floats(0.05, 0.9))
-def test_the_rule_is_that_of_the_thesis(own: float, ratio: float, h: float, delta: float) -> None:
-    agreed = ratio * own + h
-    if abs(abs(ratio - 1.0) - delta) > 1e-6:
-        assert is_outlier(agreed, own, h, delta) == (abs((agreed - h) / own - 1.0) > delta)
-
-
 def test_as_printed_all_that_agree_are_outliers_in_the_last_seconds() -> None:
     h = 5.0 / 3.0
     assert not is_outlier(5.6, 5.6, h)

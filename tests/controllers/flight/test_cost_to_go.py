@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
-import math
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from mathnavi.controllers.flight.cost_to_go import (
     FactoredCost,
@@ -43,41 +38,6 @@ def factored() -> FactoredCost:
 def trilinear() -> TrilinearCost:
     terrain = flight.mountains()
     return trilinear_cost(terrain, target_of(terrain), (), 33, 5)
-
-
-def shortest_ways(grid: TerrainGrid, density: Array) -> Array:
-    """Node distances by relaxing every edge until nothing changes."""
-    nodes = list(itertools.product(*(range(n) for n in grid.shape)))
-    best = dict.fromkeys(nodes, math.inf) | {grid.target: 0.0}
-    changed = True
-    while changed:
-        changed = False
-        for a, b in itertools.product(nodes, nodes):
-            if a == b or max(abs(i - j) for i, j in zip(a, b, strict=True)) > 1:
-                continue
-            length = float(np.linalg.norm(grid.positions[a] - grid.positions[b]))
-            way = best[a] + length * (1.0 + 0.5 * (density[a] + density[b]))
-            if way < best[b] - 1e-9:
-                best[b], changed = way, True
-    return np.array([best[node] for node in nodes]).reshape(grid.shape)
-
-
-@pytest.mark.parametrize("threatened", [False, True])
-def test_node_distances_are_the_shortest_ways(threatened: bool) -> None:
-    rng = np.random.default_rng(1)
-    terrain = HeightField(rng.uniform(0.0, 900.0, (5, 4)), 500.0)
-    grid = TerrainGrid.around(terrain, np.array([1100.0, 600.0, 1500.0]), 4, 3)
-    density = rng.uniform(0.0, 3.0, grid.shape) if threatened else np.zeros(grid.shape)
-    np.testing.assert_allclose(node_distance(grid, density), shortest_ways(grid, density), rtol=1e-12)
-
-
-@given(east=st.floats(0.0, 1.0), north=st.floats(0.0, 1.0), up=st.floats(50.0, 4000.0))
-def test_the_target_is_a_node_wherever_it_lies(east: float, north: float, up: float) -> None:
-    terrain = flight.mountains()
-    target = np.array(flight.above(terrain, (east * terrain.width, north * terrain.depth), up))
-    grid = TerrainGrid.around(terrain, target, 17, 5)
-    np.testing.assert_allclose(grid.positions[grid.target], target, atol=1e-6)
-    assert node_distance(grid, np.zeros(grid.shape))[grid.target] == 0.0
 
 
 def test_over_flat_ground_it_is_the_straight_line() -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from mathnavi.controllers.flight.certificate import Certificate
+from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.completion import ArcList
 from mathnavi.controllers.flight.planner import StopAndHover, complete_by
@@ -30,6 +30,7 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import simulate
 from mathnavi.sim.metrics.flight import flown_clearance
 from tests import flight
@@ -188,7 +189,7 @@ class Scripted:
 class Watched:
     """Sees every request, and keeps a list of what is wrong with the plan that is being flown."""
 
-    def __init__(self, planner: Certified, factor: float, certificate: Certificate = CERTIFICATE) -> None:
+    def __init__(self, planner: Certified, factor: float, certificate: Certificate) -> None:
         self.period = planner.period
         self._planner, self._factor, self._certificate = planner, factor, certificate
         self._flown: Plan | None = None
@@ -220,6 +221,30 @@ class Watched:
             self.broken.append(message)
 
 
+def flown(
+    planner: Planner,
+    script: Sequence[Callable[[Plan, PlanRequest], Plan]],
+    mission: FlightMission,
+    certificate: Certificate = CERTIFICATE,
+    bound: TrackingBound = BOUND,
+) -> tuple[Watched, Recording]:
+    """The flight until the vehicle arrives, for five minutes at most; the invariant holds at every planning tick."""
+    factor = mission.deadline_factor
+    fallback = partial(StopAndHover, period=planner.period)
+    wrapped = Certified(Scripted(planner, script), fallback, certificate, bound, factor)
+    watched = Watched(wrapped, factor, certificate)
+    agent = Agent(FullState(FullStateConfig(), mission), watched, CriticallyDamped(DT, 0.8, bound))
+    target = np.array(mission.target)
+    recording = simulate(
+        flight.PointMass(flight.at_rest(mission.start), DT),
+        {"vehicle": agent},
+        300.0,
+        lambda t, truths: bool(np.linalg.norm(truths["vehicle"][:3] - target) <= mission.arrival_radius),
+    )
+    assert not watched.broken
+    return watched, recording
+
+
 @given(
     script=st.lists(st.sampled_from(ANSWERS), min_size=1, max_size=40),
     config=st.sampled_from(GRIDS),
@@ -241,23 +266,10 @@ def test_whatever_the_planner_answers_the_vehicle_is_safe_and_arrives_in_time(
 ) -> None:
     mission: FlightMission = dataclasses.replace(MISSION, deadline_factor=factor)
     planner, _ = FlightController.build(config, mission)
-    wrapped = Certified(
-        Scripted(planner, script), partial(StopAndHover, period=planner.period), CERTIFICATE, BOUND, factor
-    )
-    watched = Watched(wrapped, factor)
-    estimator = FullState(FullStateConfig(), mission)
-    agent = Agent(estimator, watched, CriticallyDamped(DT, 0.8, BOUND))
-    target = np.array(mission.target)
-    recording = simulate(
-        flight.PointMass(flight.at_rest(mission.start), DT),
-        {"vehicle": agent},
-        300.0,
-        lambda t, truths: bool(np.linalg.norm(truths["vehicle"][:3] - target) <= mission.arrival_radius),
-    )
+    watched, recording = flown(planner, script, mission)
     assert watched.ticks * watched.period > 15.0  # [s]
-    assert not watched.broken
     x = recording.truths["vehicle"]
-    assert np.linalg.norm(x[-1, :3] - target) <= mission.arrival_radius
+    assert np.linalg.norm(x[-1, :3] - mission.target) <= mission.arrival_radius
     assert recording.t[-1] <= watched.deadline
     assert flown_clearance(recording.t, x, mission).min() >= mission.clearance_min
     assert np.linalg.norm(x[:, 3:], axis=1).max() <= mission.speed_max
@@ -296,24 +308,12 @@ def test_whatever_its_size_and_the_shape_of_its_map_no_part_of_the_vehicle_is_lo
     bound = tracking_bound(0.8, mission)
     certificate = Certificate.for_mission(mission, bound)
     planner, _ = FlightController.build(FlightConfig(nodes=7, margin=0.0), mission)
-    wrapped = Certified(
-        Scripted(planner, script), partial(StopAndHover, period=planner.period), certificate, bound, 1.3
-    )
-    watched = Watched(wrapped, 1.3, certificate)
-    agent = Agent(FullState(FullStateConfig(), mission), watched, CriticallyDamped(DT, 0.8, bound))
-    target = np.array(mission.target)
-    recording = simulate(
-        flight.PointMass(flight.at_rest(mission.start), DT),
-        {"vehicle": agent},
-        300.0,
-        lambda t, truths: bool(np.linalg.norm(truths["vehicle"][:3] - target) <= mission.arrival_radius),
-    )
-    assert not watched.broken
+    watched, recording = flown(planner, script, mission, certificate, bound)
     x = recording.truths["vehicle"]
     if not recording.agents["vehicle"].plans:
         np.testing.assert_array_equal(x[-1], x[0])  # without a certified plan it stays where it is
         return
-    assert np.linalg.norm(x[-1, :3] - target) <= mission.arrival_radius
+    assert np.linalg.norm(x[-1, :3] - mission.target) <= mission.arrival_radius
     assert recording.t[-1] <= watched.deadline
     for share in (0.5, 1.0):
         east, north = (x[:, axis, None] + share * reach * f(AROUND) for axis, f in enumerate((np.cos, np.sin)))

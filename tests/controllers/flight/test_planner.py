@@ -1,20 +1,18 @@
-"""The receding-horizon planner on stretched grids: what it plans, what it starts from, and that it arrives."""
+"""The receding-horizon planner on stretched grids: what it plans, and that it arrives."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from mathnavi.controllers.flight import plugin
 from mathnavi.controllers.flight.certificate import Certificate, pass_time
 from mathnavi.controllers.flight.cost_to_go import REFERENCE_SPEED
-from mathnavi.controllers.flight.planner import RecedingHorizon, Solver
+from mathnavi.controllers.flight.planner import RecedingHorizon
 from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
-from mathnavi.controllers.flight.problem import PlanSolution, Problem
 from mathnavi.controllers.flight.tracker import tracking_bound
 from mathnavi.interfaces.protocols import Planner
-from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest
-from mathnavi.models.aerial.dynamics import input_at, state_at
+from mathnavi.interfaces.signals import Estimate, Plan, PlanRequest
+from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.plan_status import FlightPhase
 from tests import flight
 
@@ -27,27 +25,6 @@ CONFIGS = {
     "stretched, replanned after several arcs": FlightConfig(horizon=30.0, stretch=1.3, period=3.0),
     "shrinking": FlightConfig(nodes=9, horizon=15.0, stretch=0.9, period=1.0),
 }
-Asked = list[tuple[Problem, Array]]
-
-
-class Recorder:
-    """A solver that remembers what it was asked, with the guess."""
-
-    def __init__(self, solver: Solver, asked: Asked) -> None:
-        self._solver, self._asked = solver, asked
-
-    def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
-        self._asked.append((problem, guess.copy()))
-        return self._solver.solve(problem, guess)
-
-
-@pytest.fixture
-def asked(monkeypatch: pytest.MonkeyPatch) -> Asked:
-    """Records the problems that the solver of every planner built from now on receives."""
-    asked: Asked = []
-    build = plugin.solver
-    monkeypatch.setattr(plugin, "solver", lambda config: Recorder(build(config), asked))
-    return asked
 
 
 def following(planner: Planner, current: Plan | None, t: float) -> Plan:
@@ -58,42 +35,20 @@ def following(planner: Planner, current: Plan | None, t: float) -> Plan:
 
 
 @pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)
-def test_a_plan_begins_with_the_arcs_of_the_grid_and_is_certified(config: FlightConfig) -> None:
+def test_a_plan_has_the_arcs_of_the_grid_is_certified_and_costs_effort_time_and_cost_to_go(
+    config: FlightConfig,
+) -> None:
     planner, _ = FlightController.build(config, MISSION)
+    assert isinstance(planner, RecedingHorizon)
     plan = following(planner, None, 0.0)
     optimised = plan.phase == FlightPhase.OPTIMISED
     np.testing.assert_allclose(np.diff(plan.t)[optimised], config.lengths, rtol=1e-9)
     flight.assert_well_formed(plan)
     assert CERTIFICATE.check(plan) is None
-
-
-@pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)
-def test_the_cost_of_a_plan_is_effort_time_and_cost_to_go(config: FlightConfig) -> None:
-    planner, _ = FlightController.build(config, MISSION)
-    assert isinstance(planner, RecedingHorizon)
-    plan = following(planner, None, 0.0)
     n = config.nodes - 1
     effort = np.diff(plan.t)[:n] @ (plan.u[:n] ** 2).sum(axis=1)
     to_go = config.beta / REFERENCE_SPEED * float(planner._environment.cost(plan.x[n, :3])[0])
     assert plan.cost == pytest.approx(effort + config.beta * config.duration + to_go)
-
-
-@pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)
-def test_a_solver_starts_from_what_the_plan_being_flown_does_at_the_same_time(
-    config: FlightConfig, asked: Asked
-) -> None:
-    planner, _ = FlightController.build(config, MISSION)
-    current, period = following(planner, None, 0.0), planner.period
-    for k in range(1, 6):
-        del asked[:]
-        plan = following(planner, current, k * period)
-        optimised_until = current.t[1:][current.phase == FlightPhase.OPTIMISED][-1]
-        for problem, guess in asked:
-            middles = (k + 1) * period + problem.matrices.middles
-            wanted = [input_at(current, t) if t < optimised_until else np.zeros(3) for t in middles]
-            np.testing.assert_array_equal(guess, [*np.ravel(wanted), 0.0])
-        assert asked
-        current = plan if plan.ok else current
 
 
 @pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)

@@ -129,7 +129,7 @@ def test_where_too_little_time_is_left_for_the_stored_plan_it_is_late_and_arrive
 
 
 def test_times_that_are_none_are_ignored() -> None:
-    for nonsense in (math.nan, math.inf, "soon", None):
+    for nonsense in (math.nan, math.inf, "soon"):
         assert arrival(lambda t, it=nonsense: it)[0] == pytest.approx(NATURAL, abs=0.1)  # type: ignore[misc]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -25,7 +26,9 @@ AUTOPILOTS: dict[str, Callable[[MissileMission], Autopilot]] = {
 CLOSED = ("feedback-linearisation", "tvlqr")
 
 
+@cache
 def flight(coordinates: Coordinates) -> tuple[MissileMission, Plan]:
+
     guidance = (
         mission(coordinates) if coordinates is PLANAR else mission(coordinates, target=Target((700.0, 120.0, 0.0)))
     )

@@ -17,8 +17,6 @@ from mathnavi.interfaces.protocols import Planner
 from mathnavi.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL
 from mathnavi.models.missile.mission import MissileMission, Target
-from mathnavi.sim.engine.agent_runner import Agent
-from mathnavi.sim.engine.loop import simulate
 from tests.controllers.missile.flights import built, deviation, miss, mission
 
 PERIOD = 0.1
@@ -206,62 +204,6 @@ def test_in_space_every_plan_ends_on_the_target_too() -> None:
     for plan in sequence(made, guidance, 20, deviation_size=0.1):
         assert miss(plan, guidance) < 0.05
         assert abs(plan.x[-1][6]) < 1e-3
-
-
-def test_a_missile_flies_on_when_its_optimiser_gives_up() -> None:
-    guidance, optimiser = mission(), Scripted()
-    made = planner(optimiser)
-
-    class GivesUp:
-        period = PERIOD
-
-        def plan(self, asked: PlanRequest) -> Plan:
-            optimiser.fails = asked.t > 0.2
-            return made.plan(asked)
-
-    class Perfect:
-        """An estimator without sensors."""
-
-        period = guidance.control_period
-
-        def __init__(self) -> None:
-            self.x, self.t = guidance.start_state, 0.0
-
-        def update(self, t: float, measurements: Any, command: Array) -> Estimate:
-            self.x = guidance.flow(self.x, command, t - self.t) if t > self.t else self.x
-            self.t = t
-            return Estimate(t, self.x)
-
-    class Nothing:
-        """A plant of which nobody asks anything."""
-
-        dt, names = 1e-3, ("missile",)
-
-        def __init__(self) -> None:
-            self.t = 0.0
-
-        def state(self, name: str) -> Array:
-            return np.zeros(6)
-
-        def state_names(self, name: str) -> tuple[str, ...]:
-            return ("",) * 6
-
-        def sensor_sizes(self, name: str) -> dict[str, int]:
-            return {}
-
-        def sense(self, name: str) -> list[Any]:
-            return []
-
-        def step(self, commands: Any, ticks: int = 1) -> list[Any]:
-            self.t += ticks * self.dt
-            return []
-
-    agent = Agent(Perfect(), GivesUp(), FeedbackLinearisation(guidance, 8.0), 3)
-    recording = simulate(Nothing(), {"missile": agent}, 1.0)  # type: ignore[arg-type]
-    failures = [event for event in recording.events if event.kind == "solver-failed"]
-    assert len(failures) >= 7
-    flew = recording.agents["missile"].commands[:-1]
-    np.testing.assert_allclose(flew[50:], np.tile([100.0, -2000.0, 0.0], (len(flew) - 50, 1)), atol=1e-3)
 
 
 def test_a_target_below_the_ground_is_announced_as_out_of_reach() -> None:

@@ -21,6 +21,7 @@ from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson
 from mathnavi.interfaces.errors import ProblemError
+from tests.controllers.ocp.statements import integrator
 
 
 def stated() -> tuple[OptimalControlProblem, ca.SX, ca.SX]:
@@ -85,6 +86,18 @@ OTHER = ca.SX.sym("x")
         (lambda ocp, x, u: ocp.guess(x, [1, 2], times=[1, 0]), "times of the guess = [1.0, 0.0]; allowed: 2"),
         (lambda ocp, x, u: ocp.guess_by_simulation({"z": 1}), "start of z; allowed: x, y[0], y[1]"),
         (lambda ocp, x, u: [ocp.start_time(1), ocp.start_time(2)], "the start time is given twice"),
+        (lambda ocp, x, u: ocp.state("z", upper=math.nan), "upper = nan"),
+        (lambda ocp, x, u: ocp.control("w", guess=(0.0, math.nan)), "guess = [0.0, nan]"),
+        (lambda ocp, x, u: ocp.free_duration(guess=1.0, lower=2.0), "lower = 2.0, guess = 1.0"),
+        (lambda ocp, x, u: ocp.duration(-1.0), "duration"),
+        (lambda ocp, x, u: ocp.duration(math.inf), "duration"),
+        (lambda ocp, x, u: [ocp.duration(1.0), ocp.duration(1.0)], "the duration is given twice"),
+        (lambda ocp, x, u: ocp.dynamics(x, ca.SX.sym("z", 2)), "shape (2, 1)"),
+        (lambda ocp, x, u: [ocp.dynamics(x, u), ocp.dynamics(x, 1.0)], "given twice"),
+        (lambda ocp, x, u: ocp.dynamics(ca.SX.sym("z"), 1.0), "not a state"),
+        (lambda ocp, x, u: ocp.minimise(running=ca.SX.sym("z", 2)), "running cost"),
+        (lambda ocp, x, u: [ocp.minimise(terminal=x) for _ in range(2)], "minimise() is called twice"),
+        (lambda ocp, x, u: ocp.parameter("p", math.inf), "parameter p = inf"),
     ],
 )  # fmt: skip
 def test_a_bad_statement_ends_where_it_is_written(wrong: Stated, named: str) -> None:
@@ -201,11 +214,8 @@ def test_a_cost_or_a_constraint_that_is_not_finite_is_named() -> None:
         (lambda ocp, x: ocp.minimise(terminal=ca.log(x - 1)), "terminal cost is nan"),
         (lambda ocp, x: ocp.constrain(ca.sqrt(x - 1) >= 0.1, name="root"), "path constraint root is nan at t = 0 s"),
     ):
-        ocp = OptimalControlProblem("ocp")
-        x, u = ocp.state("x"), ocp.control("u")
+        ocp, x, _ = integrator()
         ocp.duration(1.0)
-        ocp.dynamics(x, u)
-        ocp.start(x, 0.0)
         say(ocp, x)
         failed = ocp.solve(5)
         assert failed.status is SolverOutcome.NOT_FINITE

@@ -12,19 +12,17 @@ import pytest
 
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.interfaces.errors import ProblemError
+from tests.controllers.ocp.statements import double_integrator
 
 Constrain = Callable[[OptimalControlProblem, ca.SX, ca.SX, ca.SX], Any]
 
 
 def rest_to_rest() -> tuple[OptimalControlProblem, ca.SX, ca.SX, ca.SX]:
     """x'' = u from rest at 0 to rest at 1 in a second, least ∫ u^2 / 2: u from 6 to -6 and v up to 1.5."""
-    ocp = OptimalControlProblem("rest to rest")
-    x, v, u = ocp.state("x"), ocp.state("v"), ocp.control("u")
+    ocp, x, v, u = double_integrator("rest to rest")
     ocp.parameter("p", 1.25)
     ocp.duration(1.0)
     ocp.minimise(running=u**2 / 2)
-    ocp.dynamics(ca.vertcat(x, v), ca.vertcat(v, u))
-    ocp.start(ca.vertcat(x, v), 0.0)
     ocp.end(ca.vertcat(x, v), [1.0, 0.0])
     return ocp, x, v, u
 

@@ -17,23 +17,20 @@ from mathnavi.controllers.ocp.distribution import (
 )
 from mathnavi.controllers.ocp.methods.adaptation import distribute, gated, redistribute, refine, solve, worse_figures
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
-from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.controllers.ocp.residual import local_errors
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.low_order import Euler, HermiteSimpson, MultipleShooting
+from tests.controllers.ocp.statements import integrator
 
 
 def coasting(longest: float) -> ProblemFunctions:
     """J asks nothing of the final time, at most ``longest`` [s]."""
-    ocp = OptimalControlProblem("coasting")
-    x, u = ocp.state("x"), ocp.control("u")
+    ocp, _, u = integrator("coasting")
     ocp.free_duration(guess=0.5 * longest, lower=1e-3, upper=longest)
     ocp.minimise(running=u**2)
-    ocp.dynamics(x, u)
-    ocp.start(x, 0.0)
     return ocp.functions()
 
 

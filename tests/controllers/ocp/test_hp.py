@@ -9,7 +9,6 @@ import pytest
 
 from mathnavi.controllers.ocp.methods.by_name import automatic
 from mathnavi.controllers.ocp.methods.hp import hp
-from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.solution import SolverOutcome
@@ -60,29 +59,6 @@ def test_a_tolerance_is_reached_with_no_more_nodes_than_it_needs() -> None:
     loose, tight = (hp(problem, tolerance=tolerance) for tolerance in (1e-3, 1e-7))
     assert loose.status is tight.status is SolverOutcome.OPTIMAL
     assert loose.nodes < tight.nodes
-
-
-def test_a_problem_without_a_control_is_integrated() -> None:
-    ocp = OptimalControlProblem("decay")
-    x = ocp.state("x", guess=(1.0, 0.5))
-    ocp.duration(1.0)
-    ocp.minimise(terminal=x)
-    ocp.dynamics(x, -x)
-    ocp.start(x, 1.0)
-    assert hp(ocp.functions()).cost == pytest.approx(math.exp(-1.0), rel=1e-8)
-
-
-def test_what_no_method_solves_is_a_status() -> None:
-    ocp = OptimalControlProblem("out of reach")
-    x, u = ocp.state("x"), ocp.control("u", lower=-1.0, upper=1.0)
-    ocp.duration(1.0)
-    ocp.minimise(running=u**2)
-    ocp.dynamics(x, u)
-    ocp.start(x, 0.0)
-    ocp.end(x, 5.0)
-    found = ocp.solve()
-    assert not found.solved
-    assert found.message
 
 
 def test_the_choice_is_named_with_its_reason() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.methods.hp import hp
-from mathnavi.controllers.ocp.methods.hp_mesh import HIGHEST_COUNT, HpMesh, IntervalErrors, _decays, meshed
+from mathnavi.controllers.ocp.methods.hp_mesh import HIGHEST_COUNT, HpMesh, IntervalErrors, meshed
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.structure import without_structure
@@ -36,12 +36,6 @@ def next_mesh(solution: Solution, own: dict[int, float], path: dict[int, float] 
     for i, value in (path or {}).items():
         errors.path[i] = value
     return meshed(solution, without_structure(solution.problem), errors, ALLOWED, 300, hard=False)
-
-
-def test_the_decay_tells_a_jump_from_a_smooth_control(switching: Solution) -> None:
-    decays = _decays(switching)
-    assert decays[20] > 0.5
-    assert np.delete(decays, 20).max() < 0.1
 
 
 def test_a_smooth_interval_gets_points_and_one_with_a_jump_nodes(switching: Solution) -> None:

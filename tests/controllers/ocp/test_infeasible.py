@@ -12,21 +12,17 @@ from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.collocation import LegendreGaussLobatto
 from mathnavi.controllers.ocp.transcriptions.low_order import Trapezoid
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from tests.controllers.ocp.statements import double_integrator
 
 
 def sledge(T: float | None = 1.0) -> tuple[OptimalControlProblem, ca.SX, ca.SX, ca.SX]:
     """x'' = u from rest, |u| <= 1, v free of limits; T [s] fixed, or at most 2 s."""
-    ocp = OptimalControlProblem("sledge")
-    x, v, u = ocp.state("x"), ocp.state("v"), ocp.control("u", lower=-1.0, upper=1.0)
+    ocp, x, v, u = double_integrator("sledge", 1.0)
     if T is None:
         ocp.free_duration(guess=1.0, upper=2.0)
     else:
         ocp.duration(T)
     ocp.minimise(running=u**2)
-    ocp.dynamics(x, v)
-    ocp.dynamics(v, u)
-    ocp.start(x, 0.0)
-    ocp.start(v, 0.0)
     return ocp, x, v, u
 
 

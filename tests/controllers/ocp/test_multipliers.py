@@ -14,6 +14,7 @@ from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.transcriptions.collocation import GaussLegendre, LegendreGaussLobatto, RadauIIA
 from mathnavi.controllers.ocp.transcriptions.low_order import Euler, HermiteSimpson, MultipleShooting, Trapezoid
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from tests.controllers.ocp.statements import integrator
 
 
 @pytest.mark.parametrize(
@@ -98,12 +99,9 @@ def test_bounds_of_controls_and_of_the_duration_have_multipliers() -> None:
     assert (pushes[:8] > 0.01).all()  # u = 1 at first
     assert (pushes[-8:] < -0.01).all()
     assert np.abs(pushes + solution.multipliers.dynamics["v"])[:8].max() < 1e-6  # H_u + μ_u = 0
-    ocp = OptimalControlProblem("in time")
-    x, u = ocp.state("x", guess=(0.0, 1.0)), ocp.control("u")
+    ocp, x, u = integrator("in time", guess=(0.0, 1.0))
     ocp.free_duration(guess=0.8, lower=0.1, upper=1.0)
     ocp.minimise(running=u**2)
-    ocp.dynamics(x, u)
-    ocp.start(x, 0.0)
     ocp.end(x, 1.0)
     assert solve(ocp.functions(), 5).multipliers.duration == pytest.approx(1.0, abs=1e-6)  # J = 1 / T
 

@@ -20,6 +20,7 @@ from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.transcriptions.collocation import LegendreGaussLobatto, RadauIIA
 from mathnavi.controllers.ocp.transcriptions.low_order import Euler, HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from tests.controllers.ocp.statements import double_integrator
 
 SCHEMES = (HermiteSimpson(), LegendreGaussLobatto(3), RadauIIA(3))
 
@@ -48,15 +49,10 @@ def test_a_control_that_switches_follows_the_sign_of_its_switching_function(sche
 
 
 def test_a_limited_end_and_a_limited_duration_are_judged() -> None:
-    ocp = OptimalControlProblem("limited")
-    x, v, u = ocp.state("x", guess=(0.0, 1.0)), ocp.state("v"), ocp.control("u")
+    ocp, x, v, u = double_integrator("limited", guess=(0.0, 1.0))
     ocp.free_duration(guess=0.8, lower=0.1, upper=1.5)
     ocp.minimise(running=u**2 / 2)
-    ocp.dynamics(x, v)
-    ocp.dynamics(v, u)
     ocp.constrain(u + x, upper=3.0, name="sum")
-    ocp.start(x, 0.0)
-    ocp.start(v, 0.0)
     ocp.end(x, 1.0)
     ocp.end_constraint(v, lower=-math.inf, upper=0.7, name="slow")
     solution = solve(ocp.functions(), 15)
@@ -68,16 +64,10 @@ def test_a_limited_end_and_a_limited_duration_are_judged() -> None:
 
 
 def test_an_arc_on_a_limit_of_a_state_is_not_singular() -> None:
-    ocp = OptimalControlProblem("speed limit")
-    x, v, u = ocp.state("x", guess=(0.0, 3.0)), ocp.state("v"), ocp.control("u", lower=-1.0, upper=1.0)
-    T = ocp.free_duration(guess=4.0, lower=0.5, upper=20.0)
-    ocp.minimise(terminal=T)
-    ocp.dynamics(x, v)
-    ocp.dynamics(v, u)
+    ocp, x, v, _ = double_integrator("speed limit", 1.0, guess=(0.0, 3.0))
+    ocp.minimise(terminal=ocp.free_duration(guess=4.0, lower=0.5, upper=20.0))
     ocp.constrain(v + 0.0 * x, upper=1.25, name="limit")
-    for state, end in ((x, 3.0), (v, 0.0)):
-        ocp.start(state, 0.0)
-        ocp.end(state, end)
+    ocp.end(ca.vertcat(x, v), [3.0, 0.0])
     found = check_pontryagin(solve(ocp.functions(), 31), tolerance=0.05)
     assert found.holds, found
     assert not found.not_judged

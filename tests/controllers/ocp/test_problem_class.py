@@ -16,6 +16,7 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
+from tests.controllers.ocp.statements import double_integrator
 
 
 def transfer(vector: bool) -> OptimalControlProblem:
@@ -119,13 +120,9 @@ def test_a_table_has_exact_derivatives() -> None:
 
 def least_fuel(cost: Callable[[OptimalControlProblem, ca.SX], ca.SX]) -> OptimalControlProblem:
     """x'' = u, |u| <= 1, from 0 to 0.5 at rest in 2 s, least ∫ |u|: thrust, coast, brake, J = 2 (1 - √(1 - 0.5))."""
-    ocp = OptimalControlProblem("least fuel")
-    x, v = ocp.state("x", guess=(0.0, 0.5)), ocp.state("v")
-    u = ocp.control("u", lower=-1.0, upper=1.0)
+    ocp, x, v, u = double_integrator("least fuel", 1.0, guess=(0.0, 0.5))
     ocp.duration(2.0)
     ocp.minimise(running=cost(ocp, u))
-    ocp.dynamics(ca.vertcat(x, v), ca.vertcat(v, u))
-    ocp.start(ca.vertcat(x, v), 0.0)
     ocp.end(ca.vertcat(x, v), [0.5, 0.0])
     return ocp
 

@@ -14,6 +14,7 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import replayed
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.low_order import Euler, HermiteSimpson
+from tests.controllers.ocp.statements import integrator, transfer
 
 
 def problem_with(rate: float, upper: float = 10.0) -> ProblemFunctions:
@@ -68,13 +69,10 @@ def test_a_control_that_is_changed_is_found_out() -> None:
 
 
 def test_what_is_flown_is_the_saturated_control() -> None:
-    ocp = OptimalControlProblem("saturated")
-    x, u = ocp.state("x"), ocp.control("u", lower=-1.0, upper=1.0)
+    ocp, _, u = integrator("saturated", 1.0)
     ocp.duration(2.0)
     ocp.minimise(running=u**2)
-    ocp.dynamics(x, u)
     ocp.constrain(u - 0.9, upper=0.1)
-    ocp.start(x, 0.0)
     points = np.array([[[1.0], [1.0], [0.0]], [[0.0], [-0.5], [-1.0]]])  # a parabola with its top at 9/8 of the bound
     bent = dataclasses.replace(solve(ocp.functions(), 3), u=points)
     flown = replayed(bent).replay
@@ -98,13 +96,10 @@ def test_every_figure_of_a_replay_stands_for_itself() -> None:
 
 
 def test_a_path_constraint_is_looked_at_on_the_replayed_path() -> None:
-    ocp = OptimalControlProblem("path constraint")
-    x, u = ocp.state("x"), ocp.control("u")
+    ocp, x, u = integrator()
     ocp.duration(1.0)
     ocp.minimise(running=u**2)
-    ocp.dynamics(x, u)
     ocp.constrain(x - ca.sin(3.0 * ocp.t), lower=0.0)
-    ocp.start(x, 0.0)
     solution = solve(ocp.functions(), 5, scheme=HermiteSimpson())
     assert solution.replay is not None
     t = np.linspace(0.0, 1.0, 2001)
@@ -112,13 +107,6 @@ def test_a_path_constraint_is_looked_at_on_the_replayed_path() -> None:
 
 
 def test_a_failed_solve_has_no_replay() -> None:
-    ocp = OptimalControlProblem("out of reach")
-    x, u = ocp.state("x"), ocp.control("u", lower=-1.0, upper=1.0)
-    ocp.duration(1.0)
-    ocp.minimise(running=u**2)
-    ocp.dynamics(x, u)
-    ocp.start(x, 0.0)
-    ocp.end(x, 5.0)
-    solution = solve(ocp.functions(), 11)
+    solution = transfer(5.0, 1.0).solve(11)
     assert solution.status is SolverOutcome.INFEASIBLE
     assert solution.replay is None

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mathnavi.controllers.ocp.methods.adaptation import redistribute, redistributed, solve
+from mathnavi.controllers.ocp.methods.adaptation import redistribute, solve
 from mathnavi.controllers.ocp.problems.articles import double_integrator_energy
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
-from mathnavi.controllers.ocp.problems.manuals import hypersensitive_short
 from mathnavi.controllers.ocp.residual import RESIDUAL, cost_errors, local_errors
 from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.collocation import LegendreGaussLobatto
@@ -33,14 +32,6 @@ def test_errors_fall_with_one_power_more_than_there_are_points(scheme: Scheme, p
     ]
     for coarse, fine in zip(*halves, strict=True):
         assert np.log2(coarse / fine) == pytest.approx(power, abs=0.8)
-
-
-def test_redistribution_by_it_goes_where_the_layers_are() -> None:
-    current = solve(hypersensitive_short(), 20)
-    for _ in range(3):
-        current = solve(hypersensitive_short(), redistributed(current, 20, RESIDUAL), guess=current)
-    widths = current.grid.widths
-    assert 20.0 * max(widths[0], widths[-1]) < widths.max()
 
 
 def test_it_finds_layers_a_thousandth_of_the_time_wide() -> None:

@@ -23,6 +23,7 @@ from mathnavi.controllers.ocp.transcriptions.collocation import LegendreGaussLob
 from mathnavi.controllers.ocp.transcriptions.variable_radau import VariableRadauIIA
 from mathnavi.interfaces.errors import SolutionFileError
 from mathnavi.interfaces.signals import Array
+from tests.controllers.ocp.statements import transfer
 
 
 def _problem() -> OptimalControlProblem:
@@ -121,14 +122,7 @@ def test_a_function_that_calls_a_table_is_taken_from_the_problem(tmp_path: Path)
 
 @pytest.mark.parametrize("name", SCHEMES)
 def test_every_scheme_is_read_back(name: str, tmp_path: Path) -> None:
-    ocp = OptimalControlProblem("short")
-    x, u = ocp.state("x"), ocp.control("u")
-    ocp.duration(1.0)
-    ocp.minimise(running=u**2)
-    ocp.dynamics(x, u)
-    ocp.start(x, 0.0)
-    ocp.end(x, 1.0)
-    problem = ocp.functions()
+    problem = transfer(1.0).functions()
     scheme = VariableRadauIIA((2, 4)) if name == "VariableRadauIIA" else SCHEMES[name]()
     solution = solve(problem, 3, scheme=scheme)
     found = load_solution(solution.save(tmp_path / "short.npz"), problem)

@@ -10,31 +10,19 @@ from mathnavi.controllers.ocp.backend import Options
 from mathnavi.controllers.ocp.grid import uniform
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
-from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson, MultipleShooting
+from tests.controllers.ocp.statements import transfer
 
 SHOOTING = MultipleShooting(1)
-
-
-def reaching(end: float) -> ProblemFunctions:
-    """x' = u, |u| <= 1, from 0 to ``end`` within a second."""
-    ocp = OptimalControlProblem(f"reaching {end}")
-    x, u = ocp.state("x"), ocp.control("u", lower=-1.0, upper=1.0)
-    ocp.duration(1.0)
-    ocp.minimise(running=u**2)
-    ocp.dynamics(x, u)
-    ocp.start(x, 0.0)
-    ocp.end(x, end)
-    return ocp.functions()
 
 
 @pytest.mark.parametrize("backend", ["ipopt", "fatrop"])
 def test_boundary_conditions_out_of_reach_are_a_status(backend: str) -> None:
     options = Options(backend=backend)  # type: ignore[arg-type]
-    failed = solve(reaching(5.0), 11, scheme=SHOOTING, options=options)
+    failed = solve(transfer(5.0, 1.0).functions(), 11, scheme=SHOOTING, options=options)
     assert failed.status in (SolverOutcome.INFEASIBLE, SolverOutcome.FAILED, SolverOutcome.LIMIT)
     assert not failed.solved
     assert failed.message
@@ -70,20 +58,6 @@ def test_a_parameter_that_is_not_finite_is_a_status() -> None:
         solve(problem, 5, parameters=np.array([1.0, 2.0]))
 
 
-def test_a_limit_of_iterations_is_a_status() -> None:
-    assert solve(missile("SM"), 20, options=Options(iterations=2)).status is SolverOutcome.LIMIT
-
-
-def test_both_backends_find_the_same_optimum() -> None:
-    one, other = (
-        solve(missile("FAST"), 25, scheme=SHOOTING, options=Options(backend=backend))  # type: ignore[arg-type]
-        for backend in ("ipopt", "fatrop")
-    )
-    assert one.cost == pytest.approx(other.cost, rel=1e-8)
-    assert np.allclose(one.x, other.x, atol=1e-3)
-    assert np.allclose(one.costates, other.costates, atol=1e-4)
-
-
 def test_a_warm_start_needs_fewer_iterations() -> None:
     cold = solve(missile("SM2"), 25)
     warm = solve(missile("SM2"), 25, guess=cold, options=Options(warm=True))
@@ -91,17 +65,12 @@ def test_a_warm_start_needs_fewer_iterations() -> None:
     assert warm.iterations < cold.iterations
 
 
-def test_fatrop_refuses_what_is_not_explicit() -> None:
-    with pytest.raises(ValueError, match="cannot solve Hermite-Simpson"):
-        transcription(missile("SM2"), HermiteSimpson(), 11, options=Options(backend="fatrop"))
-
-
 def test_a_grid_or_a_guess_of_another_size_is_refused() -> None:
     made = transcription(missile("SM2"), HermiteSimpson(), 11)
     with pytest.raises(ValueError, match="grid: 12 nodes; allowed: the 11"):
         made.solve(grid=uniform(12))
-    with pytest.raises(ValueError, match="guess: a solution of reaching"):
-        made.solve(guess=solve(reaching(0.5), 11))
+    with pytest.raises(ValueError, match="guess: a solution of transfer"):
+        made.solve(guess=transfer(0.5).solve(11))
 
 
 @pytest.mark.parametrize("wrong", [{"backend": "snopt"}, {"tolerance": 0.0}, {"tolerance": np.nan}, {"iterations": 0}])

@@ -8,14 +8,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mathnavi.controllers.ocp import nlp as nlp_module
 from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
 from mathnavi.controllers.ocp.nlp import Programme, programme
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.problems.articles import double_integrator_energy
 from mathnavi.controllers.ocp.problems.missile import missile
-from mathnavi.controllers.ocp.transcriptions.collocation import GaussLegendre, LegendreGaussLobatto, RadauIIA
+from mathnavi.controllers.ocp.transcriptions.collocation import LegendreGaussLobatto, RadauIIA
 from mathnavi.controllers.ocp.transcriptions.low_order import Euler, HermiteSimpson, MultipleShooting
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.interfaces.signals import Array
@@ -84,41 +82,3 @@ def test_they_are_the_derivatives_of_the_programme(
     else:
         np.testing.assert_allclose(np.array(second[0]), slope, atol=1e-10)
         np.testing.assert_allclose(np.array(second[1]), hessian, atol=1e-10)
-
-
-def test_rows_stand_where_the_programme_says() -> None:
-    nlp = programme(constrained(), MultipleShooting(1), Fixed(), 6)
-    assert len(nlp.lower) == len(nlp.upper) == nlp.assembly.g.numel()
-    # The gap of an interval is what its own unknowns and the next state move, and nothing else does.
-    jacobian = np.array(nlp.assembly.derivatives("fatrop")["nlp_jac_g"](*somewhere(nlp)[:2])[1])
-    size, stride = nlp.layout.state_size, nlp.layout.state_size + nlp.layout.input_size
-    for i, start in enumerate(nlp.gap_start):
-        rows = jacobian[start : start + size]
-        np.testing.assert_array_equal(rows[:, (i + 1) * stride : (i + 1) * stride + size], np.eye(size))
-        touched = np.flatnonzero(rows.any(axis=0))
-        assert touched.min() >= i * stride
-        assert touched.max() < (i + 1) * stride + size
-    assert sum(nlp.path_rows) + size * len(nlp.gap_start) == len(nlp.lower)
-
-
-@pytest.mark.parametrize("scheme", [RadauIIA(3), GaussLegendre(2), LegendreGaussLobatto(3), LegendreGaussLobatto(1)])
-@pytest.mark.parametrize("arcs", [1, 2])
-@pytest.mark.parametrize("problem", [constrained(), double_integrator_energy()], ids=lambda problem: problem.name)
-def test_a_collocation_programme_is_the_same_point_by_point_and_interval_by_interval(
-    problem: ProblemFunctions, arcs: int, scheme: Scheme, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    by_points = programme(problem, scheme, Fixed(), 4, arcs)
-    monkeypatch.setattr(nlp_module, "COLLOCATIONS", ())
-    by_intervals = programme(problem, scheme, Fixed(), 4, arcs)
-    x, p, mu = somewhere(by_points)
-    for result in ("f", "g"):
-        values = [
-            np.array(ca.Function(result, [each.x, each.p], [getattr(each.assembly, result)])(x, p))
-            for each in (by_points, by_intervals)
-        ]
-        np.testing.assert_allclose(*values, atol=1e-12)
-    for known in ("lower", "upper", "x_lower", "x_upper", "path_rows", "gap_start", "held_rows", "inner_rows"):
-        np.testing.assert_array_equal(getattr(by_points, known), getattr(by_intervals, known))
-    count = len(problem.parameters)
-    shares = [each.assembly.parameter_gradient(count)(x, p, mu).full() for each in (by_points, by_intervals)]
-    np.testing.assert_allclose(*shares, atol=1e-12)

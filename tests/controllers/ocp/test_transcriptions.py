@@ -20,6 +20,7 @@ from mathnavi.controllers.ocp.transcriptions.collocation import (
 )
 from mathnavi.controllers.ocp.transcriptions.low_order import Euler, HermiteSimpson, MultipleShooting, Trapezoid
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
+from tests.controllers.ocp.statements import double_integrator, integrator
 
 SCHEMES = [
     Euler(),
@@ -80,7 +81,7 @@ def test_the_error_of_the_end_falls_with_the_order_of_the_scheme(scheme: Scheme)
 
 
 @schemes
-def test_the_optimum_is_found_on_an_uneven_grid(scheme: Scheme) -> None:
+def test_optimum_and_costates_are_found_on_an_uneven_grid(scheme: Scheme) -> None:
     solution = solve(linear_quadratic(), stretched(31 if scheme.order > 1 else 301, 1.01), scheme=scheme)
     held = len(scheme.points) == 1
     tolerance = {1: 4e-3, 2: 5e-4}.get(scheme.order, 2e-4 if held else 1e-6)
@@ -88,12 +89,6 @@ def test_the_optimum_is_found_on_an_uneven_grid(scheme: Scheme) -> None:
     t = np.linspace(0.0, 1.0, 50)
     error = np.abs(solution.control(t)[:, 0] + np.sinh(1.0 - t) / np.cosh(1.0)).max()
     assert error < (0.05 if held else 0.03 if scheme.order == 2 else 2e-3 if len(scheme.points) == 2 else 1e-4)
-
-
-@schemes
-def test_costates_are_those_of_pontryagin(scheme: Scheme) -> None:
-    n = 31 if scheme.order > 1 else 301
-    solution = solve(linear_quadratic(), n, scheme=scheme)
     truth = np.sinh(1.0 - solution.costate_times) / np.cosh(1.0)  # λ = -u, with H = L + λ'f
     assert np.abs(solution.costates[:, 0] - truth).max() < (6e-3 if scheme.order == 1 else 5e-4)
 
@@ -148,12 +143,9 @@ def test_two_nodes_are_enough(scheme: Scheme) -> None:
 
 @schemes
 def test_a_path_constraint_on_the_state_holds_at_the_last_node_too(scheme: Scheme) -> None:
-    ocp = OptimalControlProblem("wall")
-    x, u = ocp.state("x"), ocp.control("u")
+    ocp, x, u = integrator()
     ocp.duration(1.0)
     ocp.minimise(running=(u - 1.0) ** 2)
-    ocp.dynamics(x, u)
-    ocp.start(x, 0.0)
     ocp.constrain(x, upper=0.5)
     ocp.constrain(x + 0.1 * u, lower=-5.0)  # depends on u, which a zero-order hold does not have there
     found = solve(ocp.functions(), 6, scheme=scheme)
@@ -171,14 +163,9 @@ def test_radau_points_integrate_polynomials_up_to_twice_their_number_less_two(co
 
 
 def test_a_control_may_jump_at_a_node_of_radau_collocation() -> None:
-    ocp = OptimalControlProblem("there and back")
-    x, v = ocp.state("x"), ocp.state("v")
-    u = ocp.control("u", lower=-1.0, upper=1.0)
-    T = ocp.free_duration(guess=3.0, lower=0.5, upper=20.0)
-    ocp.minimise(terminal=T)
-    ocp.dynamics(x, v)
-    ocp.dynamics(v, u)
-    ocp.start(x, 0.0), ocp.start(v, 0.0), ocp.end(x, 1.0), ocp.end(v, 0.0)
+    ocp, x, v, _ = double_integrator(limit=1.0)
+    ocp.minimise(terminal=ocp.free_duration(guess=3.0, lower=0.5, upper=20.0))
+    ocp.end(ca.vertcat(x, v), [1.0, 0.0])
     solution = solve(ocp.functions(), 3, scheme=RadauIIA(2))
     assert solution.cost == pytest.approx(2.0, abs=1e-8)
     assert np.allclose(solution.u[:, :, 0], [[1.0, 1.0], [-1.0, -1.0]], atol=1e-4)

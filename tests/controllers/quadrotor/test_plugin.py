@@ -89,13 +89,6 @@ def test_a_mission_across_hills_is_safe_in_time_and_within_the_bound(
         assert np.linalg.norm(deviation[:, :3], axis=1).max() < 0.06
 
 
-def test_the_planner_of_the_point_mass_is_asked_for_half_seconds() -> None:
-    flight = flight_mission(hills(), (40.0, 50.0), (350.0, 340.0))
-    planner, tracker = QuadrotorFlight.build(QuadrotorConfig(), QuadrotorMission(flight))
-    assert planner.period == pytest.approx(0.5)
-    assert tracker.period == flight.control_period
-
-
 def test_a_mission_too_slow_to_plan_with_is_refused() -> None:
     flight = flight_mission(hills(), (40.0, 50.0), (350.0, 340.0), speed_max=0.5)
     with pytest.raises(ValueError, match=r"speed_max = 0\.5 leaves nothing to plan with"):

@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mathnavi.controllers.quadrotor.kernels import attitude_error, attitude_of, rates_of
+from mathnavi.controllers.quadrotor.kernels import attitude_of, rates_of
 from mathnavi.controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
-from mathnavi.interfaces.protocols import Tracker
 from mathnavi.interfaces.signals import Array, Estimate
 from mathnavi.models.quadrotor.dynamics import ATTITUDE, NOMINAL, RATE, VELOCITY, Quadrotor, at_rest
 from mathnavi.models.quadrotor.entity import tilt
@@ -20,21 +19,9 @@ from mathnavi.models.quaternion import rotation
 from mathnavi.sim.engine.faults import ConstantWrench
 from tests.quadrotor import ANY_BOUND, HIGH, PERIOD, estimate_of, flown, hovering, plan_of, turning
 
-unit = st.tuples(*[st.floats(-1.0, 1.0)] * 4).map(np.array).filter(lambda q: np.linalg.norm(q) > 0.1)
-
 
 def tracker(**fields: float) -> GeometricTracker:
     return GeometricTracker(PERIOD, TrackerConfig(**fields), NOMINAL, ANY_BOUND)
-
-
-def about(axis: Array, angle: float) -> Array:
-    """(3, 3) the rotation by an angle [rad]."""
-    n = axis / np.linalg.norm(axis)
-    return rotation(np.array([math.cos(0.5 * angle), *math.sin(0.5 * angle) * n]))
-
-
-def test_it_is_a_tracker() -> None:
-    assert isinstance(tracker(), Tracker)
 
 
 def test_in_hover_each_rotor_carries_a_quarter() -> None:
@@ -120,17 +107,6 @@ def test_a_spin_is_stopped() -> None:
     assert np.linalg.norm(deviation[-1, :3]) < 0.05
 
 
-@given(q=unit, angle=st.floats(0.0, math.pi), axis=st.tuples(*[st.floats(-1.0, 1.0)] * 3).map(np.array))
-def test_the_attitude_error_is_twice_the_sine_of_half_the_angle(q: Array, angle: float, axis: Array) -> None:
-    if np.linalg.norm(axis) < 0.1:
-        axis = np.array([0.0, 0.0, 1.0])
-    R_d = rotation(q / np.linalg.norm(q))
-    e = attitude_error(R_d, R_d @ about(axis, angle))
-    assert np.linalg.norm(e) == pytest.approx(2.0 * math.sin(0.5 * angle), abs=2e-5)
-    if 1e-3 < angle < math.pi - 1e-2:
-        np.testing.assert_allclose(e / np.linalg.norm(e), axis / np.linalg.norm(axis), atol=1e-5)
-
-
 triples = st.tuples(*[st.floats(-5.0, 5.0)] * 3).map(np.array)
 
 
@@ -144,14 +120,6 @@ def test_the_rates_are_those_of_the_attitude(f: Array, f_dot: Array, heading: fl
     spin = R.T @ (after - before) / (2.0 * step)
     omega = rates_of(R, f, f_dot, heading, turn)
     np.testing.assert_allclose(omega, [spin[2, 1], spin[0, 2], spin[1, 0]], rtol=1e-4, atol=1e-4)
-
-
-@given(f=triples.filter(lambda f: np.linalg.norm(f) > 1e-3), heading=st.floats(-3.0, 3.0))
-def test_an_attitude_is_a_rotation_with_the_thrust_along_f(f: Array, heading: float) -> None:
-    R = attitude_of(f, heading)
-    np.testing.assert_allclose(R.T @ R, np.eye(3), atol=1e-9)
-    assert np.linalg.det(R) == pytest.approx(1.0)
-    np.testing.assert_allclose(R[:, 2] * np.linalg.norm(f), f, atol=1e-9)
 
 
 @pytest.mark.parametrize(

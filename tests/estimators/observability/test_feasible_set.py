@@ -6,8 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from mathnavi.estimators.observability.continuation import End, TracedCurve
@@ -153,17 +151,6 @@ def test_with_one_sensor_there_is_a_surface_cut_at_headings() -> None:
 def test_ranges_that_cannot_be_read_have_no_feasible_state() -> None:
     assert len(feasible_set(THESIS, np.array([30.0, 1.0])).poses) == 0
     assert len(feasible_set(sensors(ELLIPSE, 0.0, 120.0, 240.0), np.array([7.0, 7.0, 7.0])).poses) == 0
-
-
-@settings(max_examples=50, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_the_value_is_nought_on_the_set_and_only_there(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    x, other = ELLIPSE.draw(rng, 0.1), ELLIPSE.draw(rng, 0.1)
-    y, _ = THESIS.at(x)
-    assert value(THESIS, x, y) == 0.0
-    assert value(THESIS, other, y) == pytest.approx(np.square(THESIS.at(other)[0] - y).sum())
-    assert value(THESIS, np.array([9.0, 0.0, 0.0]), y) == math.inf
 
 
 @pytest.mark.parametrize("y", [[1.0], [1.0, -1.0], [math.nan, 1.0], [1.0, math.inf], [0.0, 1.0]])

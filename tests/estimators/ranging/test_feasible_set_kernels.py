@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import given, settings
 
-from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, project, pushed, solved
+from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, project, pushed
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.mission import RangingMission
 from tests.estimators.ranging.walls import FIELD, angles, clear_pose, seeds, walls
@@ -54,15 +54,6 @@ def test_a_ray_that_was_lost_does_not_count() -> None:
     projected, _ = project(state, np.array([y[0], np.nan, y[2]]), v, wall, sensors, 3)
     same, _ = project(state, y[[0, 2]], v[:2], wall, sensors[[0, 2]], 3)
     np.testing.assert_array_equal(projected, same)
-
-
-@settings(max_examples=50, deadline=None)
-@given(seeds)
-def test_a_system_of_three_is_solved(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    root, g = rng.normal(size=(3, 3)), rng.normal(size=3)
-    A = root @ root.T + 0.1 * np.eye(3)
-    np.testing.assert_allclose(solved(A, g), np.linalg.solve(A, g), rtol=1e-8)
 
 
 @settings(max_examples=30, deadline=None)

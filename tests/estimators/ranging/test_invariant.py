@@ -7,7 +7,6 @@ import math
 from typing import Any
 
 import numpy as np
-import pytest
 
 from mathnavi.estimators.invariant.lie_groups import SE2
 from mathnavi.estimators.ranging.pose_filter import RangeEkf, RangeIekf
@@ -83,8 +82,3 @@ def test_after_a_drive_by_odometry_ranges_leave_less_error_than_in_coordinates_a
         errors[kind], nees[kind] = np.median(found, axis=0)
     assert errors[RangeIekf] < 0.8 * errors[RangeEkf]
     assert nees[RangeIekf] < 5.0 < nees[RangeEkf]
-
-
-def test_it_refuses_a_probability_that_is_none() -> None:
-    with pytest.raises(ValueError, match=r"gate = 0\.0; allowed"):
-        RangeIekf.Config(gate=0.0)

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 
 from mathnavi.estimators.ranging.kalman_kernels import (
     RaySensors,
-    _square_trace,
     condition,
     expected_range,
     expected_ranges,
@@ -57,17 +56,6 @@ def test_derivatives_of_a_range_are_those_of_differences(curve: Curve, seed: int
     ]
     np.testing.assert_allclose(H, slope, rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(second, numerical, rtol=1e-4, atol=1e-4 * np.abs(second).max())
-
-
-@settings(max_examples=30, deadline=None)
-@given(walls, seeds)
-def test_the_trace_is_that_of_the_matrices(curve: Curve, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    pose, P = clear_pose(curve, np.zeros(1), rng), any_covariance(rng, 0.3)
-    H, D = np.empty(3), np.empty(3)
-    h, B, C = expected_range(curve.wall, *pose, H, D)
-    second = second_derivative(curve, pose, 0.0)[2] @ P[:3, :3]
-    assert _square_trace(P, D, h, B, C, H) == pytest.approx(np.trace(second @ second), rel=1e-9)
 
 
 @settings(max_examples=30, deadline=None)

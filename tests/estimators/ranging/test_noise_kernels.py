@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -11,7 +10,6 @@ import pytest
 from mathnavi.estimators.ranging.noise_kernels import (
     WINDOW,
     NoiseSums,
-    _median,
     declared_noise,
     learn_noise,
     noise_of,
@@ -76,11 +74,3 @@ def test_what_is_declared_holds_until_readings_say_otherwise() -> None:
     sigma, epsilon = noise_of(declared_noise(0.2))
     assert sigma == 1.0
     assert epsilon == pytest.approx(0.2)
-
-
-def test_the_spread_of_the_middle_one_about_the_median_is_that_of_gaussian_numbers() -> None:
-    values = np.random.default_rng(0).standard_normal((40_000, WINDOW))
-    d = values[:, WINDOW // 2] - np.median(values, axis=1)
-    assert np.mean(np.square(d)) == pytest.approx(0.944, rel=0.02)
-    assert _median(values[0]) == np.median(values[0])
-    assert math.isfinite(_median(np.zeros(WINDOW)))

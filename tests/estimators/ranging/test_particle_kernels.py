@@ -131,11 +131,6 @@ def test_resampling_is_filterpys_from_the_same_place(seed: int, count: int, star
         np.testing.assert_array_equal(chosen, resampling.systematic_resample(whole))
 
 
-def test_particles_are_drawn_as_often_as_they_weigh() -> None:
-    w = np.array([0.5, 0.0, 0.25, 0.25, 0.0, 0.0, 0.0, 0.0])
-    np.testing.assert_array_equal(np.bincount(resampled(w, 0.5, 8), minlength=8), [4, 0, 2, 2, 0, 0, 0, 0])
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_resampling_keeps_mean_and_covariance_of_a_cluster(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -6,16 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from mathnavi.estimators.ranging.model import TOO_FAST, TOO_LONG, measured_input, usable_ranges
-from mathnavi.interfaces.signals import Array, Measurement
+from mathnavi.estimators.ranging.model import measured_input, usable_ranges
+from mathnavi.interfaces.signals import Measurement
 
 LONGEST = 7.5
 LIMITS, COMMAND = np.array([1.0, 2.0]), np.array([0.3, -0.2])
-
-anything = st.lists(st.floats(), min_size=1, max_size=8).map(np.array)
 
 
 def ranges(*values: float) -> Measurement:
@@ -26,16 +22,18 @@ def odometry(*values: float) -> Measurement:
     return Measurement("odometry", 0.0, np.array(values))
 
 
-@given(anything)
-def test_a_range_is_what_it_reads_or_lost(values: Array) -> None:
-    usable = [math.isfinite(value) and 0.0 < value < TOO_LONG * LONGEST for value in values]
-    found = usable_ranges([Measurement("ranges", 0.0, values)], len(values), LONGEST)
-    np.testing.assert_array_equal(found, np.where(usable, values, np.nan))
-
-
 @pytest.mark.parametrize(
     ("value", "usable"),
-    [(1e-9, True), (LONGEST, True), (1.5 * LONGEST, True), (2.1 * LONGEST, False), (0.0, False), (-1.0, False)],
+    [
+        (1e-9, True),
+        (LONGEST, True),
+        (1.5 * LONGEST, True),
+        (2.1 * LONGEST, False),
+        (0.0, False),
+        (-1.0, False),
+        (math.nan, False),
+        (math.inf, False),
+    ],
 )
 def test_a_range_may_be_as_long_as_noise_makes_the_longest(value: float, usable: bool) -> None:
     assert np.isfinite(usable_ranges([ranges(value)], 1, LONGEST)[0]) == usable
@@ -68,16 +66,16 @@ def test_the_input_is_what_odometry_says_and_the_command_where_it_says_nothing()
     np.testing.assert_array_equal(measured_input([], COMMAND, LIMITS), COMMAND)
 
 
-@given(st.tuples(st.floats(), st.floats()))
-def test_odometry_far_beyond_what_the_robot_can_do_says_nothing(values: tuple[float, float]) -> None:
-    possible = all(abs(value) <= TOO_FAST * limit for value, limit in zip(values, LIMITS, strict=True))
-    found = measured_input([odometry(*values)], COMMAND, LIMITS)
-    np.testing.assert_array_equal(found, values if possible else COMMAND)
-
-
 @pytest.mark.parametrize(
     ("u", "possible"),
-    [((-1.2, 2.4), True), ((5.0, 0.0), True), ((-100.0, 0.0), False), ((0.0, 100.0), False), ((math.nan, 0.0), False)],
+    [
+        ((-1.2, 2.4), True),
+        ((5.0, 0.0), True),
+        ((-100.0, 0.0), False),
+        ((0.0, 100.0), False),
+        ((math.nan, 0.0), False),
+        ((0.0, -math.inf), False),
+    ],
 )
 def test_what_is_a_little_too_fast_is_believed(u: tuple[float, float], possible: bool) -> None:
     np.testing.assert_array_equal(measured_input([odometry(*u)], COMMAND, LIMITS), u if possible else COMMAND)

@@ -12,7 +12,6 @@ from scipy.linalg import eigh
 from mathnavi.estimators.riemannian.contraction import (
     SasakiMetric,
     largest_eigenvalue,
-    lie_derivative,
     linearised,
     rates,
 )
@@ -72,15 +71,6 @@ def test_beside_it_only_below_a_speed(theta: float) -> None:
     angles = np.linspace(0.0, math.pi, 33)
     assert max(on_sphere(theta, 0.88 / theta, angle) for angle in angles) < 0.0
     assert max(on_sphere(theta, 0.93 / theta, angle) for angle in angles) > 0.0
-
-
-def test_the_lie_derivative_is_symmetric() -> None:
-    space, rng = sphere(2), np.random.default_rng(0)
-    x = space.draw(rng)
-    xi = space.exp(x, 0.3 * space.draw_vector(rng, x))
-    L = lie_derivative(TwoPoint(space, x, xi), space.draw_vector(rng, xi), IntrinsicGains(2.0), SasakiMetric())
-    assert L.shape == (4, 4)
-    assert pytest.approx(L.T) == L
 
 
 @pytest.mark.parametrize("kappa", [1.0, -1.0])

@@ -10,13 +10,6 @@ from hypothesis import strategies as st
 from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.estimators.velocity.poles import triple_pole_weights
 
-LAWS = [
-    IntrinsicGains(2.0, 0.7),
-    IntrinsicGains(2.0, 1.0, "printed"),
-    IntrinsicGains(2.0, 1.0, "constant", "matched", 1.0),
-    IntrinsicGains(2.0, 1.0, "constant", "matched", -1.0),
-]
-
 
 @given(st.floats(0.01, 1e4), st.floats(0.1, 30.0), st.floats(1e-4, 0.5))
 def test_constant_gains_put_the_poles_of_the_sampled_error(omega: float, zeta: float, h: float) -> None:
@@ -35,19 +28,6 @@ def test_with_a_disturbance_three_poles_are_one(omega: float, h: float) -> None:
     correct = np.eye(3) - np.outer([alpha, beta, gamma], [1.0, 0.0, 0.0])
     polynomial = np.poly(correct @ predict)
     assert polynomial == pytest.approx(np.poly(np.full(3, np.exp(-omega * h))), abs=1e-8)
-
-
-@pytest.mark.parametrize("gains", LAWS, ids=lambda gains: f"{gains.law} {gains.curvature} {gains.kappa:g}")
-@pytest.mark.parametrize("theta", [1e-3, 0.2, 1.1])
-def test_slopes_are_those_of_the_gains(gains: IntrinsicGains, theta: float) -> None:
-    S, step = 0.5 * theta**2, 1e-4 * 0.5 * theta**2
-
-    def at(value: float) -> float:
-        return float(np.sqrt(2.0 * value))
-
-    for function, slope in ((gains.position, gains.position_slope), (gains.curved, gains.curved_slope)):
-        numeric = (function(at(S + step)) - function(at(S - step))) / (2.0 * step)
-        assert slope(theta) == pytest.approx(numeric, rel=1e-5, abs=2e-3 if theta < 0.01 else 1e-7)
 
 
 def test_the_curvature_term_of_theorem_d_2_is_minus_one_at_the_truth() -> None:

@@ -56,7 +56,10 @@ def moved(name: str, load: float = 1.0, limit: float | None = None) -> ServoRun:
     return ServoRun(model, np.array(y), np.array(u), np.array(v))
 
 
-def observed(run: ServoRun, system: MechanismSystem | None = None) -> tuple[list[Estimate], list[tuple[str, str]]]:
+Observed = tuple[list[Estimate], list[tuple[str, str]]]
+
+
+def observed(run: ServoRun, system: MechanismSystem | None = None) -> Observed:
     """Estimates of the observer as it comes, and its events."""
     mission = LagrangianMission(system or MechanismSystem(run.model), PositionQuality(resolution=14), H)
     observer = RiemannianObserver.build(RiemannianObserver.Config(), mission)
@@ -65,6 +68,12 @@ def observed(run: ServoRun, system: MechanismSystem | None = None) -> tuple[list
         estimates.append(observer.update(k * H, (Measurement(POSITION, k * H, y),), u))
         events += observer.events()
     return estimates, events
+
+
+@cache
+def tracked(name: str, load: float = 1.0) -> Observed:
+    """What the observer makes of the motion of an arm."""
+    return observed(moved(name, load))
 
 
 def velocity_rms(run: ServoRun, estimates: list[Estimate]) -> float:
@@ -84,8 +93,7 @@ def best_butterworth(run: ServoRun) -> float:
 
 @pytest.mark.parametrize("name", ARMS)
 def test_with_an_exact_model_it_is_fifty_times_better_than_the_best_filter(name: str) -> None:
-    run = moved(name)
-    estimates, events = observed(run)
+    run, (estimates, events) = moved(name), tracked(name)
     assert velocity_rms(run, estimates) < 0.02 * best_butterworth(run)
     assert {estimate.status for estimate in estimates[100:]} == {Status.OK}
     assert not events
@@ -93,8 +101,7 @@ def test_with_an_exact_model_it_is_fifty_times_better_than_the_best_filter(name:
 
 @pytest.mark.parametrize(("name", "load"), [("servo-six", 1.5), ("servo-seven", 0.5)])
 def test_with_a_wrong_load_it_is_better_than_the_best_filter(name: str, load: float) -> None:
-    run = moved(name, load)
-    estimates, _ = observed(run)
+    run, (estimates, _) = moved(name, load), tracked(name, load)
     assert velocity_rms(run, estimates) < 0.5 * best_butterworth(run)
     assert {estimate.status for estimate in estimates[100:]} == {Status.OK}
 
@@ -137,7 +144,7 @@ def test_an_estimate_that_runs_away_is_lost_at_once_and_differences_answer_until
 
 
 def test_bandwidths_fall_where_the_model_is_right_and_rise_where_it_is_not() -> None:
-    right, wrong = (observed(moved("servo-six", load))[0][-1].extra["bandwidth"] for load in (1.0, 1.5))
+    right, wrong = (tracked("servo-six", load)[0][-1].extra["bandwidth"] for load in (1.0, 1.5))
     assert (right < 30.0).all()
     assert wrong[1] > 50.0  # the shoulder, which carries the load
 

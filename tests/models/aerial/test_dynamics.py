@@ -59,14 +59,6 @@ def test_a_mujoco_tick_is_the_exact_flow(model: mujoco.MjModel, p: Array, v: Arr
     np.testing.assert_allclose(np.concatenate([data.qpos, data.qvel]), flow(x, u, TICK), rtol=0.0, atol=1e-9)
 
 
-def test_a_minute_of_mujoco_is_the_exact_flow(model: mujoco.MjModel) -> None:
-    data = mujoco.MjData(model)
-    x, u = np.array([4e4, 4e4, 3e3, 200.0, -150.0, 10.0]), np.array([-3.0, 2.0, 0.5])
-    data.qpos[:], data.qvel[:], data.ctrl[:] = x[:3], x[3:], u
-    mujoco.mj_step(model, data, nstep=60 * 300)
-    np.testing.assert_allclose(np.concatenate([data.qpos, data.qvel]), flow(x, u, 60.0), rtol=0.0, atol=1e-7)
-
-
 @given(v=vectors(300.0), u=vectors(40.0), a=durations, b=durations)
 def test_the_flow_is_a_semigroup(v: Array, u: Array, a: float, b: float) -> None:
     x = np.concatenate([np.zeros(3), v])

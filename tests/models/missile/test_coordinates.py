@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,7 +9,6 @@ from hypothesis import strategies as st
 
 from mathnavi.interfaces.signals import Plan
 from mathnavi.models.missile.coordinates import COORDINATES, PLANAR, SPATIAL, Coordinates
-from mathnavi.models.missile.dynamics import NOMINAL
 from tests.models.missile.test_dynamics import drawn
 
 both = pytest.mark.parametrize("coordinates", COORDINATES.values(), ids=COORDINATES)
@@ -117,10 +114,3 @@ def test_what_is_handed_out_is_not_the_plans_own(plan: Plan) -> None:
     PLANAR.input_at(plan, 1.4)[:] = np.nan
     assert np.isfinite(plan.x).all()
     assert np.isfinite(plan.u).all()
-
-
-def test_names_lead_to_their_places() -> None:
-    assert [PLANAR.states[k] for k in PLANAR.position] == ["x_e", "z_e"]
-    assert [SPATIAL.states[k] for k in SPATIAL.angles] == ["theta", "psi"]
-    assert SPATIAL.inputs[SPATIAL.index("N")] == "N"
-    assert math.isclose(NOMINAL.mass * NOMINAL.gravity, 1999.396)

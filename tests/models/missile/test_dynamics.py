@@ -108,22 +108,6 @@ def test_a_flight_in_mujoco_is_the_flow(coordinates: Coordinates) -> None:
     np.testing.assert_allclose(coordinates.flow(x, u, 0.5), flown, rtol=1e-6, atol=1e-5)
 
 
-@both
-def test_energy_changes_by_the_work_of_the_thrusters(coordinates: Coordinates) -> None:
-    def energy(x: Array) -> float:
-        s = coordinates.in_space(x)
-        p = s[3] * math.tan(s[6])
-        spin = NOMINAL.axial_inertia * p**2 + NOMINAL.inertia * (s[3] ** 2 + s[4] ** 2)
-        return float(0.5 * NOMINAL.mass * (s[:3] @ s[:3]) + 0.5 * spin - NOMINAL.mass * NOMINAL.gravity * s[9])
-
-    for x, u in zip(*drawn(coordinates, 6, 10), strict=True):
-        s, f = coordinates.in_space(x), coordinates.input_in_space(u)
-        power = float(f[:3] @ s[:3] + f[3] * s[3] + f[4] * s[4])
-        h = 1e-5
-        gained = (energy(coordinates.flow(x, u, h)) - energy(coordinates.flow(x, u, -h))) / (2.0 * h)
-        assert gained == pytest.approx(power, rel=1e-6, abs=1e-2)
-
-
 def test_a_vertical_dive_is_no_singularity() -> None:
     dive = np.zeros(10)
     dive[[0, 5]] = 100.0, -0.5 * math.pi

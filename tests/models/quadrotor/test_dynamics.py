@@ -86,21 +86,10 @@ def test_a_flight_with_the_rotors_lag_is_that_of_mujoco(vehicle: Quadrotor) -> N
     np.testing.assert_allclose(whole[13:], rotor_thrusts(model, data, "quad"), rtol=0.0, atol=1e-6)
 
 
-def test_hover_is_an_equilibrium() -> None:
-    x = at_rest(HIGH)
-    np.testing.assert_allclose(flow(NOMINAL, x, np.full(4, NOMINAL.hover_thrust), 2.0), x, atol=1e-9)
-
-
 def test_without_thrust_it_falls() -> None:
     x = flow(SMOOTH, at_rest(HIGH), np.zeros(4), 1.5)
     assert x[2] == pytest.approx(HIGH[2] - 0.5 * 9.81 * 1.5**2, abs=1e-9)
     assert x[9] == pytest.approx(-9.81 * 1.5, abs=1e-9)
-
-
-def test_a_fall_with_drag_ends_at_the_speed_at_which_drag_carries_the_weight() -> None:
-    heavy_drag = dataclasses.replace(NOMINAL, drag=(1.0, 1.0, 2.0))
-    x = flow(heavy_drag, at_rest(HIGH), np.zeros(4), 8.0)
-    assert x[9] == pytest.approx(-heavy_drag.mass * heavy_drag.gravity / 2.0, rel=1e-4)
 
 
 def test_tumbling_without_thrust_and_drag_keeps_energy_and_momentum() -> None:
@@ -109,11 +98,6 @@ def test_tumbling_without_thrust_and_drag_keeps_energy_and_momentum() -> None:
     assert energy(SMOOTH, after) == pytest.approx(energy(SMOOTH, x), rel=1e-6)
     spin = [np.linalg.norm(np.array(SMOOTH.inertia) * each[RATE]) for each in (x, after)]
     assert spin[1] == pytest.approx(spin[0], rel=1e-6)
-
-
-def test_drag_takes_energy() -> None:
-    x = drawn(np.random.default_rng(4))
-    assert energy(NOMINAL, flow(NOMINAL, x, np.zeros(4), 0.5)) < energy(NOMINAL, x) - 1.0
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -93,26 +94,17 @@ def test_an_npz_without_a_part_names_it(tmp_path: Path, missing: str) -> None:
         read_npz(tmp_path / "bad.npz")
 
 
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut off", b"hello", b"\x93NUMPY\x01\x00"])
-def test_a_file_that_is_no_npz_is_refused(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "bad.npz").write_bytes(content)
-    with pytest.raises(ValueError, match=r"not a readable \.npz"):
-        read_npz(tmp_path / "bad.npz")
-
-
-def test_a_truncated_npz_is_refused(tmp_path: Path, heights: NDArray[np.float64]) -> None:
+def test_a_file_that_is_no_npz_or_cut_off_or_a_bare_array_is_refused(
+    tmp_path: Path, heights: NDArray[np.float64]
+) -> None:
     write_npz(HeightField(heights, 10.0), tmp_path / "a.npz")
-    whole = (tmp_path / "a.npz").read_bytes()
-    (tmp_path / "b.npz").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(ValueError, match=r"not a readable \.npz"):
-        read_npz(tmp_path / "b.npz")
-
-
-def test_a_bare_array_is_not_a_map(tmp_path: Path) -> None:
-    with (tmp_path / "bare.npz").open("wb") as file:
-        np.save(file, np.zeros((2, 2)))
-    with pytest.raises(ValueError, match=r"not a readable \.npz"):
-        read_npz(tmp_path / "bare.npz")
+    whole, bare = (tmp_path / "a.npz").read_bytes(), io.BytesIO()
+    np.save(bare, np.zeros((2, 2)))
+    cut = whole[: len(whole) // 2]
+    for content in (b"", b"PK\x03\x04 cut off", b"hello", b"\x93NUMPY\x01\x00", cut, bare.getvalue()):
+        (tmp_path / "bad.npz").write_bytes(content)
+        with pytest.raises(ValueError, match=r"not a readable \.npz"):
+            read_npz(tmp_path / "bad.npz")
 
 
 @pytest.mark.parametrize("name", ["none.npz", "none.png", "N42E080.hgt", "none.tif"])

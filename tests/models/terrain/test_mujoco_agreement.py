@@ -49,15 +49,6 @@ def distance(model_and_data: tuple[mujoco.MjModel, mujoco.MjData], p: np.ndarray
     return float(mujoco.mj_ray(*model_and_data, p, direction, None, 1, -1, hit, None))
 
 
-def test_vertical_rays_meet_the_height(
-    terrain: HeightField, model_and_data: tuple[mujoco.MjModel, mujoco.MjData]
-) -> None:
-    rng = np.random.default_rng(4)
-    for x, y in rng.uniform(1.0, [terrain.width - 1.0, terrain.depth - 1.0], (300, 2)):
-        measured = 5000.0 - distance(model_and_data, np.array([x, y, 5000.0]), np.array([0.0, 0.0, -1.0]))
-        assert measured == pytest.approx(float(terrain.height(x, y)), abs=TOLERANCE)
-
-
 def test_slanted_rays_stop_where_line_of_sight_ends(
     terrain: HeightField, model_and_data: tuple[mujoco.MjModel, mujoco.MjData]
 ) -> None:

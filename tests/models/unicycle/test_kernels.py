@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, sinc, sinc_derivative, wrapped
-from mathnavi.models.unicycle.patterns import circle, figure_eight
+from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, sinc, sinc_derivative
 
 poses = st.tuples(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0), st.floats(-7.0, 7.0)).map(np.array)
 speeds, rates = st.floats(-2.0, 2.0), st.one_of(st.floats(-5.0, 5.0), st.floats(-1e-3, 1e-3), st.just(0.0))
@@ -57,36 +56,3 @@ def test_the_series_about_nought_join_the_formulas(sign: float) -> None:
     assert sinc_derivative(below) == pytest.approx(sinc_derivative(above), abs=1e-9)
     assert sinc(0.0) == 1.0
     assert sinc_derivative(0.0) == 0.0
-
-
-@given(st.floats(-100.0, 100.0))
-def test_a_wrapped_angle_is_the_same_direction_within_half_a_turn(angle: float) -> None:
-    w = wrapped(angle)
-    assert -math.pi <= w < math.pi
-    assert math.cos(w) == pytest.approx(math.cos(angle), abs=1e-12)
-    assert math.sin(w) == pytest.approx(math.sin(angle), abs=1e-12)
-
-
-def driven(pattern: str, speed: float, period: float) -> Array:
-    """(n, 3) poses along a pattern of 10 ms inputs from zero, once through."""
-    x, dt = np.zeros(3), 0.01
-    path = [x]
-    for k in range(round(period / dt)):
-        t = (k + 0.5) * dt
-        u = figure_eight(t, speed, period) if pattern == "eight" else circle(t, speed, 2.0 * math.pi / period)
-        x = integrate(x, *u, dt)
-        path.append(x)
-    return np.array(path)
-
-
-@pytest.mark.parametrize("pattern", ["eight", "circle"])
-def test_patterns_close(pattern: str) -> None:
-    path = driven(pattern, 0.5, 8.0)
-    np.testing.assert_allclose(path[-1, :2], 0.0, atol=1e-3)
-
-
-def test_a_figure_of_eight_is_as_large_as_it_says() -> None:
-    path = driven("eight", 0.5, 8.0)
-    length, width = sorted(np.ptp(path[:, :2], axis=0))[::-1]
-    assert length == pytest.approx(0.375 * 4.0, abs=0.01)
-    assert width == pytest.approx(0.139 * 4.0, abs=0.01)

@@ -19,17 +19,13 @@ from mathnavi.renders.page import inline_svg, quantity
 from mathnavi.renders.report import write_report
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.run_folder import described
-from tests.renders.reading import Page, check_identifiers, check_stands_alone, checked_report, lines_named
+from tests.renders.reading import Page, check_identifiers, checked_report, lines_named
 from tests.renders.synthetic import ridges
 
 
 @pytest.fixture(scope="module")
 def source(run_dir: Path) -> str:
     return checked_report(run_dir)[0]
-
-
-def test_report_needs_nothing_beside_itself(source: str) -> None:
-    check_stands_alone(source)
 
 
 def test_report_shows_every_key_of_the_summary_and_every_event(source: str, run: FlightRun) -> None:

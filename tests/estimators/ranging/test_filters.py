@@ -199,17 +199,3 @@ def test_without_ranges_it_is_the_motion_and_its_covariance_grows_by_what_odomet
     np.testing.assert_allclose(estimate.x, [-1.0, 0.0, 0.0], atol=0.02)
     assert P[0, 0] == pytest.approx(0.03**2 + 0.05**2 + n * (1.0 * dt) ** 2, rel=0.15)
     assert P[2, 2] == pytest.approx(0.03**2 + n * (0.5 * dt) ** 2, rel=0.15)
-
-
-@kalman
-@pytest.mark.parametrize("value", [0.0, 1.0, math.nan])
-def test_a_gate_out_of_its_range_is_refused(kind: Any, value: float) -> None:
-    with pytest.raises(ValueError, match=r"gate = .*; allowed: "):
-        kind.Config(gate=value)
-
-
-@filters
-@pytest.mark.parametrize(("field", "value"), [("timeout", 0.0), ("timeout", math.inf)])
-def test_a_field_out_of_its_range_is_refused(kind: Any, field: str, value: float) -> None:
-    with pytest.raises(ValueError, match=rf"{field} = .*; allowed: "):
-        kind.Config(**{field: value})

@@ -98,17 +98,6 @@ def test_the_same_seed_is_the_same_estimate_and_another_is_not() -> None:
     assert not np.array_equal(first[-1][1].x, other[-1][1].x)
 
 
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [("min_particles", 0), ("max_particles", 10**7), ("max_particles", 10), ("kld_error", 0.0), ("cell_heading", 3.0),
-     ("outliers", 0.0), ("recovery_fast", 20.0), ("seed", -1)],
-)  # fmt: skip
-def test_a_field_of_its_own_out_of_range_is_refused(field: str, value: float) -> None:
-    named = "min_particles" if (field, value) == ("max_particles", 10) else field
-    with pytest.raises(ValueError, match=rf"{named} = .*; allowed: "):
-        RangeParticleConfig(**{field: value})  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize("particles", [1, 2, 3])
 def test_few_particles_do_too(particles: int) -> None:
     run = run_of(mission("4"), 0.5, least=particles, most=particles)

@@ -78,9 +78,3 @@ def test_an_estimate_that_escapes_is_lost_and_finite() -> None:
         assert estimate.covariance is not None
         assert np.isfinite(estimate.covariance).all()
     assert estimate.status is Status.LOST
-
-
-def test_fields_that_do_not_fit_are_refused() -> None:
-    for field, value in (("process", -1.0), ("noise_floor", 0.0), ("timeout", float("inf")), ("iterations", 0)):
-        with pytest.raises(ValueError, match=f"{field} = .*; allowed"):
-            TextbookEkfConfig(**{field: value})

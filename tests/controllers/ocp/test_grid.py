@@ -49,27 +49,15 @@ def test_given_nodes_in_any_unit_become_fractions() -> None:
     assert grids.given([10.0, 15.0, 30.0]).nodes.tolist() == [0.0, 0.25, 1.0]
 
 
-@pytest.mark.parametrize("n", [1, 0, -3, 2.5, True])
-def test_fewer_than_two_nodes_are_refused(n: object) -> None:
-    with pytest.raises(ValueError, match="nodes = "):
-        grids.uniform(n)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    "nodes", [[0.0], [0.0, 0.5], [0.0, 0.6, 0.5, 1.0], [0.0, np.nan, 1.0], [0.1, 1.0], [0.0, 0.5, 0.5, 1.0]]
-)
-def test_what_is_no_partition_is_refused(nodes: list[float]) -> None:
-    with pytest.raises(ValueError, match="grid"):
-        Grid(np.array(nodes))
-
-
-@pytest.mark.parametrize("ratio", [0.0, -1.0, np.inf, np.nan])
-def test_a_ratio_that_is_none_is_refused(ratio: float) -> None:
-    with pytest.raises(ValueError, match="ratio = "):
-        grids.stretched(5, ratio)
-
-
-@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
-def test_a_monitor_that_is_not_positive_is_refused(value: float) -> None:
-    with pytest.raises(ValueError, match="monitor"):
-        grids.equidistributed(5, lambda tau: np.where(tau > 0.5, value, 1.0))
+def test_what_makes_no_grid_is_refused() -> None:
+    for n in (1, 0, -3, 2.5, True):
+        with pytest.raises(ValueError, match="nodes = "):
+            grids.uniform(n)  # type: ignore[arg-type]
+    for nodes in ([0.0], [0.0, 0.5], [0.0, 0.6, 0.5, 1.0], [0.0, np.nan, 1.0], [0.1, 1.0], [0.0, 0.5, 0.5, 1.0]):
+        with pytest.raises(ValueError, match="grid"):
+            Grid(np.array(nodes))
+    for value in (0.0, -1.0, np.inf, np.nan):
+        with pytest.raises(ValueError, match="ratio = "):
+            grids.stretched(5, value)
+        with pytest.raises(ValueError, match="monitor"):
+            grids.equidistributed(5, lambda tau, value=value: np.where(tau > 0.5, value, 1.0))  # type: ignore[misc]

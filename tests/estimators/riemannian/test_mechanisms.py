@@ -103,9 +103,6 @@ def test_readings_that_jump_are_refused(two_link: Run) -> None:
     assert max(found) < 1.5 * found[0] + 1e-6
 
 
-#####
-
-
 def test_a_transported_disturbance_makes_up_for_a_load(two_link: Run) -> None:
     believed = heavier(two_link.model, 1.3)
     plain, disturbed = (errors(two_link, believed, 14, disturbed=d)[500:] for d in (False, True))

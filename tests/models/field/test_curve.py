@@ -112,19 +112,12 @@ def test_derivatives_are_those_of_casadi(curve: Curve) -> None:
             np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-14)
 
 
-@pytest.mark.parametrize(("curve", "order"), [(STANDARD, 2), (EGG, 1), (BEAN, 1), (ellipse(2.0, 2.0), 0)])
-def test_the_symmetry_of_the_walls_by_name(curve: Curve, order: int) -> None:
-    assert curve.symmetry == order
-
-
-@pytest.mark.parametrize("m", [2, 3, 4, 5, 8])
-def test_a_flower_has_as_many_symmetries_as_petals(m: int) -> None:
-    assert flower(m).symmetry == m
-
-
-def test_two_symmetries_together_are_what_they_have_in_common() -> None:
-    assert harmonics({1: 2.0 + 0j, -3: 0.1 + 0j, 7: 0.05 + 0j}).symmetry == 2
-    assert harmonics({1: 2.0 + 0j, -3: 0.1 + 0j, 4: 0.05 + 0j}).symmetry == 1
+def test_the_symmetry_of_a_wall_is_counted() -> None:
+    """A flower has as many as petals, and two symmetries together are what they have in common."""
+    flowers = [(flower(m), m) for m in (2, 3, 4, 5, 8)]
+    two = [(harmonics({1: 2.0 + 0j, -3: 0.1 + 0j, k: 0.05 + 0j}), order) for k, order in ((7, 2), (4, 1))]
+    for curve, order in ((STANDARD, 2), (EGG, 1), (BEAN, 1), (ellipse(2.0, 2.0), 0), *flowers, *two):
+        assert curve.symmetry == order
 
 
 @given(m=st.sampled_from([2, 3, 5]), seed=st.integers(0, 2**32), alpha=angles)

@@ -43,13 +43,19 @@ def koszul(manifold: MechanismManifold, p: Array) -> Array:
     return gamma
 
 
+def drawn(joints: str, seed: int) -> tuple[MechanismManifold, Array, np.random.Generator]:
+    """A mechanism, a place of it and what draws more."""
+    model, rng = chain(joints), np.random.default_rng(seed)
+    manifold = MechanismManifold(model)
+    return manifold, somewhere(manifold, model, rng), rng
+
+
 @pytest.mark.parametrize("joints", CHAINS)
 def test_the_connection_is_that_of_the_mass_matrix(joints: str) -> None:
-    model, rng = chain(joints), np.random.default_rng(1)
-    manifold = MechanismManifold(model)
-    p, e = somewhere(manifold, model, rng), np.eye(model.nv)
+    manifold, p, _ = drawn(joints, 1)
+    e = np.eye(manifold.dimension)
     gamma = koszul(manifold, p)
-    for i, j in np.ndindex(model.nv, model.nv):
+    for i, j in np.ndindex(len(e), len(e)):
         np.testing.assert_allclose(manifold.christoffel(p, e[i], e[j]), gamma[:, i, j], atol=1e-8)
 
 
@@ -75,9 +81,8 @@ def along(manifold: MechanismManifold, p: Array, w: Array, steps: int = 200) -> 
 
 @pytest.mark.parametrize("joints", CHAINS)
 def test_exp_and_log_err_by_the_fourth_order_and_transport_by_the_third(joints: str) -> None:
-    model, rng = chain(joints), np.random.default_rng(3)
-    manifold = MechanismManifold(model)
-    p, w, errors = somewhere(manifold, model, rng), rng.normal(size=model.nv), []
+    manifold, p, rng = drawn(joints, 3)
+    w, errors = rng.normal(size=manifold.dimension), []
     w /= np.linalg.norm(w)
     for share in (0.2, 0.1):
         q, v = along(manifold, p, share * w)
@@ -92,10 +97,8 @@ def test_exp_and_log_err_by_the_fourth_order_and_transport_by_the_third(joints: 
 
 @pytest.mark.parametrize("joints", CHAINS)
 def test_energy_is_conserved_along_a_geodesic(joints: str) -> None:
-    model, rng = chain(joints), np.random.default_rng(4)
-    manifold = MechanismManifold(model)
-    p = somewhere(manifold, model, rng)
-    w = rng.normal(size=model.nv)
+    manifold, p, rng = drawn(joints, 4)
+    w = rng.normal(size=manifold.dimension)
     q, v = along(manifold, p, w, 1000)
     assert manifold.norm(q, v) == pytest.approx(manifold.norm(p, w), rel=1e-11)
     assert np.abs(manifold.coordinates(p, q)).max() > 0.1
@@ -106,9 +109,8 @@ def test_energy_is_conserved_along_a_geodesic(joints: str) -> None:
 
 @pytest.mark.parametrize("joints", CHAINS)
 def test_transport_is_orthogonal_and_undone_by_the_way_back(joints: str) -> None:
-    model, rng = chain(joints), np.random.default_rng(5)
-    manifold = MechanismManifold(model)
-    p, u, w = somewhere(manifold, model, rng), *rng.normal(size=(2, model.nv))
+    manifold, p, rng = drawn(joints, 5)
+    u, w = rng.normal(size=(2, manifold.dimension))
     q = manifold.exp(p, 1e-3 * u)
     there = manifold.transport(p, q, w)
     assert manifold.norm(q, there) == pytest.approx(manifold.norm(p, w), rel=1e-12)
@@ -118,9 +120,8 @@ def test_transport_is_orthogonal_and_undone_by_the_way_back(joints: str) -> None
 
 @pytest.mark.parametrize("joints", CHAINS)
 def test_far_points_are_held_near_the_straight_line(joints: str) -> None:
-    model, rng = chain(joints), np.random.default_rng(11)
-    manifold = MechanismManifold(model)
-    p, w = somewhere(manifold, model, rng), 20.0 * rng.normal(size=model.nv)
+    manifold, p, rng = drawn(joints, 11)
+    w = 20.0 * rng.normal(size=manifold.dimension)
     q = manifold.point(p, w)
     d = manifold.coordinates(p, q)
     third = manifold.point(p, d / 3.0)
@@ -155,9 +156,8 @@ def test_the_rigid_body_is_the_manifold_of_attitudes() -> None:
 
 @pytest.mark.parametrize("joints", ["hh", "hhhhhhh", "hb", "bsb"])
 def test_the_curvature_has_the_symmetries_of_a_curvature(joints: str) -> None:
-    model, rng = chain(joints), np.random.default_rng(8)
-    manifold = MechanismManifold(model)
-    p, X, Y, Z = somewhere(manifold, model, rng), *rng.normal(size=(3, model.nv))
+    manifold, p, rng = drawn(joints, 8)
+    X, Y, Z = rng.normal(size=(3, manifold.dimension))
     M, R = manifold.mass(p), manifold.curvature(p, X, Y)
     size = float(np.sqrt(R @ M @ R))
     assert size > 1e-2
@@ -171,9 +171,8 @@ def test_the_curvature_has_the_symmetries_of_a_curvature(joints: str) -> None:
 @pytest.mark.parametrize("joints", ["hh", "hb"])
 def test_a_vector_carried_around_a_loop_is_turned_by_the_curvature(joints: str) -> None:
     """R(X, Y) X, with X carried around the geodesic triangle of h X and h Y: half of the parallelogram."""
-    model, rng, h = chain(joints), np.random.default_rng(9), 2e-2
-    manifold = MechanismManifold(model)
-    p, X, Y = somewhere(manifold, model, rng), *rng.normal(size=(2, model.nv))
+    manifold, p, rng = drawn(joints, 9)
+    X, Y, h = *rng.normal(size=(2, manifold.dimension)), 2e-2
 
     def around(sign: float) -> Array:
         corners = [p, manifold.exp(p, sign * h * Y), manifold.exp(p, sign * h * X), p]
@@ -210,9 +209,7 @@ def test_encoders_round_turns_and_metres() -> None:
 
 
 def test_a_full_pose_is_rounded_as_encoders_are() -> None:
-    model, rng = chain("fb"), np.random.default_rng(12)
-    manifold = MechanismManifold(model)
-    p = somewhere(manifold, model, rng)
+    manifold, p, _ = drawn("fb", 12)
     rounded = manifold.rounded(p, 14)
     error = np.abs(manifold.coordinates(p, rounded))
     assert (error[:3] <= 0.5 / 2.0**14).all()
@@ -222,9 +219,8 @@ def test_a_full_pose_is_rounded_as_encoders_are() -> None:
 
 
 def test_a_chart_is_undone_by_its_inverse() -> None:
-    model, rng = chain("hbs"), np.random.default_rng(10)
-    manifold = MechanismManifold(model)
-    p, c = somewhere(manifold, model, rng), rng.uniform(-1.0, 1.0, 5)
+    manifold, p, rng = drawn("hbs", 10)
+    c = rng.uniform(-1.0, 1.0, 5)
     np.testing.assert_allclose(manifold.coordinates(p, manifold.point(p, c)), c, atol=1e-12)
     np.testing.assert_array_equal(manifold.vector(p, manifold.components(p, c)), c)
     strided = np.repeat(c, 2)[::2]
@@ -260,29 +256,20 @@ def test_a_vector_of_another_size_is_refused() -> None:
 
 
 TENDON = '<tendon><fixed name="t" armature="1"><joint joint="joint_0" coef="1"/></fixed></tendon>'
+MOTOR = '<actuator><motor joint="joint_2" gear="1 0 0" armature="1"/></actuator>'
+TWICE = "<body><joint axis='1 0 0'/><joint axis='1 0 0'/><geom size='.1'/></body>"
 REFUSED = {
-    "no joints": "<mujoco><worldbody><geom size='.1'/></worldbody></mujoco>",
-    "not positive definite": "<mujoco><worldbody><body><joint axis='1 0 0'/><joint axis='1 0 0'/><geom size='.1'/>"
-    "</body></worldbody></mujoco>",
+    "no joints": mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='.1'/></worldbody></mujoco>"),
+    ".*not positive definite": mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{TWICE}</worldbody></mujoco>"),
+    "armature of tendons": chain("hhb", TENDON),
+    "armature of actuators": chain("hhb", MOTOR),
 }
 
 
-@pytest.mark.parametrize(("reason", "text"), REFUSED.items())
-def test_what_is_no_mechanism_is_refused(reason: str, text: str) -> None:
-    with pytest.raises(ValueError, match=f"model = one with .*{reason}.*; allowed: joints, each of which moves mass"):
-        MechanismManifold(mujoco.MjModel.from_xml_string(text))
-
-
-@pytest.mark.parametrize(
-    ("reason", "extra"),
-    [
-        ("armature of tendons", TENDON),
-        ("armature of actuators", '<actuator><motor joint="joint_2" gear="1 0 0" armature="1"/></actuator>'),
-    ],
-)
-def test_what_ties_joints_together_is_refused(reason: str, extra: str) -> None:
+@pytest.mark.parametrize(("reason", "model"), REFUSED.items(), ids=REFUSED)
+def test_what_is_no_mechanism_is_refused(reason: str, model: mujoco.MjModel) -> None:
     with pytest.raises(ValueError, match=f"model = one with {reason}.*; allowed: joints, each of which moves mass"):
-        MechanismManifold(chain("hhb", extra))
+        MechanismManifold(model)
 
 
 def test_the_armature_of_an_actuator_at_a_hinge_counts() -> None:

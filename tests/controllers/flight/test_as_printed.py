@@ -121,28 +121,18 @@ def test_what_cannot_be_met_is_infeasible_not_ignored() -> None:
     assert solve(nlp_from(under_ground), np.zeros((6, 3)))[1] is Status.INFEASIBLE
 
 
-def test_its_inputs_are_held_for_h_and_its_arcs_are_the_exact_motion() -> None:
-    plans = optimised(flown_plans())
+def test_its_plans_hold_inputs_for_h_keep_the_prints_boxes_and_end_in_the_set_of_safe_states() -> None:
+    plans, sine = optimised(flown_plans()), steepest_sine(flight.mountains())
     assert len(plans) > 10
+    assert 0.7 < sine < 1.0
     for plan in plans:
         flight.assert_well_formed(plan)
-        arcs = int((plan.phase == FlightPhase.OPTIMISED).sum())
-        assert arcs == 13
-        np.testing.assert_allclose(np.diff(plan.t[: arcs + 1]), H)
-        np.testing.assert_array_equal(plan.u[arcs - 1], 0.0)  # a_N
-
-
-def test_it_keeps_the_prints_boxes() -> None:
-    for plan in optimised(flown_plans()):
         first = plan.phase == FlightPhase.OPTIMISED
+        assert first.sum() == 13
+        np.testing.assert_allclose(np.diff(plan.t[:14]), H)
+        np.testing.assert_array_equal(plan.u[12], 0.0)  # a_N
         assert np.abs(plan.x[:-1][first, 3:]).max() <= 300.0 + 1e-2
         assert np.abs(plan.u[first]).max() <= 40.0 / math.sqrt(3.0)
-
-
-def test_its_manoeuvre_ends_in_the_set_of_safe_states() -> None:
-    sine = steepest_sine(flight.mountains())
-    assert 0.7 < sine < 1.0
-    for plan in optimised(flown_plans()):
         v = plan.x[14, 3:]  # behind 13 arcs and the manoeuvre's one
         assert v[2] >= sine * float(np.linalg.norm(v))
 

@@ -12,7 +12,7 @@ from mathnavi.controllers.missile.optimiser import JointOptimiser, MissileTrajec
 from mathnavi.controllers.missile.pitch_and_yaw import PitchAndYaw
 from mathnavi.controllers.missile.problem import TerminalCondition
 from mathnavi.controllers.missile.shooting import Failed
-from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed
+from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.controllers.ocp.transcriptions.low_order import MultipleShooting
@@ -24,21 +24,27 @@ from tests.controllers.missile.flights import INPUT_MAX
 
 DOWN = -0.5 * math.pi
 NODES = 25
+UNIFORM = Fixed()
 CLEARANCE = 5.0
 
 
-def planar(case: str) -> JointOptimiser:
-    return JointOptimiser(CASES[case], NOMINAL, PLANAR, INPUT_MAX[PLANAR], NODES, "fatrop", Fixed(), CLEARANCE)
+IN_PLANE = [0, 2, 3, 5, 7, 9]  # of a state in space
+
+
+def planar(
+    case: str, limits: tuple[float, ...] = INPUT_MAX[PLANAR], nodes: NodeDistribution = UNIFORM
+) -> JointOptimiser:
+    return JointOptimiser(CASES[case], NOMINAL, PLANAR, limits, NODES, "fatrop", nodes, CLEARANCE)
 
 
 def joint(case: str) -> JointOptimiser:
-    return JointOptimiser(CASES[case], NOMINAL, SPATIAL, INPUT_MAX[SPATIAL], NODES, "fatrop", Fixed(), CLEARANCE)
+    return JointOptimiser(CASES[case], NOMINAL, SPATIAL, INPUT_MAX[SPATIAL], NODES, "fatrop", UNIFORM, CLEARANCE)
 
 
 def pitch_and_yaw(case: str) -> PitchAndYaw:
     axial, normal, _, moment, _ = INPUT_MAX[SPATIAL]
     limits = axial, normal, normal, moment, moment
-    return PitchAndYaw(CASES[case], NOMINAL, limits, limits, NODES, "fatrop", Fixed(), CLEARANCE)
+    return PitchAndYaw(CASES[case], NOMINAL, limits, limits, NODES, "fatrop", UNIFORM, CLEARANCE)
 
 
 def condition(
@@ -62,7 +68,7 @@ def found(optimiser: Optimiser, start: Array, at: TerminalCondition, t: float = 
 
 @pytest.mark.parametrize("case", ["SM", "FAST"])
 def test_the_pitch_plane_is_the_problem_of_the_design_study(case: str) -> None:
-    start = level(case)[[0, 2, 3, 5, 7, 9]]
+    start = level(case)[IN_PLANE]
     flight = found(planar(case), start, condition())
     wanted = solve(missile(case), NODES, scheme=MultipleShooting(2))
     assert flight.cost == pytest.approx(wanted.cost, rel=1e-6)
@@ -73,7 +79,7 @@ def test_the_pitch_plane_is_the_problem_of_the_design_study(case: str) -> None:
 @pytest.mark.parametrize(
     ("make", "start", "at"),
     [
-        (planar, level("SM2")[[0, 2, 3, 5, 7, 9]], condition(velocity=(30.0, 0.0, 0.0))),
+        (planar, level("SM2")[IN_PLANE], condition(velocity=(30.0, 0.0, 0.0))),
         (joint, level("SM2", 20.0), condition(y=150.0, velocity=(20.0, -20.0, 0.0))),
         (pitch_and_yaw, level("SM2", 20.0), condition(y=150.0, velocity=(20.0, -20.0, 0.0))),
         (pitch_and_yaw, level("SM2", -40.0), condition(y=100.0)),
@@ -101,10 +107,8 @@ def test_pitch_and_yaw_taking_turns_come_to_the_optimum_of_the_whole(case: str, 
 
 def test_in_the_pitch_plane_pitch_and_yaw_are_the_pitch_planner() -> None:
     start = level("SM2")
-    apart, plane = (
-        found(pitch_and_yaw("SM2"), start, condition()),
-        found(planar("SM2"), start[[0, 2, 3, 5, 7, 9]], condition()),
-    )
+    apart = found(pitch_and_yaw("SM2"), start, condition())
+    plane = found(planar("SM2"), start[IN_PLANE], condition())
     assert apart.duration == pytest.approx(plane.duration, rel=1e-4)
     assert apart.cost == pytest.approx(plane.cost, rel=1e-4)
     np.testing.assert_allclose(apart.x[:, [1, 4, 6, 8]], 0.0, atol=1e-6)
@@ -131,11 +135,7 @@ def test_a_plan_from_the_last_one_is_the_plan_from_nothing() -> None:
 
 def test_limits_are_kept() -> None:
     limits = (2e3, 8e3, 80.0)
-    flight = found(
-        JointOptimiser(CASES["SM2"], NOMINAL, PLANAR, limits, NODES, "fatrop", Fixed(), CLEARANCE),
-        level("SM2")[[0, 2, 3, 5, 7, 9]],
-        condition(),
-    )
+    flight = found(planar("SM2", limits), level("SM2")[IN_PLANE], condition())
     reached = np.abs(flight.u).max(axis=0)
     assert (reached <= np.array(limits) * (1.0 + 1e-6)).all()
     assert (reached >= 0.99 * np.array(limits)).any()  # or the test says nothing
@@ -144,7 +144,7 @@ def test_limits_are_kept() -> None:
 def test_pitch_and_yaw_that_ask_for_more_than_the_thrusters_have_are_refused() -> None:
     def optimiser(moment: float, most: float) -> PitchAndYaw:
         limits, hard = (2e4, 6e4, 6e4, moment, moment), (2e4, 6e4, 6e4, most, most)
-        return PitchAndYaw(CASES["SM"], NOMINAL, limits, hard, NODES, "ipopt", Fixed(), CLEARANCE)
+        return PitchAndYaw(CASES["SM"], NOMINAL, limits, hard, NODES, "ipopt", UNIFORM, CLEARANCE)
 
     start = level("SM", 40.0)
     failed = optimiser(31.5, 35.0).optimise(0.0, start, condition())
@@ -156,10 +156,8 @@ def test_pitch_and_yaw_that_ask_for_more_than_the_thrusters_have_are_refused() -
 
 
 def test_nodes_may_be_equidistributed_while_it_flies() -> None:
-    optimiser = JointOptimiser(
-        CASES["SM3"], NOMINAL, PLANAR, INPUT_MAX[PLANAR], NODES, "fatrop", Equidistributed(), CLEARANCE
-    )
-    flight = found(optimiser, level("SM3")[[0, 2, 3, 5, 7, 9]], condition())
+    optimiser = planar("SM3", nodes=Equidistributed())
+    flight = found(optimiser, level("SM3")[IN_PLANE], condition())
     again = found(optimiser, flight.x[5], condition(), float(flight.t[5]))
     assert np.ptp(np.diff(again.t)) > 0.01
     assert condition().error_of(again.x[-1], again.duration, PLANAR).norm < 2e-3

@@ -17,6 +17,7 @@ from mathnavi.controllers.ocp.problems.betts import free_flying_robot, rayleigh
 from mathnavi.controllers.ocp.problems.bryson_ho import bryson_denham, zermelo
 from mathnavi.controllers.ocp.problems.manuals import van_der_pol
 from mathnavi.controllers.ocp.replay import replayed
+from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.structure import Structure, linear_controls, structure, switching_constraints
 from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
@@ -24,6 +25,10 @@ from mathnavi.controllers.ocp.transcriptions.low_order import Euler
 from tests.controllers.ocp.test_arcs import to_rest
 
 RADAU = RadauIIA(3)
+
+
+def coarse(problem: ProblemFunctions, nodes: int) -> Solution:
+    return transcription(problem, RADAU, nodes).solve(grid=uniform(nodes))
 
 
 def test_controls_that_enter_linearly_are_known() -> None:
@@ -34,19 +39,19 @@ def test_controls_that_enter_linearly_are_known() -> None:
 
 
 def test_a_switch_is_found_between_two_nodes() -> None:
-    seen = structure(transcription(double_integrator_time(), RADAU, 8).solve(grid=uniform(8)))
+    seen = structure(coarse(double_integrator_time(), 8))
     assert seen.held.tolist() == [[1], [-1]]
     assert seen.boundaries == pytest.approx([0.5], abs=0.07)
 
 
 def test_a_singular_arc_is_free() -> None:
-    seen = structure(transcription(to_rest(), RADAU, 8).solve(grid=uniform(8)))
+    seen = structure(coarse(to_rest(), 8))
     assert seen.held.tolist() == [[-1], [0]]
     assert seen.boundaries == pytest.approx([0.5], abs=0.08)
 
 
 def test_a_constraint_on_a_state_has_edges_but_no_arc() -> None:
-    seen = structure(transcription(bryson_denham(0.1), RADAU, 13).solve(grid=uniform(13)))
+    seen = structure(coarse(bryson_denham(0.1), 13))
     assert len(seen) == 1
     assert seen.edges.min() == pytest.approx(0.3, abs=0.06)
     assert seen.edges.max() == pytest.approx(0.7, abs=0.06)
@@ -60,7 +65,7 @@ def test_arcs_that_are_as_good_as_nothing_disappear() -> None:
 
 
 def test_defects_are_those_of_each_interval_flown_from_its_own_node() -> None:
-    solution = transcription(van_der_pol(), RADAU, 21).solve(grid=uniform(21))
+    solution = coarse(van_der_pol(), 21)
     found = defects(solution)
     for i in (2, 7):
         ends = solution.t[i : i + 2]
@@ -96,11 +101,11 @@ def test_defects_need_a_polynomial() -> None:
 
 
 def test_angles_are_unwound_and_other_controls_left() -> None:
-    solution = transcription(zermelo(), RADAU, 8).solve(grid=uniform(8))
+    solution = coarse(zermelo(), 8)
     turned = solution.u.copy()
     turned[3:, :, :] += 2.0 * np.pi
     straight = unwound(dataclasses.replace(solution, u=turned))
     assert np.abs(np.diff(straight.u.ravel())).max() < np.pi
     assert np.abs(np.sin(straight.u) - np.sin(turned)).max() < 1e-9
-    pushed = transcription(double_integrator_energy(), RADAU, 5).solve(grid=uniform(5))
+    pushed = coarse(double_integrator_energy(), 5)
     assert unwound(pushed) is pushed

@@ -200,22 +200,16 @@ def test_where_nothing_is_allowed_the_barrier_comes_first() -> None:
     np.testing.assert_allclose(filtered(np.zeros(3), up, 100.0, np.array([1.0, 0.0, 0.0]), -5.0, 40.0), 40.0 * up)
 
 
-def test_the_law_brakes_towards_the_target_as_late_as_it_is_set() -> None:
-    speeds = []
+def test_the_barrier_filter_climbs_over_a_ridge_and_brakes_towards_the_target_as_late_as_it_is_set() -> None:
+    target, speeds = np.array(MISSION.target), []
+    ridge = MISSION.terrain.height(*np.linspace(MISSION.start[:2], MISSION.target[:2], 200).T).max()
+    assert ridge > max(MISSION.start[2], MISSION.target[2])  # which its law alone would hit
     for approach in (0.25, 0.5):
         filter_, _ = BarrierFlight.build(BarrierConfig(horizon=120.0, approach=approach), MISSION)
         plan = filter_.plan(PlanRequest(0.0, 0.0, Estimate(0.0, MISSION.start_state), None))
-        near = np.linalg.norm(plan.x[:, :3] - np.array(MISSION.target), axis=1) <= 600.0
+        near = np.linalg.norm(plan.x[:, :3] - target, axis=1) <= 600.0
         speeds.append(float(np.linalg.norm(plan.x[near][0, 3:])))
+        x = state_at(plan, np.arange(0.0, plan.t_end, 0.1))
+        assert np.linalg.norm(x[-1, :3] - target) <= MISSION.arrival_radius
+        assert (x[:, 2] - MISSION.terrain.height(x[:, 0], x[:, 1])).min() >= MISSION.clearance_min
     assert speeds[1] > 1.2 * speeds[0]
-
-
-def test_the_barrier_filter_climbs_over_a_ridge_that_its_law_would_hit() -> None:
-    filter_, _ = BarrierFlight.build(BarrierConfig(horizon=120.0), MISSION)
-    plan = filter_.plan(PlanRequest(0.0, 0.0, Estimate(0.0, MISSION.start_state), None))
-    t = np.arange(0.0, plan.t_end, 0.1)
-    x = state_at(plan, t)
-    assert np.linalg.norm(x[-1, :3] - np.array(MISSION.target)) <= MISSION.arrival_radius
-    assert (x[:, 2] - MISSION.terrain.height(x[:, 0], x[:, 1])).min() >= MISSION.clearance_min
-    ridge = MISSION.terrain.height(*np.linspace(MISSION.start[:2], MISSION.target[:2], 200).T).max()
-    assert ridge > max(MISSION.start[2], MISSION.target[2])

@@ -17,17 +17,13 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import GROUP, load_terrain, terrain_names
 
 
-def test_tian_shan_has_the_size_and_heights_it_is_said_to_have() -> None:
+def test_tian_shan_has_the_size_and_heights_it_is_said_to_have_and_is_north_up() -> None:
     terrain = load_terrain("tian_shan")
     assert terrain.z.shape == (257, 257)
     assert terrain.width == terrain.depth == 81_920.0
     assert (terrain.z.min(), terrain.z.max()) == (1805.0, 6971.0)
     assert "doi:10.5285/f98b053b-0cbc-6c23-e053-6c86abc0af7b" in terrain.source
     assert terrain.licence == "public domain"
-
-
-def test_tian_shan_is_north_up() -> None:
-    terrain = load_terrain("tian_shan")
     # Jengish Chokusu stands at 42.035 N 80.130 E: 0.56 km north and .8 km east of the centre.
     row, column = np.unravel_index(terrain.z.argmax(), terrain.z.shape)
     assert np.hypot(column * 320.0 - 41_790.0, row * 320.0 - 41_520.0) < 1500.0

@@ -26,8 +26,6 @@ DOWN = -0.5 * math.pi
 NODES = 25
 UNIFORM = Fixed()
 CLEARANCE = 5.0
-
-
 IN_PLANE = [0, 2, 3, 5, 7, 9]  # of a state in space
 
 

@@ -22,19 +22,16 @@ FLIGHT = FlightMission(
     HeightField(np.zeros((3, 3)), 500.0), (0.0, 0.0, 100.0), (9.0, 9.0, 100.0), position_noise=2.0,
     gust=DeclaredGusts(1.0),
 )  # fmt: skip
-GATE = 1e-9
+GATE, INPUT = 1e-9, np.array([0.5, -0.3, 0.1])
 
 
 def fixes(n: int = 40) -> list[SmootherStage]:
     """Fixes of a flight that sways, every second stage without one."""
-    rng = np.random.default_rng(2)
-    u = np.array([0.5, -0.3, 0.1])
-    return [
-        SmootherStage(
-            0.1 * k, ((0.1, u),) if k else (), (FLIGHT.start + 2.0 * rng.standard_normal(3),) if k % 2 == 0 else ()
-        )
-        for k in range(n)
-    ]
+    rng, stages = np.random.default_rng(2), []
+    for k in range(n):
+        readings = (FLIGHT.start + 2.0 * rng.standard_normal(3),) if k % 2 == 0 else ()
+        stages.append(SmootherStage(0.1 * k, ((0.1, INPUT),) if k else (), readings))
+    return stages
 
 
 def test_of_a_linear_model_the_smoother_is_that_of_filterpy() -> None:
@@ -50,20 +47,19 @@ def test_of_a_linear_model_the_smoother_is_that_of_filterpy() -> None:
             kalman.x, kalman.P = x, F @ kalman.P @ F.T + Q
         for y in stage.readings:
             kalman.update(y)
-        means.append(kalman.x - moved(stage, u=stage.inputs[0][1] if stage.inputs else np.zeros(3)))
+        means.append(kalman.x - moved(stage.t))
         covariances.append(kalman.P.copy())
     smoothed, P, _, _ = kalman.rts_smoother(
         np.array(means), np.array(covariances), [F] * len(stages), [Q] * len(stages)
     )
     for k, stage in enumerate(stages):
-        np.testing.assert_allclose(found.x[k] - moved(stage, np.array([0.5, -0.3, 0.1])), smoothed[k], atol=1e-7)
+        np.testing.assert_allclose(found.x[k] - moved(stage.t), smoothed[k], atol=1e-7)
         np.testing.assert_allclose(found.P[k], P[k], atol=1e-9)
 
 
-def moved(stage: SmootherStage, u: Array) -> Array:
-    """Effect of the input alone by the time of a stage: without it the model is x' = F x."""
-    u = np.array([0.5, -0.3, 0.1])
-    return np.concatenate([0.5 * u * stage.t**2, u * stage.t, np.zeros(3)])
+def moved(t: float) -> Array:
+    """Effect of the input alone by a time: without it the model is x' = F x."""
+    return np.concatenate([0.5 * INPUT * t**2, INPUT * t, np.zeros(3)])
 
 
 def test_of_a_linear_model_batch_least_squares_is_the_smoother() -> None:

@@ -50,6 +50,12 @@ def request(plan: Plan | None, t: float, x: Array, *messages: Message) -> PlanRe
     return PlanRequest(t, start, Estimate(t, x), plan, messages)
 
 
+def started(optimiser: Scripted, guidance: MissileMission | None = None, **fields: Any) -> tuple[MissilePlanner, Plan]:
+    """A planner and its first plan."""
+    made = planner(optimiser, guidance, **fields)
+    return made, made.plan(request(None, 0.0, mission().start_state))
+
+
 def test_the_first_plan_starts_from_the_estimate() -> None:
     optimiser, x = Scripted(), mission().start_state + 1.0
     plan = planner(optimiser).plan(request(None, 3.0, x))
@@ -60,8 +66,7 @@ def test_the_first_plan_starts_from_the_estimate() -> None:
 
 def test_a_later_plan_starts_from_where_the_estimate_will_be_and_not_from_the_plan() -> None:
     optimiser, guidance = Scripted(), mission()
-    made = planner(optimiser)
-    plan = made.plan(request(None, 0.0, guidance.start_state))
+    made, plan = started(optimiser)
     offset = deviation(guidance, 1.0)
     made.plan(request(plan, 0.5, guidance.coordinates.state_at(plan, 0.5) + offset))
     t, start, _ = optimiser.asked[-1]
@@ -73,8 +78,7 @@ def test_a_later_plan_starts_from_where_the_estimate_will_be_and_not_from_the_pl
 
 def test_it_aims_where_the_target_will_be() -> None:
     optimiser, guidance = Scripted(), mission(target=Target((700.0, 0.0, 0.0), (20.0, 0.0, 0.0)))
-    made = planner(optimiser, guidance)
-    plan = made.plan(request(None, 0.0, guidance.start_state))
+    made, plan = started(optimiser, guidance)
     made.plan(request(plan, 0.5, guidance.coordinates.state_at(plan, 0.5)))
     (_, _, first), (_, _, second) = optimiser.asked
     np.testing.assert_allclose(first.place, (700.0, 0.0, 0.0))
@@ -107,9 +111,8 @@ def test_it_listens_to_whoever_watches_the_target_and_to_nothing_else() -> None:
 
 
 def test_a_failure_is_a_status_and_the_next_request_is_another_try() -> None:
-    optimiser, guidance = Scripted(), mission()
-    made = planner(optimiser)
-    plan = made.plan(request(None, 0.0, guidance.start_state))
+    optimiser = Scripted()
+    made, plan = started(optimiser)
     optimiser.fails = True
     failed = made.plan(request(plan, 0.1, plan.x[0]))
     assert failed.status is Status.SOLVER_FAILED
@@ -132,8 +135,7 @@ def test_an_estimate_that_is_not_finite_is_a_status(value: float) -> None:
 
 def test_near_the_end_the_plan_is_flown_out() -> None:
     optimiser, guidance = Scripted(), mission()
-    made = planner(optimiser)
-    plan = made.plan(request(None, 0.0, guidance.start_state))  # 2 s long
+    made, plan = started(optimiser)  # 2 s long
     asked = len(optimiser.asked)
     rest = made.plan(request(plan, 1.65, guidance.start_state))
     assert len(optimiser.asked) == asked  # whatever the estimate says
@@ -149,8 +151,7 @@ def test_near_the_end_the_plan_is_flown_out() -> None:
 
 def test_past_the_end_the_last_input_is_held_on() -> None:
     guidance = mission()
-    made = planner(Scripted())
-    plan = made.plan(request(None, 0.0, guidance.start_state))
+    made, plan = started(Scripted())
     after = made.plan(request(plan, 2.5, guidance.start_state))
     assert after.ok
     assert after.t_start == pytest.approx(2.6)
@@ -160,9 +161,7 @@ def test_past_the_end_the_last_input_is_held_on() -> None:
 
 
 def test_what_is_to_be_said_is_said_once() -> None:
-    guidance = mission()
-    made = planner(Scripted(), remark="there is something to say")
-    plan = made.plan(request(None, 0.0, guidance.start_state))
+    made, plan = started(Scripted(), remark="there is something to say")
     assert (plan.notes, plan.message) == (("backend",), "there is something to say")
     again = made.plan(request(plan, 0.1, plan.x[0]))
     assert (again.notes, again.message) == ((), "")
@@ -208,8 +207,7 @@ def test_in_space_every_plan_ends_on_the_target_too() -> None:
 
 def test_a_target_below_the_ground_is_announced_as_out_of_reach() -> None:
     optimiser, guidance = Scripted(), mission()
-    made = planner(optimiser, guidance)
-    plan = made.plan(request(None, 0.0, guidance.start_state))
+    made, plan = started(optimiser, guidance)
     sinking = Message(0.5, "target watch", "target", Target((700.0, 0.0, 5.0), (0.0, 0.0, 30.0), 0.5))
     failed = made.plan(request(plan, 0.5, guidance.start_state, sinking))
     assert failed.status is Status.INFEASIBLE

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import casadi as ca
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,11 +13,11 @@ from mathnavi.controllers.missile.optimiser import pitch_guess
 from mathnavi.controllers.missile.problem import TerminalCondition, ground_parameters, guidance_problem, weights
 from mathnavi.controllers.missile.shooting import Failed, Shooting, Solved, mean_between
 from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
-from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.models.missile.coordinates import PLANAR
 from mathnavi.models.missile.dynamics import NOMINAL
 from mathnavi.models.missile.mission import CASES
 from tests.controllers.missile.flights import INPUT_MAX, mission
+from tests.controllers.ocp.statements import growing
 
 CONDITION = TerminalCondition(np.array([700.0, 0.0, 0.0]), np.zeros(3), -0.5 * np.pi)
 NODES = 15
@@ -27,6 +28,7 @@ def shooting(distribution: NodeDistribution) -> Shooting:
     return Shooting(guidance_problem(NOMINAL, PLANAR, INPUT_MAX[PLANAR]), NODES, "fatrop", distribution)
 
 
+@cache
 def solved(distribution: NodeDistribution) -> Solved:
     start = mission().start_state
     guess = pitch_guess(start, CONDITION, NOMINAL, np.linspace(0.0, 1.0, NODES), 1.0)
@@ -53,15 +55,8 @@ def test_what_is_left_of_an_optimum_is_nearly_optimal(distribution: NodeDistribu
 
 def test_a_solve_in_flight_that_does_not_return_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mathnavi.controllers.missile.shooting.SECONDS", 0.1)
-    ocp = OptimalControlProblem("growing")  # FATROP raises its regularisation without end at a guess of 5
-    x, u = ocp.state("x"), ocp.control("u", lower=-1.0, upper=1.0)
-    ocp.duration(1.0)
-    ocp.minimise(running=u**2)
-    ocp.dynamics(x, ca.exp(x) + u)
-    ocp.start(x, 0.0)
-    ocp.end(x, 1.0)
     far = Solved(np.full((6, 1), 5.0), np.zeros((5, 1)), np.linspace(0.0, 1.0, 6), 1.0, np.empty(0), np.nan, 0)
-    lost = Shooting(ocp.functions(), 6, "fatrop").solve(far, np.empty(0))
+    lost = Shooting(growing(0.0), 6, "fatrop").solve(far, np.empty(0))
     assert isinstance(lost, Failed)
     assert "fatrop did not return within 0.1 s of CPU time" in lost.message
     assert not lost.infeasible

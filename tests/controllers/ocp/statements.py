@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 
 def integrator(
@@ -39,3 +40,15 @@ def transfer(end: float, limit: float = math.inf, name: str = "transfer") -> Opt
     ocp.minimise(running=u**2)
     ocp.end(x, end)
     return ocp
+
+
+def growing(guess: float) -> ProblemFunctions:
+    """x' = e^x + u from 0 to 1 in 1 s; at a guess of 5 FATROP 1.1 raises its regularisation without end."""
+    ocp = OptimalControlProblem("growing")
+    x, u = ocp.state("x", guess=(guess,)), ocp.control("u", lower=-1.0, upper=1.0)
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(x, ca.exp(x) + u)
+    ocp.start(x, 0.0)
+    ocp.end(x, 1.0)
+    return ocp.functions()

@@ -5,21 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import get_args
 
-import casadi as ca
 import numpy as np
 import pytest
 
 from mathnavi.controllers.ocp.backend import Backend, NumericalSolver, Options
 from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
 from mathnavi.controllers.ocp.nlp import programme
-from mathnavi.controllers.ocp.problem import OptimalControlProblem
-from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson, MultipleShooting
 from mathnavi.models import compilation
 from mathnavi.models.solver_process import PROCESS
+from tests.controllers.ocp.statements import growing
 
 NODES = 12
 COMPILED = pytest.mark.skipif(compilation.compiler() is None, reason="there is no C compiler named cc")
@@ -107,18 +105,6 @@ def test_a_limit_of_iterations_is_a_status(backend: Backend) -> None:
     found = transcription(missile("SM2"), MultipleShooting(1), NODES, options=Options(backend, iterations=2)).solve()
     assert not found.ok
     assert found.iterations <= 3
-
-
-def growing(guess: float) -> ProblemFunctions:
-    """x' = e^x + u from 0 to 1 in 1 s; at a guess of 5 FATROP 1.1 raises its regularisation without end."""
-    ocp = OptimalControlProblem("growing")
-    x, u = ocp.state("x", guess=(guess,)), ocp.control("u", lower=-1.0, upper=1.0)
-    ocp.duration(1.0)
-    ocp.minimise(running=u**2)
-    ocp.dynamics(x, ca.exp(x) + u)
-    ocp.start(x, 0.0)
-    ocp.end(x, 1.0)
-    return ocp.functions()
 
 
 def test_a_solve_that_does_not_return_is_ended_and_the_next_one_is_as_ever() -> None:

@@ -272,8 +272,8 @@ def _vehicle(
     assurance = FlightAssurance.for_mission(parts, mission)
     if not assurance.guaranteed:
         raise PluginError(
-            f"controller = {parts.controller.name!r}: certifier = None; allowed in a fleet: a function, or no entry, "
-            "for vehicles rely on the certified plans of others"
+            f"controller = {parts.controller.name!r}: certifier = None; allowed in a fleet: a function, or none "
+            "declared, for vehicles rely on the certified plans of others"
         )
     planner, tracker = assurance.around(parts.with_planner_faults(raw, streams), tracker)
     stored = _stored(name, planner, mission)

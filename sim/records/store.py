@@ -150,6 +150,8 @@ class Store:
         path = Path(path)
         with _opening(path):
             found = path.exists()
+            if path.is_symlink() and not found:
+                raise StoreError(f"{path}: a link to a file that does not exist; allowed: a store, or a new file")
             made = [folder for folder in path.parents if not folder.exists()]
         try:
             with _opening(path):

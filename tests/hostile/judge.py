@@ -154,7 +154,8 @@ def _faults(
             yield "error of more than 3,000 characters"
     if odd := {char for char in error if unicodedata.category(char) in ("Cc", "Cs") and char not in "\n\t"}:
         yield f"control characters on standard error: {sorted(odd)!r}"
-    if "work/" + MARKER in after and not case.runs_code:
+    named = any(word.startswith("evil_module:") for word in case.words)
+    if "work/" + MARKER in after and not (case.runs_code or named):
         yield "code was run"
     changed = sorted({path for path in {*before, *after} if before.get(path) != after.get(path)} - {"work/" + MARKER})
     if code == "0" and not changed and _makes(case.words):

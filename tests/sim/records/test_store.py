@@ -205,6 +205,10 @@ def a_folder(path: Path) -> None:
     path.mkdir()
 
 
+def a_link_to_nothing(path: Path) -> None:
+    path.symlink_to("elsewhere.db")
+
+
 @pytest.mark.parametrize(
     ("make", "expected"),
     [
@@ -215,6 +219,7 @@ def a_folder(path: Path) -> None:
         (of_another_key, r"trial b'\xff'"),
         (cut_off, "malformed"),
         (a_folder, "unable to open"),
+        (a_link_to_nothing, "a link to a file that does not exist"),
     ],
 )
 def test_what_is_no_store_is_refused_and_left_alone(path: Path, make: Callable[[Path], None], expected: str) -> None:

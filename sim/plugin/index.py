@@ -237,9 +237,14 @@ def _first_line(doc: str) -> str:
     return doc.strip().partition("\n")[0]
 
 
+def module_of(point: EntryPoint) -> str:
+    """Return the name of the module of a plug-in, also where its place is not "package.module:Class"."""
+    return point.value.partition(":")[0].strip()
+
+
 def _key(kind: str, point: EntryPoint) -> str:
     """Return the key of a plug-in, with the file of its package, which may be another one in another folder."""
-    spec = PathFinder.find_spec(point.module.partition(".")[0], [*sys.path, ""])
+    spec = PathFinder.find_spec(module_of(point).partition(".")[0], [*sys.path, ""])
     file = spec and (spec.origin or spec.submodule_search_locations)
     return f"{kind} {point.name} {point.value} {home(point)} {file}"
 

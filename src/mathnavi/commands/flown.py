@@ -19,7 +19,7 @@ from mathnavi.commands.known import OPTIONS
 from mathnavi.commands.wrapping import wrapped
 from mathnavi.interfaces.bounds import Seed, configuration
 from mathnavi.sim.plugin.groups import KINDS, PREFIXES
-from mathnavi.sim.plugin.index import COMMAND, Description, Index, Point
+from mathnavi.sim.plugin.index import COMMAND, Description, Index, Point, module_of
 from mathnavi.sim.plugin.registry import called, names, point_of
 
 USAGE = """usage: mathnavi {0} SCENARIO [OPTIONS]
@@ -103,7 +103,7 @@ def _line(
 
 
 def _described(index: Index, points: Sequence[Point], imported: bool) -> list[Description]:
-    if not (index.holds(*points) or (imported and all(point.module in sys.modules for _, point in points))):
+    if not (index.holds(*points) or (imported and all(module_of(point) in sys.modules for _, point in points))):
         raise LookupError(points)
     found = index.describe(*points, apart=False)
     if not all(each.checked for each in found):

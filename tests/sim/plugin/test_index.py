@@ -195,6 +195,14 @@ def test_one_name_in_two_folders_is_two_plugins(tmp_path: Path, monkeypatch: pyt
         assert described.first_line == line
 
 
+@pytest.mark.parametrize("place", ["mine:", ":Mine", "a:b:c", "a-b:c", ":"])
+def test_a_place_that_names_no_class_is_described_by_its_error(place: str) -> None:
+    point = (COMMAND, EntryPoint(place, place, ""))
+    nothing = Index({}, {})
+    assert not nothing.holds(point)
+    assert nothing.describe(point)[0].error
+
+
 def test_a_plugin_that_cannot_be_imported_is_tried_again(wanted: Describe, package: Path) -> None:
     (package / "base.py").rename(package / "elsewhere.py")
     assert wanted().error == "No module named 'strange_package.base'"

@@ -66,8 +66,9 @@ bench: .venv/.benchmarked
 gallery: .venv/.installed opengl
 	.venv/bin/python -m mathnavi.renders.gallery $(ARGS)
 
-# Everything is built anew: pages of a build that was cut short would pass for whole ones.
+# Everything is built anew: pages of modules that are gone, or of a build that was cut short, would pass for whole ones.
 docs: .venv/.developed
+	rm -rf $(DOCS) docs/reference/api
 	.venv/bin/sphinx-build --fresh-env --write-all --fail-on-warning --keep-going docs $(DOCS)
 	.venv/bin/python docs/check_links.py $(DOCS)
 	@echo "$(CURDIR)/$(DOCS)/index.html"

@@ -24,8 +24,8 @@ from sphinx.application import Sphinx
 from sphinx.builders.html import StandaloneHTMLBuilder
 
 from mathnavi.commands import cli, opengl
-from mathnavi.commands.completion import OWN
 from mathnavi.commands.flown import CommonOptions
+from mathnavi.commands.known import OPTIONS
 from mathnavi.interfaces.bounds import declared
 from mathnavi.interfaces.field_table import Field, Form, leaves_of
 from mathnavi.sim.plugin.groups import GROUPS
@@ -44,8 +44,8 @@ def commands() -> str:
         parts.append(f"## mathnavi {name}\n\n{purpose[0].upper()}{purpose[1:]}.\n\n{_fence(usage)}")
         for action in dict.fromkeys(re.findall(rf"^(?:usage:)? *mathnavi {name} ([a-z]\w*) ", usage, re.MULTILINE)):
             parts.append(f"### mathnavi {name} {action}\n\n{_fence(_printed(name, action, '--help'))}")
-        if name in OWN and "--help " not in usage.partition("options")[2]:  # else the help has shown them
-            parts.append(table(EntryPoint(name, OWN[name][0], "").load()))
+        if name in OPTIONS and "--help " not in usage.partition("options")[2]:  # else the help has shown them
+            parts.append(table(EntryPoint(name, OPTIONS[name], "").load()))
     return "\n\n".join(parts)
 
 

@@ -169,7 +169,7 @@ class Mark:
 
 @dataclass(frozen=True, eq=False)
 class Framed:
-    """What fills a part of a picture, of whatever shape that picture is."""
+    """Points that fill a part of a picture, whatever its shape."""
 
     points: Array  # (m, 3) [m]
     box: Box  # of the picture

@@ -40,7 +40,7 @@ class Section:
     fields: Sequence[FieldDescription]
     prefix: str = ""
     heading: str | None = None
-    """in the help, if there is a prefix"""
+    """heading in the help, if there is a prefix"""
 
     @cached_property
     def flags(self) -> dict[str, bool]:

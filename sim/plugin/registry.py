@@ -251,9 +251,9 @@ def _at(kind: str, place: str) -> Any:
         found = getattr(module, "__file__", None) or name
         own = [each for each, value in vars(module).items() if isinstance(value, type) and value.__module__ == name]
         built = [each for each in own if hasattr(getattr(module, each), "build")]
-        raise PluginError(
-            f"{kind}: {place!r} cannot be imported: {found} has no {attribute}; {allowed_for(attribute, built)}"
-        )
+        allowed = allowed_for(attribute, built) if built else f"allowed: {_PLACE}"
+        wrong = f"{found} has no {attribute}" if attribute else "it names no class"
+        raise PluginError(f"{kind}: {place!r} cannot be imported: {wrong}; {allowed}")
     return getattr(module, attribute)
 
 

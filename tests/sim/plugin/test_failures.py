@@ -179,6 +179,7 @@ def test_a_place_without_a_plugin_says_what_is_there(
     Path("needing.py").write_text("import nothing_of_that_name", encoding="utf-8")
     said = {
         "stairs:Mien": f"{tmp_path / 'stairs.py'} has no Mien; did you mean Mine? allowed: Mine",
+        "os.path:": "it names no class; allowed: package.module:Class",
         "stairs.py:Mine": "no module 'stairs.py' in the present folder, and none is installed; allowed: "
         "package.module:Class (the module of stairs.py is stairs)",
         "../stairs:Mine": "'../stairs' is not the name of a module; allowed: package.module:Class, from the folder",

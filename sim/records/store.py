@@ -51,6 +51,12 @@ TABLES = {
     "trials": ("key", "scenario", "seed", "code", "status", "success", "parameters", "summary", "error"),
     "timings": ("key", "figure", "value"),
 }
+LATER_TABLES = {  # made with the first job, and with the first result that has an origin
+    "jobs": ("key", "function", "arguments", "seed", "code", "status", "result", "arrays", "error"),
+    "job_timings": ("key", "figure", "value"),
+    "environments": ("digest", "description"),
+    "origins": ("key", "content", "environment"),
+}
 CREATE = f"""
 CREATE TABLE trials (
     key TEXT PRIMARY KEY,
@@ -343,9 +349,9 @@ class Store:
                 "SELECT type, name FROM sqlite_master WHERE type NOT IN ('table', 'index')"
             ).fetchall():
                 raise StoreError(f"{self.path}: it has a {others[0][0]} {others[0][1]}; allowed: tables alone")
-            for table, columns in TABLES.items():
+            for table, columns in (TABLES | LATER_TABLES).items():
                 found = tuple(row[1] for row in self._connection.execute(f"PRAGMA table_info({table})"))
-                if found != columns:
+                if found != columns and (found or table in TABLES):
                     raise StoreError(
                         f"{self.path}: its table {table} has the columns {', '.join(found) or 'of no table'}; "
                         f"allowed: {', '.join(columns)}"

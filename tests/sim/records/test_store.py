@@ -188,6 +188,11 @@ def of_other_columns(path: Path) -> None:
     foreign(path, "ALTER TABLE trials RENAME COLUMN status TO state")
 
 
+def of_other_jobs(path: Path) -> None:
+    Store.open(path).close()
+    foreign(path, "CREATE TABLE jobs (a)")
+
+
 def of_another_key(path: Path) -> None:
     with Store.open(path) as store:
         store.add(record("a"), record("b"))
@@ -216,6 +221,7 @@ def a_link_to_nothing(path: Path) -> None:
         (of_something_else, "another kind"),
         (of_another_schema, f"schema {SCHEMA + 1}; allowed: schema {SCHEMA}"),
         (of_other_columns, "its table trials has the columns"),
+        (of_other_jobs, "its table jobs has the columns a; allowed: key, function"),
         (of_another_key, r"trial b'\xff'"),
         (cut_off, "malformed"),
         (a_folder, "unable to open"),

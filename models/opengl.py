@@ -15,61 +15,67 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
-HOW_TO_INSTALL = (
-    "found no OpenGL that draws without a screen: install OSMesa (Debian, Ubuntu: apt-get install libosmesa6) "
-    "or EGL (apt-get install libegl1 libopengl0), or set MUJOCO_GL"
-)
-# For each backend, in order of preference, the libraries it needs, with those that may stand for each other in a row:
-# soname, then the name find_library knows it by.
-LIBRARIES = {
-    "osmesa": ((("libOSMesa.so.8", "OSMesa"),),),
-    "egl": ((("libEGL.so.1", "EGL"),), (("libOpenGL.so.0", "OpenGL"), ("libGL.so.1", "GL"))),
-}
+EGL_PACKAGES = "Debian, Ubuntu: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
+HOW_TO_INSTALL = f"install EGL ({EGL_PACKAGES}), or OSMesa where there is a package of it (libosmesa6)"
+PREFERRED = ("osmesa", "egl")  # backends that draw without a screen, in order of preference
+REMEDIES = {
+    "osmesa": "allowed: OSMesa installed (Debian 12, Ubuntu: apt-get install libosmesa6), or MUJOCO_GL unset",
+    "egl": f"allowed: EGL with a driver ({EGL_PACKAGES}), or MUJOCO_GL unset",
+    "glfw": "allowed: a desktop, or MUJOCO_GL=egl or osmesa, which draw without one",
+}  # for a backend that MUJOCO_GL names and that does not draw
 SWITCHED_OFF = ("disable", "disabled", "off", "false", "0")  # values by which MUJOCO_GL forbids rendering
-
 WINDOWED = ("glfw", "glx", "enable", "enabled", "on", "true", "1")  # values by which MuJoCo draws with GLFW
-
-LOADS = """
-import ctypes, ctypes.util, sys
-for name in (sys.argv[1], ctypes.util.find_library(sys.argv[2])):
-    try:
-        sys.exit(name is None or ctypes.CDLL(name) is None)
-    except OSError:
-        pass
-sys.exit(1)
-"""
+PROBE = Path(__file__).with_name("opengl_probe.py")
 
 
 class NoOpenGLError(RuntimeError):
-    """Error for missing OpenGL; the message says how to install it."""
+    """Error where nothing can be drawn; the message says why, and what to do."""
 
 
 def available() -> str | None:
-    """Return the backend that will draw, "osmesa", "egl" or MUJOCO_GL's; None if there is none (``HOW_TO_INSTALL``)."""
+    """Return the backend that will draw, as ``backend`` does; None where that raises."""
+    try:
+        return backend()
+    except NoOpenGLError:
+        return None
+
+
+def backend() -> str:
+    """Return the backend that will draw: that of MUJOCO_GL, else "osmesa" or "egl".
+
+    Another process tries whether it makes a context. Raises NoOpenGLError if none does, and where MUJOCO_GL switches
+    drawing off.
+    """
     chosen = os.environ.get("MUJOCO_GL", "").strip().lower()
-    if chosen:
-        return None if chosen in SWITCHED_OFF else chosen
-    return next(
-        (
-            backend
-            for backend, needed in LIBRARIES.items()
-            if all(any(_loads(*names) for names in alternatives) for alternatives in needed)
-        ),
-        None,
-    )
+    if chosen in SWITCHED_OFF:
+        raise NoOpenGLError(f"MUJOCO_GL = {chosen} switches drawing off; allowed: MUJOCO_GL unset, to draw")
+    if not chosen:
+        faults = []
+        for name in PREFERRED:
+            fault = _fault(name)
+            if not fault:
+                return name
+            faults.append(", ".join(fault.splitlines()))
+        raise NoOpenGLError(f"found no OpenGL that draws without a screen ({'; '.join(faults)}): {HOW_TO_INSTALL}")
+    if chosen not in (*PREFERRED, *WINDOWED):
+        raise NoOpenGLError(f"MUJOCO_GL = {chosen}; allowed: {', '.join((*PREFERRED, *WINDOWED, *SWITCHED_OFF))}")
+    name = chosen if chosen in PREFERRED else "glfw"
+    reason, _, allowed = _fault(name).partition("\n")
+    if reason:
+        raise NoOpenGLError(f"MUJOCO_GL = {chosen}: {reason}; {allowed or REMEDIES[name]}")
+    return chosen
 
 
 def environment() -> dict[str, str]:
     """Return this process' environment with the backend chosen in it, for a child process that has imported nothing
-    yet.
+    yet; NoOpenGLError as of ``backend``.
     """
-    backend = available()
-    if backend is None:
-        raise NoOpenGLError(HOW_TO_INSTALL)
+    chosen = backend()
     inherited = {name: value for name, value in os.environ.items() if name != "PYOPENGL_PLATFORM"}
-    return inherited | {"MUJOCO_GL": backend}
+    return inherited | {"MUJOCO_GL": chosen}
 
 
 @contextmanager
@@ -100,18 +106,23 @@ def import_mujoco() -> None:
 
 
 def opengl_context(max_width: int, max_height: int) -> Any:
-    """Return MuJoCo's OpenGL context of the available backend; NoOpenGLError if there is none."""
-    backend = available()
-    if backend is None:
-        raise NoOpenGLError(HOW_TO_INSTALL)
-    if backend not in (*LIBRARIES, *WINDOWED):
-        raise NoOpenGLError(f"MUJOCO_GL = {backend}; allowed: {', '.join((*LIBRARIES, *WINDOWED, *SWITCHED_OFF))}")
-    module = importlib.import_module(f"mujoco.{backend if backend in LIBRARIES else 'glfw'}")
+    """Return MuJoCo's OpenGL context of the backend; NoOpenGLError as of ``backend``."""
+    chosen = backend()
+    module = importlib.import_module(f"mujoco.{chosen if chosen in PREFERRED else 'glfw'}")
     return module.GLContext(max_width, max_height)
 
 
+def _fault(name: str) -> str:
+    """Return why a backend does not draw here, and in a second line what is allowed if there is more to say than
+    ``REMEDIES`` does; "" if it draws.
+    """
+    return _tried(name, tuple(sorted(os.environ.items())))  # drivers read many variables
+
+
 @functools.cache
-def _loads(soname: str, name: str) -> bool:
-    """True if a library can be loaded, which a child process tries."""
-    command = [sys.executable, "-I", "-S", "-c", LOADS, soname, name]
-    return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False).returncode == 0
+def _tried(name: str, variables: tuple[tuple[str, str], ...]) -> str:
+    done = subprocess.run(
+        [sys.executable, "-I", "-S", str(PROBE), name, *filter(None, sys.path)],
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, env=dict(variables), check=False,
+    )  # fmt: skip
+    return done.stdout.strip() if done.returncode == 0 else f"trying it ended with exit code {done.returncode}"

@@ -2,7 +2,7 @@
 page.
 
 Every report has a headline, figures of merit, summary, figures, events and configuration; a drawing fills them
-(``run_page``). It contains pictures of the scene if OpenGL is available, else one line that says how to install it.
+(``run_page``). It contains pictures of the scene if OpenGL is available, else one line that says why not.
 """
 
 from __future__ import annotations
@@ -112,12 +112,11 @@ def event_figures(run: ReportedRun, duration: float, of_all: str = "") -> list[D
 
 def still_block(directory: Path, camera: str, t: float, alt: str, caption: str) -> Markup:
     """A picture of the run at time ``t`` [s]."""
-    if opengl.available() is None:
-        return page.paragraph(f"No picture of the scene: {opengl.HOW_TO_INSTALL}.")
     with tempfile.TemporaryDirectory() as scratch:
         try:
+            opengl.backend()  # raises before the run is read for nothing
             still = write_still(directory, camera, Path(scratch) / f"{camera}.png", t=t)
-        except DrawingFailedError as error:
+        except (opengl.NoOpenGLError, DrawingFailedError) as error:
             return page.paragraph(f"No picture of the scene: {error}.")
         return page.picture_block(still, alt, caption)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes.util
 import gc
 import importlib
 import os
@@ -15,12 +14,12 @@ from functools import partial
 import pytest
 from hypothesis import settings
 
+from mathnavi.models import opengl
+
 pytest_plugins = ["tests.small_missions"]
 
 if sys.platform == "linux" and not os.environ.get("MUJOCO_GL"):
-    backends = {"osmesa": "OSMesa", "egl": "EGL"}
-    loadable = [backend for backend, library in backends.items() if ctypes.util.find_library(library)]
-    os.environ["MUJOCO_GL"] = loadable[0] if loadable else "disable"
+    os.environ["MUJOCO_GL"] = opengl.available() or "disable"
 importlib.import_module("mujoco")  # a command that flies would import it without OpenGL, and tests draw in this process
 
 # What was started in the background of a script ignores Ctrl-C, and so would every command that a test interrupts.

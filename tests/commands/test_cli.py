@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import runpy
 import shlex
 import subprocess
@@ -23,6 +24,7 @@ from mathnavi.commands.cli import main
 from mathnavi.commands.summary import summary_table
 from mathnavi.commands.terrain import steepest
 from mathnavi.commands.unforeseen import DEVELOPERS
+from mathnavi.models import opengl
 from mathnavi.models.terrain.library import load_terrain, terrain_names
 from mathnavi.sim.plugin.registry import names
 from mathnavi.sim.scenarios.closed_loop import RunData
@@ -186,17 +188,37 @@ def test_a_new_run_takes_the_old_pictures_with_it(mission: Words, tmp_path: Path
     assert (tmp_path / "notes.txt").read_text() == "of an earlier run"
 
 
-def test_without_opengl_a_run_succeeds_and_says_how_to_install_it(
-    flown: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+CANNOT_DRAW = {
+    "nothing installed": ({"MUJOCO_GL": ""}, r"found no OpenGL .*missing; .*apt-get install libegl1 .*libosmesa6"),
+    "no driver": ({"MUJOCO_GL": "egl", "__EGL_VENDOR_LIBRARY_DIRS": os.devnull}, r"MUJOCO_GL = egl: .*; allowed: .*"),
+    "switched off": ({"MUJOCO_GL": "off"}, r"MUJOCO_GL = off switches drawing off; allowed: MUJOCO_GL unset, to draw"),
+    "no display": (
+        {"MUJOCO_GL": "glfw", "DISPLAY": "", "WAYLAND_DISPLAY": ""},
+        r"MUJOCO_GL = glfw: there is no display",
+    ),
+}
+
+
+@pytest.mark.parametrize("variables, said", CANNOT_DRAW.values(), ids=CANNOT_DRAW)
+def test_where_nothing_can_be_drawn_a_run_succeeds_and_says_why_in_one_line(
+    variables: dict[str, str],
+    said: str,
+    flown: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setenv("MUJOCO_GL", "disable")
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    if not variables["MUJOCO_GL"]:
+        monkeypatch.setattr(opengl, "_fault", lambda name: f"{name} is missing")
     assert main(["run", "--from", str(flown), "--out", str(tmp_path), "--video"]) == 0
-    error = capsys.readouterr().err
-    assert len(error.splitlines()) == 1
-    assert "apt-get install libosmesa6" in error
+    (line,) = capsys.readouterr().err.splitlines()
+    assert re.search(f"no video: {said}", line)
     assert not (tmp_path / "video.mp4").exists()
     assert main(["render", str(tmp_path)]) == 1
-    assert "apt-get install libosmesa6" in capsys.readouterr().err
+    (line,) = capsys.readouterr().err.splitlines()
+    assert re.search(f"nothing drawn: {said}", line)
 
 
 @pytest.mark.skipif(os.environ.get("MUJOCO_GL") == "disable", reason="there is nothing to draw with")

@@ -29,7 +29,7 @@ from mathnavi.renders.video import write_video
 from mathnavi.sim.plugin.trust import is_trusted
 
 SCRIPT = Path(__file__).with_name("draw_and_leave_out.py")
-needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
+needs_opengl = pytest.mark.skipif(opengl.available() is None, reason="no OpenGL makes a context here")
 draw_apart = video.draw  # by processes of their own, as for a user
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from mathnavi.models.opengl import NoOpenGLError, environment
+from mathnavi.renders import snapshots
 from mathnavi.renders.snapshots import Snapshots
 from mathnavi.renders.stage import View
 from mathnavi.sim.engine.plant import MujocoPlant
@@ -60,21 +62,24 @@ def test_the_process_that_draws_sees_what_mujoco_would_draw_here(scenario: str) 
     camera.lookat[:], camera.distance, camera.azimuth, camera.elevation = view.lookat, view.distance, 35.0, -18.0
     option.geomgroup[:] = [1, 1, 1, 0, 0, 0]
     here.update_scene(plant.data, camera, option)
-    snapshots = Snapshots(160, 120)
+    begun = Snapshots(160, 120)
     try:
-        np.testing.assert_array_equal(snapshots.draw(plant.model, plant.data, view), here.render())
+        np.testing.assert_array_equal(begun.draw(plant.model, plant.data, view), here.render())
     finally:
-        snapshots.close()
+        begun.close()
         here.close()
 
 
 def test_a_process_that_cannot_draw_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "quantum")
-    snapshots = Snapshots(16, 16)
+    with pytest.raises(NoOpenGLError, match=r"MUJOCO_GL = quantum; allowed: osmesa, egl, glfw"):
+        Snapshots(16, 16)
+    monkeypatch.setattr(snapshots, "environment", lambda: {**os.environ, "MUJOCO_GL": "quantum"})
+    begun = Snapshots(16, 16)
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
     with pytest.raises(NoOpenGLError, match=r"MUJOCO_GL: quantum; allowed: MUJOCO_GL=osmesa or egl"):
-        snapshots.draw(model, mujoco.MjData(model), View(np.zeros(3), 1.0, 0.0, 0.0))
-    snapshots.close()
+        begun.draw(model, mujoco.MjData(model), View(np.zeros(3), 1.0, 0.0, 0.0))
+    begun.close()
 
 
 def test_a_mode_that_is_none_is_refused_and_without_one_nothing_is_drawn() -> None:

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 
 import mathnavi as mn
 from mathnavi.commands.cli import main
-from mathnavi.models import opengl
 from mathnavi.renders.run_figure import signals_figure
 from mathnavi.sim.records.store import Store
+from tests.renders.drawn import needs_opengl
 
 FLIGHT = {"terrain": "jacksboro", "start": (3000, 4000, 900), "target": (6000, 7000, 1000)}
 BRIEF = {"duration": 0.6, "settled": 0.3}
@@ -90,7 +90,7 @@ def test_a_run_without_a_figure_of_its_own_shows_its_signals(flight: mn.RunResul
     assert [axes.get_title(loc="left") for axes in figure.axes][:2] == ["truth.x", "command.u"]
 
 
-@pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
+@needs_opengl
 def test_a_video_and_a_report_are_written(flight: mn.RunResult, tmp_path: Path) -> None:
     video = flight.video(tmp_path / "a.mp4", "overview", width=64, height=48, fps=1)
     assert video.read_bytes()[4:8] == b"ftyp"

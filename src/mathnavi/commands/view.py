@@ -5,8 +5,6 @@ The viewer shows it in real time, repeatedly until it is closed.
 
 from __future__ import annotations
 
-import os
-import sys
 import time
 from collections.abc import Callable, Sequence
 from itertools import pairwise
@@ -24,6 +22,7 @@ from mathnavi.commands.run import build
 from mathnavi.commands.served_address import Port, address_of, check_address
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.field_table import Positional
+from mathnavi.models.opengl_probe import glfw_fault
 from mathnavi.sim.engine.scene_record import RecordedMotion
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_state_names
@@ -107,19 +106,8 @@ def read_replay(folder: Path) -> RecordedMotion:
 
 def check_display() -> None:
     """Raise BadInputError if no window can be opened; MuJoCo's viewer would wait for it forever."""
-    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise BadInputError(f"view: there is no display, DISPLAY is not set; {NO_DISPLAY}")
-    import glfw
-
-    glfw.ERROR_REPORTING = "ignore"
-    where = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform
-    if not glfw.init():
-        raise BadInputError(f"view: the display {where!r} cannot be opened; {NO_DISPLAY}")
-    glfw.window_hint(glfw.VISIBLE, glfw.FALSE)
-    window = glfw.create_window(64, 64, "", None, None)
-    glfw.terminate()
-    if not window:
-        raise BadInputError(f"view: the display {where!r} has no OpenGL; {NO_DISPLAY}")
+    if fault := glfw_fault():
+        raise BadInputError(f"view: {fault}; {NO_DISPLAY}")
 
 
 def play(replay: RecordedMotion, viewer: Any, speed: float, clock: Callable[[], float] = time.perf_counter) -> None:

@@ -1,9 +1,10 @@
 """Backend for trials and jobs on a Dask cluster: the same child processes, one for every thread of its workers.
 
-The workers need the same version of mathnavi, and the files that tasks name under the same names; a worker with others
-refuses, and so does one in another computing environment unless environments are mixed. A worker that dies costs
-only time: Dask runs its tasks elsewhere, and only a task that has killed several workers is recorded as crashed.
-When a sweep ends, the child processes that run no task end too.
+The workers need the same version of mathnavi, and the files that tasks name under the same names, and unless
+environments are mixed the same computing environment. Workers that differ are left out, by a line of the log that says
+how; only where none matches the sweep ends. Workers are looked for all the time, so that one that joins has its share,
+and one that dies costs only time: its tasks run elsewhere, and only a task that has killed several workers is recorded
+as crashed. When a sweep ends, the child processes that run no task end too.
 """
 
 from __future__ import annotations
@@ -11,10 +12,12 @@ from __future__ import annotations
 import asyncio
 import importlib
 import logging
+import math
 import os
 import sys
 import threading
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
@@ -23,15 +26,23 @@ from typing import Any
 
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.sim.records.computing_environment import difference, environment
-from mathnavi.sim.sweep.child import OtherEnvironmentError, RefusedError, Worker, module_path
+from mathnavi.sim.sweep.child import RefusedError, Worker, module_path
+from mathnavi.sim.sweep.distribution import Distribution
 from mathnavi.sim.sweep.task import Ended, Message, SweepTask
 
 PATIENCE = 5.0  # [s] for the scheduler to answer
+SURVEY = 1.0  # [s] between two looks for workers
+RETURN = 30.0  # [s] for the last worker that matched to be started again, where others are left
+MOST_NAMED = 3  # of the workers that differ in the same way
+OTHER_ENVIRONMENT = "another computing environment"
 HOW_TO_INSTALL = "a cluster needs the extra `cluster`: pip install -e '.[cluster]'"
 _ALLOWED = (
     "allowed: the address of a Dask scheduler that answers, tcp://HOST:8786, or tls://HOST:8786 with the certificates "
     "that Dask is configured with"
 )
+
+
+_log = logging.getLogger(__name__)
 
 
 class LostError(RuntimeError):
@@ -63,7 +74,7 @@ async def _kind(address: str, distributed: Any) -> str:
 
 
 class DaskCluster:
-    """Backend with a client, and the futures of the tasks that have not ended."""
+    """Backend with a client, the workers that match and those that do not, and the tasks that have not ended."""
 
     def __init__(self, address: str, mix_environments: bool = False) -> None:
         self._address = address
@@ -71,19 +82,32 @@ class DaskCluster:
         check(address)
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # LostError says what it would say
         self._client = _dask().Client(address, timeout=PATIENCE, set_as_default=False)
-        self._futures: list[Any] = []
-        self._stopped = False
+        self._guard = threading.RLock()
+        self._tasks: Mapping[str, SweepTask] = {}
+        self._distribution = Distribution(())
+        self._futures: dict[str, Any] = {}  # of the tasks that workers hold
+        self._others: dict[str, str] = {}  # workers that do not match, and what differs
+        self._left_at = -math.inf  # [s] when a worker that matches was last seen to be gone
+        self._run: Callable[..., Ended] = execute
+        self._report: Callable[[Message], None] = lambda _: None
+        self._stopping = threading.Event()
+        self._watch = threading.Thread(target=self._look_again, daemon=True)
 
     def start(self, tasks: Mapping[str, SweepTask], timeout: float | None, report: Callable[[Message], None]) -> None:
-        run = partial(execute, timeout=timeout, folder=os.getcwd(), path=own_path(), needed=self._environment)
-        self._futures = self._client.map(run, list(tasks.values()), list(tasks), pure=False)
-        for (content, task), future in zip(tasks.items(), self._futures, strict=True):
-            future.add_done_callback(partial(self._ended, task, content, report))
+        with self._guard:
+            self._run = partial(execute, timeout=timeout, folder=os.getcwd(), path=own_path(), needed=self._environment)
+            self._tasks, self._report = tasks, report
+            before, self._distribution = self._distribution, Distribution(tasks)
+            for worker in before.workers:
+                self._distribution.join(worker, 0)  # until it is seen again
+        self._look()
+        if not self._watch.is_alive():
+            self._watch.start()
 
     def stop(self) -> None:
-        if self._stopped:
+        if self._stopping.is_set():
             return
-        self._stopped = True
+        self._stopping.set()
         closing = threading.Thread(target=self._close, daemon=True)  # a cluster that is gone does not answer
         closing.start()
         closing.join(PATIENCE)
@@ -91,25 +115,134 @@ class DaskCluster:
 
     def _close(self) -> None:
         with suppress(Exception):  # the cluster may be gone
-            self._client.cancel(self._futures)
+            with self._guard:
+                futures = list(self._futures.values())
+            self._client.cancel(futures)
             self._client.run(close_idle_workers, on_error="ignore")
 
-    def _ended(self, task: SweepTask, content: str, report: Callable[[Message], None], future: Any) -> None:
-        if self._stopped:
-            return
+    def _look_again(self) -> None:
+        while not self._stopping.wait(SURVEY):
+            if not self._distribution.done:
+                self._look()
+
+    def _look(self) -> None:
+        """Give tasks to the workers that have joined, and those of workers that are gone to others."""
         try:
-            report(future.result())
-            future.release()
-        except _dask().KilledWorker:
-            report(
-                task.record(content, "crashed", error="several workers of the cluster died while they ran this task")
+            present = self._client.scheduler_info()["workers"]
+            with self._guard:
+                known = {*self._distribution.workers, *self._others}
+            differences = self._differences([worker for worker in present if worker not in known])
+        except Exception as error:
+            self._report(self._lost(error))
+            return
+        with self._guard:
+            for worker in known - present.keys():
+                if self._others.pop(worker, None) is None:
+                    self._left_at = time.monotonic()
+                self._take_back(worker, died=True)
+            for worker in (known | differences.keys()) & present.keys():
+                if not differences.get(worker) and worker not in self._others:
+                    running = present[worker]["status"] == "running"  # and not paused, or about to leave
+                    self._distribution.join(worker, present[worker]["nthreads"] if running else 0)
+            self._leave_out(
+                {w: differing for w, differing in differences.items() if differing and w not in self._others}
             )
-        except OtherEnvironmentError as error:
-            report(error)
-        except RefusedError as error:
-            report(RefusedError(f"{error}; after a change of the sources, restart the workers of the cluster"))
-        except BaseException as error:
-            report(LostError(f"the cluster at {self._address}: {type(error).__name__}: {error}"))
+        self._give()
+
+    def _differences(self, workers: Sequence[str]) -> dict[str, str]:
+        """Return by worker what keeps it from taking part, "" if nothing; those that do not answer are not in it."""
+        if not workers:
+            return {}
+        found = {}
+        for worker, answer in self._client.run(described, workers=workers, on_error="return").items():
+            if isinstance(answer, Mapping):
+                other = difference(answer) if self._environment else ""
+                found[worker] = f"{OTHER_ENVIRONMENT}, {other}" if other else ""
+            elif not isinstance(answer, OSError):  # as of one that has just left
+                found[worker] = f"mathnavi does not run there, {type(answer).__name__}: {answer}"
+        return found
+
+    def _leave_out(self, others: Mapping[str, str]) -> None:
+        """Name workers that do not match, and end the sweep where no others are left, or come back."""
+        self._others.update(others)
+        for worker in others:
+            self._take_back(worker, died=False)
+        if self._others and not self._distribution.workers and time.monotonic() - self._left_at > RETURN:
+            self._report(_no_worker(self._others))
+        elif others:
+            _log.warning("the cluster at %s: left out %s", self._address, _listed(others))
+
+    def _give(self) -> None:
+        """Submit waiting tasks to workers that have room for them."""
+        with self._guard:
+            if self._stopping.is_set():
+                return
+            for content, worker in self._distribution.assign():
+                future = self._client.submit(
+                    self._run, self._tasks[content], content, workers=[worker], allow_other_workers=False, pure=False
+                )
+                self._futures[content] = future
+                future.add_done_callback(partial(self._ended, content, worker))
+
+    def _take_back(self, worker: str, *, died: bool) -> None:
+        back, fatal = self._distribution.take_back(worker, died=died)
+        futures = [self._futures.pop(content) for content in (*back, *fatal) if content in self._futures]
+        self._client.cancel(futures)
+        for content in fatal:
+            self._report(self._killed(content))
+
+    def _ended(self, content: str, worker: str, future: Any) -> None:
+        with self._guard:
+            if self._stopping.is_set() or self._futures.get(content) is not future:  # another worker has the task
+                return
+            try:
+                message: Message = future.result()
+            except RefusedError as error:
+                self._leave_out({worker: str(error).removeprefix("a worker has ")})
+                message = None
+            except _dask().KilledWorker:
+                message = self._killed(content)
+            except BaseException as error:
+                message = self._lost(error)
+            if message is not None:
+                self._futures.pop(content).release()
+                self._distribution.end(worker, content)
+                self._report(message)
+        self._give()
+
+    def _killed(self, content: str) -> Ended:
+        error = "several workers of the cluster died while they ran this task"
+        record: Ended = self._tasks[content].record(content, "crashed", error=error)
+        return record
+
+    def _lost(self, error: BaseException) -> LostError:
+        return LostError(f"the cluster at {self._address}: {type(error).__name__}: {error}")
+
+
+def _listed(others: Mapping[str, str]) -> str:
+    """Return workers and what differs, those that differ in the same way together."""
+    alike: dict[str, list[str]] = {}
+    for worker, differing in others.items():
+        alike.setdefault(differing, []).append(worker)
+    parts = []
+    for differing, workers in alike.items():
+        more = f" and {len(workers) - MOST_NAMED} more" if len(workers) > MOST_NAMED else ""
+        parts.append(f"{', '.join(workers[:MOST_NAMED])}{more} ({differing})")
+    return "; ".join(parts)
+
+
+def _no_worker(others: Mapping[str, str]) -> RefusedError:
+    """Return the error for a cluster of workers that all differ."""
+    environments = [differing.startswith(OTHER_ENVIRONMENT) for differing in others.values()]
+    allowed = ["the same environment, or --mix-environments"] if any(environments) else []
+    if not all(environments):
+        allowed.append("the same sources and files: after a change of the sources, restart the workers of the cluster")
+    return RefusedError(f"no worker of the cluster matches: {_listed(others)}; allowed: {'; '.join(allowed)}")
+
+
+def described() -> dict[str, str]:
+    """Return the computing environment of the process that calls it, a Dask worker."""
+    return dict(environment())
 
 
 def own_path() -> list[str]:
@@ -136,10 +269,11 @@ def execute(
 ) -> Ended:
     """Run a task in a child process of this Dask worker, from the client's folder if it is there too.
 
-    Raises OtherEnvironmentError if the computing environment is not the ``needed`` one, if given.
+    Raises RefusedError if the computing environment is not the ``needed`` one, if given: the worker was started again
+    since it was asked.
     """
     if needed and (other := difference(needed)):
-        raise OtherEnvironmentError.from_difference(other.replace("(here", "(there"))
+        raise RefusedError(f"a worker has {OTHER_ENVIRONMENT}, {other.replace('(here', '(there')}")
     known = module_path()
     place = (folder if os.path.isdir(folder) else None, (*known, *(entry for entry in path if entry not in known)))
     dask_worker = _dask().get_worker()

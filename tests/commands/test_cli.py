@@ -199,7 +199,7 @@ CANNOT_DRAW = {
 }
 
 
-@pytest.mark.parametrize("variables, said", CANNOT_DRAW.values(), ids=CANNOT_DRAW)
+@pytest.mark.parametrize(("variables", "said"), CANNOT_DRAW.values(), ids=CANNOT_DRAW)
 def test_where_nothing_can_be_drawn_a_run_succeeds_and_says_why_in_one_line(
     variables: dict[str, str],
     said: str,

@@ -1,4 +1,4 @@
-"""The user's choice of backend stands if it draws; without one OSMesa comes before EGL, and what does not draw says so."""
+"""The user's choice of backend stands; without one OSMesa comes before EGL; what does not draw says why."""
 
 from __future__ import annotations
 

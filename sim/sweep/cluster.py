@@ -45,6 +45,14 @@ _ALLOWED = (
 _log = logging.getLogger(__name__)
 
 
+class RefusingWorkerError(RuntimeError):
+    """Refusal of a worker to run a task; the arguments are its address and what differs there."""
+
+    def __init__(self, worker: str, differing: str) -> None:
+        super().__init__(worker, differing)
+        self.worker, self.differing = worker, differing
+
+
 class LostError(RuntimeError):
     """Loss of the cluster, or of its ability to run tasks."""
 
@@ -97,9 +105,8 @@ class DaskCluster:
         with self._guard:
             self._run = partial(execute, timeout=timeout, folder=os.getcwd(), path=own_path(), needed=self._environment)
             self._tasks, self._report = tasks, report
-            before, self._distribution = self._distribution, Distribution(tasks)
-            for worker in before.workers:
-                self._distribution.join(worker, 0)  # until it is seen again
+            self._distribution = Distribution(tasks)  # whose workers are asked again: others may have their addresses
+            self._others.clear()
         self._look()
         if not self._watch.is_alive():
             self._watch.start()
@@ -139,14 +146,11 @@ class DaskCluster:
             for worker in known - present.keys():
                 if self._others.pop(worker, None) is None:
                     self._left_at = time.monotonic()
-                self._take_back(worker, died=True)
-            for worker in (known | differences.keys()) & present.keys():
-                if not differences.get(worker) and worker not in self._others:
-                    running = present[worker]["status"] == "running"  # and not paused, or about to leave
-                    self._distribution.join(worker, present[worker]["nthreads"] if running else 0)
-            self._leave_out(
-                {w: differing for w, differing in differences.items() if differing and w not in self._others}
-            )
+                    self._leave(worker)
+            for worker, differing in differences.items():
+                if not differing:
+                    self._distribution.join(worker, present[worker]["nthreads"])
+            self._leave_out({worker: differing for worker, differing in differences.items() if differing})
         self._give()
 
     def _differences(self, workers: Sequence[str]) -> dict[str, str]:
@@ -166,7 +170,7 @@ class DaskCluster:
         """Name workers that do not match, and end the sweep where no others are left, or come back."""
         self._others.update(others)
         for worker in others:
-            self._take_back(worker, died=False)
+            self._leave(worker)
         if self._others and not self._distribution.workers and time.monotonic() - self._left_at > RETURN:
             self._report(_no_worker(self._others))
         elif others:
@@ -177,36 +181,38 @@ class DaskCluster:
         with self._guard:
             if self._stopping.is_set():
                 return
-            for content, worker in self._distribution.assign():
+            for content, workers in self._distribution.give():
                 future = self._client.submit(
-                    self._run, self._tasks[content], content, workers=[worker], allow_other_workers=False, pure=False
+                    self._run, self._tasks[content], content, workers=workers, allow_other_workers=False, pure=False
                 )
                 self._futures[content] = future
-                future.add_done_callback(partial(self._ended, content, worker))
+                future.add_done_callback(partial(self._ended, content))
 
-    def _take_back(self, worker: str, *, died: bool) -> None:
-        back, fatal = self._distribution.take_back(worker, died=died)
-        futures = [self._futures.pop(content) for content in (*back, *fatal) if content in self._futures]
-        self._client.cancel(futures)
+    def _leave(self, worker: str) -> None:
+        back, fatal = self._distribution.leave(worker)
+        self._client.cancel([self._futures.pop(content) for content in (*back, *fatal)])
         for content in fatal:
             self._report(self._killed(content))
 
-    def _ended(self, content: str, worker: str, future: Any) -> None:
+    def _ended(self, content: str, future: Any) -> None:
         with self._guard:
-            if self._stopping.is_set() or self._futures.get(content) is not future:  # another worker has the task
+            if self._stopping.is_set() or self._futures.get(content) is not future:  # it was given out anew
                 return
+            self._futures.pop(content)
             try:
                 message: Message = future.result()
-            except RefusedError as error:
-                self._leave_out({worker: str(error).removeprefix("a worker has ")})
+            except RefusingWorkerError as error:
+                self._distribution.take_back(content)
+                if error.worker not in self._others:
+                    self._leave_out({error.worker: error.differing})
                 message = None
             except _dask().KilledWorker:
                 message = self._killed(content)
             except BaseException as error:
                 message = self._lost(error)
+            future.release()
             if message is not None:
-                self._futures.pop(content).release()
-                self._distribution.end(worker, content)
+                self._distribution.end(content)
                 self._report(message)
         self._give()
 
@@ -269,14 +275,14 @@ def execute(
 ) -> Ended:
     """Run a task in a child process of this Dask worker, from the client's folder if it is there too.
 
-    Raises RefusedError if the computing environment is not the ``needed`` one, if given: the worker was started again
-    since it was asked.
+    Raises RefusingWorkerError if its code or its files are not those of the task, or if the computing environment is
+    not the ``needed`` one, if given: the worker was started again since it was asked.
     """
+    dask_worker = _dask().get_worker()
     if needed and (other := difference(needed)):
-        raise RefusedError(f"a worker has {OTHER_ENVIRONMENT}, {other.replace('(here', '(there')}")
+        raise RefusingWorkerError(dask_worker.address, f"{OTHER_ENVIRONMENT}, {other.replace('(here', '(there')}")
     known = module_path()
     place = (folder if os.path.isdir(folder) else None, (*known, *(entry for entry in path if entry not in known)))
-    dask_worker = _dask().get_worker()
     running = dask_worker.get_current_task()
 
     def cancelled() -> bool:  # by the client, or because the client is gone
@@ -286,6 +292,8 @@ def execute(
     worker = _taken(place)
     try:
         return worker.run(task, content, timeout, cancelled)
+    except RefusedError as error:
+        raise RefusingWorkerError(dask_worker.address, str(error).removeprefix("a worker has ")) from error
     finally:
         with _guard:
             _idle.append((place, worker))

@@ -1,7 +1,7 @@
-"""Distribution of tasks over workers that join, leave and refuse: which task is where, and where the next one goes.
+"""Distribution of tasks over the workers of a cluster, which join and leave: which tasks wait, and which are given out.
 
-A task waits, or is with one worker. Each worker holds no more than runs at once and as many again, so that it never
-waits for the next one, and one that joins soon has its share.
+A task is given to all workers that are there; the scheduler decides which of them runs it. No more are given out than
+run at once and as many again: so no worker waits for the next one, and one that joins soon has its share.
 """
 
 from __future__ import annotations
@@ -10,59 +10,59 @@ from collections import Counter, deque
 from collections.abc import Iterable
 
 AHEAD = 2  # tasks for each thread of a worker
-MOST_DEATHS = 3  # of workers under one task, as Dask has it
+MOST_DEATHS = 3  # of all workers of a task, as many as Dask allows of single ones
 
 
 class Distribution:
-    """Tasks, by their names, and the workers that hold them, by their addresses."""
+    """Tasks, by their names, and the workers that take part, by their addresses."""
 
     def __init__(self, tasks: Iterable[str]) -> None:
         self._waiting = deque(tasks)
-        self._held: dict[str, set[str]] = {}
-        self._room: dict[str, int] = {}
+        self._given: dict[str, frozenset[str]] = {}  # to which workers
+        self._threads: dict[str, int] = {}  # of each worker
         self._deaths: Counter[str] = Counter()
 
     @property
     def workers(self) -> list[str]:
-        """Addresses of the workers that take tasks."""
-        return list(self._held)
+        """Addresses of the workers that take part."""
+        return list(self._threads)
 
     @property
     def done(self) -> bool:
-        """True if no task waits or is with a worker."""
-        return not self._waiting and not any(self._held.values())
+        """True if no task waits or is given out."""
+        return not (self._waiting or self._given)
 
     def join(self, worker: str, threads: int) -> None:
-        """Give tasks to a worker from now on, or to one whose number of threads has changed; to none with 0 threads."""
-        self._held.setdefault(worker, set())
-        self._room[worker] = AHEAD * threads
+        """Let a worker take part that runs ``threads`` tasks at once."""
+        self._threads[worker] = threads
 
-    def take_back(self, worker: str, *, died: bool) -> tuple[list[str], list[str]]:
-        """Let a worker go; return the tasks that it held: those that wait again, before all others, and, if it
-        ``died``, those under which too many workers have.
+    def leave(self, worker: str) -> tuple[list[str], list[str]]:
+        """Let a worker go; return the tasks of which no worker is left: those that wait again, before all others, and
+        those to which this has happened too often.
         """
-        held = sorted(self._held.pop(worker, ()))
-        self._room.pop(worker, None)
-        if died:
-            self._deaths.update(held)
-        fatal = [task for task in held if self._deaths[task] > MOST_DEATHS]
-        back = [task for task in held if task not in fatal]
-        self._waiting.extendleft(reversed(back))
-        return back, fatal
+        self._threads.pop(worker, None)
+        lost = [task for task, workers in self._given.items() if workers.isdisjoint(self._threads)]
+        self._deaths.update(lost)
+        fatal = [task for task in lost if self._deaths[task] > MOST_DEATHS]
+        for task in lost:
+            if task in fatal:
+                del self._given[task]
+            else:
+                self.take_back(task)
+        return [task for task in lost if task not in fatal], fatal
 
-    def end(self, worker: str, task: str) -> None:
+    def take_back(self, task: str) -> None:
+        """Let a task wait again, before all others."""
+        del self._given[task]
+        self._waiting.appendleft(task)
+
+    def end(self, task: str) -> None:
         """Count a task that has ended no longer."""
-        self._held.get(worker, set()).discard(task)
+        del self._given[task]
 
-    def assign(self) -> list[tuple[str, str]]:
-        """Give waiting tasks to the workers with room, the emptiest first; return the pairs of task and worker."""
-        given = []
-        while self._waiting:
-            free = [worker for worker in self._held if len(self._held[worker]) < self._room[worker]]
-            if not free:
-                break
-            worker = min(free, key=lambda each: len(self._held[each]) / self._room[each])
-            task = self._waiting.popleft()
-            self._held[worker].add(task)
-            given.append((task, worker))
-        return given
+    def give(self) -> list[tuple[str, list[str]]]:
+        """Give out as many waiting tasks as there is room for; return each with its workers."""
+        room = AHEAD * sum(self._threads.values()) - len(self._given)
+        given = [self._waiting.popleft() for _ in range(min(room, len(self._waiting)))]
+        self._given.update(dict.fromkeys(given, frozenset(self._threads)))
+        return [(task, self.workers) for task in given]

@@ -18,6 +18,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from mathnavi.models.opengl_probe import SOFTWARE
+
 EGL_PACKAGES = "Debian, Ubuntu: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
 HOW_TO_INSTALL = f"install EGL ({EGL_PACKAGES}), or OSMesa where there is a package of it (libosmesa6)"
 PREFERRED = ("osmesa", "egl")  # backends that draw without a screen, in order of preference
@@ -69,6 +71,15 @@ def backend() -> str:
     return chosen
 
 
+def draws_by_software() -> bool:
+    """Return True if the backend draws without a graphics card: then a process that has loaded it may fork.
+
+    NoOpenGLError as of ``backend``.
+    """
+    chosen = backend()
+    return chosen in PREFERRED and _tried(chosen)[1] == SOFTWARE
+
+
 def environment() -> dict[str, str]:
     """Return this process' environment with the backend chosen in it, for a child process that has imported nothing
     yet; NoOpenGLError as of ``backend``.
@@ -116,13 +127,19 @@ def _fault(name: str) -> str:
     """Return why a backend does not draw here, and in a second line what is allowed if there is more to say than
     ``REMEDIES`` does; "" if it draws.
     """
-    return _tried(name, tuple(sorted(os.environ.items())))  # drivers read many variables
+    code, said = _tried(name)
+    return "" if code == 0 else said or f"trying it ended with exit code {code}"
+
+
+def _tried(name: str) -> tuple[int, str]:
+    return _tried_with(name, tuple(sorted(os.environ.items())))  # drivers read many variables
 
 
 @functools.cache
-def _tried(name: str, variables: tuple[tuple[str, str], ...]) -> str:
+def _tried_with(name: str, variables: tuple[tuple[str, str], ...]) -> tuple[int, str]:
+    """Return the exit code of a trial, and what it printed."""
     done = subprocess.run(
         [sys.executable, "-I", "-S", str(PROBE), name, *filter(None, sys.path)],
         stdin=subprocess.DEVNULL, capture_output=True, text=True, env=dict(variables), check=False,
     )  # fmt: skip
-    return done.stdout.strip() if done.returncode == 0 else f"trying it ended with exit code {done.returncode}"
+    return done.returncode, done.stdout.strip()

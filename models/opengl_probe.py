@@ -1,8 +1,9 @@
 """Trial of a backend of OpenGL, in a process of its own: ``python -I -S opengl_probe.py BACKEND [PATH ...]``.
 
-It does what MuJoCo does to make a context, and prints why that fails, in a line, and in a second one what is allowed if
-that is not the backend installed; nothing if it works. A library that loads is not enough: EGL's finds no driver where
-none is installed, and a window needs a display.
+It does what MuJoCo does to make a context. If that works, it prints "software" or "hardware", what would draw;
+otherwise it prints why not, in a line, and in a second one what is allowed if that is not the backend installed, and
+ends with exit code 1. A library that loads is not enough: EGL's finds no driver where none is installed, and a window
+needs a display.
 """
 
 from __future__ import annotations
@@ -14,9 +15,11 @@ import sys
 from collections.abc import Callable, Iterable
 from typing import Any
 
+SOFTWARE, HARDWARE = "software", "hardware"
 MOST_DEVICES = 10  # of EGL, as MuJoCo has it
 DEVICE_NUMBER = "MUJOCO_EGL_DEVICE_ID"  # the environment variable that chooses one
 SUCCESS = 0x3000
+EXTENSIONS = 0x3055
 PLATFORM_DEVICE = 0x313F  # EGL_EXT_platform_device
 OPENGL_API = 0x30A2
 # What MuJoCo asks for: 8 bits of each of red, green, blue, alpha, 24 of depth, 8 of stencil; RGB, off screen, OpenGL.
@@ -26,36 +29,45 @@ WANTED = (
 )
 
 
-def osmesa_fault() -> str:
-    """Return why OSMesa does not draw; "" if it does."""
-    return "" if _loaded(("libOSMesa.so.8", "OSMesa")) else "libOSMesa.so.8 is missing"
+class FaultError(Exception):
+    """Reason why a backend does not draw."""
 
 
-def egl_fault() -> str:
-    """Return why EGL makes no context without a screen; "" if it makes one, by the first device that can."""
+def try_osmesa() -> str:
+    """Load OSMesa, which always draws by software."""
+    if _loaded(("libOSMesa.so.8", "OSMesa")) is None:
+        raise FaultError("libOSMesa.so.8 is missing")
+    return SOFTWARE
+
+
+def try_egl() -> str:
+    """Make a context without a screen by the first of EGL's devices that can; return what draws there."""
     egl = _loaded(("libEGL.so.1", "EGL"))
     if egl is None:
-        return "libEGL.so.1 is missing"
+        raise FaultError("libEGL.so.1 is missing")
     if _loaded(("libOpenGL.so.0", "OpenGL"), ("libGL.so.1", "GL")) is None:
-        return "libOpenGL.so.0 is missing"  # EGL alone makes a context, and nothing to draw with in it
+        raise FaultError("libOpenGL.so.0 is missing")  # EGL alone makes a context, and nothing to draw with in it
     egl.eglGetProcAddress.restype = ctypes.c_void_p
-    addresses = [egl.eglGetProcAddress(name) for name in (b"eglQueryDevicesEXT", b"eglGetPlatformDisplayEXT")]
+    names = (b"eglQueryDevicesEXT", b"eglGetPlatformDisplayEXT", b"eglQueryDeviceStringEXT")
+    addresses = [egl.eglGetProcAddress(name) for name in names]
     if not all(addresses):
-        return "libEGL.so.1 lists no devices"
+        raise FaultError("libEGL.so.1 lists no devices")
     pointer, integer = ctypes.c_void_p, ctypes.c_int
     query = ctypes.CFUNCTYPE(integer, integer, pointer, pointer)(addresses[0])
     display_of = ctypes.CFUNCTYPE(pointer, integer, pointer, pointer)(addresses[1])
+    extensions_of = ctypes.CFUNCTYPE(ctypes.c_char_p, pointer, integer)(addresses[2])
     devices, count = (pointer * MOST_DEVICES)(), integer()
     query(MOST_DEVICES, devices, ctypes.byref(count))
     if not count.value:
-        return "EGL has no driver"
+        raise FaultError("EGL has no driver")
     chosen = os.environ.get(DEVICE_NUMBER)
     if chosen is not None and not (chosen.strip().isdecimal() and int(chosen) < count.value):
-        return f"{DEVICE_NUMBER} = {chosen}\nallowed: a whole number from 0 to {count.value - 1}, or unset"
+        raise FaultError(f"{DEVICE_NUMBER} = {chosen}\nallowed: a whole number from 0 to {count.value - 1}, or unset")
     candidates = devices[: count.value] if chosen is None else [devices[int(chosen)]]
-    if any(_makes_context(egl, display_of(PLATFORM_DEVICE, device, None)) for device in candidates):
-        return ""
-    return "no driver of EGL makes a context without a screen"
+    for device in candidates:
+        if _makes_context(egl, display_of(PLATFORM_DEVICE, device, None)):
+            return SOFTWARE if b"software" in (extensions_of(device, EXTENSIONS) or b"") else HARDWARE
+    raise FaultError("no driver of EGL makes a context without a screen")
 
 
 def _makes_context(egl: Any, display: int | None) -> bool:
@@ -76,21 +88,23 @@ def _makes_context(egl: Any, display: int | None) -> bool:
     return bool(context and egl.eglMakeCurrent(display, None, None, context))
 
 
-def glfw_fault() -> str:
-    """Return why GLFW opens no window; "" if it opens one, which is never shown."""
+def try_glfw() -> str:
+    """Open a window, which is never shown; what draws in it is not asked for."""
     names = ("DISPLAY", "WAYLAND_DISPLAY")
     where = next((os.environ[name] for name in names if os.environ.get(name)), None)
     if sys.platform == "linux" and where is None:
-        return "there is no display, DISPLAY is not set"
+        raise FaultError("there is no display, DISPLAY is not set")
     import glfw
 
     glfw.ERROR_REPORTING = "ignore"
     if not glfw.init():
-        return f"the display {where or sys.platform!r} cannot be opened"
+        raise FaultError(f"the display {where or sys.platform!r} cannot be opened")
     glfw.window_hint(glfw.VISIBLE, glfw.FALSE)
     window = glfw.create_window(64, 64, "", None, None)
     glfw.terminate()
-    return "" if window else f"the display {where or sys.platform!r} has no OpenGL"
+    if not window:
+        raise FaultError(f"the display {where or sys.platform!r} has no OpenGL")
+    return HARDWARE
 
 
 def _loaded(*alternatives: tuple[str, str]) -> Any:
@@ -111,15 +125,20 @@ def _names(soname: str, name: str) -> Iterable[str]:
         yield found
 
 
-FAULTS: dict[str, Callable[[], str]] = {"osmesa": osmesa_fault, "egl": egl_fault, "glfw": glfw_fault}
+TRIALS: dict[str, Callable[[], str]] = {"osmesa": try_osmesa, "egl": try_egl, "glfw": try_glfw}
 
 
-def main() -> None:
-    """Print the fault of the backend that the command line names."""
+def main() -> int:
+    """Try the backend that the command line names; return the exit code."""
     _, backend, *path = sys.argv
     sys.path[:] = path or sys.path
-    print(FAULTS[backend]())
+    try:
+        print(TRIALS[backend]())
+    except FaultError as fault:
+        print(fault)
+        return 1
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

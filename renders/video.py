@@ -148,7 +148,7 @@ def draw(directory: Path, frames: Sequence[Frame], width: int, height: int, samp
         "samples": samples,
     }  # fmt: skip
     # What draws with a graphics card must not fork.
-    forks, starts = (count, 1) if environment["MUJOCO_GL"] == "osmesa" else (1, count)
+    forks, starts = (count, 1) if opengl.draws_by_software() else (1, count)
     with ExitStack() as stack:
         crew = [
             stack.enter_context(

@@ -22,7 +22,7 @@ from mathnavi.commands.run import build
 from mathnavi.commands.served_address import Port, address_of, check_address
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.field_table import Positional
-from mathnavi.models.opengl_probe import glfw_fault
+from mathnavi.models.opengl_probe import FaultError, try_glfw
 from mathnavi.sim.engine.scene_record import RecordedMotion
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_state_names
@@ -106,8 +106,10 @@ def read_replay(folder: Path) -> RecordedMotion:
 
 def check_display() -> None:
     """Raise BadInputError if no window can be opened; MuJoCo's viewer would wait for it forever."""
-    if fault := glfw_fault():
-        raise BadInputError(f"view: {fault}; {NO_DISPLAY}")
+    try:
+        try_glfw()
+    except FaultError as fault:
+        raise BadInputError(f"view: {fault}; {NO_DISPLAY}") from None
 
 
 def play(replay: RecordedMotion, viewer: Any, speed: float, clock: Callable[[], float] = time.perf_counter) -> None:

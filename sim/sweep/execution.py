@@ -61,15 +61,15 @@ def run_trials(
     machine, or, with the address of a Dask scheduler for ``cluster``, one for every thread of the cluster's workers;
     with a ``pool``, those of the pool, which stay for the next call.
     Records of another computing environment, with other versions or another kind of processor, agree with those of this
-    one only up to rounding, so they are ignored, and workers of a cluster in another environment are refused. With
+    one only up to rounding, so they are ignored, and workers of a cluster in another environment are left out. With
     ``mix_environments`` both are accepted; ``elsewhere`` counts the stored ones.
     If the sweep ends early, by Ctrl-C too, everything that has ended is in the store; the same call resumes from there.
     A trial that is requested twice runs once. The returned records name files as ``trials`` do, though the store may
     have their content under other names.
 
     Raises ValueError for bad arguments and a cluster that does not answer, StoreWriteError if the store can no longer
-    be written, RefusedError if the sources or a file have changed since the keys were made, and LostError if the
-    cluster is gone.
+    be written, RefusedError if the sources or a file have changed since the keys were made, or if no worker of the
+    cluster matches, and LostError if the cluster is gone.
     """
     asked = contents(trials)
     tasks: dict[str, SweepTask] = dict(zip(asked, trials, strict=True))

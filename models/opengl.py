@@ -24,7 +24,7 @@ EGL_PACKAGES = "Debian, Ubuntu: apt-get install libegl1 libegl-mesa0 libgl1-mesa
 HOW_TO_INSTALL = f"install EGL ({EGL_PACKAGES}), or OSMesa where Mesa is older than 25.1 (libosmesa6)"
 PREFERRED = ("osmesa", "egl")  # backends that draw without a screen, in order of preference
 REMEDIES = {
-    "osmesa": "allowed: OSMesa where Mesa is older than 25.1 (Debian, Ubuntu: apt-get install libosmesa6), or MUJOCO_GL unset",
+    "osmesa": "allowed: OSMesa where Mesa is older than 25.1 (apt-get install libosmesa6), or MUJOCO_GL unset",
     "egl": f"allowed: EGL with a driver ({EGL_PACKAGES}), or MUJOCO_GL unset",
     "glfw": "allowed: a desktop, or MUJOCO_GL=egl or osmesa, which draw without one",
 }  # for a backend that MUJOCO_GL names and that does not draw

@@ -51,7 +51,7 @@ def try_egl() -> str:
     names = (b"eglQueryDevicesEXT", b"eglGetPlatformDisplayEXT", b"eglQueryDeviceStringEXT")
     addresses = [egl.eglGetProcAddress(name) for name in names]
     if not all(addresses):
-        raise FaultError("libEGL.so.1 lists no devices")
+        raise FaultError("EGL has no driver")
     pointer, integer = ctypes.c_void_p, ctypes.c_int
     query = ctypes.CFUNCTYPE(integer, integer, pointer, pointer)(addresses[0])
     display_of = ctypes.CFUNCTYPE(pointer, integer, pointer, pointer)(addresses[1])

@@ -78,6 +78,6 @@ def test_make_installs_from_the_lock_unless_it_is_taken_away() -> None:
     assert "requirements.txt" not in newest
 
 
-@pytest.mark.parametrize("script", ["lock", "newest", "run", "weekly"])
+@pytest.mark.parametrize("script", ["lock", "newest", "opengl", "run", "weekly"])
 def test_the_scripts_of_continuous_integration_are_whole(script: str) -> None:
     subprocess.run(["bash", "-n", str(ROOT / ".ci" / script)], check=True, timeout=60)

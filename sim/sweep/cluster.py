@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.sim.plugin.code_version import code_version
 from mathnavi.sim.records.computing_environment import difference, environment
 from mathnavi.sim.sweep.child import RefusedError, Worker, module_path
 from mathnavi.sim.sweep.distribution import Distribution
@@ -159,9 +160,11 @@ class DaskCluster:
             return {}
         found = {}
         for worker, answer in self._client.run(described, workers=workers, on_error="return").items():
-            if isinstance(answer, Mapping):
-                other = difference(answer) if self._environment else ""
+            if isinstance(answer, tuple):
+                version, other = answer[0], difference(answer[1]) if self._environment else ""
                 found[worker] = f"{OTHER_ENVIRONMENT}, {other}" if other else ""
+                if version != code_version():
+                    found[worker] = f"other sources, mathnavi {version} (here {code_version()})"
             elif not isinstance(answer, OSError):  # as of one that has just left
                 found[worker] = f"mathnavi does not run there, {type(answer).__name__}: {answer}"
         return found
@@ -246,9 +249,9 @@ def _no_worker(others: Mapping[str, str]) -> RefusedError:
     return RefusedError(f"no worker of the cluster matches: {_listed(others)}; allowed: {'; '.join(allowed)}")
 
 
-def described() -> dict[str, str]:
-    """Return the computing environment of the process that calls it, a Dask worker."""
-    return dict(environment())
+def described() -> tuple[str, dict[str, str]]:
+    """Return the version of the code, and the computing environment, of the process that calls it, a Dask worker."""
+    return code_version(), dict(environment())
 
 
 def own_path() -> list[str]:

@@ -18,6 +18,7 @@ from typing import Any
 
 import pytest
 
+from mathnavi.sim.plugin.code_version import code_version
 from mathnavi.sim.records.computing_environment import environment
 from mathnavi.sim.records.store import Store
 from mathnavi.sim.sweep import cluster
@@ -73,7 +74,8 @@ class PlayedClient:
         return {"workers": {each: {"nthreads": 1} for each in self.kinds}}
 
     def run(self, call: Any, workers: Any = None, on_error: str = "") -> dict[str, Any]:
-        return {worker: self.kinds[worker] for worker in workers or ()}
+        kinds = {worker: self.kinds[worker] for worker in workers or ()}
+        return {worker: (code_version(), kind) if isinstance(kind, dict) else kind for worker, kind in kinds.items()}
 
     def submit(self, run: Any, task: Any, content: str, *, workers: list[str], **_: Any) -> PlayedFuture:
         self.futures.append(PlayedFuture(content, workers))
@@ -140,7 +142,8 @@ def test_those_that_match_work_and_the_others_are_named_in_one_line(
     play: Callable[..., Play], caplog: pytest.LogCaptureFixture
 ) -> None:
     kinds: dict[str, Any] = {f"tcp://{k}": FOREIGN for k in range(5)}
-    now = play(kinds | {"tcp://m": HERE, "tcp://bare": ModuleNotFoundError("No module named 'mathnavi'")})
+    kinds |= {"tcp://bare": ModuleNotFoundError("No module named 'mathnavi'"), "tcp://old": ("0.0.1+ab", HERE)}
+    now = play(kinds | {"tcp://m": HERE})
     now.end_all()
     assert len(now.records()) == 9
     assert all(future.workers == ["tcp://m"] for future in now.client.futures)
@@ -149,6 +152,7 @@ def test_those_that_match_work_and_the_others_are_named_in_one_line(
         "left out tcp://0, tcp://1, tcp://2 and 2 more (another computing environment, ",
         f"numba 0.1 (here {HERE['numba']})", "blas OpenBLAS Sandybridge (here ",
         "tcp://bare (mathnavi does not run there, ModuleNotFoundError: No module named 'mathnavi')",
+        f"tcp://old (other sources, mathnavi 0.0.1+ab (here {code_version()}))",
     ):  # fmt: skip
         assert words in line
     now.look()

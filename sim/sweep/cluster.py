@@ -107,7 +107,6 @@ class DaskCluster:
             self._run = partial(execute, timeout=timeout, folder=os.getcwd(), path=own_path(), needed=self._environment)
             self._tasks, self._report = tasks, report
             self._distribution = Distribution(tasks)  # whose workers are asked again: others may have their addresses
-            self._others.clear()
         self._look()
         if not self._watch.is_alive():
             self._watch.start()
@@ -140,19 +139,18 @@ class DaskCluster:
             with self._guard:
                 known = {*self._distribution.workers, *self._others}
             differences = self._differences([worker for worker in present if worker not in known])
+            with self._guard:
+                for worker in known - present.keys():
+                    if self._others.pop(worker, None) is None:
+                        self._left_at = time.monotonic()
+                        self._leave(worker)
+                for worker, differing in differences.items():
+                    if not differing:
+                        self._distribution.join(worker, present[worker]["nthreads"])
+                self._leave_out({worker: differing for worker, differing in differences.items() if differing})
+            self._give()
         except Exception as error:
             self._report(self._lost(error))
-            return
-        with self._guard:
-            for worker in known - present.keys():
-                if self._others.pop(worker, None) is None:
-                    self._left_at = time.monotonic()
-                    self._leave(worker)
-            for worker, differing in differences.items():
-                if not differing:
-                    self._distribution.join(worker, present[worker]["nthreads"])
-            self._leave_out({worker: differing for worker, differing in differences.items() if differing})
-        self._give()
 
     def _differences(self, workers: Sequence[str]) -> dict[str, str]:
         """Return by worker what keeps it from taking part, "" if nothing; those that do not answer are not in it."""
@@ -171,13 +169,14 @@ class DaskCluster:
 
     def _leave_out(self, others: Mapping[str, str]) -> None:
         """Name workers that do not match, and end the sweep where no others are left, or come back."""
-        self._others.update(others)
-        for worker in others:
+        new = {worker: differing for worker, differing in others.items() if worker not in self._others}
+        self._others.update(new)
+        for worker in new:
             self._leave(worker)
         if self._others and not self._distribution.workers and time.monotonic() - self._left_at > RETURN:
             self._report(_no_worker(self._others))
-        elif others:
-            _log.warning("the cluster at %s: left out %s", self._address, _listed(others))
+        elif new:
+            _log.warning("the cluster at %s: left out %s", self._address, _listed(new))
 
     def _give(self) -> None:
         """Submit waiting tasks to workers that have room for them."""
@@ -199,15 +198,15 @@ class DaskCluster:
 
     def _ended(self, content: str, future: Any) -> None:
         with self._guard:
-            if self._stopping.is_set() or self._futures.get(content) is not future:  # it was given out anew
+            given = content in self._futures and self._futures[content] is future
+            if self._stopping.is_set() or not given:  # it has been given out anew
                 return
             self._futures.pop(content)
             try:
                 message: Message = future.result()
             except RefusingWorkerError as error:
                 self._distribution.take_back(content)
-                if error.worker not in self._others:
-                    self._leave_out({error.worker: error.differing})
+                self._leave_out({error.worker: error.differing})
                 message = None
             except _dask().KilledWorker:
                 message = self._killed(content)

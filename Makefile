@@ -14,6 +14,10 @@
 # sources are checked with (test, lint, docs, wheel) comes from the lock, hash by hash; LOCK= takes the newest versions
 # that pyproject.toml allows instead, as fly, gallery and bench do, and as pip does for whoever installs mathnavi.
 
+# Flights, videos and tests start many processes, which are to find each other's byte code whatever the environment says
+# of it.
+export PYTHONDONTWRITEBYTECODE =
+
 FLY_OUT ?= renders/out/fly
 FLY_WAY ?= --start 12000 14000 2924 --target 63000 62000 5258
 FLY_RADAR ?= --radar 36000 39000 10000 10 --radar-time 40
@@ -40,8 +44,6 @@ fly: .venv/.installed opengl
 	    if [ -f "$(FLY_OUT)/$$file" ]; then echo "$(CURDIR)/$(FLY_OUT)/$$file"; fi; \
 	done
 
-# The tests start many processes, which are to find each other's byte code whatever the environment says of it.
-test: export PYTHONDONTWRITEBYTECODE =
 test: .venv/.developed opengl
 	.venv/bin/python -m pytest -n $(WORKERS) $(ARGS)
 
@@ -54,7 +56,6 @@ lint: .venv/.developed
 	.venv/bin/mypy --strict .ci/release.py
 	.venv/bin/lint-imports
 
-check: export PYTHONDONTWRITEBYTECODE =
 check: lint opengl
 	@tests="$$(.venv/bin/python .ci/changed.py $(SINCE))" || exit; \
 	if [ -n "$$tests" ]; then .venv/bin/python -m pytest -q -n $(WORKERS) $(ARGS) $$tests; \

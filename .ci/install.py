@@ -3,9 +3,10 @@
     .venv/bin/python .ci/install.py [--extras NAME,NAME] [--lock FILE]
 
 With a lock: exactly its versions, hash by hash. Without: the newest versions that pyproject.toml allows, while the
-kernels of a flight are compiled; should that fail, the first flight compiles for itself. uv is used if it is available,
-for it takes a fifth of the time, and pip otherwise: both install the same packages. Their output is kept in install.log
-in the environment.
+kernels of a flight are compiled; should that fail, the first flight compiles for itself. Then the byte code is written
+of what a flight, its video and its report import, or every start would translate a thousand modules where the
+environment of a user writes none. uv is used if it is available, for it takes a fifth of the time, and pip otherwise:
+both install the same packages. Their output is kept in install.log in the environment.
 """
 
 from __future__ import annotations
@@ -30,6 +31,12 @@ ROOT = Path(__file__).resolve().parents[1]
 KERNELS = ("mathnavi.controllers.flight.ahead", "mathnavi.models.terrain.kernels")
 NEEDED = ("annotated-types", "numba", "numpy", "scipy")
 """packages that the module of the kernels imports"""
+IMPORTED = (
+    "mathnavi.commands.run", "mathnavi.sim.scenarios.safe_flight", "mathnavi.estimators.full_state",
+    "mathnavi.renders.worker", "mathnavi.renders.flight.report", "mathnavi.renders.flight.scene",
+    "matplotlib.backends.backend_agg", "numba.np.arraymath", "numba.typed", "rich._emoji_codes", "scipy.linalg",
+)  # fmt: skip
+"""modules whose byte code, and that of what they import, is written"""
 UV = "uv>=0.13.9,<0.14"
 MOST_REASONS = 6  # lines
 PAUSE = 4.0  # [s] between two lines of progress
@@ -146,9 +153,19 @@ def reported(process: subprocess.Popen[bytes], progress: Callable[[], str]) -> N
 
 def compiling(claims: str, *options: str) -> subprocess.Popen[bytes]:
     """A process that compiles those kernels of a flight that no other process has claimed."""
+    return _python("-m", "mathnavi.sim.engine.compilation", claims, *KERNELS, *options)
+
+
+def importing() -> subprocess.Popen[bytes]:
+    """A process that writes the byte code of ``IMPORTED``."""
+    return _python("-c", f"import {', '.join(IMPORTED)}")
+
+
+def _python(*words: str) -> subprocess.Popen[bytes]:
+    """A quiet process of this Python, which imports mathnavi from its sources and keeps the byte code."""
     return subprocess.Popen(
-        [sys.executable, "-m", "mathnavi.sim.engine.compilation", claims, *KERNELS, *options],
-        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+        [sys.executable, *words],
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src"), "PYTHONDONTWRITEBYTECODE": ""},
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
 
@@ -166,15 +183,15 @@ def install(extras: str, lock: str) -> None:
         claims = running.enter_context(tempfile.TemporaryDirectory())
         compilers: list[subprocess.Popen[bytes]] = []
 
-        def compile_too(*options: str) -> None:
-            compilers.append(compiling(claims, *options))
-            running.enter_context(ended(compilers[-1]))
+        def meanwhile(process: subprocess.Popen[bytes]) -> subprocess.Popen[bytes]:
+            running.enter_context(ended(process))
+            return process
 
         def run(installer: Installer) -> None:
             for arguments in steps(installer, ROOT / "pyproject.toml", extras, lock):
                 installer.install(arguments, log, in_place)
                 if not lock and not compilers:
-                    compile_too()
+                    compilers.append(meanwhile(compiling(claims)))
 
         uv = with_uv()
         try:
@@ -185,8 +202,10 @@ def install(extras: str, lock: str) -> None:
             print("That did not work; trying again another way", flush=True)
             run(with_pip())
         print(in_place(), flush=True)
+        importer = meanwhile(importing())
         if not lock:
-            compile_too("--first")  # the processors have nothing else to do now
+            compilers.append(meanwhile(compiling(claims, "--first")))  # the processors have nothing else to do now
+        reported(importer, lambda: "Writing byte code")
         for compiler in compilers:
             reported(compiler, lambda: f"Compiling the kernels of a flight: {len(os.listdir(claims))} begun")
 

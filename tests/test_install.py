@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import subprocess
 import sys
@@ -128,7 +129,11 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Installed:
 
         monkeypatch.setattr(install, "with_uv", lambda: None if uv is None else shell("one", uv, True))
         monkeypatch.setattr(install, "with_pip", lambda: shell("other", pip, False))
+        def importing() -> Any:
+            return subprocess.Popen(["sh", "-c", f"echo imported >> {done}"])
+
         monkeypatch.setattr(install, "compiling", compiling)
+        monkeypatch.setattr(install, "importing", importing)
         monkeypatch.setattr(install, "PAUSE", 0.05)
         monkeypatch.setattr(install.sys, "prefix", str(tmp_path))
         code = install.main(argv)
@@ -140,7 +145,8 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Installed:
 def test_the_faster_installer_does_it_where_it_can_and_the_other_else(installed: Installed) -> None:
     code, done = installed("true", "false")
     assert code == 0
-    assert sorted(done) == sorted(["one annotated-types>=0.7,<0.8", "compiled", "one --editable", "compiled --first"])
+    first, second = "one annotated-types>=0.7,<0.8", "one --editable"
+    assert sorted(done) == sorted([first, "compiled", second, "imported", "compiled --first"])
 
 
 def test_without_the_faster_one_the_other_does_it(installed: Installed) -> None:
@@ -158,7 +164,7 @@ def test_where_the_faster_one_fails_the_other_does_it_all(
     code, done = installed("case $1 in --editable) exit 3;; esac", "true")
     assert code == 0
     apart = sys.version_info >= (3, 13)  # dm-control
-    assert [line.split()[0] for line in done if "compiled" not in line] == ["one"] * 2 + ["other"] * (2 + apart)
+    assert [line.split()[0] for line in done if line.startswith(("one", "other"))] == ["one"] * 2 + ["other"] * (2 + apart)
     assert done.count("compiled") == 1
     assert "trying again another way" in capsys.readouterr().out
 
@@ -178,4 +184,17 @@ def test_where_both_fail_the_reason_is_told_and_nothing_more_is_done(
 def test_a_lock_compiles_nothing(installed: Installed) -> None:
     code, done = installed("true", "false", "--lock", "some.txt")
     assert code == 0
-    assert done == ["one --no-deps", "one --no-deps"]
+    assert done == ["one --no-deps", "one --no-deps", "imported"]
+
+
+def test_byte_code_is_written_whatever_the_environment_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    monkeypatch.setenv("PYTHONPYCACHEPREFIX", str(tmp_path))
+    monkeypatch.setattr(install, "IMPORTED", ("mathnavi.interfaces.errors", "this"))
+    assert install.importing().wait() == 0
+    assert {file.name.partition(".")[0] for file in tmp_path.rglob("*.pyc")} >= {"errors", "this"}
+
+
+@pytest.mark.parametrize("module", install.IMPORTED)
+def test_what_byte_code_is_written_of_is_there(module: str) -> None:
+    assert importlib.util.find_spec(module) is not None

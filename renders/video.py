@@ -11,8 +11,8 @@ import os
 import signal
 import subprocess
 import tempfile
-from collections.abc import Generator, Iterable, Sequence
-from contextlib import ExitStack, closing, nullcontext, suppress
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager, nullcontext, suppress
 from dataclasses import astuple
 from pathlib import Path
 from typing import IO, Literal
@@ -65,6 +65,28 @@ def write_video(
     run that is missing or broken, for an unknown camera and for a codec that FFmpeg here does not encode,
     ``opengl.NoOpenGLError`` if OpenGL is not available.
     """
+    with video_begun(
+        run_dir, camera, path=path, width=width, height=height, fps=fps, progress=progress, codec=codec
+    ) as finish:
+        return finish()
+
+
+@contextmanager
+def video_begun(
+    run_dir: str | Path,
+    camera: str = TOUR,
+    *,
+    path: str | Path | None = None,
+    width: int = WIDTH,
+    height: int = HEIGHT,
+    fps: int = FPS,
+    progress: bool = True,
+    codec: Codec = "h264",
+) -> Iterator[Callable[[], Path]]:
+    """Begin the video that ``write_video`` writes, with the same arguments and errors; what is yielded finishes it.
+
+    The processes that draw make the scene in between. They end with the block.
+    """
     _check_codec(codec)
     check_size(width, height)
     if width % 2 or height % 2:
@@ -73,13 +95,14 @@ def write_video(
     directory, drawing = Path(run_dir), drawing_of(run_dir)
     frames = drawing.frames(drawing.load_run(directory), camera, fps)
     target = Path(path) if path is not None else directory / "video.mp4"
-    with (
-        whole_files(target) as (scratch,),
-        closing(draw(directory, frames, width, height, VIDEO_SAMPLES)) as pictures,
-        naming(target),
-    ):
-        _encode(scratch, counted(pictures, "video", len(frames), progress), width, height, fps, codec)
-    return target
+    with closing(draw(directory, frames, width, height, VIDEO_SAMPLES)) as pictures:
+
+        def finish() -> Path:
+            with whole_files(target) as (scratch,), naming(target):
+                _encode(scratch, counted(pictures, "video", len(frames), progress), width, height, fps, codec)
+            return target
+
+        yield finish
 
 
 def counted(pictures: Iterable[Picture], name: str, total: int, shown: bool) -> Generator[Picture]:
@@ -138,7 +161,17 @@ def write_still(
 
 
 def draw(directory: Path, frames: Sequence[Frame], width: int, height: int, samples: int) -> Generator[Picture]:
-    """The pictures (height, width, 3) of the frames, in order; close the iterator to stop the processes that draw."""
+    """The pictures (height, width, 3) of the frames, in order; close the iterator to stop the processes that draw.
+
+    They begin at once, before the first picture is asked for.
+    """
+    pictures = _drawn(directory, frames, width, height, samples)
+    next(pictures)
+    return pictures
+
+
+def _drawn(directory: Path, frames: Sequence[Frame], width: int, height: int, samples: int) -> Generator[Picture]:
+    """An empty picture as soon as the processes that draw have been started, then those of the frames."""
     environment = opengl.environment()
     count = max(1, min(len(os.sched_getaffinity(0)), MOST_WORKERS, len(frames)))
     if count > 1:
@@ -156,6 +189,7 @@ def draw(directory: Path, frames: Sequence[Frame], width: int, height: int, samp
             )
             for k in range(starts)
         ]
+        yield np.empty((0, 0, 3), np.uint8)
         for k in range(len(frames)):
             data = crew[k % starts].read(k // starts % forks, 3 * width * height)
             yield np.frombuffer(data, np.uint8).reshape(height, width, 3)

@@ -129,6 +129,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Installed:
 
         monkeypatch.setattr(install, "with_uv", lambda: None if uv is None else shell("one", uv, True))
         monkeypatch.setattr(install, "with_pip", lambda: shell("other", pip, False))
+
         def importing() -> Any:
             return subprocess.Popen(["sh", "-c", f"echo imported >> {done}"])
 
@@ -164,7 +165,9 @@ def test_where_the_faster_one_fails_the_other_does_it_all(
     code, done = installed("case $1 in --editable) exit 3;; esac", "true")
     assert code == 0
     apart = sys.version_info >= (3, 13)  # dm-control
-    assert [line.split()[0] for line in done if line.startswith(("one", "other"))] == ["one"] * 2 + ["other"] * (2 + apart)
+    assert [line.split()[0] for line in done if line.startswith(("one", "other"))] == ["one"] * 2 + ["other"] * (
+        2 + apart
+    )
     assert done.count("compiled") == 1
     assert "trying again another way" in capsys.readouterr().out
 

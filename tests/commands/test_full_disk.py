@@ -124,7 +124,7 @@ def test_a_run_whose_pictures_find_no_room_is_kept(
     def full(*_: Any, **__: Any) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "run/picture")
 
-    monkeypatch.setattr("mathnavi.renders.video.write_video", full)
+    monkeypatch.setattr("mathnavi.renders.video.video_begun", full)
     monkeypatch.setattr("mathnavi.renders.report.write_report", full)
     folder = tmp_path / "run"
     assert main([*RUN, "--video", "--report", "--out", str(folder)]) == 1

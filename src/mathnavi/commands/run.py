@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -201,27 +201,36 @@ def _drawn(folder: Path) -> set[str]:
 def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
     """Draw the video and the report if requested; return False if one could not be written, to a full disk for example.
 
-    A run without them is still valid, and so is one in which there is nothing to draw.
+    A run without them is still valid, and so is one in which there is nothing to draw. The report is written while
+    other processes make the scene of the video.
     """
-    written = True
-    if options.video:
-        from mathnavi.renders.video import write_video
+    unwritten: list[str] = []
 
+    @contextmanager
+    def told(what: str, *kinds: type[Exception]) -> Iterator[None]:
         try:
-            write_video(folder, progress=True, codec=options.codec or "h264")
-        except (NoOpenGLError, NothingToDrawError, RunFolderError, RuntimeError, OSError) as error:
-            print_error(f"no video: {worded(error)}")
-            written = not isinstance(error, OSError)
-    if options.report:
-        from mathnavi.renders.report import write_report
+            yield
+        except (NothingToDrawError, RunFolderError, OSError, *kinds) as error:
+            print_error(f"no {what}: {worded(error)}")
+            if isinstance(error, OSError):
+                unwritten.append(what)
 
-        try:
-            with _announced(errors, "writing the report"):
+    with ExitStack() as drawing:
+        finish = None
+        if options.video:
+            from mathnavi.renders.video import video_begun
+
+            with told("video", NoOpenGLError, RuntimeError):
+                finish = drawing.enter_context(video_begun(folder, codec=options.codec or "h264"))
+        if options.report:
+            from mathnavi.renders.report import write_report
+
+            with told("report"), _announced(errors, "writing the report"):
                 write_report(folder)
-        except (NothingToDrawError, RunFolderError, OSError) as error:
-            print_error(f"no report: {worded(error)}")
-            written = written and not isinstance(error, OSError)
-    return written
+        if finish is not None:
+            with told("video", NoOpenGLError, RuntimeError):
+                finish()
+    return not unwritten
 
 
 def _announced(errors: Console, what: str) -> AbstractContextManager[object]:

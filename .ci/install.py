@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-KERNELS = ("mathnavi.controllers.flight.ahead", "mathnavi.models.terrain.kernels")
+KERNELS = ("mathnavi.models.terrain.kernels", "mathnavi.controllers.flight.ahead")
 NEEDED = ("annotated-types", "numba", "numpy", "scipy")
 """packages that the module of the kernels imports"""
 IMPORTED = (

@@ -1,7 +1,8 @@
 """The kernels of a flight, compiled before it by two processes that share the work (``sim.engine.compilation``).
 
 The types are those of the arguments that a flight calls a kernel with: for others the compilation would be of no use.
-Kernels that share inner ones are neighbours.
+Kernels that share inner ones are neighbours. Linearisation takes half as long as all others together: one process
+begins with it, the other with the line search at the other end of the list, and they meet among small kernels.
 """
 
 from __future__ import annotations
@@ -25,13 +26,7 @@ PROGRAMME = combined(TWO, ONE, TWO, ONE, ONE)  # QuadraticProgramme
 GROUND = (TWO_READ, float64)
 PLAN = (ONE_READ, TWO_READ, TWO_READ)  # times, states and inputs
 WHOLE = array(1, int64)
-PLANNING: tuple[Signature, ...] = (
-    (linearise, (ONE, DATA, ONE, ONE, PROGRAMME)),
-    (begin, (ONE, DATA, ONE, ONE)),
-    (search, (ONE, float64, float64, ONE, float64, int64, PROGRAMME, DATA, ONE, ONE)),
-    (cost_many, (TWO, THREE, ONE, TWO)),
-    (_settle, (ONE, ONE, ONE, WHOLE, WHOLE, float64, int64, int64, int64)),
-)
+LINEARISING: tuple[Signature, ...] = ((linearise, (ONE, DATA, ONE, ONE, PROGRAMME)),)
 TRACKING: tuple[Signature, ...] = (
     (tracking_command, (*PLAN, float64, float64, ONE, ONE, float64, float64)),
     (_lag_along, (*PLAN, float64, float64, float64, float64, ONE)),
@@ -45,4 +40,10 @@ CERTIFYING: tuple[Signature, ...] = (
     (path_clearance, (*GROUND, TWO, TWO, TWO, ONE)),
     (arc_clearance, (*GROUND, ONE, ONE, ONE, float64)),
 )
-KERNELS = (*PLANNING, *TRACKING, *CERTIFYING)
+SEARCHING: tuple[Signature, ...] = (
+    (_settle, (ONE, ONE, ONE, WHOLE, WHOLE, float64, int64, int64, int64)),
+    (cost_many, (TWO, THREE, ONE, TWO)),
+    (begin, (ONE, DATA, ONE, ONE)),
+    (search, (ONE, float64, float64, ONE, float64, int64, PROGRAMME, DATA, ONE, ONE)),
+)
+KERNELS = (*LINEARISING, *CERTIFYING, *TRACKING, *SEARCHING)

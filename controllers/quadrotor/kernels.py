@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import float64, int64
 
-from mathnavi.controllers.flight.ahead import CERTIFYING, PLAN, PLANNING
+from mathnavi.controllers.flight.ahead import CERTIFYING, LINEARISING, PLAN, SEARCHING
 from mathnavi.interfaces.compiled import Signature, njit
 from mathnavi.interfaces.kernel_types import ONE, ONE_READ, TWO
 from mathnavi.interfaces.signals import Array
@@ -182,4 +182,4 @@ OWN: tuple[Signature, ...] = (
     (arc_at, (ONE_READ, float64)),
     (state_on, (ONE, TWO, TWO, float64)),
 )
-KERNELS = (*PLANNING, *OWN, *CERTIFYING)
+KERNELS = (*LINEARISING, *CERTIFYING, *OWN, *SEARCHING)

@@ -205,9 +205,9 @@ def install(extras: str, lock: str) -> None:
         importer = meanwhile(importing())
         if not lock:
             compilers.append(meanwhile(compiling(claims, "--first")))  # the processors have nothing else to do now
-        reported(importer, lambda: "Writing byte code")
         for compiler in compilers:
             reported(compiler, lambda: f"Compiling the kernels of a flight: {len(os.listdir(claims))} begun")
+        reported(importer, lambda: "Writing byte code")
 
 
 def main(argv: Sequence[str]) -> int:

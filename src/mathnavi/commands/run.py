@@ -205,12 +205,14 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
     other processes make the scene of the video.
     """
     unwritten: list[str] = []
+    of_report = (NothingToDrawError, RunFolderError, OSError)
+    of_video = (*of_report, NoOpenGLError, RuntimeError)
 
     @contextmanager
-    def told(what: str, *kinds: type[Exception]) -> Iterator[None]:
+    def told(what: str, kinds: tuple[type[Exception], ...]) -> Iterator[None]:
         try:
             yield
-        except (NothingToDrawError, RunFolderError, OSError, *kinds) as error:
+        except kinds as error:
             print_error(f"no {what}: {worded(error)}")
             if isinstance(error, OSError):
                 unwritten.append(what)
@@ -220,15 +222,15 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
         if options.video:
             from mathnavi.renders.video import video_begun
 
-            with told("video", NoOpenGLError, RuntimeError):
+            with told("video", of_video):
                 finish = drawing.enter_context(video_begun(folder, codec=options.codec or "h264"))
         if options.report:
             from mathnavi.renders.report import write_report
 
-            with told("report"), _announced(errors, "writing the report"):
+            with told("report", of_report), _announced(errors, "writing the report"):
                 write_report(folder)
         if finish is not None:
-            with told("video", NoOpenGLError, RuntimeError):
+            with told("video", of_video):
                 finish()
     return not unwritten
 

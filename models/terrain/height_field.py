@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mathnavi.interfaces.checks import plain_name
 from mathnavi.interfaces.errors import ArgumentError, FieldError, TerrainError
@@ -24,6 +24,7 @@ from mathnavi.models.terrain.kernels import Booleans, arc_clearance
 
 _LONGEST_TEXT = 1000  # [characters] of a source or a licence
 HIGHEST = 1e6  # [m] above or below sea level: a greater value is not a height
+WALL = 3e4  # [m] height of the ground where none is known
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -43,6 +44,10 @@ class HeightField:
     name: str = "unnamed"
     source: str = ""
     licence: str = ""
+    above: NDArray[np.float32] | None = None
+    """(rows - 1, cols - 1, 2) [m] by which the ground that was surveyed may rise above the triangles of each cell, that
+    south-east of the diagonal first; inf where a void was filled by a guess; None if z is the ground; read-only"""
+    datum: str = ""  # what the heights are measured from, as the file says it; empty if it does not
 
     def __post_init__(self) -> None:
         self._check_texts()
@@ -68,6 +73,18 @@ class HeightField:
         z.setflags(write=False)
         object.__setattr__(self, "z", z)
         object.__setattr__(self, "spacing", spacing)
+        if self.above is not None:
+            object.__setattr__(self, "above", self._checked_above(self.above))
+
+    def _checked_above(self, above: ArrayLike) -> NDArray[np.float32] | None:
+        """``above`` as an array; None if it is zero everywhere."""
+        rises = np.array(above, dtype=np.float32, order="C")
+        shape = (self.z.shape[0] - 1, self.z.shape[1] - 1, 2)
+        if rises.shape != shape or not (rises >= 0.0).all():
+            what = f"has shape {rises.shape}" if rises.shape != shape else "has a value that is no number of at least 0"
+            raise TerrainError(f"terrain {self.name!r}: above {what}; allowed: {shape}, each 0 or more, or inf")
+        rises.setflags(write=False)
+        return rises if rises.any() else None
 
     def _check_texts(self) -> None:
         """Raise TerrainError for a name that cannot be part of a path, and a source or licence of more than a line."""
@@ -75,7 +92,7 @@ class HeightField:
             plain_name(self.name, "name")
         except FieldError as error:
             raise TerrainError(f"terrain: {error}") from None
-        for label in ("source", "licence"):
+        for label in ("source", "licence", "datum"):
             text = getattr(self, label)
             if not (isinstance(text, str) and len(text) <= _LONGEST_TEXT and (text.isprintable() or not text)):
                 raise TerrainError(
@@ -83,9 +100,9 @@ class HeightField:
                     "printable characters"
                 )
 
-    def __reduce__(self) -> tuple[type[HeightField], tuple[Array, float, str, str, str]]:
+    def __reduce__(self) -> tuple[type[HeightField], tuple[object, ...]]:
         # Pickle forgets that an array is read-only; the constructor restores it in the worker.
-        return HeightField, (self.z, self.spacing, self.name, self.source, self.licence)
+        return HeightField, tuple(getattr(self, each.name) for each in fields(self))
 
     def _table(self) -> tuple[str, list[Row]]:
         """Title and rows of the table that represents the terrain."""
@@ -116,7 +133,36 @@ class HeightField:
     def digest(self) -> str:
         """SHA-256 of shape, spacing and heights, in hexadecimal: equal if and only if the ground is."""
         shape_and_spacing = np.array([*self.z.shape, self.spacing], dtype="<f8").tobytes()
-        return hashlib.sha256(shape_and_spacing + self.z.astype("<f8").tobytes()).hexdigest()
+        above = b"" if self.above is None else self.above.astype("<f4").tobytes()
+        return hashlib.sha256(shape_and_spacing + self.z.astype("<f8").tobytes() + above).hexdigest()
+
+    @cached_property
+    def highest(self) -> HeightField:
+        """Ground that what was surveyed is nowhere above: each node raised by the most that ``above`` has around it.
+
+        Where a void was filled it is ``WALL`` [m] high: no height is known there. What relies on the ground, a plan and
+        its certificate, relies on this one; it is the terrain itself if z is the ground.
+        """
+        if self.above is None:
+            return self
+        rise = np.zeros_like(self.z)
+        lower, upper = np.moveaxis(self.above.astype(np.float64), -1, 0)  # triangles south-east and north-west
+        for half, corners in ((lower, ((0, 0), (0, 1), (1, 1))), (upper, ((0, 0), (1, 0), (1, 1)))):
+            for north, east in corners:
+                nodes = rise[north : north + half.shape[0], east : east + half.shape[1]]
+                np.maximum(nodes, half, out=nodes)
+        return replace(self, z=np.where(np.isinf(rise), WALL, self.z + np.where(np.isinf(rise), 0.0, rise)), above=None)
+
+    def filled_cell(self, x: ArrayLike, y: ArrayLike) -> Booleans:
+        """True (...,) where x, y (...,) [m] lie in a cell whose height was filled by a guess."""
+        east, north = np.asarray(x, np.float64), np.asarray(y, np.float64)
+        if self.above is None:
+            return np.zeros(np.broadcast_shapes(east.shape, north.shape), bool)
+        filled = np.isinf(self.above).any(axis=-1)
+        i = np.clip((east / self.spacing).astype(int), 0, filled.shape[1] - 1)
+        j = np.clip((north / self.spacing).astype(int), 0, filled.shape[0] - 1)
+        found: Booleans = filled[j, i]
+        return found
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Height of the ground (...,) [m] at x, y (...,) [m], map frame, any shapes that broadcast; NaN off the map."""
@@ -175,7 +221,8 @@ class HeightField:
         return kernels.sights(self.z, self.spacing, _vector("p", p), _rows("points", points))
 
     def inflated(self, horizontal: float, vertical: float) -> HeightField:
-        """Ground at least ``vertical`` [m] above the highest ground within ``horizontal`` [m] of each point.
+        """Ground at least ``vertical`` [m] above the highest ground, ``above`` included, within ``horizontal`` [m] of each
+        point.
 
         Every node is raised by vertical + horizontal * G, G the steepest triangle in the (2n + 2) x (2n + 2) cells
         around the node, n = ceil(horizontal / spacing), at least 1. The corners of a triangle then agree on the (2n +
@@ -186,7 +233,8 @@ class HeightField:
             raise ArgumentError(f"horizontal is {horizontal} m; allowed: a finite number of at least 0")
         if not (math.isfinite(vertical) and vertical >= 0.0):
             raise ArgumentError(f"vertical is {vertical} m; allowed: a finite number of at least 0")
-        east, north = np.diff(self.z, axis=1), np.diff(self.z, axis=0)
+        ground = self.highest.z
+        east, north = np.diff(ground, axis=1), np.diff(ground, axis=0)
         below_diagonal = np.hypot(east[:-1], north[:, 1:])
         above_diagonal = np.hypot(east[1:], north[:, :-1])
         n = max(1, math.ceil(min(horizontal, max(self.width, self.depth)) / self.spacing))
@@ -196,8 +244,8 @@ class HeightField:
             beyond[axis] = (n + 1, n + 1)  # no cells beyond the border
             padded = np.pad(around_node, beyond)
             around_node = np.lib.stride_tricks.sliding_window_view(padded, 2 * n + 2, axis=axis).max(axis=-1)
-        raised = self.z + vertical + horizontal * around_node
-        return HeightField(raised, self.spacing, self.name, self.source, self.licence)
+        raised = np.minimum(ground + vertical + horizontal * around_node, HIGHEST)  # walls are steep
+        return replace(self, z=raised, above=None)
 
     def _surface(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Height and gradient (..., 3)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Annotated
 
@@ -45,7 +46,7 @@ def with_hills(terrain: HeightField, hills: tuple[Hill, ...]) -> HeightField:
             )
         distance = np.minimum(np.hypot(x - hill.x, y - hill.y) / hill.radius, 1.0)
         z += 0.5 * hill.height * (1.0 + np.cos(np.pi * distance))
-    return HeightField(z, terrain.spacing, terrain.name, terrain.source, terrain.licence)
+    return replace(terrain, z=z)
 
 
 def hills_of(rows: Sequence[Sequence[float]]) -> tuple[Hill, ...]:

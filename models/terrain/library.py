@@ -21,8 +21,10 @@ from mathnavi.interfaces.failures import failures_named
 from mathnavi.interfaces.input_files import InputFile, PluginName
 from mathnavi.interfaces.reading.arrays import read_npz as read_npz_arrays
 from mathnavi.interfaces.reading.files import read_json
-from mathnavi.models.terrain.dem import Raster, height_field, read_npz, read_png, square_grid
+from mathnavi.models.terrain.dem import read_npz, read_png
 from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.raster import Raster
+from mathnavi.models.terrain.resampling import square_grid
 
 GROUP = "mathnavi.terrains"
 DATA = Path(__file__).parent / "data"
@@ -39,7 +41,10 @@ def tian_shan() -> HeightField:
 
 @cache
 def jacksboro() -> HeightField:
-    """The Jacksboro fault in Tennessee: 30 km by 32 km of low ridges at 90 m (data/SOURCES.md)."""
+    """The Jacksboro fault in Tennessee: 30 km by 32 km of low ridges at 90 m (data/SOURCES.md).
+
+    The map is the ground: what it lost when it was brought from 3 arc-seconds to 90 m is no part of it.
+    """
     package = find_spec("matplotlib")  # only its folder: the package itself takes long to import
     assert package is not None
     assert package.origin is not None
@@ -51,7 +56,8 @@ def jacksboro() -> HeightField:
     source = "Shuttle Radar Topography Mission (NASA, NGA), 3 arc-seconds, from matplotlib's jacksboro_fault_dem.npz"
     licence = "public domain"
     raster = Raster("jacksboro", z, degrees_north, degrees_east, latitude, source, licence)
-    return height_field(square_grid(raster, spacing=90.0))
+    grid = square_grid(raster, spacing=90.0)
+    return HeightField(grid.z, grid.spacing, raster.name, source, licence)
 
 
 def terrain_names() -> tuple[str, ...]:

@@ -25,6 +25,8 @@ from mathnavi.models.terrain.library import load_terrain, terrain_names
 USAGE = """usage: mathnavi terrain import FILE --out FILE.npz [--fill]
                                [--crop WEST SOUTH EAST NORTH]
                                [--resample M] [--spacing M] [--scale M]
+                               [--nodata VALUE] [--heights LOW HIGH]
+                               [--void-error M]
        mathnavi terrain show NAME|FILE.npz [--out PNG]
 
 NAME: {}"""
@@ -35,20 +37,27 @@ class TerrainImportOptions:
     """Flags of ``terrain import``: the elevation model to import, and the map to write."""
 
     file: Annotated[Path, Positional("FILE")]
-    """elevation model: .png (16 bit), .hgt, .tif, .tiff or .npz"""
+    """elevation model: .tif, .hgt, .asc, .bil, .flt, .img, .nc, .vrt, one of these in a .zip or .gz, .png (16 bit) or
+    .npz"""
     out: Path
     """map to write, .npz"""
     crop: Annotated[tuple[float, float, float, float] | None, ValueName("WEST SOUTH EAST NORTH")] = None
-    """rectangle to keep: in degrees for an .hgt or a GeoTIFF in degrees, in metres of the projection for another
-    GeoTIFF, in metres from the south-west corner for .png and .npz"""
+    """rectangle to keep: in degrees for a file in degrees, in metres of the projection for another one, in metres from
+    the south-west corner for .png and .npz"""
     fill: bool = False
     """whether to fill voids from the heights around them, at most 100 nodes away"""
     resample: float | None = None
-    """distance between the nodes of the map [m], bilinear; that of the file if not given"""
+    """distance between the nodes of the map [m], bilinear; the smaller step of the file if not given"""
     spacing: float | None = None
     """distance between the pixels of a .png [m], which does not contain it"""
     scale: float | None = None
-    """height of one unit [m]; needed for a .png"""
+    """height of one unit [m]; needed for a .png, and where a file does not say which unit its heights have"""
+    nodata: float | None = None
+    """value in the file that stands for a void, beside the one that the file states"""
+    heights: Annotated[tuple[float, float] | None, ValueName("LOW HIGH")] = None
+    """range of the heights that are ground [m]; -500 to 9000 on Earth if not given"""
+    void_error: float | None = None
+    """height that the ground may have above what is filled [m]; a plan over filled ground is not certified without"""
 
 
 @dataclass(frozen=True)
@@ -86,6 +95,9 @@ def _import(argv: Sequence[str]) -> None:
                 crop=options.crop,
                 fill=options.fill,
                 resample=options.resample,
+                nodata=options.nodata,
+                heights=options.heights,
+                void_error=options.void_error,
             )
     except BadInputError as error:
         raise BadInputError(with_flag(str(error), [*flags(TerrainImportOptions)])) from error
@@ -126,11 +138,25 @@ def statistics(terrain: HeightField) -> str:
         "size": f"{terrain.width / 1e3:.3g} km east, {terrain.depth / 1e3:.3g} km north",
         "heights": f"{terrain.z.min():.1f} to {terrain.z.max():.1f} m",
         "steepest": f"{steepest(terrain):.1f} degrees, of any triangle",
+        **_lost(terrain),
+        "datum": terrain.datum or "not stated; of ellipsoid and geoid one is up to 100 m above the other",
         "source": terrain.source or "not stated",
         "licence": terrain.licence or "not stated",
         "digest": terrain.digest,
     }
     return "\n".join(f"{name:10}{value}" for name, value in lines.items())
+
+
+def _lost(terrain: HeightField) -> dict[str, str]:
+    """Return what is said of the ground that the map's triangles do not reach."""
+    if terrain.above is None:
+        return {}
+    known = terrain.above[np.isfinite(terrain.above)]
+    cells = int(np.isinf(terrain.above).any(axis=-1).sum())
+    said = {"above": f"up to {float(known.max(initial=0.0)):.1f} m, by which the file may rise above the map"}
+    if cells:
+        said["filled"] = f"{cells} cells, over which no plan is certified (--void-error M says how far they may be off)"
+    return said
 
 
 def steepest(terrain: HeightField) -> float:

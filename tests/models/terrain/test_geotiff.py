@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from rasterio.transform import Affine, from_origin
 from rasterio.warp import transform
 
-from mathnavi.models.terrain.dem import metres_per_degree
 from mathnavi.models.terrain.dem_import import import_dem
+from mathnavi.models.terrain.ellipsoid import WGS84 as ELLIPSOID
 from mathnavi.models.terrain.height_field import HeightField
 
 UTM, FEET, WEB_MERCATOR, WGS84 = "EPSG:32644", "EPSG:2263", "EPSG:3857", "EPSG:4326"
@@ -54,7 +54,7 @@ def ground(longitude: Any, latitude: Any) -> Any:
 
 def check_ground(terrain: HeightField, tolerance: float) -> None:
     """Slope of the map along its axes: that of ``ground`` in metres."""
-    north, east = metres_per_degree(42.44)
+    north, east = ELLIPSOID.metres_per_degree(42.44)
     rise_north, rise_east = np.diff(terrain.z, axis=0).mean(), np.diff(terrain.z, axis=1).mean()
     assert rise_north == pytest.approx(9000.0 / north * terrain.spacing, rel=tolerance)
     assert rise_east == pytest.approx(4000.0 / east * terrain.spacing, rel=tolerance)
@@ -79,7 +79,7 @@ def test_a_projected_picture_is_taken_as_it_is(
 def test_a_projected_picture_is_resampled_to_the_distance_asked_for(tmp_path: Path) -> None:
     plane = np.add.outer(3.0 * np.arange(11.0), 5.0 * np.arange(21.0)).astype(np.float32)  # per 30 m north, 15 m east
     path = save(tmp_path / "a.tiff", plane[::-1], place=from_origin(5e5, 4.7e6, 15.0, 30.0))
-    assert import_dem(path, tmp_path / "out.npz").z.shape == (11, 11)
+    assert import_dem(path, tmp_path / "out.npz").z.shape == (21, 21)  # its smaller step
     terrain = import_dem(path, tmp_path / "out.npz", resample=20.0)
     assert (terrain.width, terrain.depth) == (300.0, 300.0)
     assert float(terrain.height(140.0, 100.0)) == pytest.approx(3.0 * 100.0 / 30.0 + 5.0 * 140.0 / 15.0, abs=1e-4)
@@ -91,9 +91,9 @@ def test_a_geographic_picture_is_brought_to_metres(tmp_path: Path) -> None:
         tmp_path / "a.tif", np.zeros((61, 61), np.int16), WGS84, from_origin(80.0, 42.5 + 30.5 * step, step, step)
     )
     terrain = import_dem(path, tmp_path / "out.npz")
-    north, east = metres_per_degree(42.5)
-    assert terrain.spacing == pytest.approx(step * north, rel=1e-9)
-    assert terrain.width == pytest.approx(60 * step * east, abs=terrain.spacing)
+    north, east = ELLIPSOID.metres_per_degree(42.5)
+    assert terrain.spacing == pytest.approx(step * east, rel=1e-9)
+    assert terrain.depth == pytest.approx(60 * step * north, abs=terrain.spacing)
 
 
 @pytest.mark.parametrize("crs", [UTM, WGS84])
@@ -126,23 +126,43 @@ def test_a_projection_that_stretches_lengths_is_undone(tmp_path: Path) -> None:
     (x,), (y,) = transform(WGS84, WEB_MERCATOR, [81.0], [42.45])
     place = from_origin(x, y, 40.0, 40.0)  # 40 m of Web Mercator are 30 m of ground here
     path = save(tmp_path / "a.tif", sampled(WEB_MERCATOR, place, (80, 90)), WEB_MERCATOR, place)
-    terrain = import_dem(path, tmp_path / "out.npz", fill=True)
+    terrain = import_dem(path, tmp_path / "out.npz")
     assert terrain.spacing == pytest.approx(40.0 * math.cos(math.radians(42.45)), rel=5e-3)
     check_ground(terrain, 5e-3)
 
 
 def test_a_projection_in_feet_is_brought_to_metres(tmp_path: Path, heights: NDArray[np.float64]) -> None:
     place = from_origin(980_000.0, 200_000.0, 100.0, 100.0)  # New York
-    terrain = import_dem(save(tmp_path / "a.tif", heights[::-1], FEET, place), tmp_path / "out.npz")
+    path = save(tmp_path / "a.tif", heights[::-1], FEET, place)
+    with pytest.raises(ValueError, match=r"scale is missing; no unit .* --scale 0\.3048006096 .* --scale 1 for metres"):
+        import_dem(path, tmp_path / "out.npz")
+    terrain = import_dem(path, tmp_path / "out.npz", scale=1.0)
     assert terrain.spacing == pytest.approx(30.48006, rel=1e-6)
 
 
-def test_heights_in_another_unit_need_a_scale(tmp_path: Path, heights: NDArray[np.float64]) -> None:
-    path = save(tmp_path / "a.tif", heights[::-1], units="ft")
-    with pytest.raises(ValueError, match="scale is missing; heights are in 'ft'"):
+FOOT, US_FOOT = 0.3048, 1200.0 / 3937.0
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [
+        *((name, FOOT) for name in ("foot", "ft", "feet", "Feet")),
+        *((name, US_FOOT) for name in ("US survey foot", "sfoot", "ftUS", "us-ft", "US survey feet", "US_survey_foot")),
+        *(("metre", 1.0), ("m", 1.0), ("meters", 1.0), ("cm", 0.01), ("dm", 0.1)),
+    ],
+)
+def test_heights_in_another_unit_are_converted(
+    tmp_path: Path, heights: NDArray[np.float64], unit: str, factor: float
+) -> None:
+    path = save(tmp_path / "a.tif", heights[::-1], units=unit)
+    np.testing.assert_allclose(import_dem(path, tmp_path / "out.npz").z, factor * heights, rtol=1e-6)
+    np.testing.assert_array_equal(import_dem(path, tmp_path / "out.npz", scale=0.5).z, 0.5 * heights)
+
+
+def test_heights_in_an_unknown_unit_need_a_scale(tmp_path: Path, heights: NDArray[np.float64]) -> None:
+    path = save(tmp_path / "a.tif", heights[::-1], units="furlong")
+    with pytest.raises(ValueError, match=r"scale is missing; heights are in 'furlong': .* 0\.3048 for a foot"):
         import_dem(path, tmp_path / "out.npz")
-    terrain = import_dem(path, tmp_path / "out.npz", scale=0.5)
-    np.testing.assert_array_equal(terrain.z, 0.5 * heights)
 
 
 def test_the_scale_and_offset_that_a_band_states_are_applied(tmp_path: Path, heights: NDArray[np.float64]) -> None:

@@ -1,0 +1,248 @@
+"""Raster files of heights, read by GDAL: one band, in any coordinate system that lies on the ground.
+
+Rows and columns are turned to north and east. A picture that is north-up and true to scale is read unchanged. A
+rotated one lies on a north-up grid of its own coordinate system; one whose projection stretches lengths by more than
+1 % (Web Mercator stretches them by 1 / cos(latitude)) on a grid in degrees. There the place of each node in the picture
+is found, and its height read between four pixels, once.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mathnavi.interfaces.errors import TerrainError
+from mathnavi.interfaces.signals import Array
+from mathnavi.models.terrain.ellipsoid import DEGREE, EARTH, Ellipsoid
+from mathnavi.models.terrain.packed_files import MOST_BYTES, check_files, check_virtual, unpacked
+from mathnavi.models.terrain.placement import corners_of, located, true_to_scale
+from mathnavi.models.terrain.raster import Box, Raster, cropped, within
+from mathnavi.models.terrain.vertical import Heights, heights_of, parts_of
+from mathnavi.models.terrain.voids import GROUND, check_ground
+
+FORMATS = {
+    ".tif": "GTiff",
+    ".tiff": "GTiff",
+    ".hgt": "SRTMHGT",
+    ".asc": "AAIGrid",
+    ".bil": "EHdr",
+    ".flt": "EHdr",
+    ".img": "HFA",
+    ".nc": "netCDF",
+    ".vrt": "VRT",
+}
+"""GDAL's driver by the ending of a file"""
+TILES = ((1201, 1201), (3601, 3601), (3601, 1801))  # nodes north and east of an SRTM tile
+MOST_READ = 2**27  # heights, of the part of a file that is read
+UNSTATED_VOID = -32768  # where 16-bit heights state no void: SRTM's
+FARTHEST = (1e8, 1e8)  # [m] of any projection's coordinates east and north
+FARTHEST_DEGREES = (720.0, 90.5)  # of longitude; of latitude, where the outermost nodes of a tile may be the poles
+
+
+def read_raster(
+    path: Path,
+    crop: Box | None = None,
+    scale: float | None = None,
+    nodata: float | None = None,
+    heights: tuple[float, float] | None = None,
+) -> Raster:
+    """Read the heights of a file, or of the part within ``crop``; the file may lie in a ``.zip`` or be a ``.gz``.
+
+    ``crop`` (west, south, east, north): [degrees], or [m] of a projection. ``scale`` [m per unit] of the heights,
+    needed where the file does not say which unit they have. ``nodata``: a value that stands for a void, beside that
+    which the file states. ``heights`` [m]: range of heights that are ground. Raises TerrainError for a file that is
+    damaged, has no place on the ground, or has heights that no ground has.
+    """
+    import rasterio
+    from rasterio.errors import RasterioError, RasterioIOError
+
+    with unpacked(path, tuple(FORMATS)) as file:
+        _check_before(file)
+        try:
+            # It warns of a missing place, which is an error below. Pictures may name files, and none is fetched.
+            with (
+                warnings.catch_warnings(action="ignore"),
+                rasterio.Env(GDAL_VRT_ENABLE_PYTHON="NO", GDAL_HTTP_MAX_RETRY=0, CPL_DEBUG=False),
+                rasterio.open(file, driver=FORMATS[file.suffix.lower()]) as dataset,
+            ):
+                check_files(file, dataset.files)
+                return _Reader(dataset, path, file, scale, nodata, heights).raster(crop)
+        except RasterioIOError as error:  # its cause says more than itself
+            raise TerrainError(f"{path}: not a readable {_kind(file)} ({_line(error.__cause__ or error)})") from None
+        except RasterioError as error:
+            raise TerrainError(f"{path}: not a readable {_kind(file)} ({_line(error)})") from None
+
+
+def _check_before(file: Path) -> None:
+    """Raise TerrainError for a file that GDAL would not recognise, or follow to others."""
+    if file.suffix.lower() == ".vrt":
+        check_virtual(file)
+    if file.suffix.lower() == ".hgt":
+        if re.match(r"[NS]\d{2}[EW]\d{3}", file.stem, re.IGNORECASE) is None:
+            raise TerrainError(f"{file}: the name must state the south-west corner, as N42E080.hgt does")
+        size = file.stat().st_size
+        if size not in {2 * rows * columns for rows, columns in TILES}:
+            allowed = ", ".join(f"{2 * rows * columns} ({rows} x {columns})" for rows, columns in TILES)
+            raise TerrainError(f"{file}: {size} bytes are not a whole tile; allowed: {allowed}")
+
+
+def _kind(file: Path) -> str:
+    return "GeoTIFF" if file.suffix.lower() in (".tif", ".tiff") else f"{file.suffix} file"
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(str(error).split())[:300]
+
+
+def ellipsoid_of(crs: Mapping[str, Any], where: str) -> Ellipsoid:
+    """Ellipsoid of a coordinate system in PROJJSON; TerrainError if it states none, or angles to its centre."""
+    across = parts_of(crs)[0]
+    base = across.get("base_crs", across)
+    datum = base.get("datum") or base.get("datum_ensemble") or {}
+    stated = datum.get("ellipsoid", {})
+    major = stated.get("radius", stated.get("semi_major_axis"))
+    if isinstance(major, Mapping):
+        major = major["value"] * major["unit"]["conversion_factor"]
+    if not major:
+        raise TerrainError(f"{where}: its coordinate system {base.get('name', 'unnamed')!r} states no ellipsoid")
+    if "semi_minor_axis" in stated:
+        squared = 1.0 - (stated["semi_minor_axis"] / major) ** 2
+    else:
+        flattening = 1.0 / stated["inverse_flattening"] if stated.get("inverse_flattening") else 0.0
+        squared = flattening * (2.0 - flattening)
+    if squared and base.get("coordinate_system", {}).get("subtype") == "spherical":
+        raise TerrainError(f"{where}: planetocentric latitudes on an ellipsoid; allowed: planetographic ones")
+    return Ellipsoid(str(stated.get("name", "unnamed")), float(major), float(squared))
+
+
+class _Reader:
+    """One open file."""
+
+    def __init__(
+        self,
+        dataset: Any,
+        path: Path,
+        file: Path,
+        scale: float | None,
+        nodata: float | None,
+        heights: tuple[float, float] | None,
+    ) -> None:
+        self._dataset, self._path, self._nodata, self._allowed = dataset, path, nodata, heights
+        self._name = file.stem.partition(".")[0]
+        self._check_bands()
+        self._crs = self._projection()
+        system = self._crs.to_dict(projjson=True)
+        self._ellipsoid = ellipsoid_of(system, str(path))
+        unit = str(dataset.units[0] or "")
+        self._heights = heights_of(unit, system, scale, str(path))
+        if file.suffix.lower() == ".hgt" and not self._heights.datum:
+            self._heights = Heights(self._heights.metres, "geoid (EGM96, as of all SRTM tiles)", self._heights.taken)
+        degrees = self._crs.is_geographic and math.isclose(self._crs.units_factor[1], DEGREE, rel_tol=1e-9)
+        self._kept = degrees or (self._crs.is_projected and true_to_scale(dataset, self._ellipsoid))
+        self._degrees = degrees or not self._kept  # of the grid
+
+    def _check_bands(self) -> None:
+        dataset, path = self._dataset, self._path
+        names = [each.name for each in dataset.colorinterp]
+        if dataset.count != 1 and not (dataset.count == 2 and names[1] == "alpha"):
+            more = f", {len(dataset.subdatasets)} variables" if dataset.subdatasets else ""
+            raise TerrainError(f"{path}: {dataset.count} bands{more}; allowed: one, the heights")
+        kind = np.dtype(dataset.dtypes[0])
+        if kind.kind not in "fiu":
+            raise TerrainError(f"{path}: heights of the type {dataset.dtypes[0]}; allowed: real numbers")
+        block = math.prod(dataset.block_shapes[0]) * kind.itemsize
+        if block > MOST_BYTES:
+            raise TerrainError(f"{path}: it expands to more than {MOST_BYTES // 2**30} GB; allowed: up to that")
+
+    def _projection(self) -> Any:
+        """The coordinate system; TerrainError unless the picture lies on the ground."""
+        dataset, crs, transform = self._dataset, self._dataset.crs, self._dataset.transform
+        if crs is None or not (crs.is_geographic or crs.is_projected):
+            raise TerrainError(
+                f"{self._path}: no coordinate system on the ground (rio edit-info --crs writes one into the file)"
+            )
+        corners = np.abs(corners_of(dataset))
+        unit = crs.units_factor[1] / (DEGREE if crs.is_geographic else 1.0)
+        if not (
+            abs(transform.determinant) > 0.0
+            and (unit * corners.max(axis=1) < (FARTHEST_DEGREES if crs.is_geographic else FARTHEST)).all()
+        ):
+            raise TerrainError(
+                f"{self._path}: its transform {tuple(transform)[:6]} places it nowhere on the ground"
+            )
+        return crs
+
+    def raster(self, crop: Box | None) -> Raster:
+        transform = self._dataset.transform
+        if self._kept and transform.b == transform.d == 0.0 and transform.a > 0.0 and transform.e < 0.0:
+            return self._north_up(crop)
+        return self._turned(crop)
+
+    def _north_up(self, crop: Box | None) -> Raster:
+        dataset = self._dataset
+        unit = 1.0 if self._degrees else self._crs.linear_units_factor[1]
+        transform = dataset.transform
+        step_north, step_east = -transform.e * unit, transform.a * unit
+        # Heights are those of the pixels' centres.
+        west = (transform.c + 0.5 * transform.a) * unit
+        south = (transform.f + (dataset.height - 0.5) * transform.e) * unit
+        rows, columns = slice(0, dataset.height), slice(0, dataset.width)
+        if crop is not None:
+            rows, columns = within(crop, dataset.shape, (south, west), (step_north, step_east), self._name)
+        window = ((dataset.height - rows.stop, dataset.height - rows.start), (columns.start, columns.stop))
+        south, west = south + rows.start * step_north, west + columns.start * step_east
+        latitude = south + 0.5 * (rows.stop - rows.start - 1) * step_north if self._degrees else None
+        to_north, to_east = (1.0, 1.0) if latitude is None else self._ellipsoid.metres_per_degree(latitude)
+        z = self._read(window, min(step_north * to_north, step_east * to_east))[::-1]
+        return self._labelled(Raster(self._name, z, step_north, step_east, latitude, south=south, west=west))
+
+    def _turned(self, crop: Box | None) -> Raster:
+        """The picture as it lies in the file, with the place in it of each node of a north-up grid."""
+        dataset = self._dataset
+        unit = 1.0 if self._degrees else self._crs.linear_units_factor[1]
+        grid = located(dataset, self._ellipsoid, self._degrees, self._kept, str(self._path))
+        latitude = 0.5 * (grid.box[1] + grid.box[3]) if self._degrees else None
+        to_north, to_east = (unit, unit) if latitude is None else self._ellipsoid.metres_per_degree(latitude)
+        z = self._read(None, min(grid.steps[0] * to_north, grid.steps[1] * to_east))
+        raster = Raster(
+            self._name, z, grid.steps[0] * unit, grid.steps[1] * unit, latitude,
+            south=grid.box[1] * unit, west=grid.box[0] * unit,
+            locate=lambda east, north: grid.places(east / unit, north / unit), extent=grid.nodes,
+        )  # fmt: skip
+        return cropped(self._labelled(raster), crop)
+
+    def _labelled(self, raster: Raster) -> Raster:
+        return replace(raster, ellipsoid=self._ellipsoid, datum=self._heights.datum, taken=self._heights.taken)
+
+    def _read(self, window: Sequence[Sequence[int]] | None, step: float) -> Array:
+        """Heights (rows, cols) [m] in the order of the file, NaN where void; ``step`` [m] between neighbours."""
+        dataset = self._dataset
+        shape = dataset.shape if window is None else tuple(last - first for first, last in window)
+        if math.prod(shape) > MOST_READ:
+            raise TerrainError(f"{self._path}: {math.prod(shape)} heights; allowed: at most {MOST_READ}, --crop them")
+        values = dataset.read(1, window=window, masked=True)
+        void, raw = np.ma.getmaskarray(values), values.data
+        if dataset.nodata is None and dataset.dtypes[0] == "int16":
+            void = void | (raw == UNSTATED_VOID)
+        if self._nodata is not None:
+            with np.errstate(over="ignore"):
+                void = void | (raw == np.float64(self._nodata)) | (raw == np.float32(self._nodata))
+        with np.errstate(over="ignore", invalid="ignore"):
+            z = raw.astype(np.float64) * dataset.scales[0] + dataset.offsets[0]
+            z = np.where(void | ~np.isfinite(raw), np.nan, z * self._heights.metres)
+        allowed = self._allowed or (GROUND if EARTH[0] < self._ellipsoid.semi_major < EARTH[1] else None)
+        if self._allowed is None or not self._vouched(z):
+            check_ground(raw, z, step, allowed, str(self._path))
+        return z
+
+    def _vouched(self, z: Array) -> bool:
+        """Whether the user has said which heights are ground, and all are."""
+        low, high = self._allowed or (-math.inf, math.inf)
+        return bool(np.nanmin(z, initial=high) >= low and np.nanmax(z, initial=low) <= high)

@@ -135,7 +135,7 @@ class _Reader:
         heights: tuple[float, float] | None,
     ) -> None:
         self._dataset, self._path, self._nodata, self._allowed = dataset, path, nodata, heights
-        self._name = file.stem.partition(".")[0]
+        self._name = file.stem.partition(".")[0] if file.suffix.lower() == ".hgt" else file.stem
         self._check_bands()
         self._crs = self._projection()
         system = self._crs.to_dict(projjson=True)

@@ -52,13 +52,13 @@ def heights_of(stated: str, crs: Mapping[str, Any], scale: float | None, where: 
     if name:
         if name not in _FACTORS:
             raise TerrainError(
-                f"{where}: scale is missing; heights are in {stated!r}: say how many metres one is, as 0.3048 for a foot"
+                f"{where}: scale is missing; heights are in {stated!r}: --scale says how many metres one is, 0.3048 for feet"
             )
         factor = _FACTORS[name]
         if by_crs is not None and abs(by_crs / factor - 1.0) > 1e-4:
             raise TerrainError(
                 f"{where}: scale is missing; heights are in {stated!r} by the band, in units of {by_crs:.7g} m by the "
-                "coordinate system: say how many metres one is"
+                "coordinate system: --scale says how many metres one is"
             )
         return Heights(factor, datum, "")
     if by_crs is not None:

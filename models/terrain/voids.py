@@ -20,6 +20,7 @@ CUSTOMARY = (-32768.0, -32767.0, -9999.0, -99999.0, 32767.0, 65535.0, 9999.0, 99
 """values that stand for voids in many files: where another body allows any height, they need a word of the user"""
 REACH = 100  # nodes from which a void is filled
 _FEWEST = 4  # nodes of one value that may be a plateau
+_RELIEF = 10  # different heights elsewhere, of which most of the map is made: with less, anything may be ground
 _CLIFF = 3.0  # times the largest step elsewhere: all about a plateau, it is no ground
 
 Booleans = NDArray[np.bool_]
@@ -68,25 +69,30 @@ def _refusal(
 def _walled(z: Array, step: float) -> float | None:
     """Height [m] of a plateau of which every step to its surroundings is a cliff; None without one."""
     north, east = np.abs(np.diff(z, axis=0)), np.abs(np.diff(z, axis=1))
-    flat = _values_of(z[:-1][north == 0.0], z[:, :-1][east == 0.0])
-    for height in flat:
+    for height in _ends_of_steepest(z, north, east):  # if there is such a plateau, it is one of these
         inside = z == height
         borders = np.concatenate((north[inside[:-1] != inside[1:]], east[inside[:, :-1] != inside[:, 1:]]))
         elsewhere = np.concatenate((north[~inside[:-1] & ~inside[1:]], east[~inside[:, :-1] & ~inside[:, 1:]]))
-        borders, elsewhere = borders[~np.isnan(borders)], elsewhere[~np.isnan(elsewhere)]
-        if np.count_nonzero(inside) >= _FEWEST and borders.size and elsewhere.size:
-            if float(borders.min()) > max(_CLIFF * float(elsewhere.max()), step):
-                return float(height)
+        lowest, largest = np.nanmin(borders, initial=np.inf), np.nanmax(elsewhere, initial=0.0)
+        if not max(_CLIFF * largest, step) < lowest < np.inf:
+            continue
+        known = z[~np.isnan(z)]
+        if (
+            _FEWEST <= np.count_nonzero(inside) < 0.5 * known.size
+            and np.unique(known[known != height]).size >= _RELIEF
+        ):
+            return height
     return None
 
 
-def _values_of(*parts: Array) -> Array:
-    """The values of which flat pieces are made: the few commonest, the lowest and the highest."""
-    flat, counts = np.unique(np.concatenate(parts), return_counts=True)
-    if not flat.size:
-        return flat
-    common = flat[np.argsort(-counts, kind="stable")[:8]]
-    return np.unique(np.concatenate((common, flat[:2], flat[-2:])))
+def _ends_of_steepest(z: Array, north: Array, east: Array) -> tuple[float, ...]:
+    """Heights [m] at both ends of the largest step."""
+    along, across = np.nan_to_num(north, nan=-1.0), np.nan_to_num(east, nan=-1.0)
+    if along.max(initial=-1.0) >= across.max(initial=-1.0):
+        row, column = np.unravel_index(int(along.argmax()), along.shape)
+        return float(z[row, column]), float(z[row + 1, column])
+    row, column = np.unravel_index(int(across.argmax()), across.shape)
+    return float(z[row, column]), float(z[row, column + 1])
 
 
 def filled(raster: Raster, error: float = np.inf) -> Raster:

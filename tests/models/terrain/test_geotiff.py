@@ -161,7 +161,7 @@ def test_heights_in_another_unit_are_converted(
 
 def test_heights_in_an_unknown_unit_need_a_scale(tmp_path: Path, heights: NDArray[np.float64]) -> None:
     path = save(tmp_path / "a.tif", heights[::-1], units="furlong")
-    with pytest.raises(ValueError, match=r"scale is missing; heights are in 'furlong': .* 0\.3048 for a foot"):
+    with pytest.raises(ValueError, match=r"scale is missing; heights are in 'furlong': --scale .* 0\.3048 for feet"):
         import_dem(path, tmp_path / "out.npz")
 
 

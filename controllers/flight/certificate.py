@@ -40,6 +40,7 @@ STATE_TOLERANCE = 1e-6  # [m, m/s] two states closer than this are the same
 _BOUND = 1e-6  # [m/s, m/s^2] rounding allowed on a bound
 _FALL = 4.0  # the part of a_max at which a large excess of speed falls at least
 _PASS = 1e-3  # [m] a breakpoint this close to the target is a pass
+_LOOKS = 512  # places on an arc at which filled cells are counted
 _PHASES = frozenset(int(phase) for phase in FlightPhase)
 
 
@@ -216,6 +217,8 @@ class Certificate:
             phase = FlightPhase(int(plan.phase[worst]))
             if np.isneginf(clearance[worst]):
                 return Refusal(FlightStatus.OFF_MAP, f"in the {phase.name.lower()} arc at {plan.t[worst]:.1f} s", phase)
+            if over := self._over_filled(plan, worst):
+                return Refusal(FlightStatus.LOW_CLEARANCE, over, phase)
             low = f"{clearance[worst]:.1f} m in the {phase.name.lower()} arc at {plan.t[worst]:.1f} s"
             return Refusal(FlightStatus.LOW_CLEARANCE, f"{low}; allowed {self.clearance_min:g}", phase)
         arcs = _writable(plan)
@@ -227,6 +230,20 @@ class Certificate:
                     FlightStatus.OFF_MAP, f"{room:.2f} m from the edge of the map; allowed {self.border:.2f}"
                 )
         return None
+
+
+    def _over_filled(self, plan: Plan, arc: int) -> str:
+        """What is said of an arc that passes below a wall, which stands where no height is known; empty if none does."""
+        way = state_at(plan, np.linspace(plan.t[arc], plan.t[arc + 1], _LOOKS))[:, :2]
+        walled = way[self.terrain.walled(*way.T)]
+        if not len(walled):
+            return ""
+        cells = len(np.unique((walled / self.terrain.spacing).astype(int), axis=0))
+        (x, y), name = walled[0], FlightPhase(int(plan.phase[arc])).name.lower()
+        return (
+            f"rests on {cells} filled cells at ({x:.0f}, {y:.0f}) m, in the {name} arc at {plan.t[arc]:.1f} s; allowed: "
+            "ground that was surveyed, or whose error is stated (terrain import --void-error)"
+        )
 
 
 @lru_cache(maxsize=8)

@@ -153,15 +153,13 @@ class HeightField:
                 np.maximum(nodes, half, out=nodes)
         return replace(self, z=np.where(np.isinf(rise), WALL, self.z + np.where(np.isinf(rise), 0.0, rise)), above=None)
 
-    def filled_cell(self, x: ArrayLike, y: ArrayLike) -> Booleans:
-        """True (...,) where x, y (...,) [m] lie in a cell whose height was filled by a guess."""
-        east, north = np.asarray(x, np.float64), np.asarray(y, np.float64)
-        if self.above is None:
-            return np.zeros(np.broadcast_shapes(east.shape, north.shape), bool)
-        filled = np.isinf(self.above).any(axis=-1)
-        i = np.clip((east / self.spacing).astype(int), 0, filled.shape[1] - 1)
-        j = np.clip((north / self.spacing).astype(int), 0, filled.shape[0] - 1)
-        found: Booleans = filled[j, i]
+    def walled(self, x: ArrayLike, y: ArrayLike) -> Booleans:
+        """True (...,) where x, y (...,) [m] lie in a cell with a wall: no height is known there (``highest``)."""
+        east, north = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+        i = np.clip((east / self.spacing).astype(int), 0, self.z.shape[1] - 2)
+        j = np.clip((north / self.spacing).astype(int), 0, self.z.shape[0] - 2)
+        corners = self.z[j, i], self.z[j, i + 1], self.z[j + 1, i], self.z[j + 1, i + 1]
+        found: Booleans = np.maximum.reduce(corners) >= WALL
         return found
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:

@@ -154,6 +154,11 @@ def check_above_ground(name: str, point: Point, mission: FlightMission) -> None:
         )
     below = raised_ground(terrain, 0.0 if mission.reach_in_terrain else mission.reach, 0.0)
     ground = float(below.height(x, y))
+    if below.walled(x, y):
+        raise MissionError(
+            f"{name} = {point!r} is over ground that was filled, where no height is known; allowed: another place, or a "
+            "map imported with --void-error"
+        )
     if z < ground + mission.clearance_min:
         where = "under ground" if z < float(terrain.height(x, y)) else "below the least clearance"
         raise MissionError(

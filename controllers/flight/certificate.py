@@ -231,9 +231,8 @@ class Certificate:
                 )
         return None
 
-
     def _over_filled(self, plan: Plan, arc: int) -> str:
-        """What is said of an arc that passes below a wall, which stands where no height is known; empty if none does."""
+        """What is said of an arc below a wall, which stands where no height is known; empty if none does."""
         way = state_at(plan, np.linspace(plan.t[arc], plan.t[arc + 1], _LOOKS))[:, :2]
         walled = way[self.terrain.walled(*way.T)]
         if not len(walled):
@@ -241,8 +240,8 @@ class Certificate:
         cells = len(np.unique((walled / self.terrain.spacing).astype(int), axis=0))
         (x, y), name = walled[0], FlightPhase(int(plan.phase[arc])).name.lower()
         return (
-            f"rests on {cells} filled cells at ({x:.0f}, {y:.0f}) m, in the {name} arc at {plan.t[arc]:.1f} s; allowed: "
-            "ground that was surveyed, or whose error is stated (terrain import --void-error)"
+            f"rests on {cells} filled cells at ({x:.0f}, {y:.0f}) m, in the {name} arc at {plan.t[arc]:.1f} s; "
+            "allowed: ground that was surveyed, or whose error is stated (terrain import --void-error)"
         )
 
 

@@ -12,6 +12,7 @@ import io
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -92,7 +93,9 @@ def write_npz(terrain: HeightField, path: str | Path) -> None:
         "licence": terrain.licence,
         "datum": terrain.datum,
     }
-    arrays = {"z": terrain.z.astype(np.float32)} | ({} if terrain.above is None else {"above": terrain.above})
+    arrays: dict[str, Any] = {"z": terrain.z.astype(np.float32)}
+    if terrain.above is not None:
+        arrays["above"] = terrain.above
     block = io.BytesIO()
     np.savez_compressed(block, **arrays, meta=np.array(json.dumps(meta)))
     write_bytes(path, block.getvalue())

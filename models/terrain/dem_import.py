@@ -106,7 +106,9 @@ def _read(
     if spacing is not None:
         raise TerrainError(f"spacing is {spacing}; {path} states its own, --resample changes it")
     if suffix != ".npz":
-        return read_raster(path, crop, None if scale is None else positive("scale", scale, "m per unit"), nodata, heights)
+        return read_raster(
+            path, crop, None if scale is None else positive("scale", scale, "m per unit"), nodata, heights
+        )
     for name, value in (("scale", scale), ("nodata", nodata)):
         if value is not None:
             raise TerrainError(f"{name} is {value}; {path} is in metres and takes none")

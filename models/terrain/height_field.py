@@ -11,6 +11,7 @@ import hashlib
 import math
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,7 +45,7 @@ class HeightField:
     name: str = "unnamed"
     source: str = ""
     licence: str = ""
-    above: NDArray[np.float32] | None = None
+    above: NDArray[np.floating[Any]] | None = None
     """(rows - 1, cols - 1, 2) [m] by which the ground that was surveyed may rise above the triangles of each cell, that
     south-east of the diagonal first; inf where a void was filled by a guess; None if z is the ground; read-only"""
     datum: str = ""  # what the heights are measured from, as the file says it; empty if it does not
@@ -219,8 +220,7 @@ class HeightField:
         return kernels.sights(self.z, self.spacing, _vector("p", p), _rows("points", points))
 
     def inflated(self, horizontal: float, vertical: float) -> HeightField:
-        """Ground at least ``vertical`` [m] above the highest ground, ``above`` included, within ``horizontal`` [m] of each
-        point.
+        """Ground at least ``vertical`` [m] above the ``highest`` ground within ``horizontal`` [m] of each point.
 
         Every node is raised by vertical + horizontal * G, G the steepest triangle in the (2n + 2) x (2n + 2) cells
         around the node, n = ceil(horizontal / spacing), at least 1. The corners of a triangle then agree on the (2n +

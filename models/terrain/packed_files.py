@@ -21,9 +21,36 @@ from mathnavi.interfaces.reading.files import MOST_TEXT, read_bytes
 MOST_BYTES = 4 * 2**30  # of what a file expands to
 _CHUNK = 1 << 20
 _ELEMENTS = frozenset(
-    "VRTDataset SRS GeoTransform Metadata MDI VRTRasterBand Description NoDataValue ColorInterp Scale Offset UnitType "
-    "HideNoDataValue SimpleSource ComplexSource SourceFilename SourceBand SourceProperties SrcRect DstRect NODATA "
-    "ScaleOffset ScaleRatio Histograms HistItem OverviewList BlockXSize BlockYSize".split()
+    [
+        "VRTDataset",
+        "SRS",
+        "GeoTransform",
+        "Metadata",
+        "MDI",
+        "VRTRasterBand",
+        "Description",
+        "NoDataValue",
+        "ColorInterp",
+        "Scale",
+        "Offset",
+        "UnitType",
+        "HideNoDataValue",
+        "SimpleSource",
+        "ComplexSource",
+        "SourceFilename",
+        "SourceBand",
+        "SourceProperties",
+        "SrcRect",
+        "DstRect",
+        "NODATA",
+        "ScaleOffset",
+        "ScaleRatio",
+        "Histograms",
+        "HistItem",
+        "OverviewList",
+        "BlockXSize",
+        "BlockYSize",
+    ]
 )
 """elements of a virtual raster that only places pictures beside each other"""
 
@@ -73,7 +100,7 @@ def _members(path: Path, folder: Path) -> list[Path]:
     return found
 
 
-def _copy(content: IO[bytes], target: Path, path: Path, total: int) -> int:
+def _copy(content: IO[bytes] | gzip.GzipFile, target: Path, path: Path, total: int) -> int:
     """Copy what an archive holds, and return the bytes so far."""
     with target.open("wb") as out:
         while chunk := content.read(_CHUNK):

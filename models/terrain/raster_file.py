@@ -174,9 +174,7 @@ class _Reader:
             abs(transform.determinant) > 0.0
             and (unit * corners.max(axis=1) < (FARTHEST_DEGREES if crs.is_geographic else FARTHEST)).all()
         ):
-            raise TerrainError(
-                f"{self._path}: its transform {tuple(transform)[:6]} places it nowhere on the ground"
-            )
+            raise TerrainError(f"{self._path}: its transform {tuple(transform)[:6]} places it nowhere on the ground")
         return crs
 
     def raster(self, crop: Box | None) -> Raster:

@@ -62,8 +62,8 @@ def square_grid(raster: Raster, spacing: float | None = None) -> SquareGrid:
         )
     check_nodes(rows * columns, f"{given}{raster.name} at {spacing:.4g} m")
     if raster.locate is None:  # rounding must not leave the last node
-        row = np.minimum(np.arange(rows) * (spacing / step_north), raster.z.shape[0] - 1)[:, None]
-        column = np.minimum(np.arange(columns) * (spacing / step_east), raster.z.shape[1] - 1)[None, :]
+        row: Array = np.minimum(np.arange(rows) * (spacing / step_north), raster.z.shape[0] - 1.0)[:, None]
+        column: Array = np.minimum(np.arange(columns) * (spacing / step_east), raster.z.shape[1] - 1.0)[None, :]
     else:
         east, north = np.arange(columns) * spacing / to_east, np.arange(rows) * spacing / to_north
         row, column = raster.locate(raster.west + east, raster.south + north)
@@ -98,7 +98,7 @@ def rises(raster: Raster, grid: SquareGrid) -> NDArray[np.float32] | None:
         ends = np.maximum(node[:-1, :-1], node[1:, 1:])  # of the diagonals
         return _rounded_up(np.stack((np.maximum(ends, node[:-1, 1:]), np.maximum(ends, node[1:, :-1])), axis=-1))
     found = np.empty((grid.z.shape[0] - 1, grid.z.shape[1] - 1, 2))
-    row, column = (np.broadcast_to(each, grid.z.shape) for each in (grid.row, grid.column))
+    row, column = np.broadcast_to(grid.row, grid.z.shape), np.broadcast_to(grid.column, grid.z.shape)
     _rises(grid.z, raster.z if raster.upper is None else raster.upper, row, column, found)
     return _rounded_up(found)
 
@@ -130,10 +130,10 @@ def _rises(z: Array, source: Array, row: Array, column: Array, found: Array) -> 
                 r_2, c_2, h_2 = row[j + 1, i + 1] - r_0, column[j + 1, i + 1] - c_0, z[j + 1, i + 1] - h_0
                 determinant = r_1 * c_2 - r_2 * c_1
                 by_row, by_column = (h_1 * c_2 - h_2 * c_1) / determinant, (r_1 * h_2 - r_2 * h_1) / determinant
-                south = max(0, int(math.floor(r_0 + min(0.0, r_1, r_2) + _ROUNDING)))
-                north = min(rows - 1, int(math.ceil(r_0 + max(0.0, r_1, r_2) - _ROUNDING)))
-                west = max(0, int(math.floor(c_0 + min(0.0, c_1, c_2) + _ROUNDING)))
-                east = min(columns - 1, int(math.ceil(c_0 + max(0.0, c_1, c_2) - _ROUNDING)))
+                south = max(0, math.floor(r_0 + min(0.0, r_1, r_2) + _ROUNDING))
+                north = min(rows - 1, math.ceil(r_0 + max(0.0, r_1, r_2) - _ROUNDING))
+                west = max(0, math.floor(c_0 + min(0.0, c_1, c_2) + _ROUNDING))
+                east = min(columns - 1, math.ceil(c_0 + max(0.0, c_1, c_2) - _ROUNDING))
                 highest = 0.0
                 for r in range(south, north + 1):
                     for c in range(west, east + 1):

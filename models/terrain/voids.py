@@ -42,7 +42,9 @@ def check_ground(
         raise TerrainError(_refusal(values, odd, float(kinds[counts.argmax()]), where, south_up, allowed))
     if (plateau := _walled(z, step)) is not None:
         value = float(values[z == plateau].flat[0])
-        raise TerrainError(_refusal(values, z == plateau, value, where, south_up, None, "a plateau with cliffs about it"))
+        raise TerrainError(
+            _refusal(values, z == plateau, value, where, south_up, None, "a plateau with cliffs about it")
+        )
 
 
 def _refusal(
@@ -77,10 +79,7 @@ def _walled(z: Array, step: float) -> float | None:
         if not max(_CLIFF * largest, step) < lowest < np.inf:
             continue
         known = z[~np.isnan(z)]
-        if (
-            _FEWEST <= np.count_nonzero(inside) < 0.5 * known.size
-            and np.unique(known[known != height]).size >= _RELIEF
-        ):
+        if _FEWEST <= np.count_nonzero(inside) < 0.5 * known.size and np.unique(known[known != height]).size >= _RELIEF:
             return height
     return None
 
@@ -98,7 +97,8 @@ def _ends_of_steepest(z: Array, north: Array, east: Array) -> tuple[float, ...]:
 def filled(raster: Raster, error: float = np.inf) -> Raster:
     """Fill voids by the heights around them, weighted by inverse distance; the source states the number of voids.
 
-    The ground may be ``error`` [m] above what is filled: inf where nobody knows. Raises TerrainError for voids more than ``REACH`` nodes from any height.
+    The ground may be ``error`` [m] above what is filled: inf where nobody knows. Raises TerrainError for voids more than
+    ``REACH`` nodes from any height.
     """
     void = np.isnan(raster.z)
     if not void.any():
@@ -121,7 +121,7 @@ def filled(raster: Raster, error: float = np.inf) -> Raster:
 
 
 def check_voids(z: Array, raster: Raster, outside: Booleans) -> None:
-    """Raise TerrainError if heights (m, n) of the map of a raster are void, ``outside`` (m, n) the picture or within."""
+    """Raise TerrainError if heights (m, n) of the map of a raster are void, ``outside`` (m, n) it or within."""
     void = np.isnan(z)
     if not void.any():
         return

@@ -41,6 +41,7 @@ from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import AerialFaults, PositiveMagnitude
 from mathnavi.sim.scenarios.flight_fields import (
+    Datum,
     DeadlineFactor,
     DrawnHeights,
     FinitePoint,
@@ -137,6 +138,8 @@ class FleetEndFields:
 
     terrain: TerrainPlace = MissionFields.terrain
     """name of a terrain, or an .npz file"""
+    datum: Datum = MissionFields.datum
+    """surface from which the heights of starts and targets are measured: the map's, or one that the map must state"""
     vehicles: Annotated[int, Interval(ge=2, le=_MOST)] = 4
     """number of vehicles"""
     name: tuple[str, ...] = ()

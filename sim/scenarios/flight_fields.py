@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Annotated
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Interval
 
@@ -32,6 +32,7 @@ FinitePoint = Annotated[Point, THREE_FINITE_NUMBERS]
 DrawnHeights = Annotated[tuple[float, float], drawn_between(LARGEST)]
 DrawnSeparation = Annotated[tuple[float, float], drawn_between(_DIAGONAL)]
 DeadlineFactor = Annotated[float, Interval(ge=1.0, le=LARGEST), FINITE]
+Datum = Literal["map", "geoid", "ellipsoid"]
 Rate = Annotated[float, TickRate(TICK)]
 
 
@@ -51,6 +52,8 @@ class EndFields:
 
     terrain: TerrainPlace = "tian_shan"
     """name of a terrain, or an .npz file"""
+    datum: Datum = "map"
+    """surface from which the heights of start and target are measured: the map's, or one that the map must state"""
     start: FinitePoint | None = None
     """start x, y, z [m] on the map; drawn from the seed if not given"""
     target: FinitePoint | None = None

@@ -19,7 +19,7 @@ from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.models.terrain.library import place_of
+from mathnavi.models.terrain.library import load_terrain, place_of
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.sim.engine.input_bounds import input_bound
 from mathnavi.sim.engine.log import Recording
@@ -53,6 +53,35 @@ class FlightFields(Protocol):
     def noise(self) -> FlightNoise: ...
     @property
     def faults(self) -> AerialFaults: ...
+
+
+class Mapped(Protocol):
+    """Fields of a scenario that state its map."""
+
+    @property
+    def terrain(self) -> str: ...
+    @property
+    def datum(self) -> str: ...
+
+
+def map_of(config: Mapped) -> HeightField:
+    """Map of a mission; errors as of ``load_terrain``.
+
+    Raises MissionError unless its heights are measured from the surface that those of the ends are: ellipsoid and geoid
+    are up to 100 m apart.
+    """
+    terrain = load_terrain(config.terrain)
+    if config.datum != "map" and terrain.datum.partition(" ")[0] != config.datum:
+        stated = (
+            f"those of the map {terrain.name} from the {terrain.datum}"
+            if terrain.datum
+            else (f"the map {terrain.name} does not say what its own are measured from")
+        )
+        raise MissionError(
+            f"datum = {config.datum!r}: heights of start and target are measured from the {config.datum}, and "
+            f"{stated}; allowed: a map with the same datum, or map for heights as the map has them"
+        )
+    return terrain
 
 
 def bare_mission(config: FlightFields, terrain: HeightField, radars: tuple[Radar, ...] = ()) -> FlightMission:
@@ -156,8 +185,8 @@ def check_above_ground(name: str, point: Point, mission: FlightMission) -> None:
     ground = float(below.height(x, y))
     if below.walled(x, y):
         raise MissionError(
-            f"{name} = {point!r} is over ground that was filled, where no height is known; allowed: another place, or a "
-            "map imported with --void-error"
+            f"{name} = {point!r} is over ground that was filled, where no height is known; allowed: another place, or "
+            "a map imported with --void-error"
         )
     if z < ground + mission.clearance_min:
         where = "under ground" if z < float(terrain.height(x, y)) else "below the least clearance"

@@ -45,7 +45,6 @@ from mathnavi.models.quadrotor.dynamics import POSITION, ROTOR_COUNT, ROTORS, VE
 from mathnavi.models.quadrotor.entity import REACH, RotorDrive, build_model
 from mathnavi.models.quadrotor.mission import QuadrotorMission
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.metrics.flight import Bound
@@ -62,6 +61,7 @@ from mathnavi.sim.scenarios.flight_parts import (
     due,
     flight_record,
     longest_flight,
+    map_of,
     terrain_record,
     verdict,
 )
@@ -102,7 +102,7 @@ class QuadrotorCanyon:
         TerrainError for an unknown terrain; FileNotFoundError for a missing terrain file.
         """
         parts = Assembler.for_scenario(QuadrotorCanyon, config, seed, controller, estimator)
-        terrain = load_terrain(config.terrain)
+        terrain = map_of(config)
         mission, first = _mission(config, terrain, parts)
         deadline = config.deadline_factor * first.t_end
 

@@ -14,6 +14,7 @@ from mathnavi.models.quadrotor.dynamics import NOMINAL, Quadrotor
 from mathnavi.models.terrain.library import TerrainPlace
 from mathnavi.sim.scenarios.fault_fields import AerialFaults, Factor, Magnitude, PositiveMagnitude
 from mathnavi.sim.scenarios.flight_fields import (
+    Datum,
     DeadlineFactor,
     DrawnHeights,
     DrawnSeparation,
@@ -60,6 +61,8 @@ class QuadrotorCanyonConfig(ChanceFields):
 
     terrain: TerrainPlace = "canyon"
     """name of a terrain, canyon:3 for another canyon, or an .npz file"""
+    datum: Datum = "map"
+    """surface from which the heights of start and target are measured: the map's, or one that the map must state"""
     start: FinitePoint | None = None
     """start x, y, z [m] of the vehicle's centre; drawn from the seed if not given"""
     target: FinitePoint | None = None

@@ -26,7 +26,6 @@ from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.entity import build_model
 from mathnavi.models.aerial.mission import AccelerationSensor, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.models.terrain.library import load_terrain
 from mathnavi.models.terrain.visibility import RadarTrack
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
@@ -46,6 +45,7 @@ from mathnavi.sim.scenarios.flight_parts import (
     flight_record,
     flight_task,
     longest_flight,
+    map_of,
     mission_but_ends,
     terrain_record,
     verdict,
@@ -161,7 +161,7 @@ def summarise(
 
 def _mission(config: SafeFlightConfig, parts: Assembler) -> tuple[FlightMission, Plan]:
     """Mission as known at the start, and its first plan."""
-    charted = load_terrain(config.terrain)
+    charted = map_of(config)
     bare = mission_but_ends(config, charted, parts.estimator, config.radars_at(0.0, charted))
 
     plans = FirstPlans(parts)

@@ -36,7 +36,6 @@ from mathnavi.models.aerial.entity import build_model
 from mathnavi.models.aerial.mission import AccelerationSensor, FlightMission
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.models.terrain.library import load_terrain
 from mathnavi.models.terrain.visibility import RadarTrack
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
@@ -53,6 +52,7 @@ from mathnavi.sim.scenarios.flight_parts import (
     check_above_ground,
     flight_task,
     longest_flight,
+    map_of,
     mission_but_ends,
     terrain_record,
 )
@@ -181,7 +181,7 @@ class SimultaneousArrival:
         plans keep apart; FileNotFoundError for a missing terrain file.
         """
         parts = Assembler.for_scenario(SimultaneousArrival, config, seed, controller, estimator)
-        charted, consensus = load_terrain(config.terrain), consensus_of(config)
+        charted, consensus = map_of(config), consensus_of(config)
         common = mission_but_ends(config, charted, parts.estimator, config.radars_at(0.0, charted))
         fleet = started_fleet(config, common, parts)
         flight = _flight(config, charted, fleet)

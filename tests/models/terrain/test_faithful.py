@@ -20,7 +20,10 @@ from tests.models.terrain.test_geotiff import save
 
 
 @given(
-    seed=st.integers(0, 2**32 - 1), north=st.floats(15.0, 60.0), east=st.floats(15.0, 60.0), spacing=st.floats(12.0, 80.0)
+    seed=st.integers(0, 2**32 - 1),
+    north=st.floats(15.0, 60.0),
+    east=st.floats(15.0, 60.0),
+    spacing=st.floats(12.0, 80.0),
 )
 def test_no_ground_of_a_file_is_above_the_map_by_more_than_its_bound(
     seed: int, north: float, east: float, spacing: float
@@ -68,13 +71,17 @@ def filled_map(folder: Path, **words: float) -> HeightField:
 
 def test_no_plan_over_ground_that_was_filled_is_certified(tmp_path: Path) -> None:
     terrain = filled_map(tmp_path)
-    plan = mn.FlightPlan.from_inputs([0.0, 10.0, 20.0], [300.0, 1200.0, 2000.0, 0.0, 0.0, 0.0], [[16.0, 0.0, 0.0], [-16.0, 0.0, 0.0]])
+    plan = mn.FlightPlan.from_inputs(
+        [0.0, 10.0, 20.0], [300.0, 1200.0, 2000.0, 0.0, 0.0, 0.0], [[16.0, 0.0, 0.0], [-16.0, 0.0, 0.0]]
+    )
     verdict = mn.certify(plan, terrain)
     assert not verdict
     assert "filled cells at (1" in verdict.reason
     assert mn.certify(plan, filled_map(tmp_path, void_error=100.0))
     assert not mn.certify(plan, filled_map(tmp_path, void_error=1600.0))  # it says that the ground may be as high
-    beside = mn.FlightPlan.from_inputs([0.0, 10.0, 20.0], [300.0, 300.0, 2000.0, 0.0, 0.0, 0.0], [[16.0, 0.0, 0.0], [-16.0, 0.0, 0.0]])
+    beside = mn.FlightPlan.from_inputs(
+        [0.0, 10.0, 20.0], [300.0, 300.0, 2000.0, 0.0, 0.0, 0.0], [[16.0, 0.0, 0.0], [-16.0, 0.0, 0.0]]
+    )
     assert mn.certify(beside, terrain)
     with pytest.raises(ValueError, match=r"start = .* is over ground that was filled"):
         mn.plan_flight(terrain, (1200.0, 1200.0, 2000.0), (300.0, 300.0, 2000.0))

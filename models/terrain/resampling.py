@@ -49,8 +49,8 @@ def square_grid(raster: Raster, spacing: float | None = None) -> SquareGrid:
     spacing = min(step_north, step_east) if spacing is None else positive("resample", spacing, "m")
     if raster.locate is None and max(abs(step_north - spacing), abs(step_east - spacing)) <= 1e-9 * spacing:
         check_nodes(raster.z.size, f"{given}{raster.name}")
-        row, column = (np.arange(count, dtype=float) for count in raster.z.shape)
-        return SquareGrid(raster.z, spacing, row[:, None], column[None, :], resampled=False)
+        rows, columns = raster.z.shape
+        return SquareGrid(raster.z, spacing, _steps(rows, 1.0, rows)[:, None], _steps(columns, 1.0, columns), False)
     extents = [(count - 1) * step for count, step in zip(raster.nodes, (step_north, step_east), strict=True)]
     if max(extents) > MOST_NODES * spacing:
         raise TerrainError(f"resample = {spacing} m; allowed: at most {MOST_NODES} nodes of {raster.name}")
@@ -61,13 +61,19 @@ def square_grid(raster: Raster, spacing: float | None = None) -> SquareGrid:
             f"resample = {spacing} m leaves {rows} x {columns} nodes of {raster.name}; allowed: at least 2 x 2"
         )
     check_nodes(rows * columns, f"{given}{raster.name} at {spacing:.4g} m")
-    if raster.locate is None:  # rounding must not leave the last node
-        row: Array = np.minimum(np.arange(rows) * (spacing / step_north), raster.z.shape[0] - 1.0)[:, None]
-        column: Array = np.minimum(np.arange(columns) * (spacing / step_east), raster.z.shape[1] - 1.0)[None, :]
+    if raster.locate is None:
+        row = _steps(rows, spacing / step_north, raster.z.shape[0])[:, None]
+        column = _steps(columns, spacing / step_east, raster.z.shape[1])
     else:
         east, north = np.arange(columns) * spacing / to_east, np.arange(rows) * spacing / to_north
         row, column = raster.locate(raster.west + east, raster.south + north)
     return SquareGrid(bilinear(raster.z, row, column), spacing, row, column, resampled=True)
+
+
+def _steps(count: int, step: float, nodes: int) -> Array:
+    """Places of nodes ``step`` apart; rounding must not leave the last of the raster's."""
+    places: Array = np.minimum(np.arange(count) * step, nodes - 1.0)
+    return places
 
 
 def bilinear(z: Array, row: Array, column: Array) -> Array:

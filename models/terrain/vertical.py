@@ -52,8 +52,8 @@ def heights_of(stated: str, crs: Mapping[str, Any], scale: float | None, where: 
     if name:
         if name not in _FACTORS:
             raise TerrainError(
-                f"{where}: scale is missing; heights are in {stated!r}: --scale says how many metres one is, 0.3048 for "
-                "feet"
+                f"{where}: scale is missing; heights are in {stated!r}: --scale says how many metres one is, 0.3048 "
+                "for feet"
             )
         factor = _FACTORS[name]
         if by_crs is not None and abs(by_crs / factor - 1.0) > 1e-4:

@@ -138,8 +138,6 @@ class FleetEndFields:
 
     terrain: TerrainPlace = MissionFields.terrain
     """name of a terrain, or an .npz file"""
-    datum: Datum = MissionFields.datum
-    """surface from which the heights of starts and targets are measured: the map's, or one that the map must state"""
     vehicles: Annotated[int, Interval(ge=2, le=_MOST)] = 4
     """number of vehicles"""
     name: tuple[str, ...] = ()
@@ -158,6 +156,8 @@ class FleetEndFields:
     """heights above h_min between which starts and the target are drawn [m]"""
     drawn_distance: DrawnHeights = (0.4, 0.9)
     """shares of the map's side between which the distances of drawn starts from the target lie"""
+    datum: Datum = MissionFields.datum
+    """surface from which the heights of starts and targets are measured: the map's, or one that the map must state"""
 
 
 @configuration

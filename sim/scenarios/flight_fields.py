@@ -52,8 +52,6 @@ class EndFields:
 
     terrain: TerrainPlace = "tian_shan"
     """name of a terrain, or an .npz file"""
-    datum: Datum = "map"
-    """surface from which the heights of start and target are measured: the map's, or one that the map must state"""
     start: FinitePoint | None = None
     """start x, y, z [m] on the map; drawn from the seed if not given"""
     target: FinitePoint | None = None
@@ -62,6 +60,8 @@ class EndFields:
     """heights above h_min between which a start or target is drawn [m]"""
     drawn_separation: DrawnSeparation = (0.8, 1.5)
     """shares of the map's side between which the distance of a drawn start and target lies"""
+    datum: Datum = "map"
+    """surface from which the heights of start and target are measured: the map's, or one that the map must state"""
 
 
 HullClearance = Annotated[

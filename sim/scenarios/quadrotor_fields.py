@@ -61,8 +61,6 @@ class QuadrotorCanyonConfig(ChanceFields):
 
     terrain: TerrainPlace = "canyon"
     """name of a terrain, canyon:3 for another canyon, or an .npz file"""
-    datum: Datum = "map"
-    """surface from which the heights of start and target are measured: the map's, or one that the map must state"""
     start: FinitePoint | None = None
     """start x, y, z [m] of the vehicle's centre; drawn from the seed if not given"""
     target: FinitePoint | None = None
@@ -73,6 +71,8 @@ class QuadrotorCanyonConfig(ChanceFields):
     """share of the map's range of heights, from the lowest, over which starts and targets are drawn (the floor)"""
     drawn_separation: DrawnSeparation = (0.6, 0.95)
     """shares of the map's side between which the distance of a drawn start and target lies"""
+    datum: Datum = "map"
+    """surface from which the heights of start and target are measured: the map's, or one that the map must state"""
     clearance_min: Magnitude = 4.0
     """least height h_min of every part of the vehicle above ground [m]"""
     speed_max: PositiveMagnitude = 14.0

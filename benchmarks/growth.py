@@ -30,8 +30,9 @@ from rich.console import Console
 from benchmarks.comparison import Comparison, alone
 from benchmarks.progress import progress
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.terrain.dem import Box, height_field
-from mathnavi.models.terrain.dem_import import import_dem, read_geotiff
+from mathnavi.models.terrain.dem_import import import_dem
+from mathnavi.models.terrain.raster import Box
+from mathnavi.models.terrain.raster_file import read_raster
 from mathnavi.sim.sweep.trial import trial
 from mathnavi.studies.introduction.cost_measurement import CURVES, FLOWN
 
@@ -133,7 +134,7 @@ def windows(repetitions: int, side: int = WINDOWED, window: int = WINDOW) -> lis
         write_geotiff(whole, side)
         write_geotiff(part, window)
         box = (0.0, 0.0, reach, reach)
-        readings = [lambda: height_field(read_geotiff(whole, box)), lambda: height_field(read_geotiff(part))]
+        readings = [lambda: read_raster(whole, box), lambda: read_raster(part)]
         missions = [lambda: _mission(whole, folder, box), lambda: _mission(part, folder, None)]
         return [
             _in_turns(f"read {window}² nodes of {side}²", readings, f"of {window}²", repetitions),

@@ -142,7 +142,8 @@ class _Reader:
         self._ellipsoid = ellipsoid_of(system, str(path))
         unit = str(dataset.units[0] or "")
         self._heights = heights_of(unit, system, scale, str(path))
-        if file.suffix.lower() == ".hgt" and not self._heights.datum:
+        self._tile = file.suffix.lower() == ".hgt"
+        if self._tile and not self._heights.datum:
             self._heights = Heights(self._heights.metres, "geoid (EGM96, as of all SRTM tiles)", self._heights.taken)
         degrees = self._crs.is_geographic and math.isclose(self._crs.units_factor[1], DEGREE, rel_tol=1e-9)
         self._kept = degrees or (self._crs.is_projected and true_to_scale(dataset, self._ellipsoid))
@@ -217,7 +218,10 @@ class _Reader:
         return cropped(self._labelled(raster), crop)
 
     def _labelled(self, raster: Raster) -> Raster:
-        return replace(raster, ellipsoid=self._ellipsoid, datum=self._heights.datum, taken=self._heights.taken)
+        source = "SRTM" if self._tile else ""
+        return replace(
+            raster, source=source, ellipsoid=self._ellipsoid, datum=self._heights.datum, taken=self._heights.taken
+        )
 
     def _read(self, window: Sequence[Sequence[int]] | None, step: float) -> Array:
         """Heights (rows, cols) [m] in the order of the file, NaN where void; ``step`` [m] between neighbours."""

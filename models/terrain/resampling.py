@@ -1,11 +1,13 @@
 """Elevation models brought to square grids, and what that loses.
 
 The ground of a file is bilinear between its nodes; that of a map is linear on triangles. So the ground of the file may
-rise above a triangle. Over each triangle T, in the rows and columns of the file,
+rise above a triangle T, by
 
-    rise(T) = max(0, max over the nodes k of the cells that meet T's box: z_k - plane_T(k))
+    rise(T) = max(0, max over p in T: file(p) - map(p)).
 
-bounds how far: on a cell, a bilinear height minus the plane of T is bilinear, and the largest at a corner.
+On the part of T within one cell of the file the difference is bilinear. It has no maximum inside, where it is a saddle,
+nor on a line of the file's grid, where it is linear: the largest value is at a node of the file within T, or on an edge
+of T, where it is quadratic from one crossing of the grid to the next. Both are computed exactly.
 """
 
 from __future__ import annotations
@@ -16,13 +18,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.compiled import inner_njit, njit
 from mathnavi.interfaces.errors import TerrainError
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.dem import MOST_NODES, check_nodes, positive
 from mathnavi.models.terrain.raster import Raster
 
 _ROUNDING = 1e-9  # [nodes]
+_CURVED = 2e-3  # [nodes] by which places between those of three nodes may miss the plane through them
+Node = tuple[float, float, float]  # row, column, height [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +66,14 @@ def square_grid(raster: Raster, spacing: float | None = None) -> SquareGrid:
         )
     check_nodes(rows * columns, f"{given}{raster.name} at {spacing:.4g} m")
     if raster.locate is None:
-        row = _steps(rows, spacing / step_north, raster.z.shape[0])[:, None]
-        column = _steps(columns, spacing / step_east, raster.z.shape[1])
+        row, column = (
+            _steps(rows, spacing / step_north, raster.z.shape[0])[:, None],
+            _steps(columns, spacing / step_east, raster.z.shape[1]),
+        )
     else:
-        east, north = np.arange(columns) * spacing / to_east, np.arange(rows) * spacing / to_north
-        row, column = raster.locate(raster.west + east, raster.south + north)
+        east: Array = raster.west + np.arange(columns) * spacing / to_east
+        north: Array = raster.south + np.arange(rows) * spacing / to_north
+        row, column = raster.locate(east, north)
     return SquareGrid(bilinear(raster.z, row, column), spacing, row, column, resampled=True)
 
 
@@ -105,7 +112,8 @@ def rises(raster: Raster, grid: SquareGrid) -> NDArray[np.float32] | None:
         return _rounded_up(np.stack((np.maximum(ends, node[:-1, 1:]), np.maximum(ends, node[1:, :-1])), axis=-1))
     found = np.empty((grid.z.shape[0] - 1, grid.z.shape[1] - 1, 2))
     row, column = np.broadcast_to(grid.row, grid.z.shape), np.broadcast_to(grid.column, grid.z.shape)
-    _rises(grid.z, raster.z if raster.upper is None else raster.upper, row, column, found)
+    slack = 0.0 if raster.locate is None else _CURVED
+    _rises(grid.z, raster.z if raster.upper is None else raster.upper, row, column, slack, found)
     return _rounded_up(found)
 
 
@@ -123,27 +131,80 @@ def rounded_up(grid: SquareGrid) -> SquareGrid:
 
 
 @njit(cache=True)
-def _rises(z: Array, source: Array, row: Array, column: Array, found: Array) -> None:
-    """Fill ``found`` as ``rises`` says."""
-    rows, columns = source.shape
+def _rises(z: Array, source: Array, row: Array, column: Array, slack: float, found: Array) -> None:
+    """Fill ``found`` as ``rises`` says; ``slack`` [pixels] is the error of ``row`` and ``column``."""
     for j in range(z.shape[0] - 1):
         for i in range(z.shape[1] - 1):
             for half in range(2):
-                # South-west node, north-east node, and the one between them.
+                # South-west node, the one between, north-east node.
                 b_j, b_i = (j, i + 1) if half == 0 else (j + 1, i)
-                r_0, c_0, h_0 = row[j, i], column[j, i], z[j, i]
-                r_1, c_1, h_1 = row[b_j, b_i] - r_0, column[b_j, b_i] - c_0, z[b_j, b_i] - h_0
-                r_2, c_2, h_2 = row[j + 1, i + 1] - r_0, column[j + 1, i + 1] - c_0, z[j + 1, i + 1] - h_0
-                determinant = r_1 * c_2 - r_2 * c_1
-                by_row, by_column = (h_1 * c_2 - h_2 * c_1) / determinant, (r_1 * h_2 - r_2 * h_1) / determinant
-                south = max(0, math.floor(r_0 + min(0.0, r_1, r_2) + _ROUNDING))
-                north = min(rows - 1, math.ceil(r_0 + max(0.0, r_1, r_2) - _ROUNDING))
-                west = max(0, math.floor(c_0 + min(0.0, c_1, c_2) + _ROUNDING))
-                east = min(columns - 1, math.ceil(c_0 + max(0.0, c_1, c_2) - _ROUNDING))
-                highest = 0.0
-                for r in range(south, north + 1):
-                    for c in range(west, east + 1):
-                        above = source[r, c] - (h_0 + by_row * (r - r_0) + by_column * (c - c_0))
-                        if above > highest:
-                            highest = above
-                found[j, i, half] = highest
+                a = (row[j, i], column[j, i], z[j, i])
+                b = (row[b_j, b_i], column[b_j, b_i], z[b_j, b_i])
+                c = (row[j + 1, i + 1], column[j + 1, i + 1], z[j + 1, i + 1])
+                highest = max(_on_edge(source, a, b), _on_edge(source, b, c), _on_edge(source, a, c))
+                within, span = _at_nodes(source, a, b, c)
+                found[j, i, half] = max(highest, within, 0.0) + slack * span
+
+
+@inner_njit()
+def _on_edge(source: Array, a: Node, b: Node) -> float:
+    """Largest height [m] of the file above an edge from a to b (row, column, height), from crossing to crossing."""
+    highest, begun = -np.inf, 0.0
+    while begun < 1.0:
+        end = min(_next(a[0], b[0], begun), _next(a[1], b[1], begun))
+        middle = 0.5 * (begun + end)
+        i = min(max(math.floor(a[0] + middle * (b[0] - a[0])), 0), source.shape[0] - 2)
+        j = min(max(math.floor(a[1] + middle * (b[1] - a[1])), 0), source.shape[1] - 2)
+        first, half, last = (
+            _above(source, i, j, a, b, begun), _above(source, i, j, a, b, middle), _above(source, i, j, a, b, end),
+        )  # fmt: skip
+        highest = max(highest, first, last)
+        square, linear = 2.0 * (first + last) - 4.0 * half, 4.0 * half - 3.0 * first - last
+        if square < 0.0 < linear < -2.0 * square:
+            highest = max(highest, first - 0.25 * linear * linear / square)
+        begun = end
+    return highest
+
+
+@inner_njit()
+def _next(a: float, b: float, share: float) -> float:
+    """Share of the way from a to b at which the next whole number is crossed after ``share``; 1 if none is."""
+    if a == b:
+        return 1.0
+    at = a + share * (b - a)
+    whole = math.floor(at + _ROUNDING) + 1.0 if b > a else math.ceil(at - _ROUNDING) - 1.0
+    crossed = (whole - a) / (b - a)
+    return min(max(crossed, share + _ROUNDING), 1.0)
+
+
+@inner_njit()
+def _above(source: Array, i: int, j: int, a: Node, b: Node, share: float) -> float:
+    """Height [m] of the file, as in its cell i, j, above the way from a to b, at a share of it."""
+    r, c = a[0] + share * (b[0] - a[0]) - i, a[1] + share * (b[1] - a[1]) - j
+    west, east = (
+        source[i, j] * (1.0 - r) + source[i + 1, j] * r,
+        source[i, j + 1] * (1.0 - r) + source[i + 1, j + 1] * r,
+    )
+    above: float = west * (1.0 - c) + east * c - a[2] - share * (b[2] - a[2])
+    return above
+
+
+@inner_njit()
+def _at_nodes(source: Array, a: Node, b: Node, c: Node) -> tuple[float, float]:
+    """Largest height [m] of the file's nodes within the triangle a, b, c above it, and the range [m] of those about."""
+    r_1, c_1, h_1 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    r_2, c_2, h_2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    determinant = r_1 * c_2 - r_2 * c_1
+    highest, low, high = -np.inf, np.inf, -np.inf
+    for r in range(
+        max(0, math.floor(min(a[0], b[0], c[0]))), min(source.shape[0], math.ceil(max(a[0], b[0], c[0])) + 1)
+    ):
+        for k in range(
+            max(0, math.floor(min(a[1], b[1], c[1]))), min(source.shape[1], math.ceil(max(a[1], b[1], c[1])) + 1)
+        ):
+            low, high = min(low, source[r, k]), max(high, source[r, k])
+            along = ((r - a[0]) * c_2 - (k - a[1]) * r_2) / determinant
+            across = (r_1 * (k - a[1]) - c_1 * (r - a[0])) / determinant
+            if along >= -_ROUNDING and across >= -_ROUNDING and along + across <= 1.0 + _ROUNDING:
+                highest = max(highest, source[r, k] - a[2] - along * h_1 - across * h_2)
+    return highest, high - low

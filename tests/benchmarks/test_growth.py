@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.growth import SPACING, Growth, growths, windows, write_geotiff
-from mathnavi.models.terrain.dem import height_field
-from mathnavi.models.terrain.dem_import import read_geotiff
+from mathnavi.models.terrain.raster_file import read_raster
 from mathnavi.studies.introduction.cost_measurement import CURVES
 
 
@@ -26,9 +25,9 @@ def test_a_window_holds_the_heights_of_its_part_and_is_flown_over(tmp_path: Path
     for side in (9, 33):
         write_geotiff(tmp_path / f"{side}.tif", side)
     reach = 8 * SPACING
-    part = height_field(read_geotiff(tmp_path / "33.tif", (0.0, 0.0, reach, reach)))
+    part = read_raster(tmp_path / "33.tif", (0.0, 0.0, reach, reach))
     assert part.z.shape == (9, 9)
-    assert height_field(read_geotiff(tmp_path / "9.tif")).z.shape == (9, 9)
+    assert read_raster(tmp_path / "9.tif").z.shape == (9, 9)
     read, flown = windows(repetitions=2, side=97, window=65)
     for row in (read, flown):
         assert (row.software, len(row.ours)) == ("of 65²", 2)

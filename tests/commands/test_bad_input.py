@@ -21,8 +21,8 @@ from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.estimators.full_state import FullStateConfig
 from mathnavi.models.aerial.dynamics import HULL_RADIUS
 from mathnavi.models.aerial.mission import EstimateQuality
-from mathnavi.models.terrain.dem import HGT_NODES
 from mathnavi.models.terrain.library import load_terrain
+from mathnavi.models.terrain.raster_file import TILES
 from mathnavi.sim.plugin.registry import (
     PluginSpec,
     checked_controller,
@@ -314,7 +314,7 @@ def png(path: Path, z: Any) -> None:
 
 
 def void_tile(path: Path) -> None:
-    z = np.full((HGT_NODES[0], HGT_NODES[0]), 500, dtype=">i2")
+    z = np.full(TILES[0], 500, dtype=">i2")
     z[7, 9] = -32768
     path.write_bytes(z.tobytes())
 

@@ -167,6 +167,7 @@ CLAIMS = {
     "quadrotor": {"fleet.quadrotor"},
     "separation": {"fleet.separation", "fleet.cost"},
     "fleet-peers": {"fleet.peers"},
+    "terrain": {"terrain.faithful"},
     "hunt": {"search.safe", "search.power"},
     "mechanisms": {
         *("riemannian.mechanisms", "riemannian.model-error", "riemannian.cost", "riemannian.menagerie"),
@@ -194,6 +195,7 @@ HOLDS: dict[str, dict[str, bool]] = {
         **{"riemannian.identities": True, "riemannian.mujoco": True, "D.transport-derivative": False},
         **{"D.transport-second": False, "D.lyapunov": False, "D.converges": False},
     },
+    "terrain": {"terrain.faithful": True},
     "contraction": {
         **{"riemannian.contraction": True, "D.infinitely-thin": True, "D.contraction-sign": False},
         **{"D.brackets": False},

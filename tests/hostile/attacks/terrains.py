@@ -85,7 +85,11 @@ def elevations(rng: Generator, shop: Path, work: Path) -> Case:
         words += ["--crop", *(one_of(rng, CROPS) for _ in range(int(rng.integers(3, 6))))]
     if rng.random() < 0.2:
         words += ["--fill"]
+    for flag, count in (("--nodata", 1), ("--heights", 2), ("--void-error", 1)):
+        if rng.random() < 0.15:
+            words += [flag, *(one_of(rng, ("0", "500", "-9999", *NUMBERS)) for _ in range(count))]
     culprits = (name, ascii(name)[1:-1], Path(name).stem, "outside", "--spacing", "--resample", "--scale", "--crop")
+    culprits += ("--nodata", "--heights", "--void-error")
     kind = f"DEM {Path(name).suffix.lower() or 'without ending'}"
     return Case("terrain import", kind, tuple(words), culprits, ("new.npz",), f"{done} {' '.join(words[5:])}"[:90])
 

@@ -71,8 +71,8 @@ def square_grid(raster: Raster, spacing: float | None = None) -> SquareGrid:
             _steps(columns, spacing / step_east, raster.z.shape[1]),
         )
     else:
-        east: Array = raster.west + np.arange(columns) * spacing / to_east
-        north: Array = raster.south + np.arange(rows) * spacing / to_north
+        east = raster.west + np.arange(columns, dtype=np.float64) * spacing / to_east
+        north = raster.south + np.arange(rows, dtype=np.float64) * spacing / to_north
         row, column = raster.locate(east, north)
     return SquareGrid(bilinear(raster.z, row, column), spacing, row, column, resampled=True)
 

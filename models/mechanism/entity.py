@@ -136,6 +136,11 @@ its hinges, and a robot on four legs with position servos, an IMU and foot switc
 
 _HERE = Path(__file__).parent
 _SUITE = "dm_control:"
+_SIZES = (
+    *("memory", "njmax", "nconmax", "nkey", "nuserdata", "nuser_body", "nuser_jnt", "nuser_geom", "nuser_site"),
+    *("nuser_cam", "nuser_tendon", "nuser_actuator", "nuser_sensor"),
+)
+"""sizes that a file states, which an arena does not take from what is attached to it"""
 _BELOW = 0.1  # of its extent: a mechanism that reaches lower than this below zero has the floor this far beneath it
 
 
@@ -189,6 +194,8 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # deprecated elements of a file concern its author
             own = read_spec(path, FieldError)
+            for kind, elements in (("body", own.bodies), ("joint", own.joints), ("actuator", own.actuators)):
+                _name(kind, elements)
             alone = own.copy().compile()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
@@ -199,13 +206,14 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
         checked(alone)
     except ValueError as error:
         raise FieldError(f"mechanism = {str(mechanism)!r}: {error}") from None
-    for kind, elements in (("body", own.bodies), ("joint", own.joints), ("actuator", own.actuators)):
-        _name(kind, elements)
     arena = read_spec(_HERE / "arena.xml", FieldError)
     # The options of an arena override those of what is attached to it: it takes the file's, and keeps its light.
     _copy(own.option, arena.option)
     _copy(arena.visual, own.visual)
-    arena.memory, arena.njmax, arena.nconmax = own.memory, own.njmax, own.nconmax
+    for size in _SIZES:
+        setattr(arena, size, getattr(own, size))
+    if own.compiler.settotalmass > 0.0:
+        _keep_masses(own, alone)
     arena.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # a state that diverges has to be visible
     arena.stat.center, arena.stat.extent = alone.stat.center, alone.stat.extent
     sun = arena.light("sun")  # its shadows are sharp, and there, around where it hangs
@@ -215,7 +223,7 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
     else:
         arena.geom("floor").pos = (0.0, 0.0, _floor(alone))
     frame = arena.worldbody.add_frame()
-    if (alone.jnt_type == FREE).any():  # they are allowed on top of the world only
+    if (alone.jnt_type == FREE).any() or alone.nmocap:  # they are allowed on top of the world only
         arena.attach(own, prefix=f"{name}/", frame=frame)
     else:
         frame.attach_body(own.worldbody, f"{name}/", "")
@@ -233,6 +241,17 @@ def _name(kind: str, elements: Sequence[Any]) -> None:
     for k, element in enumerate(elements):
         if not element.name:
             element.name = next(name for name in (f"{kind}_{k}{'_' * n}" for n in count()) if name not in taken)
+
+
+def _keep_masses(own: Any, alone: mujoco.MjModel) -> None:
+    """Give the bodies of a file the masses that they have in the file alone, whose total it sets."""
+    for body in own.bodies[1:]:
+        compiled = alone.body(body.name)
+        body.explicitinertial = True
+        body.mass, body.inertia = float(compiled.mass[0]), compiled.inertia
+        body.ipos, body.iquat, body.fullinertia = compiled.ipos, compiled.iquat, np.full(6, np.nan)
+    own.compiler.settotalmass = -1.0
+    own.compiler.inertiafromgeom = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE)
 
 
 def _copy(source: Any, target: Any) -> None:

@@ -353,7 +353,7 @@ HOLE = np.where(np.arange(1600).reshape(40, 40) == 777, np.nan, 0.0)
         ("flat.npz", map_with(FLAT), "--crop 0 0 1 1e9", ["--crop", "1000000000", "allowed: within 0 0"]),
         ("flat.npz", map_with(FLAT), "--resample nan", ["--resample", "nan"]),
         ("flat.npz", map_with(FLAT), "--spacing 5", ["--spacing", "--resample"]),
-        ("flat.asc", lambda path: path.write_text("1 2 3"), "", [".asc", ".hgt", ".png", ".tif"]),
+        ("flat.xyz", lambda path: path.write_text("1 2 3"), "", [".asc", ".hgt", ".png", ".tif"]),
     ],
 )  # fmt: skip
 def test_a_broken_elevation_model_is_refused(

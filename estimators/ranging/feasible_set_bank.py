@@ -103,6 +103,7 @@ _OF_MEDIAN = 0.5 * np.pi  # variance of the median of many Gaussian numbers over
 _MOVED = 0.005  # of a range: error of the range in the middle of a motion, from ranges read along it
 _FEASIBLE = 1e-4  # probability that a feasible pose is refused
 _MORE_OUTLIERS = 1.5  # times their share that may occur by chance while a misfit is averaged
+_STEADY = 1e-6  # of the period: what its multiples are rounded by
 _NEAREST = 0.1  # [m, rad] between hypotheses at the start
 _LEFT = 0.25  # share of the greatest slip with which new hypotheses begin at most
 _REMEMBERED = 0.2  # [s] over which the misfit is averaged
@@ -167,8 +168,11 @@ class FeasibleSetBank:
         self._bank = no_hypotheses(config.hypotheses, mission.sensors, WINDOW)
         self._innovations = no_innovations(mission.sensors)
         self._best = 0
-        self._ranges = np.full((config.readings, mission.sensors), np.nan)  # the last ones
-        self._inputs = np.zeros((config.readings, 2))  # over the periods that ended with them
+        # Ranges may be read more seldom than odometry, or in turn: what is older than the timeout is of no use.
+        kept = max(config.readings, math.ceil(config.timeout / mission.period - 1e-9))
+        self._ranges = np.full((kept, mission.sensors), np.nan)  # of the last calls
+        self._inputs = np.zeros((kept, 2))  # over the periods that ended with them
+        self._times = np.full(kept, np.nan)  # [s] of them
         self._calls = 0
         self._t = 0.0  # [s] of the hypotheses
         self._slip_weight = SlipWeight()
@@ -213,7 +217,7 @@ class FeasibleSetBank:
         """
         rho, u = self._model.ranges(measurements), self._model.input(measurements, command)
         self._timeout_monitor.note(t, not np.isnan(rho).all())
-        self._remember(rho, u)
+        self._remember(t, rho, u)
         nis = np.full(2, np.nan)
         if self._is_alive:
             if t > self._t:
@@ -244,10 +248,25 @@ class FeasibleSetBank:
         limit = self._config.misfit + _MORE_OUTLIERS * noise_of(self._noise)[1] * self._gate
         return bool(self._bank.misfit[self._best] <= limit and self._bank.slip[self._best] < MOST_SLIP)
 
-    def _remember(self, rho: Array, u: Array) -> None:
-        self._ranges[:-1], self._inputs[:-1] = self._ranges[1:], self._inputs[1:]
-        self._ranges[-1], self._inputs[-1] = rho, u
+    def _remember(self, t: float, rho: Array, u: Array) -> None:
+        for values, newest in ((self._ranges, rho), (self._inputs, u), (self._times, np.array(t))):
+            values[:-1] = values[1:]
+            values[-1] = newest
         self._calls += 1
+
+    def _window(self) -> tuple[int, Array]:
+        """Number of last calls whose readings are averaged, and which rays (l,) have enough of them.
+
+        These are as many calls as readings are to be averaged, more if a ray was not read in them: a ray that is read
+        at least half as often as the one that is read most.
+        """
+        read = np.isfinite(self._ranges)
+        often = read.sum(axis=0)
+        alive = (2 * often >= often.max()) & (often > 0)
+        age = np.argmax(read[::-1], axis=0)  # of the last reading of each ray, in calls
+        calls = max(self._config.readings, int(age[alive].max(initial=0)) + 1)
+        often = read[-calls:].sum(axis=0)
+        return calls, alive & (2 * often >= often.max()) & (often > 0)
 
     def _condition(self, rho: Array) -> Array:
         self._best, nis, rays = condition_each(
@@ -258,10 +277,10 @@ class FeasibleSetBank:
 
     def _start(self) -> None:
         """Make new hypotheses from the last readings, if there are enough, and keep the best one so far."""
-        enough = 2 * np.isfinite(self._ranges).sum(axis=0) >= len(self._ranges)  # (l,) of each ray
-        if self._calls < len(self._ranges) or enough.sum() < min(2, len(enough)):
+        calls, enough = self._window()
+        if self._calls < calls or enough.sum() < min(2, len(enough)):
             return
-        states, bank, alive = self._feasible(enough), self._bank, self._is_alive
+        states, bank, alive = self._feasible(enough, calls), self._bank, self._is_alive
         count, last = len(states), len(bank.score) - 1
         slip = min(float(bank.slip[self._best]), _LEFT * MOST_SLIP)  # the wheels are the same
         if alive and last > 0:
@@ -275,25 +294,38 @@ class FeasibleSetBank:
         bank.score[last] = 0.0 if alive or count > last else np.nan
         self._best = 0
 
-    def _feasible(self, rays: Array) -> Array:
-        """Feasible states (k, 4), far from each other, by the ``rays`` (l,) that have enough readings.
+    def _feasible(self, rays: Array, calls: int) -> Array:
+        """Feasible states (k, 4), far from each other, by those ``rays`` (l,) that have enough readings in the last
+        ``calls``.
 
         The readings are averaged by their median, which tolerates outliers. As the robot moves meanwhile, this stands
-        for the reading at the pose in the middle of them, from which odometry leads to the present pose.
+        for the reading at the pose in the middle of them, from which odometry leads to the present pose. A ray whose
+        own middle lies elsewhere is off by as far as the robot came between.
         """
         config, model, wall = self._config, self._model, self._model.wall
         y = np.full(len(rays), np.nan)
-        y[rays] = np.nanmedian(self._ranges[:, rays], axis=0)
-        v = _OF_MEDIAN * model.range_variance(y) / np.maximum(np.isfinite(self._ranges).sum(axis=0), 1)
+        ranges, inputs = self._ranges[-calls:], self._inputs[-calls:]
+        y[rays] = np.nanmedian(ranges[:, rays], axis=0)
+        read = np.isfinite(ranges) & rays
+        often = np.maximum(read.sum(axis=0), 1)
+        v = _OF_MEDIAN * model.range_variance(y) / often
         v += np.square(_MOVED * y)
+        ages = np.arange(calls)[::-1]  # [calls]
+        middles, middle = ages @ read / often, float(ages @ read.sum(axis=1)) / float(read.sum())
+        speed = float(np.abs(inputs[:, 0]).max()) + y * float(np.abs(inputs[:, 1]).max())
+        v += np.square(speed * self._step(calls) * (middles - middle))
         states, far = project(self._candidates, y, v, wall, model.angles, config.projections)
         near_enough = max(chdtri(rays.sum(), _FEASIBLE), np.sort(far)[: config.hypotheses][-1])
         states, far = states[far <= near_enough], far[far <= near_enough]
         chosen = farthest_points(states, int(np.argmin(far)), config.hypotheses, _NEAREST)
-        after = len(self._inputs) // 2  # inputs from the middle on; half of the first, if it lies between two readings
-        return pushed(
-            states[chosen], self._inputs[after:], wall, self.period, 0.5 if len(self._inputs) % 2 == 0 else 0.0
-        )
+        # Inputs from the middle on; of the first a share, if the middle lies between two calls.
+        after = math.floor(middle) + 1
+        return pushed(states[chosen], inputs[calls - after :], wall, self._step(calls), middle - math.floor(middle))
+
+    def _step(self, calls: int) -> float:
+        """Time [s] between two of the last ``calls``: the declared period, unless they come at another rate."""
+        step = float(self._times[-1] - self._times[-calls]) / (calls - 1) if calls > 1 else self.period
+        return self.period if abs(step - self.period) < _STEADY * self.period else step
 
     def _estimate(self, t: float, nis: Array) -> Estimate:
         bank, best = self._bank, self._best

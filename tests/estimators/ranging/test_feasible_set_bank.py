@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import pytest
@@ -70,6 +70,36 @@ def test_it_finds_the_robot_from_anywhere(sensors: str, curve: Curve) -> None:
         position, heading = last_errors(task, estimates)
         assert position < 0.15
         assert heading < 0.15
+        assert estimates[-1][1].status is Status.OK
+
+
+def thinned(step: Step, k: int, reads: Callable[[int], Sequence[bool]]) -> Step:
+    """A step that lacks the ranges of the rays that are not read at call k."""
+    return with_ranges(step, lambda ranges: np.where(reads(k), ranges, np.nan))
+
+
+@pytest.mark.parametrize(
+    ("reads", "sensors"),
+    [
+        (lambda k: [k % 5 == 0] * 2, "2s"),  # wheels at 50 Hz, a lidar at 10 Hz
+        (lambda k: [k % 10 == 3] * 4, "4"),
+        (lambda k: [k % 4 == ray for ray in range(4)], "4"),  # sonars that are fired in turn
+        (lambda k: [k % 12 == 3 * ray for ray in range(4)], "4"),
+        (lambda k: [k % 7 == 0, k % 5 == 0], "2s"),
+    ],
+    ids=["a fifth", "a tenth", "in turn", "seldom and in turn", "each at its own rate"],
+)
+def test_it_starts_where_ranges_come_more_seldom_than_odometry(
+    reads: Callable[[int], Sequence[bool]], sensors: str
+) -> None:
+    task = dataclasses.replace(mission(sensors), period=0.02)
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        steps = [thinned(step, k, reads) for k, step in enumerate(driven(task, drawn(FIELD, rng), 8.0, rng=rng))]
+        estimates = estimates_of(task, steps)
+        position, heading = last_errors(task, estimates)
+        assert position < 0.2
+        assert heading < 0.2
         assert estimates[-1][1].status is Status.OK
 
 

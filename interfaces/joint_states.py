@@ -19,7 +19,7 @@ BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)
 SIZES = {SLIDE: (1, 1), HINGE: (1, 1), BALL: (4, 3), FREE: (7, 6)}
 """sizes of a joint's part of q and of v"""
 
-_ROUNDING = 1e-6  # deviation of a quaternion's length from 1 by rounding, of a single-precision float at worst
+UNIT = 1e-2  # by which the length of a quaternion may differ from 1: logs keep few decimals
 _UNIT = {SLIDE: "m", HINGE: "rad"}
 
 
@@ -55,14 +55,15 @@ def quaternions(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[slice, ..
 def with_unit_quaternions(q: Array, where: Sequence[slice], what: str) -> Array:
     """Return q (nq,) with its quaternions normalised to length 1, from which rounding had moved them.
 
-    Raises ArgumentError if they were not near.
+    Raises ArgumentError if they were more than ``UNIT`` off.
     """
     if not where:
         return q
     q = q.copy()
     for each in where:
         length = float(np.linalg.norm(q[each]))
-        if not abs(length - 1.0) <= _ROUNDING:
-            raise ArgumentError(f"{what} = {q.tolist()} has a quaternion of length {length:.9g}; allowed: 1")
+        if not abs(length - 1.0) <= UNIT:
+            allowed = f"1 +- {UNIT:g}"
+            raise ArgumentError(f"{what} = {q.tolist()} has a quaternion of length {length:.7g}; allowed: {allowed}")
         q[each] /= length
     return q

@@ -16,6 +16,7 @@ import numpy as np
 from numba import float64
 
 from mathnavi.interfaces.compiled import Signature, njit
+from mathnavi.interfaces.joint_states import with_unit_quaternions
 from mathnavi.interfaces.kernel_types import ONE
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold import kernels
@@ -24,6 +25,7 @@ from mathnavi.models.manifold.kernels import distance, inner, project
 from mathnavi.models.manifold.manifold import CutLocusError, unrounded
 
 _S3 = sphere(3)
+_ROUNDING = 1e-12  # of p'p that the sphere takes as it is
 _OPPOSITE = 1e-12  # |<p, q>| of attitudes half a turn apart
 
 
@@ -98,9 +100,12 @@ class Attitude:
     def check(self, p: Array) -> Array:
         """Return the unit quaternion p (4,), normalised.
 
-        Raises ValueError if p is not one.
+        Raises ValueError if its length is off by more than rounding to few decimals.
         """
-        return _S3.check(p)
+        point = np.asarray(p, dtype=np.float64)
+        if point.shape == (4,) and np.isfinite(point).all() and not abs(point.dot(point) - 1.0) <= _ROUNDING:
+            point = with_unit_quaternions(point, (slice(0, 4),), "point")
+        return _S3.check(point)
 
     def exp(self, p: Array, w: Array) -> Array:
         """Attitude (4,) after 1 s at the constant body rate w (3,) [rad/s] from p (4,)."""

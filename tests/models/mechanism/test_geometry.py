@@ -235,16 +235,18 @@ def test_half_a_turn_of_a_ball_is_beyond_what_has_one_geodesic_and_still_finite(
     assert MechanismManifold(chain("hh")).injectivity_radius == np.inf
 
 
-@pytest.mark.parametrize("wrong", [[0.0], [0.0, np.nan, 0, 0, 0], [0.0, 1.0, 0.1, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0]])
+@pytest.mark.parametrize("wrong", [[0.0], [0.0, np.nan, 0, 0, 0], [0.0, 1.0, 0.2, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0]])
 def test_what_is_no_point_is_refused(wrong: list[float]) -> None:
     with pytest.raises(ValueError, match=r"point = .*allowed"):
         MechanismManifold(chain("hb")).check(np.array(wrong))
 
 
-def test_a_quaternion_off_by_rounding_is_projected() -> None:
-    p = MechanismManifold(chain("hb")).check(np.array([0.5, 0.6 + 3e-7, 0.0, 0.8, 0.0]))
-    assert np.linalg.norm(p[1:]) == pytest.approx(1.0, abs=1e-15)
-    assert p[0] == 0.5
+@pytest.mark.parametrize("off", [3e-7, 4e-6, 5e-4, 6e-3])
+def test_a_quaternion_off_by_rounding_to_some_decimals_is_projected(off: float) -> None:
+    for manifold, before in ((MechanismManifold(chain("hb")), [0.5]), (Attitude(), [])):
+        p = manifold.check(np.array([*before, 0.6 + off, 0.0, 0.8, 0.0]))
+        assert np.linalg.norm(p[-4:]) == pytest.approx(1.0, abs=1e-15)
+        assert p[:-4].tolist() == before
 
 
 def test_a_vector_of_another_size_is_refused() -> None:

@@ -54,9 +54,9 @@ def differences(path: Path) -> list[str]:
             found.append(name)
     own.opt.disableflags |= ADDED
     for name in dir(own.opt):
-        if not name.startswith("_") and not callable(getattr(own.opt, name)):
-            if not np.array_equal(getattr(own.opt, name), getattr(built.opt, name)):
-                found.append(f"opt.{name}")
+        value = getattr(own.opt, name)
+        if not (name.startswith("_") or callable(value) or np.array_equal(value, getattr(built.opt, name))):
+            found.append(f"opt.{name}")
     return found
 
 

@@ -12,7 +12,8 @@ S. Bonnabel, IEEE TAC 62(4), 2017, Theorem 2). A fix is a left-invariant observa
 first order.
 
 While IMU readings are missing the estimate is propagated by the vehicle's declared motion under its input, with the
-declared gusts as its noise. The IMU's biases are not modelled. A rotation about the vertical shows in the fixes only
+declared gusts as its noise; without an input, as in a log of sensors alone, by the last reading, which is trusted less
+and less. The IMU's biases are not modelled. A rotation about the vertical shows in the fixes only
 while the vehicle accelerates sideways; the initial heading is the mission's.
 """
 
@@ -150,7 +151,7 @@ class InertialIekf:
         strapdown = self._strapdown
         assert strapdown.t is not None
         dt = t - strapdown.t
-        if dt <= TIME_TOLERANCE:
+        if dt <= TIME_TOLERANCE or (not command.any() and strapdown.hold(t, self._mission.flight.acceleration_max)):
             return
         X = strapdown.X
         x = np.concatenate([X[:3, 4], quaternion(X[:3, :3]), X[:3, 3], strapdown.rate])

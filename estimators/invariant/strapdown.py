@@ -11,6 +11,8 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 TURN, SPEED, PLACE = slice(0, 3), slice(3, 6), slice(6, 9)
 """components of xi: attitude [rad], velocity [m/s] and position [m]"""
 
+_CHANGE = 0.5  # [s] in which a vehicle may change its acceleration and its rate of turn altogether
+_TURN_RATE = 1.0  # [rad/s]
 _LEAST_GYRO, _LEAST_FORCE = 1e-4, 1e-3  # [rad/s, m/s^2] least that are assumed for any IMU
 
 
@@ -21,6 +23,8 @@ class Strapdown:
         """``gravity`` (3,) [m/s^2] is the acceleration of free fall, ``deviations`` [rad/s, m/s^2] are the IMU's."""
         self.X, self.P, self.rate = X, P, rate.copy()
         self.t: float | None = None  # [s] of X; None before the first call
+        self._force: Array | None = None  # (3,) [m/s^2] of the last reading
+        self._read = 0.0  # [s] of it
         self._gravity = gravity
         self._variances = np.repeat(np.square(trusted(deviations)), 3)
 
@@ -28,14 +32,34 @@ class Strapdown:
         """Propagate to t [s] by a reading (6,) of the IMU there; the first one only sets the time and the rate."""
         gyro, force = reading[:3], reading[3:]
         dt, rate = 0.0 if self.t is None else t - self.t, 0.5 * (self.rate + gyro)
-        self.t, self.rate = t, gyro.copy()
-        if dt <= TIME_TOLERANCE:
-            return
+        self.t, self.rate, self._force, self._read = t, gyro.copy(), force.copy(), t
+        if dt > TIME_TOLERANCE:
+            self._move(rate, force, dt, self._variances)
+
+    def hold(self, t: float, acceleration_max: float) -> bool:
+        """Propagate to t [s] by the last reading; False if there was none.
+
+        Meanwhile the specific force and the rate of turn change, by random walks that in ``_CHANGE`` reach
+        ``acceleration_max`` [m/s^2] and ``_TURN_RATE``.
+        """
+        if self._force is None or self.t is None:
+            return False
+        dt = t - self.t
+        since, until = self.t - self._read, t - self._read
+        # Of the velocity that a walk of intensity q gathers, in the mean over dt: q (until^3 - since^3) / (3 dt^2).
+        walked = (until**3 - since**3) / (3.0 * dt * dt * _CHANGE)
+        changed = walked * np.repeat((_TURN_RATE**2, acceleration_max**2), 3)
+        self.t = t
+        self._move(self.rate, self._force, dt, self._variances + changed)
+        return True
+
+    def _move(self, rate: Array, force: Array, dt: float, variances: Array) -> None:
+        """Propagate over dt [s] by a rate and a specific force (3,), whose ``variances`` (6,) are of their means."""
         moved, A = propagation(self.X, rate, force, self._gravity, dt)
         G = np.zeros((9, 6))
         G[TURN, :3] = dt * SO3.right_jacobian(dt * rate)
         G[SPEED, 3:], G[PLACE, 3:] = dt * np.eye(3), 0.5 * dt * dt * np.eye(3)
-        self.X, self.P = moved, A @ self.P @ A.T + G * self._variances @ G.T
+        self.X, self.P = moved, A @ self.P @ A.T + G * variances @ G.T
 
     def correct(self, d: Array, P: Array) -> None:
         """Correct X by an error d (9,), after which the covariance is P (9, 9)."""

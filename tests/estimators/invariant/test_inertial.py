@@ -81,6 +81,35 @@ def test_from_an_attitude_that_is_off_by_half_a_radian_it_finds_tilt_and_heading
     assert max(errors) < 0.06
 
 
+@pytest.mark.parametrize(
+    ("between", "lost"), [(0.5, (9.0, 9.0)), (0.3, (9.0, 9.0)), (0.0, (2.0, 2.1)), (0.0, (2.0, 2.5))]
+)
+def test_an_imu_that_is_silent_where_no_input_is_given_holds_its_last_reading(
+    between: float, lost: tuple[float, float]
+) -> None:
+    """In a log of sensors fixes have time stamps of their own, between those of the IMU, or the IMU has gaps."""
+    errors, dt, still = [], 0.02, np.zeros(4)
+    for seed in range(4):
+        rng, estimator, x = np.random.default_rng(seed), InertialIekf.build(ROUGH, MISSION), MISSION.start_state
+        X, rate = SE23.from_parts(rotation(x[3:7]), x[VELOCITY], x[:3]), np.zeros(3)
+        for k in range(200):
+            t, before = k * dt, (k - 1 + between) * dt
+            force = np.array([2.0 * math.sin(2.0 * t), 2.0 * math.cos(1.5 * t), 0.0]) + G * X[2, :3]
+            after = 0.4 * np.array([math.sin(3.0 * t), math.cos(2.0 * t), math.sin(t)])
+            mean, rate = 0.5 * (rate + after), after
+            at_fix, _ = propagation(X, mean, force, FALL, between * dt)
+            X, _ = propagation(at_fix, mean, force, FALL, (1.0 - between) * dt)
+            if k and k % 5 == 0:
+                fix = at_fix[:3, 4] + MISSION.flight.position_noise * rng.standard_normal(3)
+                estimator.update(before, [Measurement("position", before, fix)], still)
+            imu = [] if lost[0] <= t < lost[1] else [Measurement("imu", t, np.concatenate([rate, force]))]
+            estimate = estimator.update(t, imu, still)
+            errors.append(float(np.linalg.norm(estimate.x[:3] - X[:3, 4])))
+    assert np.sqrt(np.mean(np.square(errors))) < 0.15
+    assert max(errors) < 0.6
+    assert estimate.status is Status.OK
+
+
 def test_it_is_as_good_as_it_says() -> None:
     """NEES of position and velocity has the mean 6; 10 runs of nearly independent starts, at their ends."""
     values = []

@@ -11,7 +11,7 @@ import numpy as np
 
 from mathnavi.estimators.stagewise.model import Piece
 from mathnavi.estimators.velocity.error_state import StateErrors, acceleration_noise
-from mathnavi.estimators.velocity.readings import innovation, reading_variance, usable
+from mathnavi.estimators.velocity.readings import PositionReader, innovation, reading_variance
 from mathnavi.interfaces.signals import NOTHING, Array, Measurement
 from mathnavi.models.manifold.mission import LagrangianMission
 
@@ -29,6 +29,7 @@ class LagrangianModel:
         """
         self._mission, self._system = mission, mission.system
         self._manifold = mission.system.manifold
+        self._reader = PositionReader(self._manifold)
         self._acceleration, self._floor = acceleration, noise_floor
         self._errors = StateErrors(self._manifold)
         self.rows = self._manifold.dimension
@@ -53,7 +54,7 @@ class LagrangianModel:
         return ((end - begin, command.copy()),)
 
     def reading(self, measurement: Measurement) -> Array | None:
-        return usable(measurement, self._manifold)
+        return self._reader.read(measurement)
 
     def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
         after = self._system.flow(x, u, h)

@@ -18,7 +18,7 @@ from typing import Protocol
 import numpy as np
 
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
-from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation, usable
+from mathnavi.estimators.velocity.readings import OutlierCounter, PositionReader, SpeedGate, innovation
 from mathnavi.estimators.velocity.safe_answer import SafeAnswer
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.manifold.manifold import CutLocusError
@@ -101,6 +101,7 @@ class PositionObserver:
         """``timeout`` is the time [s] without a usable reading after which the estimate is lost."""
         self.period = mission.period
         self._law, self._manifold = law, mission.system.manifold
+        self._reader = PositionReader(self._manifold)
         self._timeout_monitor = TimeoutMonitor(timeout)  # of the readings that were used
         self._x = np.concatenate([self._manifold.origin, np.zeros(self._manifold.vector_size)])
         self._t: float | None = None  # [s] of the law's state; None before it is started
@@ -116,7 +117,7 @@ class PositionObserver:
         starts after a failed step.
         """
         for reading in measurements:
-            y = usable(reading, self._manifold)
+            y = self._reader.read(reading)
             if y is not None and reading.t > self._timeout_monitor.t + TIME_TOLERANCE:
                 self._read(reading.t, y, command)
         self._move(t, command)

@@ -18,7 +18,10 @@ import numpy as np
 from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.manifold.manifold import CutLocusError, Manifold
 from mathnavi.models.manifold.mission import POSITION, LagrangianMission
+from mathnavi.models.mechanism.geometry import MechanismManifold
 
+_TURN = 2.0 * math.pi
+_SLACK = 0.1  # [rad] by which a reading may be beyond a limit or a turn
 _LASTING = 10  # readings in a row that are refused
 _TOO_FAST = 2.0  # times the system's greatest speed
 _DEVIATIONS = 6.0 * math.sqrt(2.0)  # of the difference of two readings
@@ -26,16 +29,63 @@ _PROBES = 64  # readings that are rounded to find the error of rounding
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)  # its multiples are spread evenly over [0, 1), for any encoder
 
 
-def usable(reading: Measurement, manifold: Manifold) -> Array | None:
-    """Point (size,) of the manifold in a reading; None for a reading of another sensor, and for one that is not a
-    point.
+class PositionReader:
+    """What readings of the position say: points of the manifold, in which angles go on from turn to turn.
+
+    An encoder of a hinge may start again after a turn, at 2 pi, at pi or elsewhere. A reading is then the angle nearest
+    to where the readings before lead, or the one within the joint's limits. An encoder whose readings are more than a
+    turn apart counts turns itself.
     """
-    if reading.name != POSITION:
-        return None
-    try:
-        return manifold.check(reading.value)
-    except ValueError:
-        return None
+
+    def __init__(self, manifold: Manifold) -> None:
+        self._manifold = manifold
+        hinges = manifold.hinges if isinstance(manifold, MechanismManifold) else ()
+        self._encoders = [_Encoder(*hinge) for hinge in hinges]
+
+    def read(self, reading: Measurement) -> Array | None:
+        """Point (size,) of the manifold; None for a reading of another sensor, and for one that is not a point."""
+        if reading.name != POSITION:
+            return None
+        try:
+            y = self._manifold.check(reading.value)
+        except ValueError:
+            return None
+        turns = [encoder.turns(reading.t, float(y[encoder.index])) for encoder in self._encoders]
+        if any(turns):
+            y = y.copy()
+            y[[encoder.index for encoder in self._encoders]] += _TURN * np.array(turns)
+        return y
+
+
+class _Encoder:
+    """Encoder of one hinge, at ``index`` of a point, whose limits are ``low`` and ``high`` [rad]."""
+
+    def __init__(self, index: int, low: float, high: float) -> None:
+        self.index, self._low, self._high = index, low, high
+        self._least, self._greatest = math.inf, -math.inf  # [rad] of its readings
+        self._t, self._angle, self._speed = -math.inf, 0.0, 0.0  # of the last one
+
+    def turns(self, t: float, angle: float) -> int:
+        """Whole turns to add to a reading of t [s]."""
+        self._least, self._greatest = min(self._least, angle), max(self._greatest, angle)
+        turns = 0 if self._stands(angle) else round((self._expected(t, angle) - angle) / _TURN)
+        whole = angle + _TURN * turns
+        if t > self._t:
+            self._speed = (whole - self._angle) / (t - self._t)  # 0 of the first
+            self._t, self._angle = t, whole
+        return turns
+
+    def _stands(self, angle: float) -> bool:
+        """True if a reading is an angle as it is: the encoder counts turns, or the joint makes none and admits it."""
+        if self._greatest - self._least > _TURN + _SLACK:
+            return True
+        return self._high - self._low <= _TURN and self._low - _SLACK <= angle <= self._high + _SLACK
+
+    def _expected(self, t: float, angle: float) -> float:
+        """Angle [rad] near which the joint is at t [s]."""
+        if math.isfinite(self._t):
+            return self._angle + max(t - self._t, 0.0) * self._speed
+        return 0.5 * (self._low + self._high) if self._high - self._low <= _TURN else angle
 
 
 def innovation(manifold: Manifold, x: Array, y: Array) -> Array | None:

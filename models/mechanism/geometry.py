@@ -24,7 +24,7 @@ import mujoco
 import numpy as np
 
 from mathnavi.interfaces.errors import ArgumentError
-from mathnavi.interfaces.joint_states import BALL, FREE, SLIDE, quaternions, with_unit_quaternions
+from mathnavi.interfaces.joint_states import BALL, FREE, HINGE, SLIDE, quaternions, with_unit_quaternions
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.mechanism import kernels
 
@@ -56,6 +56,12 @@ class MechanismManifold:
         names = [model.joint(j).name or str(j) for j in joints]
         self.name = f"the mechanism of the joints {', '.join(names)}"
         self.injectivity_radius = _half_turn(M, balls)
+        self.hinges = tuple(
+            (int(model.jnt_qposadr[j]), *(model.jnt_range[j].tolist() if model.jnt_limited[j] else (-np.inf, np.inf)))
+            for j in joints
+            if model.jnt_type[j] == HINGE
+        )
+        """place in a point, and limits [rad], of each hinge"""
         self._slides = np.array(
             [
                 int(model.jnt_qposadr[j]) + k

@@ -12,6 +12,9 @@ readings in a row are refused they are no outliers: the observer is wrong.
 from __future__ import annotations
 
 import math
+from collections import deque
+from itertools import pairwise
+from statistics import median_low
 
 import numpy as np
 
@@ -21,6 +24,7 @@ from mathnavi.models.manifold.mission import POSITION, LagrangianMission
 from mathnavi.models.mechanism.geometry import MechanismManifold
 
 _TURN = 2.0 * math.pi
+_LAST = 4  # readings that say where the next one is
 _SLACK = 0.1  # [rad] by which a reading may be beyond a limit or a turn
 _LASTING = 10  # readings in a row that are refused
 _TOO_FAST = 2.0  # times the system's greatest speed
@@ -63,16 +67,14 @@ class _Encoder:
     def __init__(self, index: int, low: float, high: float) -> None:
         self.index, self._low, self._high = index, low, high
         self._least, self._greatest = math.inf, -math.inf  # [rad] of its readings
-        self._t, self._angle, self._speed = -math.inf, 0.0, 0.0  # of the last one
+        self._last: deque[tuple[float, float]] = deque(maxlen=_LAST)  # [s], [rad] with their turns
 
     def turns(self, t: float, angle: float) -> int:
         """Whole turns to add to a reading of t [s]."""
         self._least, self._greatest = min(self._least, angle), max(self._greatest, angle)
         turns = 0 if self._stands(angle) else round((self._expected(t, angle) - angle) / _TURN)
-        whole = angle + _TURN * turns
-        if t > self._t:
-            self._speed = (whole - self._angle) / (t - self._t)  # 0 of the first
-            self._t, self._angle = t, whole
+        if not self._last or t > self._last[-1][0]:
+            self._last.append((t, angle + _TURN * turns))
         return turns
 
     def _stands(self, angle: float) -> bool:
@@ -82,10 +84,12 @@ class _Encoder:
         return self._high - self._low <= _TURN and self._low - _SLACK <= angle <= self._high + _SLACK
 
     def _expected(self, t: float, angle: float) -> float:
-        """Angle [rad] near which the joint is at t [s]."""
-        if math.isfinite(self._t):
-            return self._angle + max(t - self._t, 0.0) * self._speed
-        return 0.5 * (self._low + self._high) if self._high - self._low <= _TURN else angle
+        """Angle [rad] near which the joint is at t [s]: one outlier among the last readings does not matter."""
+        if not self._last:
+            return 0.5 * (self._low + self._high) if self._high - self._low <= _TURN else angle
+        speeds = [(after - before) / (then - at) for (at, before), (then, after) in pairwise(self._last)]
+        speed = min(speeds, key=abs, default=0.0)
+        return median_low([before + max(t - at, 0.0) * speed for at, before in self._last])
 
 
 def innovation(manifold: Manifold, x: Array, y: Array) -> Array | None:

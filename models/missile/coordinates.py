@@ -190,8 +190,10 @@ class Coordinates:
     @staticmethod
     def _rows(kernel: Callable[..., Array], *arrays: Array) -> Array:
         """Apply a kernel of rows to arrays of one row or of several."""
-        made: Array = kernel(*(np.atleast_2d(array) for array in arrays))
-        return made if arrays[0].ndim > 1 else made[0]
+        if arrays[0].ndim > 1:
+            return kernel(*arrays)
+        made: Array = kernel(*[array[np.newaxis] for array in arrays])
+        return made[0]
 
 
 def _places(names: tuple[str, ...], among: tuple[str, ...]) -> Integers:

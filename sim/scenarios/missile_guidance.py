@@ -131,18 +131,23 @@ class PassedTarget:
 
     def finished(self, t: float, truths: Mapping[str, Array]) -> bool:
         """True if the target was ahead and is behind, by the plane through it across the final direction; ``t`` [s]."""
-        place = self._mission.coordinates.place(self._mission.coordinates.from_joints(truths[VEHICLE]))
+        place = _place(self._mission, truths[VEHICLE])
         offset = self._target.at(t) - place
         ahead, distance = float(offset @ self._direction), float(np.linalg.norm(offset))
         passed = self._was_before and ahead <= 0.0 and distance > self._distance
         self._distance = distance
         self._was_before |= ahead > 0.0
-        return passed or _under_ground(self._mission, truths[VEHICLE])
+        return passed or _is_under_ground(place)
 
 
-def _under_ground(mission: MissileMission, joints: Array) -> bool:
-    """True if the middle of a missile with joint coordinates and rates (nx,) is below the ground, z = 0."""
-    return bool(mission.coordinates.place(mission.coordinates.from_joints(joints))[2] > 0.0)
+def _place(mission: MissileMission, joints: Array) -> Array:
+    """Place (3,) [m] in the Earth frame of a missile with joint coordinates and rates (nx,)."""
+    return mission.coordinates.place(mission.coordinates.from_joints(joints))
+
+
+def _is_under_ground(place: Array) -> bool:
+    """True if the middle of a missile at a place (3,) [m] in the Earth frame is below the ground, z = 0."""
+    return bool(place[2] > 0.0)
 
 
 def summarise(
@@ -159,7 +164,7 @@ def summarise(
     near = Requirement("miss_m", most=config.miss_allowed)
     aligned = Requirement("aspect_error_deg", most=config.aspect_allowed)
     hit = not near.missed(figures)
-    grounded = not hit and _under_ground(mission, recording.truths[VEHICLE][-1])
+    grounded = not hit and _is_under_ground(_place(mission, recording.truths[VEHICLE][-1]))
     if grounded:
         end = float(recording.t[-1])
         text = f"the missile hit the ground; it came no nearer to the target than {figures['miss_m']:.4g} m"

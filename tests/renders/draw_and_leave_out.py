@@ -8,7 +8,8 @@ parts at an earlier time.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,12 +22,11 @@ from mathnavi.renders.fleet.scene import fleet_scene
 from mathnavi.renders.flight.scene import flight_scene
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.renders.lagrangian.scene import MechanismScene
-from mathnavi.renders.missile.run_data import MissileRun
 from mathnavi.renders.missile.scene import MissileScene
 from mathnavi.renders.quadrotor.scene import quadrotor_scene
 from mathnavi.renders.ranging.run_data import RangingRun
 from mathnavi.renders.ranging.scene import ABOVE, ROBOT_GROUP, RangingScene
-from mathnavi.renders.scene.elements import Scene
+from mathnavi.renders.scene.elements import Layer, Scene
 from mathnavi.renders.scene.mujoco import MujocoScene
 from tests.renders.ranging.believers import ELSEWHERE
 
@@ -45,7 +45,8 @@ Arrays = dict[str, Array]
 class Vehicles:
     """Parts of a scene, and when they are drawn."""
 
-    scene: Callable[[Any, str], Any]  # of a run, without a part
+    scene: Callable[[Any], Any]  # of a run
+    left_out: Callable[[Any, str], AbstractContextManager[None]]  # a part of a scene, within the block
     parts: Callable[[Any], Iterable[str]]  # of a run
     moments: Mapping[str, float]  # by camera, a share of the run
     places: Callable[[Any, float], Array]  # (m, 3) of a run at a time [s]
@@ -53,37 +54,42 @@ class Vehicles:
     targets: Callable[[Any], Array] | None = None  # (m, 3) places that the cameras should have in sight too
 
 
-def described(describe: Callable[[Any], Scene]) -> Callable[[Any, str], MujocoScene]:
-    """Scenes of a description, with a motion of which the surfaces are too small to be seen."""
-
-    def scene(run: Any, left_out: str) -> MujocoScene:
-        found = describe(run)
-        surfaces = [
-            replace(each, vertices=1e-3 * each.vertices) if each.motion == left_out else each for each in found.surfaces
-        ]
-        return MujocoScene(replace(found, surfaces=surfaces), 320, 180)
-
-    return scene
+def described(describe: Callable[[Any], Scene]) -> Callable[[Any], MujocoScene]:
+    """Scenes of a description."""
+    return lambda run: MujocoScene(describe(run), 320, 180)
 
 
-def missile_scene(run: MissileRun, left_out: str) -> MissileScene:
-    """The scene of a missile, without it if it is to be left out."""
-    scene = MissileScene(run, 320, 180)
-    if left_out:
-        scene.model.geom_group[scene.model.geom_bodyid == scene.model.body("missile/body").id] = NOT_DRAWN
-    return scene
+@contextmanager
+def without_motion(scene: MujocoScene, motion: str) -> Iterator[None]:
+    """Draw no surface of a motion."""
+    whole, hidden = scene.scene, Layer(motion, shown=False)
+    kept = [replace(each, layer=hidden) if each.motion == motion else each for each in whole.surfaces]
+    scene.scene = replace(whole, surfaces=kept)
+    yield
+    scene.scene = whole
+
+
+@contextmanager
+def without_missile(scene: MissileScene, _: str) -> Iterator[None]:
+    """Draw no missile."""
+    groups, own = scene.model.geom_group.copy(), scene.model.geom_bodyid == scene.model.body("missile/body").id
+    scene.model.geom_group[own] = NOT_DRAWN
+    yield
+    scene.model.geom_group[:] = groups
 
 
 VEHICLES = {
     "flight": Vehicles(
         described(flight_scene),
+        without_motion,
         lambda run: ["vehicle"],
         {"chase": 0.5, "overview": 0.5, "top": 0.5},
         lambda run, t: run.state(t)[None, :3],
         earlier=0.0,
     ),
     "missile": Vehicles(
-        missile_scene,
+        lambda run: MissileScene(run, 320, 180),
+        without_missile,
         lambda run: ["missile"],
         {"chase": 0.55, "side": 0.6, "target": 0.96},
         lambda run, t: run.path[[run.index(t)]],
@@ -91,12 +97,14 @@ VEHICLES = {
     ),
     "quadrotor": Vehicles(
         described(quadrotor_scene),
+        without_motion,
         lambda run: ["vehicle"],
         {"chase": 0.5, "overview": 0.5, "top": 0.5},
         lambda run, t: run.pose(t)[0][None],
     ),
     "fleet": Vehicles(
         described(fleet_scene),
+        without_motion,
         lambda run: run.vehicles,
         {"overview": 0.4, "top": 0.5, "arrival": 0.9},
         lambda run, t: run.positions(t),
@@ -109,7 +117,7 @@ def draw_vehicles(vehicles: Vehicles, run: Any) -> Arrays:
     """Each camera's picture with all vehicles, and without each of them."""
     times = {camera: share * run.duration for camera, share in vehicles.moments.items()}
     arrays: Arrays = {}
-    with vehicles.scene(run, "") as scene:
+    with vehicles.scene(run) as scene:
         first = {camera: scene.draw(t, camera) for camera, t in times.items()}
         for camera, t in times.items():
             arrays[f"{camera}.with"] = scene.draw(t, camera)
@@ -122,12 +130,12 @@ def draw_vehicles(vehicles: Vehicles, run: Any) -> Arrays:
         if vehicles.targets is not None:
             arrays["end"] = scene.draw(run.duration, camera)
             arrays["end.targets"] = pixels(vehicles.targets(run), camera)
-    for name in vehicles.parts(run):
-        with vehicles.scene(run, name) as scene:
-            for camera, t in times.items():
-                arrays[f"{camera}.without.{name}"] = scene.draw(t, camera)
-                if vehicles.earlier is not None:
-                    arrays[f"{camera}.earlier"] = scene.draw(vehicles.earlier * run.duration, camera)
+        for name in vehicles.parts(run):
+            with vehicles.left_out(scene, name):
+                for camera, t in times.items():
+                    arrays[f"{camera}.without.{name}"] = scene.draw(t, camera)
+                    if vehicles.earlier is not None:
+                        arrays[f"{camera}.earlier"] = scene.draw(vehicles.earlier * run.duration, camera)
     return arrays
 
 

@@ -1,5 +1,5 @@
 """Pictures drawn in this process, which spares the start of another, or in one of their own; where two of them differ,
-and those of a video.
+and some of a video's.
 
 Every scene is drawn here by the code that a process which draws runs (``mathnavi.renders.worker``); that such a process
 draws the same, and closes its renderer, is tested once, with a flight.
@@ -16,16 +16,15 @@ from collections.abc import Generator, Mapping, Sequence
 from dataclasses import astuple
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.models import opengl
 from mathnavi.renders import video, worker
-from mathnavi.renders.film import Frame
+from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.film import TOUR, Frame
 from mathnavi.renders.palette import Picture
-from mathnavi.renders.video import write_video
 from mathnavi.sim.plugin.trust import is_trusted
 
 SCRIPT = Path(__file__).with_name("draw_and_leave_out.py")
@@ -71,13 +70,13 @@ def differing(one: Array, other: Array, least: int = 12) -> tuple[Array, Array]:
     return rows, columns
 
 
-def video_pictures(run: Path, folder: Path) -> list[Array]:
-    """Pictures (90, 160, 3) of a small video of one picture a second, written into an empty folder."""
-    path = write_video(run, path=folder / "run.mp4", width=160, height=90, fps=1, progress=False)
-    assert [file.name for file in folder.iterdir()] == ["run.mp4"]
-    with av.open(str(path)) as container:
-        stream = container.streams.video[0]
-        pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
-        assert (stream.width, stream.height, stream.average_rate) == (160, 90, 1)
+def video_pictures(run: Path) -> tuple[int, list[Array]]:
+    """Number of the pictures of a video of one picture a second, and the first four and the last (90, 160, 3).
+
+    How pictures become a video is tested with a flight.
+    """
+    drawing = drawing_of(run)
+    frames = drawing.frames(drawing.load_run(run), TOUR, 1)
+    pictures = list(draw_here(run, [*frames[:4], frames[-1]], 160, 90, video.VIDEO_SAMPLES))
     assert min(picture.std() for picture in pictures) > 10.0
-    return pictures
+    return len(frames), pictures

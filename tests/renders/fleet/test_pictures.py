@@ -74,9 +74,9 @@ def test_every_vehicle_is_in_sight_where_it_should_be_in_its_colour(
 
 
 @needs_opengl
-def test_a_video_has_the_size_rate_and_length_asked_for(fleet_dir: Path, tmp_path: Path) -> None:
-    pictures = video_pictures(fleet_dir, tmp_path)
-    assert 12 <= len(pictures) <= 25
+def test_a_video_is_of_the_right_length_and_shows_something(fleet_dir: Path) -> None:
+    count, _ = video_pictures(fleet_dir)
+    assert 12 <= count <= 25
 
 
 def test_the_report_stands_alone_and_shows_every_figure_vehicle_and_event(

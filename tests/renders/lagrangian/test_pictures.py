@@ -97,9 +97,9 @@ def test_a_still_is_not_blank(folders: dict[str, Path], tmp_path: Path) -> None:
 
 
 @needs_opengl
-def test_a_video_has_the_size_and_length_asked_for(folders: dict[str, Path], tmp_path: Path) -> None:
-    pictures = video_pictures(folders["hyperbolic-plane"], tmp_path)
-    assert 8 <= len(pictures) <= 20
+def test_a_video_is_of_the_right_length_and_shows_something(folders: dict[str, Path]) -> None:
+    count, _ = video_pictures(folders["hyperbolic-plane"])
+    assert 8 <= count <= 20
 
 
 def test_the_caption_says_what_is_known(runs: dict[str, LagrangianRun]) -> None:

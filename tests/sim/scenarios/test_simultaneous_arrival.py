@@ -26,7 +26,7 @@ def terrain(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 def config(terrain: str, **fields: Any) -> SimultaneousArrivalConfig:
     """A small fleet over a small map."""
-    small = {"vehicles": 3, "slot_spacing": 800.0, "separation": 150.0, "drawn_distance": (0.25, 0.5)}
+    small = {"vehicles": 3, "slot_spacing": 800.0, "separation": 150.0, "drawn_distance": (0.2, 0.35)}
     return SimultaneousArrivalConfig(**{"terrain": terrain, **small, **fields})
 
 
@@ -60,7 +60,7 @@ def test_the_average_asks_some_for_more_than_they_can_and_costs_no_safety(terrai
 
 @pytest.mark.parametrize("radio", [Radio(loss=1.0), Radio(range=1.0)])
 def test_who_hears_nobody_flies_its_stored_plan_and_arrives_with_the_others(terrain: str, radio: Radio) -> None:
-    outcome = flown(terrain, radio=radio)
+    outcome = flown(terrain, radio=radio, drawn_distance=(0.25, 0.5))
     assert outcome.success, outcome.summary
     assert outcome.summary["plans_adopted"] == 3  # the stored ones
     assert outcome.summary["arrivals_deferred"] == 3

@@ -48,7 +48,7 @@ def test_names_that_are_in_use_stay() -> None:
         assert HeightField(np.zeros((2, 2)), 1.0, name).inflated(1.0, 1.0).name == name
 
 
-@settings(max_examples=200)
+@settings(max_examples=60)
 @given(st.text(max_size=120))
 def test_a_name_that_is_accepted_is_that_of_a_file_in_its_folder(name: str) -> None:
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -44,11 +45,12 @@ READERS = {
 MODULES = {"json", "np", "numpy", "pickle", "mjcf", "mujoco", "MjSpec", "csv", "sqlite3", "Image", "ElementTree"}
 OF_MODULES = {"load", "loads", "parse", "connect", "reader"}  # names that others have for other things
 METHODS = {"read_text", "read_bytes"}  # of a path; by these names alone they are functions of the one place
+CALLED = re.compile(rf"\b(?:{'|'.join(READERS)})\(")  # most sources call nothing of that name, and are not parsed
 
 
 def calls(source: str) -> Iterator[tuple[str, ast.Call]]:
     """Calls that may read a file, by their dotted names."""
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(ast.parse(source)) if CALLED.search(source) else ():
         if isinstance(node, ast.Call) and _last_name(node.func) in READERS:
             name = ast.unparse(node.func)
             owner, _, last = name.rpartition(".")

@@ -63,10 +63,7 @@ def command(folder: Path) -> Command:
     return called
 
 
-def test_the_index_says_what_the_plugins_say(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+def test_the_index_says_what_the_plugins_say(capsys: pytest.CaptureFixture[str]) -> None:
     own = [(COMMAND, EntryPoint(OPTIONS[command], OPTIONS[command], "")) for command in FLOWN]
     Index.read().describe(*own, *((kind, each) for kind in ("scenarios", *KINDS.values()) for each in installed(kind)))
     runs = [("run", point.name) for point in installed("scenarios")]

@@ -29,7 +29,7 @@ from tests.quadrotor import built, flight_mission, hills
 def mission_flown(true: Quadrotor = NOMINAL, gust: DeclaredGusts | None = None) -> dict[str, Any]:
     """Results of a mission across the hills, flown as a scenario would."""
     gust = gust or DeclaredGusts()
-    flight = flight_mission(hills(), (40.0, 50.0), (350.0, 340.0), gust=gust)
+    flight = flight_mission(hills(), (40.0, 50.0), (250.0, 240.0), gust=gust)
     mission, sensing, gusting = QuadrotorMission(flight), *np.random.default_rng(5).spawn(2)
     raw, tracker = QuadrotorFlight.build(QuadrotorConfig(), mission)
     bound = tracker.bound  # type: ignore[attr-defined]
@@ -81,7 +81,7 @@ def test_a_mission_across_hills_is_safe_in_time_and_within_the_bound(
     assert came["arrived"] <= flight.arrival_radius
     assert came["time"] <= came["deadline"]
     assert came["speed"] <= flight.speed_max
-    assert came["plans"] > 40  # replanned nearly every half second
+    assert came["plans"] > 1.8 * came["time"]  # replanned nearly every half second
     assert "tracking-breach" not in came["events"]
     assert np.hypot(deviation[:, 0], deviation[:, 1]).max() <= bound.horizontal
     assert np.abs(deviation[:, 2]).max() <= bound.vertical

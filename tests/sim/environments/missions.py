@@ -48,6 +48,7 @@ def fields(scenario: str) -> Mapping[str, Any]:
     return {
         "safe-flight": {**flight, "start": (3000.0, 3000.0, 800.0), "noise": {"position": 2.0}},
         "simultaneous-arrival": {"terrain": hills(), "vehicles": 2},
+        "quadrotor-canyon": {"start": (300.0, 275.0, 1232.0), "target": (204.0, 303.0, 1232.0)},
         "arm-velocity": {"start": (0.3, -0.2, 0.5, 1.0), "duration": 0.05, "settled": 0.0},
     }.get(scenario, {})
 

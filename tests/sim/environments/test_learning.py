@@ -58,8 +58,7 @@ def played(episode: LearningEpisode, policy: Policy, seed: int = 1) -> tuple[lis
 @cache
 def near(scenario: str) -> EpisodeRunner:
     """A mission whose target is not far."""
-    fields = {"drawn_separation": (0.1, 0.2)} if scenario == "quadrotor-canyon" else missions.fields(scenario)
-    return EpisodeRunner(RunSpec.of(scenario, 1, fields=fields))
+    return EpisodeRunner(RunSpec.of(scenario, 1, fields=missions.fields(scenario)))
 
 
 def by_the_controller(scenario: str) -> tuple[float, Array]:

@@ -45,7 +45,7 @@ def errors(noise: float, gust_rms: float, seconds: float) -> tuple[np.ndarray, n
 
 
 def test_in_flight_it_is_better_than_the_full_state_sensor_and_the_tracking_bound_is_kept() -> None:
-    way = (3000.0, 4000.0, 900.0), (9000.0, 10_000.0, 1100.0)
+    way = (3000.0, 4000.0, 900.0), (6000.0, 7000.0, 1000.0)
     noisy = SafeFlight.Config("jacksboro", *way, noise=FlightNoise(position=5.0), faults=AerialFaults(gust_rms=0.5))
     deviation = {}
     for name, estimator in (("full", load("estimators", "full_state")), ("own", AlphaBetaGamma)):

@@ -114,7 +114,10 @@ def laid_out(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 # Where a test or what its module shares takes seconds.
-LONG = ("test_studies.py", "test_wheel.py", "test_examples.py", "test_gallery_scripts.py", "test_readme.py")
+LONG = (
+    *("test_studies.py", "test_wheel.py", "test_examples.py", "test_gallery_scripts.py", "test_readme.py"),
+    "test_kernels_ahead.py",
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

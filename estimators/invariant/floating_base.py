@@ -38,6 +38,7 @@ from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.models.cross_product import cross
 from mathnavi.models.manifold.mission import POSITION, LagrangianMission
 from mathnavi.models.mechanism.floating_base import (
     ATTITUDE,
@@ -105,7 +106,7 @@ class FloatingBaseIekf:
         nq, R = self._base.model.nq, rotation(x[ATTITUDE])
         v, omega = x[nq:][VELOCITY], x[nq:][RATE]
         X = SE23.from_parts(
-            R @ self._base.mounting, v + R @ np.cross(omega, self._base.offset), x[PLACE] + R @ self._base.offset
+            R @ self._base.mounting, v + R @ cross(omega, self._base.offset), x[PLACE] + R @ self._base.offset
         )
         starts = (config.start_attitude, config.start_velocity, config.start_position)
         P = np.diag(np.repeat(np.square(starts), 3))
@@ -206,7 +207,7 @@ class FloatingBaseIekf:
             site = base.feet[k]
             place = data.site_xpos[site] + base.radii[k] * down
             mujoco.mj_jac(model, data, J, None, place, int(model.site_bodyid[site]))
-            z = base.mounting.T @ (np.cross(omega, base.offset - place) - J[:, JOINT_RATES] @ self._joint_rates)
+            z = base.mounting.T @ (cross(omega, base.offset - place) - J[:, JOINT_RATES] @ self._joint_rates)
             body_velocity = self._strapdown.X[:3, :3].T @ self._strapdown.X[:3, 3]
             H = np.hstack([SO3.bracket(body_velocity), np.eye(3), np.zeros((3, 3))])
             d, P, nis = condition(self._strapdown.P, H, z - body_velocity, variance * np.eye(3))
@@ -223,7 +224,7 @@ class FloatingBaseIekf:
         """State (nq + nv,)."""
         omega = self._base.mounting @ self._strapdown.rate
         R = self._strapdown.X[:3, :3] @ self._base.mounting.T
-        v = self._strapdown.X[:3, 3] - R @ np.cross(omega, self._base.offset)
+        v = self._strapdown.X[:3, 3] - R @ cross(omega, self._base.offset)
         return np.concatenate([self._position(), v, omega, self._joint_rates])
 
     def _deviation(self) -> Array:

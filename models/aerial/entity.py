@@ -18,6 +18,7 @@ from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.composer_and_mjcf import composer, mjcf
+from mathnavi.models.cross_product import cross
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.vehicle_names import check_vehicle_name, check_vehicle_names
 
@@ -116,19 +117,14 @@ def airframe_pose(position: Array, velocity: Array, acceleration: Array) -> tupl
         if math.hypot(candidate[0], candidate[1]) > 1e-3:
             heading = np.array([candidate[0], candidate[1], 0.0])
             break
-    side = _cross(up, heading)
+    side = cross(up, heading)
     if float(np.linalg.norm(side)) <= 1e-9 * float(np.linalg.norm(heading)):  # the thrust points along the heading
         side = np.array([-heading[1], heading[0], 0.0])
     side /= np.linalg.norm(side)
-    rotation = np.array([_cross(side, up), side, up]).T  # columns b_x, b_y, b_z
+    rotation = np.array([cross(side, up), side, up]).T  # columns b_x, b_y, b_z
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, rotation.reshape(9))
     return np.array(position, dtype=np.float64), quaternion
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """``np.cross`` (3,) of two vectors (3,), for which that takes several times as long."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def _airframe_scope(name: str) -> str:

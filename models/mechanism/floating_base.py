@@ -23,6 +23,7 @@ from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.joint_states import FREE
 from mathnavi.interfaces.protocols import StateView
 from mathnavi.interfaces.signals import Array
+from mathnavi.models.cross_product import cross
 from mathnavi.models.manifold.mission import ManifoldPositionSensor
 from mathnavi.models.quaternion import rotation
 
@@ -100,7 +101,7 @@ class BaseImu:
         x, turned, r = motion.x, motion.acceleration[RATE], self.base.offset
         R, omega = rotation(x[ATTITUDE]), x[nq:][RATE]
         force = R.T @ (motion.acceleration[VELOCITY] - base.gravity)
-        force += np.cross(turned, r) + np.cross(omega, np.cross(omega, r))
+        force += cross(turned, r) + cross(omega, cross(omega, r))
         exact = base.mounting.T @ np.column_stack([omega, force])
         return np.concatenate([exact[:, 0] + base.gyro * n[:3], exact[:, 1] + base.accelerometer * n[3:]])
 

@@ -190,10 +190,9 @@ class Coordinates:
     @staticmethod
     def _rows(kernel: Callable[..., Array], *arrays: Array) -> Array:
         """Apply a kernel of rows to arrays of one row or of several."""
-        if arrays[0].ndim > 1:
-            return kernel(*arrays)
-        made: Array = kernel(*[array[np.newaxis] for array in arrays])
-        return made[0]
+        several = arrays[0].ndim > 1
+        made: Array = kernel(*(arrays if several else [array[np.newaxis] for array in arrays]))
+        return made if several else made[0]
 
 
 def _places(names: tuple[str, ...], among: tuple[str, ...]) -> Integers:

@@ -1,11 +1,15 @@
 """Numba's compiler, with a folder that caches the compiled kernels.
 
-Compiled code is kept in a folder of the user ($XDG_CACHE_HOME/mathnavi/kernels or ~/.cache/mathnavi/kernels; numba's
-own variable NUMBA_CACHE_DIR names another), in a file for each kernel and combination of argument types. The name of
-the file has a hash of the sources that the kernel may depend on: that of its module, and those that this module imports
-at its top level from mathnavi or from its own package, directly or not. So a change of a kernel compiles those of other
-modules that call it again, which numba's own cache misses, and checkouts with the same sources share one copy (before
-numba 0.68, whose cache looks at the age of a source, it is the copy of the checkout that compiled last).
+Compiled code is kept in the folder ``kernels`` of the user's cache (``cache_folder``; numba's own variable
+NUMBA_CACHE_DIR names another), in a file for each kernel and combination of argument types. The name of the file has a
+hash of everything that its machine code depends on:
+
+- the sources: that of the kernel's module, and those that this module imports at its top level from mathnavi or from
+  its own package, directly or not. So a change of a kernel compiles those of other modules that call it again, which
+  numba's own cache misses, and checkouts with the same sources share one copy (before numba 0.68, whose cache looks at
+  the age of a source, it is the copy of the checkout that compiled last);
+- the versions of Python, numba, llvmlite and NumPy;
+- the processor, and numba's options for machine code, such as NUMBA_OPT.
 
 A file holds what numba's cache wrote, behind a checksum, because numba would run damaged machine code. It is written
 whole or not at all. To load a kernel, or to keep it, numba's cache is given a temporary folder that only this process
@@ -34,13 +38,37 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any
 from zipfile import ZipFile
 
-import llvmlite
+import llvmlite.binding
 import numba
+import numpy as np
 from numba.core.compiler_lock import global_compiler_lock
+
+from mathnavi.interfaces.cache_folder import cache_folder
 
 _UNUSED = 90 * 86400.0  # [s] since its last use, after which a file is removed
 _REMARKED = 86400.0  # [s] between two notes that a file is in use
 _IMPORT = re.compile(r"^from ([\w.]+) import ([\w, ]+|\([^)]*\))|^import ([\w.]+)", re.MULTILINE)
+_OPTIONS = (
+    "BOUNDSCHECK",
+    "CPU_FEATURES",
+    "CPU_NAME",
+    "DEBUGINFO_DEFAULT",
+    "DEBUG_JIT",
+    "DEBUG_NRT",
+    "DISABLE_INTEL_SVML",
+    "ENABLE_AVX",
+    "ENABLE_PROFILING",
+    "EXTEND_VARIABLE_LIFETIMES",
+    "JIT_COVERAGE",
+    "LLVM_REFPRUNE_FLAGS",
+    "LLVM_REFPRUNE_PASS",
+    "LOOP_VECTORIZE",
+    "NRT_STATS",
+    "OPT",
+    "SLP_VECTORIZE",
+    "USING_SVML",  # a library that calls in machine code need
+)
+"""numba's options that change machine code"""
 _CONFIGURING = Lock()
 _CONFIG: Any = numba.config
 _COMPILER_LOCK: Any = global_compiler_lock
@@ -87,17 +115,17 @@ class KeptCompilation:
 
     def __call__(self, arguments: Any) -> Any:
         """Compile or load the code for arguments of these types, and return its entry point."""
-        if isinstance(arguments, tuple) and arguments not in self._kernel.overloads:
+        if isinstance(arguments, tuple) and arguments not in self._kernel.overloads and (file := self.file(arguments)):
             # Without a temporary folder or without the source, numba has no cache to use, which is a RuntimeError.
             with suppress(OSError, RuntimeError), tempfile.TemporaryDirectory(prefix="mathnavi-kernel-") as folder:
-                self._compile_in(folder, arguments)
+                self._compile_in(folder, arguments, file)
         with suppress(OSError):
             return self._compile(arguments)
         return self._compile(arguments)  # it was compiled above, before there was no space to keep it
 
-    def _compile_in(self, folder: str, arguments: tuple[Any, ...]) -> None:
+    def _compile_in(self, folder: str, arguments: tuple[Any, ...], file: Path) -> None:
         with _CONFIGURING:
-            file, before = self.file(arguments), (_CONFIG.CACHE_DIR, _CONFIG.CACHE_LOCATOR_CLASSES)
+            before = _CONFIG.CACHE_DIR, _CONFIG.CACHE_LOCATOR_CLASSES
             # This folder or none: numba would go on to folders in which a change of a callee goes unnoticed.
             _CONFIG.CACHE_DIR, _CONFIG.CACHE_LOCATOR_CLASSES = folder, "UserProvidedCacheLocator"
             try:
@@ -111,18 +139,32 @@ class KeptCompilation:
         if self._kernel.stats.cache_misses.get(arguments):
             _write(file, place)
 
-    def file(self, arguments: tuple[Any, ...]) -> Path:
-        """Return the file of the code for arguments of these types."""
-        function = self._kernel.py_func
-        content = self._sources, function.__qualname__, repr(arguments), *_named_tuples(arguments)
+    def file(self, arguments: tuple[Any, ...]) -> Path | None:
+        """Return the file of the code for arguments of these types; None if nothing can be kept."""
+        folder, function = kernel_folder(), self._kernel.py_func
+        content = compiler(), self._sources, function.__qualname__, repr(arguments), *_named_tuples(arguments)
         digest = hashlib.sha256(repr(content).encode()).hexdigest()
-        return kernel_folder() / f"{function.__module__}.{function.__name__}-{digest[:32]}.kernel"
+        return folder and folder / f"{function.__module__}.{function.__name__}-{digest[:32]}.kernel"
 
 
-def kernel_folder() -> Path:
-    """Return the folder of all compiled kernels."""
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return Path(_CONFIG.CACHE_DIR or Path(home) / "mathnavi" / "kernels")
+def kernel_folder() -> Path | None:
+    """Return the folder of all compiled kernels, which need not exist; None if nothing can be kept."""
+    if named := _CONFIG.CACHE_DIR:
+        return Path(named)
+    folder = cache_folder()
+    return folder and folder / "kernels"
+
+
+def compiler() -> tuple[str, ...]:
+    """Return all that machine code depends on besides the sources: versions, processor and options of the compiler."""
+    versions = numba.__version__, llvmlite.__version__, np.__version__, str(sys.implementation.cache_tag), sys.abiflags
+    return *versions, *_processor(), *(repr(getattr(_CONFIG, name, None)) for name in _OPTIONS)
+
+
+@cached
+def _processor() -> tuple[str, str]:
+    """Return name and features of this processor."""
+    return llvmlite.binding.get_host_cpu_name(), llvmlite.binding.get_host_cpu_features().flatten()
 
 
 Signature = tuple[Any, tuple[Any, ...]]
@@ -132,10 +174,14 @@ Signature = tuple[Any, tuple[Any, ...]]
 def any_missing(kernels: Iterable[Signature]) -> bool:
     """Return True if kernels can be kept, and one of these is not."""
     folder = kernel_folder()
+    if folder is None:
+        return False
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
     return os.access(folder, os.W_OK) and any(
-        isinstance(kept := getattr(kernel, "compile", None), KeptCompilation) and not kept.file(arguments).exists()
+        isinstance(kept := getattr(kernel, "compile", None), KeptCompilation)
+        and (file := kept.file(arguments))
+        and not file.exists()
         for kernel, arguments in kernels
     )
 
@@ -150,8 +196,7 @@ def _digest(module: str) -> str:
         seen |= new
     if not _source(module)[0]:
         return ""
-    versions = numba.__version__, llvmlite.__version__, sys.implementation.cache_tag, sys.abiflags
-    return hashlib.sha256(repr((versions, [(name, _source(name)[0]) for name in sorted(seen)])).encode()).hexdigest()
+    return hashlib.sha256(repr([(name, _source(name)[0]) for name in sorted(seen)]).encode()).hexdigest()
 
 
 @cached

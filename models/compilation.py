@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
+import functools
 import hashlib
-import os
 import platform
 import shutil
 import subprocess
@@ -13,6 +14,7 @@ from pathlib import Path
 
 import casadi as ca
 
+from mathnavi.interfaces.cache_folder import cache_folder
 from mathnavi.interfaces.reading.files import MOST_TEXT, read_bytes
 
 _DIGITS = 32  # of a hash, in the name of a file
@@ -31,8 +33,7 @@ def compiled(solver: ca.Function) -> Path:
     cc = compiler()
     if cc is None:
         raise FileNotFoundError("no C compiler named cc was found; install one, or use the virtual machine")
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mathnavi"
-    cache.mkdir(parents=True, exist_ok=True)
+    cache = cache_folder() or _folder_of_this_process()
     with tempfile.TemporaryDirectory(dir=cache) as folder:
         source, built = Path(folder) / "nlp.c", Path(folder) / "nlp.so"
         with contextlib.chdir(folder):  # CasADi takes no folder here
@@ -52,6 +53,14 @@ def compiled(solver: ca.Function) -> Path:
         library = cache / f"{key}-{_checksum(built)}.so"
         built.replace(library)  # at once, so that another process never loads half a file
     return library
+
+
+@functools.cache
+def _folder_of_this_process() -> Path:
+    """Make a folder for what cannot be kept; it is removed when this process ends."""
+    folder = tempfile.mkdtemp(prefix="mathnavi-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 def _is_whole(library: Path) -> bool:

@@ -16,7 +16,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from mathnavi.interfaces.compiled import kernel_folder
+from mathnavi.interfaces.compiled import compiler, kernel_folder
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("interfaces", "models", "controllers", "estimators", "sim", "renders", "studies")
@@ -59,8 +59,9 @@ def compile_kernels() -> None:
     Raises:
         RuntimeError: a mission fails.
     """
-    done = kernel_folder() / f"tests-{_sources()}"
-    if done.exists():
+    folder = kernel_folder()
+    done = folder and folder / f"tests-{_sources()}"
+    if not done or done.exists():
         return
     command = [sys.executable, "-m", "tests.kernels"]
     running = {
@@ -75,8 +76,8 @@ def compile_kernels() -> None:
 
 
 def _sources() -> str:
-    """Hash of the sources that kernels depend on, and of the interpreter."""
-    digest = hashlib.sha256(f"{sys.prefix} {sys.version}".encode())
+    """Hash of the sources that kernels depend on, and of what compiles them."""
+    digest = hashlib.sha256(repr(compiler()).encode())
     sources = {file: file.read_text(encoding="utf-8") for folder in FOLDERS for file in (ROOT / folder).rglob("*.py")}
     seen = {file for file, source in sources.items() if "njit(" in source}
     waiting = list(seen)

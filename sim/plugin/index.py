@@ -2,10 +2,9 @@
 
 To list plug-ins nothing is imported: ``sourced`` reads the docstring in the source. What needs the fields of a plug-in,
 as completion and the help do, asks the ``Index``: each description is made once, by importing the plug-in, and kept in
-a file of the user's cache ($XDG_CACHE_HOME/mathnavi or ~/.cache/mathnavi) together with the sizes and times of the
-sources that it comes from: of mathnavi, of the plug-in's package, of whatever is not installed, and the first one of
-every other package. All are made again when one of these changes. Without a folder to write to they are made every
-time.
+a file of the user's cache (``cache_folder``) together with the sizes and times of the sources that it comes from: of
+mathnavi, of the plug-in's package, of whatever is not installed, and the first one of every other package. All are made
+again when one of these changes. Without a folder to write to they are made every time.
 """
 
 from __future__ import annotations
@@ -29,6 +28,7 @@ from importlib.util import find_spec, resolve_name
 from pathlib import Path
 from typing import Any
 
+from mathnavi.interfaces.cache_folder import cache_folder
 from mathnavi.interfaces.entry_points import home
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.field_table import FieldDescription, fields_of, leaves_of
@@ -95,7 +95,8 @@ class Index:
     def read() -> Index:
         """Read the index; without entries if it is missing, damaged, or older than a source."""
         try:
-            digest, _, content = read_text(_path(), ValueError).partition("\n")
+            path = _path()
+            digest, _, content = read_text(path, ValueError).partition("\n") if path else ("", "", "")
             if digest == _digest(content):
                 entries, files = parsed(content, "the index", ValueError)
                 if __file__ in files and all(_stamp(file) == then for file, then in files.items()):
@@ -119,8 +120,9 @@ class Index:
             self.entries.update(zip(missing, made, strict=True))
             self.files.update(sources)
             kept = {key: entry for key, entry in self.entries.items() if "error" not in entry}  # others are tried again
-            if apart or all(stamp[1:] < [_BEGUN] for stamp in sources.values()):
-                _write(_path(), json.dumps([kept, self.files]))
+            path = _path()
+            if path and (apart or all(stamp[1:] < [_BEGUN] for stamp in sources.values())):
+                _write(path, json.dumps([kept, self.files]))
         return [_description(*point, self.entries[_key(*point)]) for point in points]
 
 
@@ -263,11 +265,11 @@ def _stamp(file: str) -> list[int]:
     return [status.st_size, status.st_mtime_ns]
 
 
-def _path() -> Path:
-    """Return the file of the index for this installation and this version of Python."""
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    installation = hashlib.sha256(f"{sys.prefix} {sys.version}".encode()).hexdigest()[:16]
-    return Path(home) / "mathnavi" / f"plugins-{installation}.json"
+def _path() -> Path | None:
+    """Return the file of the index for this installation and this version of Python; None if nothing can be kept."""
+    installation = hashlib.sha256(os.fsencode(f"{sys.prefix} {sys.version}")).hexdigest()[:16]
+    folder = cache_folder()
+    return folder and folder / f"plugins-{installation}.json"
 
 
 def _digest(content: str) -> str:
@@ -279,7 +281,6 @@ def _write(path: Path, content: str) -> None:
     import tempfile  # a tenth of the time that completion takes
 
     with suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
         handle, partial = tempfile.mkstemp(dir=path.parent, prefix=".plugins-")
         try:
             with os.fdopen(handle, "w", encoding="utf-8") as file:

@@ -16,6 +16,7 @@ from typing import Any
 
 import llvmlite
 import numba
+import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
@@ -139,7 +140,7 @@ def test_a_named_tuple_with_other_fields_is_another_type(tmp_path: Path) -> None
     assert called(written(tmp_path, CALLEE.replace(*FIELDS), caller)) == 2.0
 
 
-@pytest.mark.parametrize("package", [numba, llvmlite])
+@pytest.mark.parametrize("package", [numba, llvmlite, np])
 def test_another_version_of_the_compiler_compiles_again(
     package: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -148,6 +149,36 @@ def test_another_version_of_the_compiler_compiles_again(
     modules = written(tmp_path)
     assert called(modules) == 5.0
     assert hits(modules) == 0
+
+
+OPTIONS = """BOUNDSCHECK=1 CPU_FEATURES= CPU_NAME=generic DEBUGINFO=1 DISABLE_INTEL_SVML=1 ENABLE_AVX=0
+EXTEND_VARIABLE_LIFETIMES=1 LLVM_REFPRUNE_PASS=0 LOOP_VECTORIZE=0 OPT=0 SLP_VECTORIZE=1"""
+
+
+@pytest.mark.parametrize("option", OPTIONS.split())
+def test_what_an_option_of_numba_makes_is_not_used_without_it(
+    option: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It would be slower, or other machine code, in every later process."""
+    kernel = written(tmp_path)[1].outer
+    before = kernel.compile.file(())
+    monkeypatch.setenv(*f"NUMBA_{option}".split("="))
+    numba.config.reload_config()
+    try:
+        assert kernel.compile.file(()) != before
+    finally:
+        monkeypatch.undo()
+        numba.config.reload_config()
+
+
+def test_another_processor_compiles_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kernel = written(tmp_path)[1].outer
+    assert any_missing([(kernel, ())])
+    kernel.compile.file(()).parent.mkdir(exist_ok=True)
+    kernel.compile.file(()).touch()
+    assert not any_missing([(kernel, ())])
+    monkeypatch.setattr(compiled, "_processor", lambda: ("another", ""))
+    assert any_missing([(kernel, ())])
 
 
 def cut_short(files: list[Path]) -> None:
@@ -226,8 +257,20 @@ def no_temporary_folder(folder: Path, patch: pytest.MonkeyPatch) -> None:
     patch.setattr(tempfile, "mkdtemp", full)
 
 
+def nothing_can_be_kept(folder: Path, patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(compiled, "kernel_folder", lambda: None)
+
+
 @pytest.mark.parametrize(
-    "hinder", [folders_in_place_of_files, unreadable_files, read_only_folder, no_folder, no_temporary_folder]
+    "hinder",
+    [
+        folders_in_place_of_files,
+        unreadable_files,
+        read_only_folder,
+        no_folder,
+        nothing_can_be_kept,
+        no_temporary_folder,
+    ],
 )
 def test_what_cannot_be_read_or_written_is_compiled(
     hinder: Callable[[Path, pytest.MonkeyPatch], None], tmp_path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch

@@ -9,6 +9,7 @@ from pathlib import Path
 import casadi as ca
 import pytest
 
+from mathnavi.models import compilation
 from mathnavi.models.compilation import compiled, compiler
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="there is no C compiler named cc")
@@ -59,6 +60,13 @@ def test_what_is_no_library_is_passed_over(cache: Path) -> None:
     with (cache / f"{key}-2.so").open("wb") as large:
         large.truncate(2**30)
     assert compiled(solver(1.0)) == library
+
+
+def test_where_nothing_can_be_kept_a_process_keeps_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compilation, "cache_folder", lambda: None)
+    library = compiled(solver(1.0))
+    assert compiled(solver(1.0)) == library
+    assert stat.S_IMODE(library.parent.stat().st_mode) == 0o700
 
 
 def test_what_the_compiler_says_against_it_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -245,10 +245,9 @@ def test_a_source_that_is_newer_than_this_process_is_not_taken_for_what_was_impo
 
 
 def test_without_a_folder_to_write_to_it_is_made_every_time(
-    wanted: Describe, tmp_path: Path, children: list[list[str]], monkeypatch: pytest.MonkeyPatch
+    wanted: Describe, children: list[list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "file").touch()
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    monkeypatch.setattr(index, "cache_folder", lambda: None)
     assert wanted() == wanted()
     assert len(children) == 2
 

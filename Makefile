@@ -119,6 +119,9 @@ opengl: | .venv/bin/pip
 .venv/bin/pip:
 	@for python in $(PYTHONS); do \
 	    if $$python -c 'import ensurepip, sys, venv; sys.exit(not (3, 11) <= sys.version_info < (3, 15))' 2>/dev/null; then \
+	        if ! $$python -c 'import os; os.getcwdb().decode("utf-8")' 2>/dev/null; then \
+	            echo "Python makes no environment in a folder whose path is not UTF-8: $(CURDIR); rename it" >&2; exit 1; \
+	        fi; \
 	        echo "Making .venv with $$python: $$($$python --version)"; \
 	        exec $$python -m venv .venv; \
 	    fi; \

@@ -170,6 +170,17 @@ def _python(*words: str) -> subprocess.Popen[bytes]:
     )  # fmt: skip
 
 
+def name_sources_in_ascii(site: Path, sources: Path = ROOT / "src") -> None:
+    """Name the folder of the sources from the site's own folder, if its absolute path is not ASCII.
+
+    At every start, Python 3.11 and 3.12 read the file that names it in the encoding of the locale, and do not start if
+    that cannot decode it, as that of LC_ALL=C cannot decode an umlaut.
+    """
+    file, named = site / "_mathnavi.pth", os.path.relpath(sources, site)
+    if named.isascii() and not file.read_bytes().isascii():
+        file.write_text(named, encoding="ascii")
+
+
 def install(extras: str, lock: str) -> None:
     """Install, by pip if uv fails; InstallationError if that fails too."""
     began = time.monotonic()
@@ -192,6 +203,7 @@ def install(extras: str, lock: str) -> None:
                 installer.install(arguments, log, in_place)
                 if not lock and not compilers:
                     compilers.append(meanwhile(compiling(claims)))
+            name_sources_in_ascii(site)
 
         uv = with_uv()
         try:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
+import os
 import re
 import subprocess
 import sys
@@ -135,6 +137,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Installed:
 
         monkeypatch.setattr(install, "compiling", compiling)
         monkeypatch.setattr(install, "importing", importing)
+        monkeypatch.setattr(install, "name_sources_in_ascii", lambda site: None)
         monkeypatch.setattr(install, "PAUSE", 0.05)
         monkeypatch.setattr(install.sys, "prefix", str(tmp_path))
         code = install.main(argv)
@@ -201,3 +204,19 @@ def test_byte_code_is_written_whatever_the_environment_says(tmp_path: Path, monk
 @pytest.mark.parametrize("module", install.IMPORTED)
 def test_what_byte_code_is_written_of_is_there(module: str) -> None:
     assert importlib.util.find_spec(module) is not None
+
+
+@pytest.mark.parametrize("above", ["", "Übung/"])
+def test_the_sources_are_found_whatever_the_encoding_of_the_locale(above: str, tmp_path: Path) -> None:
+    """Python 3.11 and 3.12 did not start with LC_ALL=C in a folder with an umlaut."""
+    site, sources = tmp_path / f"{above}environment/site", tmp_path / f"{above}src"
+    site.mkdir(parents=True)
+    sources.mkdir()
+    (site / "_mathnavi.pth").write_text(str(sources), encoding="utf-8")
+    install.name_sources_in_ascii(site, sources)
+    named = (site / "_mathnavi.pth").read_text(encoding="ascii")
+    assert named == ("../../src" if above else str(sources))
+    script = f"import site, sys; site.addsitedir({str(site)!r}); print(ascii(sys.path[-1]))"
+    environment = {**os.environ, "LC_ALL": "C"}
+    done = subprocess.run([sys.executable, "-Sc", script], capture_output=True, text=True, check=True, env=environment)
+    assert ast.literal_eval(done.stdout) == str(sources)

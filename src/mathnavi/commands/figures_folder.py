@@ -1,8 +1,8 @@
 """A folder for matplotlib, where it has none of its own.
 
-It keeps its list of fonts in the user's cache and looks for its settings in ~/.config. Where one of them cannot be made,
-it warns, makes a new folder and lists the fonts again, in every process; a path that is not absolute it takes from the
-current folder.
+It keeps its list of fonts in the user's cache and looks for its settings in ~/.config. Where one of them cannot be
+made, it warns, makes a new folder and lists the fonts again, in every process; a path that is not absolute it takes
+from the current folder.
 """
 
 from __future__ import annotations

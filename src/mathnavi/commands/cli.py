@@ -18,9 +18,9 @@ from contextlib import contextmanager, suppress
 from functools import partial
 
 from mathnavi.commands.errors import PIPE_CLOSED, UNFORESEEN, BadInputError, HelpPrinted, print_error
-from mathnavi.commands.figures_folder import place_matplotlib
 from mathnavi.commands.interruption import end, exit_code, interrupted_line, interruptible
 from mathnavi.commands.known import COMMANDS, FLOWN
+from mathnavi.commands.library_folders import place_libraries
 from mathnavi.commands.wrapping import wrapped
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.models.dm_control_requirement import MissingPackageError, require_dm_control
@@ -33,7 +33,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     # Small matrices only: on a busy machine the threads of a linear-algebra library wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    place_matplotlib()
+    place_libraries()
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
         with interruptible(arguments, whole_process=argv is None), _few_collections(whole_process=argv is None):

@@ -12,11 +12,18 @@ import pytest
 from mathnavi.commands import library_folders
 from mathnavi.interfaces import cache_folder
 
+LIBRARIES = {
+    "MPLCONFIGDIR": "matplotlib",
+    "MESA_SHADER_CACHE_DIR": "",
+    "MENAGERIE_CACHE_DIR": "mujoco_menagerie",
+}
+"""places within our folder by the variables that name them"""
+
 
 @pytest.fixture(autouse=True)
 def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder of what mathnavi keeps; a file is where the home should be."""
-    for name in ("MPLCONFIGDIR", "MESA_SHADER_CACHE_DIR", "XDG_CONFIG_HOME", "XDG_CACHE_HOME"):
+    for name in (*LIBRARIES, "XDG_CONFIG_HOME", "XDG_CACHE_HOME"):
         monkeypatch.setenv(name, "")  # so that it is as before afterwards
         monkeypatch.delenv(name)
     (tmp_path / "here").mkdir()
@@ -37,8 +44,8 @@ def test_each_has_its_own_where_it_can_be_made(
     monkeypatch.setenv("HOME", home if home == "~" else str(kept.parent / home))
     monkeypatch.setenv("XDG_CACHE_HOME", cache.format(kept.parent))
     library_folders.place_libraries()
-    assert os.environ.get("MPLCONFIGDIR") == (None if own else str(kept / "matplotlib"))
-    assert os.environ.get("MESA_SHADER_CACHE_DIR") == (None if own else str(kept))
+    places = [os.environ.get(name) for name in LIBRARIES]
+    assert places == [None if own else str(kept / name) for name in LIBRARIES.values()]
 
 
 def test_one_that_is_named_stays(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

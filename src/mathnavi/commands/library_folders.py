@@ -1,8 +1,8 @@
 """Folders for what libraries keep, where they have none of their own.
 
-matplotlib lists the fonts and looks for its settings, Mesa compiles shaders, in ~/.cache and ~/.config. Where these
-cannot be made, matplotlib warns and lists the fonts again in every process; where a variable names them by a path that
-is not absolute, both write to the current folder.
+matplotlib lists the fonts and looks for its settings, Mesa compiles shaders, and mujoco_menagerie keeps robots, in
+~/.cache and ~/.config. Where these cannot be made, matplotlib warns and lists the fonts again in every process, and no
+robot can be had; where a variable names them by a path that is not absolute, all write to the current folder.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ def place_libraries() -> None:
     if (folder := cache_folder()) is not None:
         os.environ.setdefault("MPLCONFIGDIR", str(folder / "matplotlib"))
         os.environ.setdefault("MESA_SHADER_CACHE_DIR", str(folder))
+        os.environ.setdefault("MENAGERIE_CACHE_DIR", str(folder / "mujoco_menagerie"))
 
 
 def _can_be_made(folder: str) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import subprocess
 import sys
 import types
 from pathlib import Path
@@ -12,6 +13,9 @@ import pytest
 
 from mathnavi.interfaces import compiled
 from mathnavi.sim.engine import compilation
+from tests.programs import program
+
+ROOT = Path(__file__).resolve().parents[3]
 
 
 class Process:
@@ -72,3 +76,27 @@ def test_a_kernel_is_compiled_by_the_process_that_claims_it(tmp_path: Path) -> N
     compilation.compile_unclaimed(numbered, tmp_path)
     assert [kernel.compiled for kernel in kernels] == [[(1,)]] * 3
     assert gc.isenabled()
+
+
+def test_a_flight_past_a_radar_uses_no_kernel_but_those_that_are_compiled_before_it() -> None:
+    """What ``make fly`` has compiled when it begins is all that it needs."""
+    script = """if True:
+        import sys
+        from numba.core.dispatcher import Dispatcher
+        from mathnavi.sim.engine.compilation import listed
+        from tests.kernels import flight
+
+        def compiled():
+            values = [each for name, module in [*sys.modules.items()] if name.startswith("mathnavi")
+                      for each in vars(module).values() if isinstance(each, Dispatcher)]
+            return {f"{each.__module__}.{each.__name__}{types}" for each in values for types in each.overloads}
+
+        for kernel, arguments in listed(sys.argv[1:]):
+            kernel.compile(arguments)
+        before = compiled()
+        flight()
+        print(*sorted(compiled() - before), sep="\\n", end="")
+    """
+    command = [sys.executable, "-c", script, *program(".ci/install.py").KERNELS]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout == ""

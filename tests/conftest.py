@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import partial
 
 import pytest
@@ -32,6 +32,23 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # No deadline: the first example of a compiled kernel pays for its compilation.
 settings.register_profile("mathnavi", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("mathnavi")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add ``--perturb SEED``."""
+    parser.addoption(
+        "--perturb", type=int, metavar="SEED", help="every start of a programme times 1 + 1e-15 N(0, 1), from this seed"
+    )
+
+
+@pytest.fixture(scope="session", autouse=True)
+def starts_as_rounded_elsewhere(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Under ``--perturb SEED`` every programme starts some last digits beside where it would."""
+    from tests.perturbed_starts import perturbed_starts
+
+    seed = request.config.getoption("perturb")
+    with nullcontext() if seed is None else perturbed_starts(seed):
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)

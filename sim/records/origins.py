@@ -3,8 +3,9 @@
     environments(digest, description)           description is JSON: versions, processor, BLAS kernels by name
     origins(key, content, environment)          of each trial and job; content: hash of all but the environment
 
-The key of a record is the hash of both. Records of the same content from two environments are equal up to rounding and
-not bit for bit, so both are kept, and are mixed only on request. A record that an earlier version wrote has no origin.
+The key of a record is the hash of both. Records of the same content from two environments differ by rounding, and by
+what a solver makes of it, so both are kept, and are mixed only on request. A record that an earlier version wrote has
+no origin.
 """
 
 from __future__ import annotations
@@ -119,8 +120,8 @@ class Elsewhere:
     def words(self, described: Mapping[str, Mapping[str, str]]) -> list[str]:
         """Return sentences on the records from other environments; none if there are no such records."""
         said = [
-            f"from another environment, {difference(described.get(digest, {}))}: {count}; they agree with results of "
-            "this one up to rounding, not bit for bit"
+            f"from another environment, {difference(described.get(digest, {}))}: {count}; they may differ from "
+            "results of this one, by rounding or by the minimum that a solver ends in"
             for digest, count in sorted(self.taken.items())
         ]
         return said + [

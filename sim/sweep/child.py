@@ -46,14 +46,14 @@ class RefusedError(RuntimeError):
 
 
 class OtherEnvironmentError(RefusedError):
-    """Difference in the environment of a worker: its results agree with those of this one only up to rounding."""
+    """Difference in the environment of a worker: its results may differ, by rounding and more."""
 
     @staticmethod
     def from_difference(words: str) -> OtherEnvironmentError:
         """Return the error for a difference between two environments, given in words."""
         return OtherEnvironmentError(
-            f"a worker computes in another environment, {words}: its results would agree with those of this one to "
-            "rounding, not bit for bit; allowed: the same environment, or --mix-environments"
+            f"a worker computes in another environment, {words}: its results may differ from those of this one, "
+            "by rounding or by the minimum that a solver ends in; allowed: the same environment, or --mix-environments"
         )
 
 

@@ -60,8 +60,8 @@ def run_trials(
     store records as crashed or timed out are run again, and their records replaced. ``workers`` processes run on this
     machine, or, with the address of a Dask scheduler for ``cluster``, one for every thread of the cluster's workers;
     with a ``pool``, those of the pool, which stay for the next call.
-    Records of another computing environment, with other versions or another kind of processor, agree with those of this
-    one only up to rounding, so they are ignored, and workers of a cluster in another environment are left out. With
+    Records of another computing environment, with other versions or another kind of processor, may differ from those
+    of this one, by rounding and more, so they are ignored, and workers of a cluster in another one are left out. With
     ``mix_environments`` both are accepted; ``elsewhere`` counts the stored ones.
     If the sweep ends early, by Ctrl-C too, everything that has ended is in the store; the same call resumes from there.
     A trial that is requested twice runs once. The returned records name files as ``trials`` do, though the store may

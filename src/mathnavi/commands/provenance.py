@@ -45,7 +45,8 @@ def note_environment(errors: Console, recorded: RecordedSpec) -> None:
         named = f"in another environment: {other}" if recorded.environment else "without a note of its environment"
         print_note(
             errors,
-            f"{recorded.path.parent} was recorded {named}; results agree up to rounding, perhaps not bit for bit",
+            f"{recorded.path.parent} was recorded {named}; results may differ by rounding, or by the minimum that a "
+            "solver ends in",
         )
 
 

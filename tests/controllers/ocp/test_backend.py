@@ -78,13 +78,13 @@ def test_the_same_call_gives_the_same_answer_whatever_was_solved_before(backend:
     np.testing.assert_array_equal(first.multipliers[1], again.multipliers[1])
 
 
-def test_an_answer_stays_as_it_was(uniform: Solution) -> None:
-    nlp = programme(missile("SM2"), MultipleShooting(1), Fixed(), NODES)
-    solver = NumericalSolver(nlp, Options("fatrop"))
-    known, x_0 = np.ones(nlp.p.numel()), np.ones(nlp.x.numel())
-    first = solver.solve(x_0, known)
+@pytest.mark.parametrize("backend", ["ipopt", "fatrop"])
+def test_an_answer_stays_as_it_was(backend: Backend) -> None:
+    nlp = programme(growing(0.0), MultipleShooting(1), Fixed(), NODES)
+    solver, known = NumericalSolver(nlp, Options(backend, iterations=2)), np.ones(NODES - 1)
+    first = solver.solve(np.full(nlp.x.numel(), 0.25), known)
     kept = first.x.copy()
-    solver.solve(2.0 * x_0, known)
+    assert not np.array_equal(solver.solve(np.full(nlp.x.numel(), 0.5), known).x, kept)
     np.testing.assert_array_equal(first.x, kept)
 
 

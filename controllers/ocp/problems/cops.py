@@ -118,6 +118,10 @@ def hanging_chain() -> ProblemFunctions:
         minimise ∫_0^1 x sqrt(1 + u^2) dt   subject to   x' = u,   l' = sqrt(1 + u^2),   (1, 0) to (3, 4)
 
     An integral is given, the length 4: the optimum is a catenary, J* = 5.0684801.
+
+    On given nodes, Hermite-Simpson's programme has minima below J*: in some interval the chain hangs straight down, and
+    Simpson's three points miss what it measures there. In which interval, and whether a solve ends at all, hangs on the
+    last digits of the start. The replay refuses each of them; ``solve()`` without nodes finds the catenary.
     """
     LENGTH, START, END = 4.0, 1.0, 3.0
     ocp = OptimalControlProblem("hanging chain")

@@ -11,11 +11,12 @@ import pytest
 
 from mathnavi.controllers.ocp.methods.adaptation import gated, solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
-from mathnavi.controllers.ocp.problems.cops import goddard
+from mathnavi.controllers.ocp.problems.cops import goddard, hanging_chain
 from mathnavi.controllers.ocp.replay import GIVEN_NODES, judged
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
 from mathnavi.interfaces.errors import ProblemError
 from tests.controllers.ocp.statements import integrator, transfer
+from tests.perturbed_starts import perturbed_starts
 
 
 def test_a_programme_that_is_solved_is_not_yet_a_solution() -> None:
@@ -25,6 +26,13 @@ def test_a_programme_that_is_solved_is_not_yet_a_solution() -> None:
     assert not coarse.ok
     assert coarse.replay is not None
     assert f"not within {GIVEN_NODES:g} when it is replayed: miss {coarse.replay.miss:.2g}" in coarse.message
+
+
+@pytest.mark.parametrize("seed", [2, 8])
+def test_whichever_false_minimum_rounding_leads_to_it_is_not_called_optimal(seed: int) -> None:
+    with perturbed_starts(seed):
+        found = solve(hanging_chain(), 40)
+    assert not found.ok, found.message
 
 
 def solution() -> Solution:

@@ -10,6 +10,7 @@
 #   make release VERSION=0.2.0   version, changelog and tag checked, sdist and wheel built and tried
 #   make clean   remove caches and outputs
 #   make lock    the tested versions chosen anew, .ci/requirements.txt
+#   make versions  a table of what passes with every Python and MuJoCo here   make versions ARGS=--wheels
 # PYTHON=python3.12 chooses the interpreter that .venv is made with; MUJOCO_GL=egl the rendering backend. What the
 # sources are checked with (test, lint, docs, wheel) comes from the lock, hash by hash; LOCK= takes the newest versions
 # that pyproject.toml allows instead, as fly, gallery and bench do, and as pip does for whoever installs mathnavi.
@@ -34,7 +35,7 @@ BENCHMARKS := $(wildcard benchmarks)
 DOCS := docs/_build/html
 INSTALL := .venv/bin/python .ci/install.py
 
-.PHONY: fly test lint check bench gallery docs wheel release lock clean opengl .venv
+.PHONY: fly test lint check bench gallery docs wheel release lock versions clean opengl .venv
 .NOTPARALLEL:
 
 fly: .venv/.installed opengl
@@ -54,6 +55,7 @@ lint: .venv/.developed
 	.venv/bin/mypy --strict .ci/open_reports.py
 	.venv/bin/mypy --strict .ci/install.py
 	.venv/bin/mypy --strict .ci/release.py
+	.venv/bin/mypy --strict .ci/versions.py
 	.venv/bin/lint-imports
 
 check: lint opengl
@@ -86,8 +88,11 @@ release: .venv/.developed
 lock: | .venv/bin/pip
 	@bash .ci/lock
 
+versions: .venv/.developed opengl
+	@.venv/bin/python .ci/versions.py $(ARGS)
+
 clean:
-	rm -rf renders/out docs/_build docs/reference/api docs/examples dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf renders/out docs/_build docs/reference/api docs/examples dist .versions .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find $(PACKAGES) $(BENCHMARKS) $(wildcard tests) -name __pycache__ -type d -prune -exec rm -rf {} +
 
 opengl: | .venv/bin/pip

@@ -18,6 +18,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from mathnavi.models.mujoco_requirement import usable_mujoco
 from mathnavi.models.opengl_probe import SOFTWARE
 
 EGL_PACKAGES = "Debian, Ubuntu: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
@@ -104,14 +105,15 @@ def without_opengl() -> Iterator[None]:
 
 
 def import_mujoco() -> None:
-    """Import MuJoCo without OpenGL, unless it is imported already.
+    """Import MuJoCo without OpenGL, unless it is imported already; UnusableMujocoError if it cannot be used here.
 
     A ``mujoco.Renderer`` of the user still draws in this process: its context loads the library when it is made.
     """
     if "mujoco" in sys.modules:
+        usable_mujoco()
         return
     with without_opengl():
-        mujoco: Any = importlib.import_module("mujoco")
+        mujoco = usable_mujoco()
         contexts: Any = importlib.import_module("mujoco.rendering.classic.gl_context")
     mujoco.GLContext = contexts.GLContext = opengl_context
 

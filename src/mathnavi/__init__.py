@@ -12,7 +12,6 @@ can be imported too, and may change from version to version.
 from __future__ import annotations
 
 import importlib
-import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -222,12 +221,11 @@ if not TYPE_CHECKING:  # else a name that is not there would be taken for one th
             return version(__name__)
         if name not in _PLACES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        if "mujoco" not in sys.modules:  # which loads OpenGL when it is imported
-            from mathnavi.models.dm_control_requirement import require_dm_control
-            from mathnavi.models.opengl import import_mujoco
+        from mathnavi.models.dm_control_requirement import require_dm_control
+        from mathnavi.models.opengl import import_mujoco
 
-            require_dm_control()
-            import_mujoco()
+        require_dm_control()
+        import_mujoco()  # before a module imports it, which would load OpenGL
         module, _, inside = _PLACES[name].partition(":")
         value = getattr(importlib.import_module(f"{__name__}.{module}"), inside or name)
         globals()[name] = value  # asked for once

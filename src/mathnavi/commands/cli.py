@@ -24,6 +24,7 @@ from mathnavi.commands.library_folders import place_libraries
 from mathnavi.commands.wrapping import wrapped
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.models.dm_control_requirement import MissingPackageError, require_dm_control
+from mathnavi.models.mujoco_requirement import UnusableMujocoError
 
 USAGE = "usage: mathnavi COMMAND ...\n       mathnavi --version\n\n{}\n\nmathnavi COMMAND --help explains a command."
 _ALLOCATIONS = 200_000  # less deallocations, between two searches for garbage
@@ -41,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             if sys.stdout is not None:  # it may have been closed from the start
                 sys.stdout.flush()  # so that a reader that has gone, or a full disk, is noticed here
         return code
-    except BadInputError as error:
+    except (BadInputError, MissingPackageError, UnusableMujocoError) as error:
         print_error(str(error))
         return 2
     except SystemExit as error:  # of a plug-in, or of rich, whose reader has gone: no command of ours ends so
@@ -125,10 +126,7 @@ def _discard_output() -> None:
 def _check_command(name: str) -> None:
     if name not in COMMANDS:
         raise BadInputError(f"COMMAND = {name!r} is not known; {allowed_for(name, list(COMMANDS))}")
-    try:
-        require_dm_control()
-    except MissingPackageError as error:
-        raise BadInputError(str(error)) from None
+    require_dm_control()
 
 
 def _imported(name: str) -> Callable[[Sequence[str]], int]:

@@ -6,7 +6,7 @@ Pythons: those that pyproject.toml names and that are on PATH or among pyenv's. 
 version served in the range of pyproject.toml, with --minors also the last of each minor version between them; and the
 newest above the range, as a trial that may fail. Each pair has an environment of its own in .versions/, made by uv,
 with the newest versions of everything else that pyproject.toml allows. A part that fails is a cell of the table. The
-exit code is 1 if one failed within the ranges, 2 for bad input.
+exit code is 1 if one failed within the ranges, 2 for bad input or without uv or a package index.
 """
 
 from __future__ import annotations
@@ -60,6 +60,10 @@ class Row:
         return not self.trial and any(cell.startswith("failed") for cell in self.cells.values())
 
 
+class NothingServedError(Exception):
+    """The package index has no version of a package that can be run, or does not answer; the message has the reason."""
+
+
 def supported_pythons(project: Mapping[str, list[str]]) -> list[str]:
     """Return the Pythons that the classifiers of pyproject.toml name, "3.11" and so on."""
     found = (re.fullmatch(r"Programming Language :: Python :: (3\.\d+)", each) for each in project["classifiers"])
@@ -94,22 +98,29 @@ def versions_to_try(served: Sequence[str], wanted: Requirement, minors: bool) ->
         served: versions that the package index has
         wanted: the requirement with its range
         minors: whether to run the last version of each minor one, too
+
+    Raises NothingServedError without a version in the range.
     """
     every = sorted(version for version in map(Version, served) if not version.is_prerelease)
     within = [version for version in every if version in wanted.specifier]
+    if not within:
+        raise NothingServedError(f"no version of {wanted} is served; those that are: {', '.join(map(str, every))}")
     last = {version.release[:2]: version for version in within}  # the last of each minor version
     chosen = {*within[:1], *within[-1:], *(last.values() if minors else ())}
-    above = every[-1:] if within and every[-1] > within[-1] else []
+    above = every[-1:] if every[-1] > within[-1] else []
     return [str(version) for version in sorted(chosen)], [str(version) for version in above]
 
 
 def served_versions(name: str) -> list[str]:
-    """Return the versions of a package that pip's package index has for this Python."""
+    """Return the versions of a package that pip's package index has for this Python.
+
+    Raises NothingServedError without any.
+    """
     command = [sys.executable, "-m", "pip", "index", "versions", name]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
     found = re.search(r"^Available versions: (.+)$", done.stdout, re.MULTILINE)
     if found is None:
-        raise SystemExit(f"versions: no versions of {name} are served: {last_line(done.stderr)}")
+        raise NothingServedError(f"no version of {name} is served: {last_line(done.stderr)}")
     return found[1].split(", ")
 
 
@@ -258,7 +269,11 @@ def main(argv: Sequence[str]) -> int:
         print("\n".join(f"| {python} | {cell} |" for python, cell in found.items()))
         return int(any(cell.startswith("failed") for cell in found.values()))
     tools = [str(requirement(pyproject["optional-dependencies"]["dev"], name)) for name in TOOLS]
-    ran = list(rows(chosen, requirement(pyproject["dependencies"], "mujoco"), tools, uv))
+    try:
+        ran = list(rows(chosen, requirement(pyproject["dependencies"], "mujoco"), tools, uv))
+    except NothingServedError as error:
+        print(f"versions: {error}", file=sys.stderr)
+        return 2
     print("\n".join(f"- {part}: {PARTS[part]}" for part in chosen.parts), end="\n\n")
     print(table(ran, chosen.parts))
     return int(any(row.failed for row in ran))

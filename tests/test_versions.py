@@ -28,6 +28,11 @@ def test_both_ends_of_the_range_are_run_and_the_newest_above_it_is_tried() -> No
     assert tried(SERVED, "mujoco>=3.17,!=4.0.0,<5") == (["3.17.0", "4.0.1"], [])
 
 
+def test_without_a_version_in_the_range_there_is_no_empty_table() -> None:
+    with pytest.raises(versions.NothingServedError, match=r"no version of mujoco<4,>=3.17 is served; .* 3.16.0, 4.0.0"):
+        tried(["4.0.0", "3.16.0"], "mujoco>=3.17,<4")
+
+
 def test_the_pythons_are_those_that_pyproject_names() -> None:
     classifiers = ["Programming Language :: Python :: 3", "Programming Language :: Python :: 3.9", "Topic :: 3.8"]
     assert versions.supported_pythons({"classifiers": classifiers}) == ["3.9"]

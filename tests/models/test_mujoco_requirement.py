@@ -20,7 +20,7 @@ IMPORTS = {
     "a script": "import mathnavi as mn; mn.run",
     "a script that has imported it itself": "import mujoco, mathnavi as mn; mn.run",
     "environments": "import mathnavi.sim.environments",
-    "a module": "import mathnavi.models.aerial.entity",
+    "a model": "import mathnavi.models.composer_and_mjcf",
 }
 
 
@@ -58,7 +58,7 @@ def test_python_refuses_a_version_that_computes_wrongly(use: str, tmp_path: Path
     ("version", "begins"), [("4.0.0", "MuJoCo 4.0.0 is installed"), ("4.0.1", "MuJoCo cannot be imported: its core is")]
 )
 def test_one_that_is_installed_without_its_parts_is_refused_too(version: str, begins: str, tmp_path: Path) -> None:
-    said = last_line(fake(tmp_path, ALONE, version), "import mathnavi.models.aerial.entity")
+    said = last_line(fake(tmp_path, ALONE, version), IMPORTS["a script"])
     assert said.startswith(f"mathnavi.models.mujoco_requirement.UnusableMujocoError: {begins}")
     assert Requirement(said.partition("allowed: ")[2]) == allowed()
 

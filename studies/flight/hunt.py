@@ -32,8 +32,9 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.scenarios.flight_parts import mission_but_ends
-from mathnavi.sim.search.directed import Sampler, directed
+from mathnavi.sim.search.directed import directed
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator, Objective
+from mathnavi.sim.search.samplers import SamplerName
 from mathnavi.sim.search.space import Choice, Dimension, Range, Values
 from mathnavi.sim.sweep.execution import Pool, Progress
 from mathnavi.sim.sweep.trial import Trial, trial
@@ -45,6 +46,7 @@ MARGIN = Objective("relative_margin")
 FEWEST = 2000  # missions of a hunt from which its claim is judged
 ENOUGH = 200  # missions within which a search has to find a hole
 BATCH = 8  # missions that a search proposes at a time
+SAMPLER: SamplerName = "sobol-cmaes"  # of all searches
 BELOW = -1e-3  # [m], or tracking bounds, of the margin of clearance, that no rounding explains
 COLOURS = ("#2166ac", "#e08214", "#1a9850", "#8a4fd0")
 
@@ -71,6 +73,8 @@ class HuntConfig:
     """largest number of random draws for the hole of a mutant"""
     repeats: Count = 3
     """number of searches for each hole, and of lots of random draws"""
+    compare: tuple[SamplerName, ...] = ()
+    """samplers whose searches for each hole are counted as well"""
 
 
 class HuntStudy:
@@ -91,7 +95,7 @@ class HuntStudy:
         hole_rows = [hole.row for hole in holes]
         return StudyResult(
             summary=(
-                f"{config.missions} missions of directed search (TPE) in each of {len(HUNTS)} scenarios, over noise, "
+                f"{config.missions} missions of directed search in each of {len(HUNTS)} scenarios, over noise, "
                 "gusts, faults, bounds, heights, seeds and what changes on the way. What is minimised is the least of "
                 "the margins of clearance, separation and deadline, each relative to its bound; a violation that an "
                 "event has announced counts as none. The mutants are controllers with one check left out each; their "
@@ -100,7 +104,7 @@ class HuntStudy:
                 *_violations(found),
             ),
             rows=[*rows, *hole_rows],
-            tables=(_table(rows), _hole_table(hole_rows)),
+            tables=(_table(rows), _hole_table(hole_rows), *([_sampler_table(holes)] if config.compare else [])),
             figure=_figure(found, holes),
             caption="The least margin so far, over the missions of a search; missions until a hole is found, by search "
             "and by random draws, an arrow where none was.",
@@ -121,11 +125,13 @@ class Hole:
     most_draws: int
     of_product: tuple[int | None, ...]
     """missions until a violation of the product was found, by each search in the same space; None if it was not"""
+    compared: Mapping[SamplerName, tuple[int | None, ...]] = field(default_factory=dict)
+    """missions until the hole was found, by each search of each of the samplers that are compared"""
 
     @property
     def median(self) -> float:
         """Missions of the median search; inf if it found nothing."""
-        return median(math.inf if count is None else float(count) for count in self.searches)
+        return _median(self.searches)
 
     @property
     def drawn(self) -> int:
@@ -161,6 +167,11 @@ class Hole:
         row, mean = self.row, self.mean_draws
         drawn = f"{mean:.0f}" if math.isfinite(mean) else f"more than {self.drawn}"
         return f"{self.name}: {row['searches']} against {drawn} draws; product: {row['product']}"
+
+
+def _median(counts: Sequence[int | None]) -> float:
+    """Return the median, in which a search that found nothing counts as infinitely long."""
+    return median(math.inf if count is None else float(count) for count in counts)
 
 
 def _counts(counts: Sequence[int | None]) -> str:
@@ -218,6 +229,17 @@ def _hole_table(rows: Sequence[dict[str, Any]]) -> Table:
         ("mutant", "hunt"), ("missions of each search", "searches"), ("random draws of each lot", "draws"),
         ("draws in the mean", lambda row: "inf" if row["mean_draws"] is None else f"{row['mean_draws']:.0f}"),
         ("in the product", "product"),
+    ))  # fmt: skip
+
+
+def _sampler_table(holes: Sequence[Hole]) -> Table:
+    rows = [
+        {"hunt": hole.name, "sampler": sampler, "searches": _counts(counts), "median": _median(counts)}
+        for hole in holes
+        for sampler, counts in {SAMPLER: hole.searches, **hole.compared}.items()
+    ]
+    return Table.of("Missions until the hole is found, by sampler", rows, (
+        ("mutant", "hunt"), ("sampler", "sampler"), ("missions of each search", "searches"), ("median", "{median:.0f}"),
     ))  # fmt: skip
 
 
@@ -297,7 +319,7 @@ def _hole_found(search: Callable[..., list[Evaluation]], holed: HoledHunt, confi
     """Search for a hole, draw missions at random until it is found, and search for one in the product."""
     objective = Objective(holed.figure)
 
-    def counts(hunt: Hunt, sampler: Sampler, most: int) -> tuple[int | None, ...]:
+    def counts(hunt: Hunt, sampler: SamplerName, most: int) -> tuple[int | None, ...]:
         """Return the number of missions until the hole is found, of each repetition; None if it is not."""
         lots = [
             search(hunt, objective, most, sampler=sampler, seed=seed, until=BELOW) for seed in range(config.repeats)
@@ -308,10 +330,11 @@ def _hole_found(search: Callable[..., list[Evaluation]], holed: HoledHunt, confi
 
     return Hole(
         holed.mutant.name,
-        counts(holed.mutant, "tpe", config.tries),
+        counts(holed.mutant, SAMPLER, config.tries),
         counts(holed.mutant, "random", config.draws),
         config.draws,
-        counts(holed.product, "tpe", config.tries),
+        counts(holed.product, SAMPLER, config.tries),
+        {sampler: counts(holed.mutant, sampler, config.tries) for sampler in config.compare},
     )
 
 

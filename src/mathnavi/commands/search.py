@@ -21,9 +21,11 @@ from mathnavi.interfaces.bounds import MOST_TO_COMPUTE, Count, Positive, Process
 from mathnavi.interfaces.checks import check_spares
 from mathnavi.interfaces.errors import FieldError, RunFolderError
 from mathnavi.sim.records.store import Store, StoreWriteError
-from mathnavi.sim.search.directed import Sampler, check_space, directed, importances
+from mathnavi.sim.search.directed import check_space, directed
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator, NoSuchFigureError, Objective
+from mathnavi.sim.search.importance import importances
 from mathnavi.sim.search.rare import REDRAW, RareEvent, rare_event
+from mathnavi.sim.search.samplers import SamplerName
 from mathnavi.sim.search.space import Choice
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import LostError, check
@@ -51,8 +53,8 @@ class SearchOptions:
     """largest number of missions"""
     until: float | None = None
     """value of the figure at which the search ends; with --rare the value that defines the event"""
-    sampler: Sampler = "tpe"
-    """sampler of the next missions: tree-structured Parzen estimator, CMA-ES, or random draws for comparison"""
+    sampler: SamplerName = "sobol-cmaes"
+    """sampler of the next missions: CMA-ES from the best of Sobol' points, CMA-ES alone, or random draws"""
     batch: Count = 8
     """number of missions proposed at a time; the same seed and batch give the same search with any number of workers"""
     rare: bool = False
@@ -148,7 +150,7 @@ def main(argv: Sequence[str]) -> int:
         return 1
     results = SearchResults(
         line.spec.scenario, options.objective, fields.space, evaluator.evaluations, options.until, rare,
-        {} if rare else importances(evaluator.evaluations, fields.space, options.objective.largest), again,
+        {} if rare else importances(evaluator.evaluations, fields.space), again,
     )  # fmt: skip
     print_results(console, results)
     console.print(f"\nstore   {options.store}", soft_wrap=True, highlight=False)
@@ -199,7 +201,7 @@ def _check(fields: SearchFields, line: CommandLine) -> None:
         )
     if not options.rare:
         with line.bad_input():
-            check_space(fields.space, options.sampler)
+            check_space(fields.space)
 
 
 def _check_missions(fields: SearchFields) -> dict[tuple[str, str], str]:

@@ -9,9 +9,10 @@ then flies the worst mission.
 
 import matplotlib.pyplot as plt
 import numpy as np
-import optuna
 
 import mathnavi as mn
+from mathnavi.sim.search.samplers import make_sampler
+from mathnavi.sim.search.space import Range, drawn
 
 canyon = mn.load_terrain("canyon:3")
 
@@ -22,16 +23,20 @@ def mission(east: float, north: float) -> dict:
     return {"terrain": "canyon:3", "start": start, "target": (480.0, 560.0, float(canyon.height(480.0, 560.0)) + 62.0)}
 
 
-def margin(trial: optuna.Trial) -> float:
+def margin(place: dict) -> float:
     """Least clearance beyond the 50 m that were asked for [m]."""
-    fields = mission(trial.suggest_float("east", 80.0, 560.0), trial.suggest_float("north", 60.0, 300.0))
-    return mn.run("safe-flight", controller="barrier", **fields).summary["clearance_margin_m"]
+    return mn.run("safe-flight", controller="barrier", **mission(**place)).summary["clearance_margin_m"]
 
 
-optuna.logging.set_verbosity(optuna.logging.WARNING)
-search = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=1))
-search.optimize(margin, n_trials=28)
-worst = search.best_params
+space = [Range("east", 80.0, 560.0), Range("north", 60.0, 300.0)]
+sampler = make_sampler("sobol-cmaes", len(space), seed=1)
+places, margins = [], []
+for _ in range(28):
+    shares = sampler.ask()
+    places.append(drawn(space, shares))
+    margins.append(margin(places[-1]))
+    sampler.tell(shares, margins[-1])
+worst = places[int(np.argmin(margins))]
 runs = {name: mn.run("safe-flight", controller=name, **mission(**worst)) for name in ("barrier", "flight")}
 for name, run in runs.items():
     print(f"{name}: margin {run.summary['clearance_margin_m']:.1f} m, succeeded: {run.success}")
@@ -40,8 +45,7 @@ for name, run in runs.items():
 # The starts that were tried, and the worst flight above the ground below it.
 
 figure, (map_, side) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-east, north = np.transpose([(trial.params["east"], trial.params["north"]) for trial in search.trials])
-margins = [trial.value for trial in search.trials]
+east, north = np.transpose([(place["east"], place["north"]) for place in places])
 axis = canyon.spacing * np.arange(len(canyon.z))
 map_.contourf(axis, axis, canyon.z, levels=12, cmap="Greys")
 points = map_.scatter(east, north, c=margins, cmap="coolwarm_r", vmin=-15.0, vmax=15.0, edgecolor="black")

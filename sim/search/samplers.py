@@ -4,9 +4,14 @@ A coordinate of a point is a share, from 0 to less than 1, of the range of a fie
 sampler proposes follows from its seed and from the costs that it was told, in their order.
 
 **CMA-ES** (Hansen and Ostermeier, Evolutionary Computation 9, 2001; Hansen, The CMA Evolution Strategy: A Tutorial,
-arXiv:1604.00772) draws points from a normal distribution N(m, sigma^2 C) on the cube. After each generation of
-4 + floor(3 ln n) points, m, sigma and C move towards the better half of them. Only their order counts, so a cost may
-be infinite. It ends where it has converged, or where all costs of a generation are equal, and begins elsewhere.
+arXiv:1604.00772) draws x from a normal distribution N(m, sigma^2 C) on R^n, and proposes the shares
+
+    u = (1 - cos(pi x)) / 2,
+
+so that no point lies outside of the cube, and the ends of the ranges, where extreme missions often are, are reached.
+After each generation of 4 + floor(3 ln n) points, m, sigma and C move towards the better half of them. Only their order
+counts, so a cost may be infinite. It ends where it has converged, or where all costs of a generation are equal, and
+begins elsewhere.
 
 **Sobol' points** (scrambled: Owen, Journal of Complexity 14, 1998) fill the cube evenly: of the first 2^k, each half of
 each range holds half. CMA-ES that begins at the best of them starts near a minimum, not in the middle of the cube. Some
@@ -31,7 +36,7 @@ Shares = Sequence[float]  # (n,) each from 0 to less than 1
 _FIRST, _EVERY = 16, 4  # the first Sobol' points; after them, one of so many points
 _WIDTH_OF_CUBE, _WIDTH = 1.0 / 6.0, 0.2  # sigma at the beginning: without and with a point that is known to be good
 _CONVERGED = 0.01  # extent of a generation in every coordinate
-_MOST = math.nextafter(1.0, 0.0)
+_MOST = math.nextafter(1.0, 0.0)  # of a share
 
 
 class Sampler(Protocol):
@@ -77,7 +82,7 @@ class CmaEsSampler:
         self._size, self._covers, self._asked = size, covers, 0
         self._sobol = Sobol(size, rng=self._rng)
         self._starts: list[tuple[float, int, Shares]] = []  # a heap: cost, number and place of Sobol' points
-        self._open: deque[_Descent | None] = deque()  # source of each point that is not told yet; None for Sobol'
+        self._open: deque[tuple[_Descent | None, Point]] = deque()  # not told yet, with their source; None for Sobol'
         self._descent = None if covers else self._begun(np.full(size, 0.5), _WIDTH_OF_CUBE)
 
     def ask(self) -> Shares:
@@ -85,26 +90,28 @@ class CmaEsSampler:
         self._asked += 1
         sobol = self._covers and (self._asked <= _FIRST or self._asked % _EVERY == 0)
         source = None if sobol else self._descent
-        self._open.append(source)
         point: Point = self._sobol.random()[0] if source is None else source.ask()
-        return np.minimum(point, _MOST).tolist()
+        self._open.append((source, point))
+        return np.minimum(point if source is None else _shares(point), _MOST).tolist()
 
     def tell(self, shares: Shares, cost: float | None) -> None:
         """Report the cost at the point that was asked for first of those that are not told yet."""
-        source = self._open.popleft()
-        if cost is None:
-            return
-        if source is not None:
-            source.tell(shares, cost)
-        elif cost < math.inf:
+        source, point = self._open.popleft()
+        if source is not None and cost is not None:
+            source.tell(point, cost)
+        elif cost is not None and cost < math.inf:
             heappush(self._starts, (cost, len(self._starts), shares))
         if self._descent is not None and self._descent.ended:
             self._descent = None if self._covers else self._begun(self._rng.random(self._size), _WIDTH_OF_CUBE)
-        if self._descent is None and self._starts and self._asked >= _FIRST:
-            self._descent = self._begun(np.array(heappop(self._starts)[2]), _WIDTH)
+        if self._descent is None and self._starts and self._asked - len(self._open) >= _FIRST:
+            self._descent = self._begun(np.arccos(1.0 - 2.0 * np.array(heappop(self._starts)[2])) / np.pi, _WIDTH)
 
     def _begun(self, start: Point, width: float) -> _Descent:
         return _Descent(start, width, int(self._rng.integers(2**32)))
+
+
+def _shares(x: Point) -> Point:
+    return 0.5 - 0.5 * np.cos(np.pi * x)
 
 
 class _Descent:
@@ -113,22 +120,22 @@ class _Descent:
     def __init__(self, start: Point, width: float, seed: int) -> None:
         from cmaes import CMA
 
-        self._cma = CMA(start, width, bounds=np.tile([0.0, 1.0], (len(start), 1)), seed=seed)
-        self._generation: list[tuple[Shares, float]] = []
+        self._cma = CMA(start, width, seed=seed)
+        self._generation: list[tuple[Point, float]] = []
         self.ended = False
 
     def ask(self) -> Point:
         return self._cma.ask()
 
-    def tell(self, shares: Shares, cost: float) -> None:
+    def tell(self, point: Point, cost: float) -> None:
         if self.ended:
             return
-        self._generation.append((shares, cost))
+        self._generation.append((point, cost))
         if len(self._generation) < self._cma.population_size:
             return
         points, costs = np.array([point for point, _ in self._generation]), [cost for _, cost in self._generation]
         ranks = np.argsort(np.argsort(costs, kind="stable"))
         self._cma.tell([(point, float(rank)) for point, rank in zip(points, ranks, strict=True)])
-        converged = bool(np.all(np.ptp(points, axis=0) < _CONVERGED))
+        converged = bool(np.all(np.ptp(_shares(points), axis=0) < _CONVERGED))
         self.ended = converged or min(costs) == max(costs) or self._cma.should_stop()
         self._generation = []

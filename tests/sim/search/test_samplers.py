@@ -52,9 +52,14 @@ def test_every_point_lies_in_the_cube_and_follows_from_the_seed(name: SamplerNam
 @pytest.mark.parametrize("name", LEARNING)
 @pytest.mark.parametrize("scale", [1.0, 1e300, 1e-300])
 def test_only_the_order_of_the_costs_counts(name: SamplerName, scale: float) -> None:
-    points = searched(name, lambda point: scale * distance(point), 300, size=6)
-    assert points == searched(name, distance, 300, size=6)
-    assert min(map(distance, points)) < 0.1 < min(map(distance, searched("random", distance, 300, size=6)))
+    points = searched(name, lambda point: scale * distance(point), 400, size=6)
+    assert points == searched(name, distance, 400, size=6)
+    assert min(map(distance, points)) < 0.1 < min(map(distance, searched("random", distance, 400, size=6)))
+
+
+@pytest.mark.parametrize("name", LEARNING)
+def test_a_minimum_in_a_corner_is_found(name: SamplerName) -> None:
+    assert min(map(sum, searched(name, sum, 300, size=6))) < 0.01
 
 
 @pytest.mark.parametrize("name", LEARNING)
@@ -63,7 +68,7 @@ def test_a_minimum_beside_points_without_a_cost_is_found(name: SamplerName, unkn
     def cost(point: Shares) -> float | None:
         return unknown if point[0] > 0.92 else distance(point)
 
-    assert min(distance(point) for point in searched(name, cost, 200) if point[0] <= 0.92) < 0.02
+    assert min(distance(point) for point in searched(name, cost, 300) if point[0] <= 0.92) < 0.02
 
 
 @pytest.mark.parametrize("name", SAMPLERS)

@@ -58,6 +58,17 @@ def test_only_the_order_of_the_costs_counts(name: SamplerName, scale: float) -> 
 
 
 @pytest.mark.parametrize("name", LEARNING)
+@pytest.mark.parametrize("lowest", [(0.6, 0.25), (0.1, 0.9, 0.5, 0.3)])
+def test_the_median_search_comes_twice_as_near_as_random_draws(name: SamplerName, lowest: Shares) -> None:
+    def nearest(by: SamplerName) -> float:
+        size = len(lowest)
+        lots = [searched(by, lambda point: math.dist(point, lowest) ** 2, 96, size, seed) for seed in range(16)]
+        return float(np.median([min(math.dist(point, lowest) for point in lot) for lot in lots]))
+
+    assert nearest(name) < 0.5 * nearest("random")
+
+
+@pytest.mark.parametrize("name", LEARNING)
 def test_a_minimum_in_a_corner_is_found(name: SamplerName) -> None:
     assert min(map(sum, searched(name, sum, 300, size=6))) < 0.01
 

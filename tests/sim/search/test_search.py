@@ -47,20 +47,6 @@ def values_of(evaluations: Sequence[Evaluation]) -> list[Any]:
     return [(each.number, dict(each.values), each.figure, each.ending) for each in evaluations]
 
 
-@pytest.mark.parametrize("sampler", ["sobol-cmaes", "cmaes"])
-def test_a_directed_search_comes_nearer_to_the_lowest_point_than_random_draws(
-    store: Store, pool: Pool, sampler: SamplerName
-) -> None:
-    def lowest(by: SamplerName) -> float:
-        made = evaluator(store, pool)
-        found = directed(made, SPACE, 64, sampler=by, seed=1)
-        figure = made.objective.best(found)[0].figure
-        assert figure is not None
-        return figure
-
-    assert lowest(sampler) < 0.8 * lowest("random")
-
-
 @pytest.mark.parametrize("sampler", ["sobol-cmaes", "cmaes", "random"])
 def test_the_same_seed_makes_the_same_search_and_flies_nothing_twice(
     store: Store, pool: Pool, sampler: SamplerName

@@ -122,6 +122,14 @@ def test_power_is_a_find_in_time_where_draws_need_more_and_none_in_the_product(
     assert (hole.median, hole.mean_draws, hole.shown) == (median, mean, shown)
 
 
+def test_samplers_are_compared_by_the_median_of_their_searches() -> None:
+    hole = Hole("hole", (40, 90, None), (400,), 1000, (None,), {"cmaes": (None, None, 7)})
+    assert [list(row) for row in hunt_study._sampler_table([hole]).rows] == [
+        ["hole", "sobol-cmaes", "40, 90, not found", "90"],
+        ["hole", "cmaes", "not found, not found, 7", "inf"],
+    ]
+
+
 def test_a_search_takes_results_of_another_environment_when_the_study_does(monkeypatch: pytest.MonkeyPatch) -> None:
     searches: list[Evaluator] = []
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import rankdata
 
 from mathnavi.sim.search.evaluation import Evaluation
@@ -45,7 +46,7 @@ def importances(evaluations: Sequence[Evaluation], space: Sequence[Dimension]) -
     return {name: index / total for name, index in sorted(indices.items(), key=lambda pair: -pair[1])}
 
 
-def _bins(dimension: Dimension, values: Sequence[object]) -> np.ndarray:
+def _bins(dimension: Dimension, values: Sequence[object]) -> NDArray[np.int64]:
     """Return the number (N,) of the bin of each value: of a list its place, of a range by quantiles."""
     if isinstance(dimension, Choice):
         return np.array([dimension.values.index(value) for value in values])
@@ -54,7 +55,7 @@ def _bins(dimension: Dimension, values: Sequence[object]) -> np.ndarray:
     return np.searchsorted(np.quantile(given, np.arange(1, bins) / bins), given, side="right")
 
 
-def _index(ranks: np.ndarray, bins: np.ndarray) -> float:
+def _index(ranks: NDArray[np.float64], bins: NDArray[np.int64]) -> float:
     """Return Kelley's epsilon squared of ranks (N,) in bins (N,); 0 for equal ranks, or with one mission a bin."""
     names, where = np.unique(bins, return_inverse=True)
     spread, free = float(np.sum((ranks - ranks.mean()) ** 2)), len(ranks) - len(names)

@@ -66,7 +66,8 @@ class RandomSampler:
 
     def ask(self) -> Shares:
         """Return the next point."""
-        return self._rng.random(self._size).tolist()
+        shares: list[float] = self._rng.random(self._size).tolist()
+        return shares
 
     def tell(self, shares: Shares, cost: float | None) -> None:
         """Learn nothing."""
@@ -92,7 +93,8 @@ class CmaEsSampler:
         source = None if sobol else self._descent
         point: Point = self._sobol.random()[0] if source is None else source.ask()
         self._open.append((source, point))
-        return np.minimum(point if source is None else _shares(point), _MOST).tolist()
+        shares: list[float] = np.minimum(point if source is None else _shares(point), _MOST).tolist()
+        return shares
 
     def tell(self, shares: Shares, cost: float | None) -> None:
         """Report the cost at the point that was asked for first of those that are not told yet."""
@@ -111,7 +113,8 @@ class CmaEsSampler:
 
 
 def _shares(x: Point) -> Point:
-    return 0.5 - 0.5 * np.cos(np.pi * x)
+    shares: Point = 0.5 - 0.5 * np.cos(np.pi * x)
+    return shares
 
 
 class _Descent:

@@ -128,7 +128,8 @@ class _Descent:
         self.ended = False
 
     def ask(self) -> Point:
-        return self._cma.ask()
+        x: Point = self._cma.ask()
+        return x
 
     def tell(self, point: Point, cost: float) -> None:
         if self.ended:

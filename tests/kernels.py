@@ -17,9 +17,19 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mathnavi.interfaces.compiled import compiler, kernel_folder
+from mathnavi.sim.engine.compilation import listed
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("interfaces", "models", "controllers", "estimators", "sim", "renders", "studies")
+_LISTED = re.compile(r'^    kernels: ClassVar\[str\] = "(.+)"', re.MULTILINE)
+
+
+def compile_listed(flights: bool) -> None:
+    """Compile what a command compiles before its first run, of flights or of all else: none of it in a test."""
+    sources = [file.read_text(encoding="utf-8") for folder in FOLDERS for file in (ROOT / folder).rglob("*.py")]
+    modules = sorted({name for source in sources for name in _LISTED.findall(source)})
+    for kernel, arguments in listed(name for name in modules if (".flight." in name) == flights):
+        kernel.compile(arguments)
 
 
 def flight() -> None:
@@ -28,6 +38,7 @@ def flight() -> None:
     from mathnavi.sim.scenarios.safe_flight import SafeFlight
     from tests.flight import START, TARGET, above, mountains, save
 
+    compile_listed(flights=True)
     terrain = mountains()
     ends = above(terrain, START, 600.0), above(terrain, TARGET, 600.0)
     with tempfile.TemporaryDirectory() as folder:
@@ -42,6 +53,7 @@ def others() -> None:
     from mathnavi.studies.ranging.active_control import FAST, MODES, TRACKS, localisation, tracking
     from tests.missile import fly
 
+    compile_listed(flights=False)
     fly(target=(200.0, 0.0, 0.0))
     trials = [localisation(mode, FAST, 0, 1.0) for mode in MODES]
     for trial in (*trials, *(tracking(kind, 0, 1.0) for kind in TRACKS)):

@@ -22,10 +22,12 @@ from mathnavi.interfaces.compiled import inner_njit, njit
 from mathnavi.interfaces.errors import TerrainError
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.dem import MOST_NODES, check_nodes, positive
+from mathnavi.models.terrain.height_field import HIGHEST
 from mathnavi.models.terrain.raster import Raster
 
 _ROUNDING = 1e-9  # [nodes]
 _CURVED = 2e-3  # [nodes] by which places between those of three nodes may miss the plane through them
+_UNKNOWN = 1e30  # [m] in place of infinity, of which no share can be taken
 Node = tuple[float, float, float]  # row, column, height [m]
 
 
@@ -113,8 +115,9 @@ def rises(raster: Raster, grid: SquareGrid) -> NDArray[np.float32] | None:
     found = np.empty((grid.z.shape[0] - 1, grid.z.shape[1] - 1, 2))
     row, column = np.broadcast_to(grid.row, grid.z.shape), np.broadcast_to(grid.column, grid.z.shape)
     slack = 0.0 if raster.locate is None else _CURVED
-    _rises(grid.z, raster.z if raster.upper is None else raster.upper, row, column, slack, found)
-    return _rounded_up(found)
+    source = raster.z if raster.upper is None else np.minimum(raster.upper, _UNKNOWN)
+    _rises(grid.z, source, row, column, slack, found)
+    return _rounded_up(np.where(found > HIGHEST, np.inf, found))
 
 
 def _rounded_up(values: Array) -> NDArray[np.float32]:

@@ -120,7 +120,7 @@ def test_the_cameras_and_times_are_those_of_the_run(flown: Flown, capsys: pytest
         ("textbook-observer --estimator output_injection", "--system = 'example-2-2'; allowed with this observer: k"),
         ("textbook-observer --estimator kazantzis_kravaris", "--system = 'example-2-2'; allowed: one without inputs"),
         ("sphere-observer --space torus", "torus"),
-        ("sphere-observer --start 1 1 0 0 0 0 0", " is off"),
+        ("sphere-observer --start 1 1 0 0 0 0 0", "has a quaternion of length 1.414214; allowed: 1"),
         ("sphere-observer --start 1 0 0", "allowed: 7 numbers"),
         ("sphere-observer --start 1 0 0 0 1e200 0 0", "start = 1e+200"),
         ("sphere-observer --reading.noise nan", "noise = nan"),

@@ -73,6 +73,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "scaling": {"repetitions": 1, "sizes": 2, "trials": 10, "worker_counts": 1, "slow_network": False},
     "range-convergence": {"seeds": 1, "peers": 1, "drives": 1, "repetitions": 1, "seconds": 1},
     "range-observer": {"starts": 1, "drives": 1, "states": 2, "seconds": 1},
+    "terrain": {"synthetic": 2, "real": 1, "plans": 10},
     "hunt": {"missions": 2, "tries": 1, "draws": 1, "repeats": 1},
 }
 STUDIES = "mathnavi.studies"

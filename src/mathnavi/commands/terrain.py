@@ -53,7 +53,7 @@ class TerrainImportOptions:
     scale: float | None = None
     """height of one unit [m]; needed for a .png, and where a file does not say which unit its heights have"""
     nodata: float | None = None
-    """value in the file that stands for a void, beside the one that the file states"""
+    """value that stands for a void, beside the one that the file states [unit of the file]"""
     heights: Annotated[tuple[float, float] | None, ValueName("LOW HIGH")] = None
     """range of the heights that are ground [m]; -500 to 9000 on Earth if not given"""
     void_error: float | None = None

@@ -53,7 +53,7 @@ def test_another_environment_has_records_of_its_own_and_lends_them_on_request(
     assert mixed[one.content] == one.key
     assert dict(counts.taken) == {digest: 1}
     taken, left = counts.words(store.environments())
-    assert "(here 9.9): 1; they agree" in taken
+    assert "(here 9.9): 1; they may differ" in taken
     assert "--mix-environments" in left
 
 

@@ -56,6 +56,7 @@ lint: .venv/.developed
 	.venv/bin/mypy --strict .ci/install.py
 	.venv/bin/mypy --strict .ci/release.py
 	.venv/bin/mypy --strict .ci/versions.py
+	.venv/bin/mypy --strict .ci/pictures.py
 	.venv/bin/lint-imports
 
 check: lint opengl
@@ -103,7 +104,7 @@ opengl: | .venv/bin/pip
 # A change of pyproject.toml, a new entry point for one, installs again. The kernels of a flight are compiled and OpenGL
 # is installed meanwhile.
 .venv/.installed: pyproject.toml | .venv/bin/pip
-	@echo "Installing mathnavi and what it needs into .venv: 1.5 GB on disk, half a minute to five minutes"
+	@echo "Installing mathnavi and what it needs into .venv: 1.3 GB on disk, half a minute to five minutes"
 	@bash .ci/opengl & $(INSTALL); status=$$?; wait; exit $$status
 	@touch $@
 

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 BACKENDS = ("osmesa", "egl")
 WIDTH, HEIGHT = 320, 180  # [pixels]
@@ -55,7 +54,7 @@ def draw(backend: str, folder: Path) -> None:
     from mathnavi.renders import worker
     from mathnavi.renders.drawing import drawing_of
 
-    pictures: dict[str, NDArray[np.uint8]] = {}
+    pictures: dict[str, Any] = {}
     for run_folder in sorted(path for path in folder.iterdir() if path.is_dir()):
         drawing = drawing_of(run_folder)
         moment = sum(drawing.highlight(drawing.load_run(run_folder))) / 2.0

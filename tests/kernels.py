@@ -1,6 +1,6 @@
 """Missions that compile the kernels of most tests, before the first of them, in two processes that share the work.
 
-    python -m tests.kernels flight|others
+    python -m tests.kernels flight|others CLAIMS
 
 Workers of pytest-xdist would each compile for themselves. What is compiled is kept (``interfaces.compiled``), so it
 happens once for each change of a kernel.
@@ -17,19 +17,21 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mathnavi.interfaces.compiled import compiler, kernel_folder
-from mathnavi.sim.engine.compilation import listed
+from mathnavi.sim.engine.compilation import compile_unclaimed, listed
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("interfaces", "models", "controllers", "estimators", "sim", "renders", "studies")
 _LISTED = re.compile(r'^    kernels: ClassVar\[str\] = "(.+)"', re.MULTILINE)
 
 
-def compile_listed(flights: bool) -> None:
-    """Compile what a command compiles before its first run, of flights or of all else: none of it in a test."""
+def compile_listed(claims: Path, first: bool) -> None:
+    """Compile what commands compile before their first run, so that none of it is compiled in a test.
+
+    Two processes claim the kernels in ``claims``, one from the first on, the other from the last.
+    """
     sources = [file.read_text(encoding="utf-8") for folder in FOLDERS for file in (ROOT / folder).rglob("*.py")]
     modules = sorted({name for source in sources for name in _LISTED.findall(source)})
-    for kernel, arguments in listed(name for name in modules if (".flight." in name) == flights):
-        kernel.compile(arguments)
+    compile_unclaimed(list(enumerate(listed(modules)))[:: 1 if first else -1], claims)
 
 
 def flight() -> None:
@@ -38,7 +40,6 @@ def flight() -> None:
     from mathnavi.sim.scenarios.safe_flight import SafeFlight
     from tests.flight import START, TARGET, above, mountains, save
 
-    compile_listed(flights=True)
     terrain = mountains()
     ends = above(terrain, START, 600.0), above(terrain, TARGET, 600.0)
     with tempfile.TemporaryDirectory() as folder:
@@ -53,7 +54,6 @@ def others() -> None:
     from mathnavi.studies.ranging.active_control import FAST, MODES, TRACKS, localisation, tracking
     from tests.missile import fly
 
-    compile_listed(flights=False)
     fly(target=(200.0, 0.0, 0.0))
     trials = [localisation(mode, FAST, 0, 1.0) for mode in MODES]
     for trial in (*trials, *(tracking(kind, 0, 1.0) for kind in TRACKS)):
@@ -76,14 +76,17 @@ def compile_kernels() -> None:
     if not done or done.exists():
         return
     command = [sys.executable, "-m", "tests.kernels"]
-    running = {
-        group: subprocess.Popen([*command, group], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-        for group in GROUPS
-    }
-    for group, process in running.items():
-        said, _ = process.communicate()
-        if process.returncode:
-            raise RuntimeError(f"the missions {group} fail:\n{said.decode()}")
+    with tempfile.TemporaryDirectory() as claims:
+        running = {
+            group: subprocess.Popen(
+                [*command, group, claims], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+            )
+            for group in GROUPS
+        }
+        for group, process in running.items():
+            said, _ = process.communicate()
+            if process.returncode:
+                raise RuntimeError(f"the missions {group} fail:\n{said.decode()}")
     done.touch()
 
 
@@ -107,4 +110,5 @@ def _sources() -> str:
 
 
 if __name__ == "__main__":
+    compile_listed(Path(sys.argv[2]), first=sys.argv[1] == "flight")
     GROUPS[sys.argv[1]]()

@@ -232,7 +232,7 @@ class Certificate:
         return None
 
     def _over_filled(self, plan: Plan, arc: int) -> str:
-        """What is said of an arc below a wall, which stands where no height is known; empty if none does."""
+        """Return the reason against an arc below a wall, which stands where no height is known; empty for others."""
         way = state_at(plan, np.linspace(plan.t[arc], plan.t[arc + 1], _LOOKS))[:, :2]
         walled = way[self.terrain.walled(*way.T)]
         if not len(walled):

@@ -34,7 +34,7 @@ _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)  # its multiples are spread evenly over [
 
 
 class PositionReader:
-    """What readings of the position say: points of the manifold, in which angles go on from turn to turn.
+    """Reader of positions: points of the manifold, in which angles go on from turn to turn.
 
     An encoder of a hinge may start again after a turn, at 2 pi, at pi or elsewhere. A reading is then the angle nearest
     to where the readings before lead, or the one within the joint's limits. An encoder whose readings are more than a
@@ -78,7 +78,7 @@ class _Encoder:
         return turns
 
     def _stands(self, angle: float) -> bool:
-        """True if a reading is an angle as it is: the encoder counts turns, or the joint makes none and admits it."""
+        """Return True if a reading needs no turns: the encoder counts them, or it is within the limits of its joint."""
         if self._greatest - self._least > _TURN + _SLACK:
             return True
         return self._high - self._low <= _TURN and self._low - _SLACK <= angle <= self._high + _SLACK

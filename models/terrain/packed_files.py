@@ -52,7 +52,7 @@ _ELEMENTS = frozenset(
         "BlockYSize",
     ]
 )
-"""elements of a virtual raster that only places pictures beside each other"""
+"""elements of a virtual raster that places pictures side by side"""
 
 
 @contextmanager
@@ -83,7 +83,7 @@ def unpacked(path: Path, endings: tuple[str, ...]) -> Iterator[Path]:
 
 
 def _members(path: Path, folder: Path) -> list[Path]:
-    """Unpack the files of a ``.zip`` into one folder, whatever folders they name."""
+    """Unpack the files of a ``.zip`` into one folder, without its own folders."""
     found: list[Path] = []
     total = 0
     with zipfile.ZipFile(path) as archive:

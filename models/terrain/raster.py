@@ -12,7 +12,7 @@ from mathnavi.models.terrain.ellipsoid import WGS84, Ellipsoid
 
 Box = tuple[float, float, float, float]  # west, south, east, north
 Locate = Callable[[Array, Array], tuple[Array, Array]]
-"""of coordinates east (n,) and north (m,) to rows and columns (m, n) of a raster, fractions among them"""
+"""function from coordinates east (n,) and north (m,) to rows and columns (m, n) of a raster, fractions among them"""
 
 
 @dataclass(frozen=True, eq=False)

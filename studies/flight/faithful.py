@@ -173,7 +173,7 @@ def compared(case: ModelCase) -> dict[str, Any]:
 
 
 def _stated(terrain: HeightField, x: Array, y: Array) -> Array:
-    """By how much (n,) [m] the file may be above the map there, as the map says."""
+    """Return the bound (n,) [m] of the map on how far the file is above it there."""
     if terrain.above is None:
         return np.zeros_like(x)
     i, j = (x / terrain.spacing).astype(int), (y / terrain.spacing).astype(int)

@@ -53,7 +53,7 @@ class TerrainImportOptions:
     scale: float | None = None
     """height of one unit [m]; needed for a .png, and where a file does not say which unit its heights have"""
     nodata: float | None = None
-    """value that stands for a void, beside the one that the file states [unit of the file]"""
+    """value of a void, in addition to the one that the file states [unit of the file]"""
     heights: Annotated[tuple[float, float] | None, ValueName("LOW HIGH")] = None
     """range of the heights that are ground [m]; -500 to 9000 on Earth if not given"""
     void_error: float | None = None
@@ -148,7 +148,7 @@ def statistics(terrain: HeightField) -> str:
 
 
 def _lost(terrain: HeightField) -> dict[str, str]:
-    """Return what is said of the ground that the map's triangles do not reach."""
+    """Return the lines on ground that may be above the map."""
     if terrain.above is None:
         return {}
     known = terrain.above[np.isfinite(terrain.above)]

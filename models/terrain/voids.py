@@ -97,8 +97,8 @@ def _ends_of_steepest(z: Array, north: Array, east: Array) -> tuple[float, ...]:
 def filled(raster: Raster, error: float = np.inf) -> Raster:
     """Fill voids by the heights around them, weighted by inverse distance; the source states the number of voids.
 
-    The ground may be ``error`` [m] above what is filled: inf where that is not known. Raises TerrainError for voids more
-    than ``REACH`` nodes from any height.
+    The ground may be ``error`` [m] above what is filled: inf where that is not known. Raises TerrainError for voids
+    more than ``REACH`` nodes from any height.
     """
     void = np.isnan(raster.z)
     if not void.any():

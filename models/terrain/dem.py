@@ -22,7 +22,7 @@ from mathnavi.interfaces.reading import arrays as reading
 from mathnavi.interfaces.reading.files import decoded
 from mathnavi.interfaces.signals import Array
 from mathnavi.interfaces.writing import write_bytes
-from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.height_field import HIGHEST, HeightField
 from mathnavi.models.terrain.raster import Raster
 
 MOST_NODES = 25_000_000  # of a map
@@ -107,7 +107,7 @@ def read_png(path: str | Path, spacing: float, scale: float, nodata: float | Non
     Pixels of the value ``nodata`` are voids.
     """
     path = existing(path)
-    spacing, scale = positive("spacing", spacing, "m"), positive("scale", scale, "m per unit")
+    spacing, scale = positive("spacing", spacing, "m"), checked_scale(scale)
     from mathnavi.interfaces.reading.pictures import read_picture  # pillow takes a while to import
 
     image, values = read_picture(path, TerrainError)
@@ -123,6 +123,13 @@ def existing(path: str | Path) -> Path:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file")
     return path
+
+
+def checked_scale(scale: float) -> float:
+    """Return the height [m] of one unit; TerrainError unless it is above 0 and at most ``HIGHEST``."""
+    if not 0.0 < scale <= HIGHEST:
+        raise TerrainError(f"scale is {scale} m per unit; allowed: a number above 0, at most {HIGHEST:g}")
+    return float(scale)
 
 
 def positive(name: str, value: float, unit: str) -> float:

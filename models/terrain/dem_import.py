@@ -16,7 +16,7 @@ import numpy as np
 
 from mathnavi.interfaces.checks import check_spares
 from mathnavi.interfaces.errors import TerrainError
-from mathnavi.models.terrain.dem import existing, positive, read_npz, read_png, write_npz
+from mathnavi.models.terrain.dem import checked_scale, existing, read_npz, read_png, write_npz
 from mathnavi.models.terrain.height_field import WALL, HeightField
 from mathnavi.models.terrain.raster import Box, Raster, cropped
 from mathnavi.models.terrain.raster_file import FORMATS, read_raster
@@ -106,9 +106,7 @@ def _read(
     if spacing is not None:
         raise TerrainError(f"spacing is {spacing}; {path} states its own, --resample changes it")
     if suffix != ".npz":
-        return read_raster(
-            path, crop, None if scale is None else positive("scale", scale, "m per unit"), nodata, heights
-        )
+        return read_raster(path, crop, None if scale is None else checked_scale(scale), nodata, heights)
     for name, value in (("scale", scale), ("nodata", nodata)):
         if value is not None:
             raise TerrainError(f"{name} is {value}; {path} is in metres and takes none")

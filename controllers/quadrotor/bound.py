@@ -91,7 +91,7 @@ def _has_the_moments(vehicle: Quadrotor, a_max: float, peaks: float) -> bool:
     room = np.minimum(each * least, vehicle.thrust_max - each * most)  # [N] of a rotor, either way
     if (room <= 0.0).any():
         return False
-    asked = 2.0 * np.sqrt(a_max**2 - vertical**2) * peaks
+    asked = 2.0 * np.sqrt(a_max * a_max - vertical * vertical) * peaks  # of one rounding: 0 where they are equal
     return bool((max(vehicle.inertia[:2]) * asked / least <= _ROOM * 2.0 * vehicle.arm * room).all())
 
 

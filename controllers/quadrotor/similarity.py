@@ -23,7 +23,7 @@ from mathnavi.interfaces.protocols import Planner
 from mathnavi.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
 from mathnavi.models.aerial.knowledge import RADARS, TARGET, TERRAIN, place_in
 from mathnavi.models.aerial.mission import FlightMission
-from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.height_field import HIGHEST, WALL, HeightField
 from mathnavi.models.terrain.visibility import Radar
 
 _TIME = 10.0 / 3.0  # mu
@@ -132,8 +132,11 @@ class Similarity:
 
 @lru_cache(maxsize=4)
 def _magnified(terrain: HeightField, length: float) -> HeightField:
-    """Terrain magnified by ``length``, one object for all planners over it, so that they build on it only once."""
-    return HeightField(terrain.z * length, terrain.spacing * length, name=terrain.name)
+    """Highest ground of a terrain magnified by ``length``, one object for all planners over it, so that they build on
+    it only once. Walls, where no height is known, are as high as they can be.
+    """
+    z = terrain.highest.z
+    return HeightField(np.where(z >= WALL, HIGHEST, z * length), terrain.spacing * length, name=terrain.name)
 
 
 class SimilarPlanner:

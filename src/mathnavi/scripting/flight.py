@@ -130,7 +130,7 @@ class Verdict:
     certified: bool
     reason: str  # "" if it is certified
     status: Enum  # Status.OK, or a Status or FlightStatus that says why not
-    clearance: float  # [m] least height above the ground, -inf off the map, NaN for a malformed plan
+    clearance: float  # [m] least height above the highest that the ground can be, -inf off the map, NaN if malformed
 
     def __bool__(self) -> bool:
         return self.certified
@@ -179,7 +179,7 @@ def certify(
     )
     refusal = certificate.check(pi)
     malformed = refusal is not None and refusal.status in (Status.MALFORMED, Status.NOT_FINITE)
-    clearance = math.nan if malformed else FlightPlan(pi).clearance(ground)
+    clearance = math.nan if malformed else FlightPlan(pi).clearance(ground.highest)
     if refusal is None:
         return Verdict(True, "", Status.OK, clearance)
     return Verdict(False, f"{refusal.status.value}: {refusal.message}", refusal.status, clearance)

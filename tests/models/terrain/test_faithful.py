@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rasterio.transform import from_origin
 
 import mathnavi as mn
+from mathnavi.controllers.quadrotor.similarity import _magnified
 from mathnavi.models.terrain.dem_import import import_dem
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.raster import Raster
@@ -76,6 +77,7 @@ def test_no_plan_over_ground_that_was_filled_is_certified(tmp_path: Path) -> Non
     )
     verdict = mn.certify(plan, terrain)
     assert not verdict
+    assert verdict.clearance < 0.0  # it is not that above a guess
     assert "filled cells at (1" in verdict.reason
     assert mn.certify(plan, filled_map(tmp_path, void_error=100.0))
     assert not mn.certify(plan, filled_map(tmp_path, void_error=1600.0))  # it says that the ground may be as high
@@ -85,6 +87,15 @@ def test_no_plan_over_ground_that_was_filled_is_certified(tmp_path: Path) -> Non
     assert mn.certify(beside, terrain)
     with pytest.raises(ValueError, match=r"start = .* is over ground that was filled"):
         mn.plan_flight(terrain, (1200.0, 1200.0, 2000.0), (300.0, 300.0, 2000.0))
+
+
+def test_a_magnified_map_is_as_high_as_the_file_can_be(tmp_path: Path) -> None:
+    """The planner of point masses, which plans for a quadrotor over a magnified map."""
+    coarse = HeightField(HILLS, 30.0, above=np.full((80, 80, 2), 7.0))
+    np.testing.assert_array_equal(_magnified(coarse, 2.0).z, 2.0 * (HILLS + 7.0))
+    plain = HeightField(HILLS, 30.0)
+    np.testing.assert_array_equal(_magnified(plain, 2.0).z, 2.0 * HILLS)
+    assert _magnified(filled_map(tmp_path), 90.0).walled(1200.0 * 90.0, 1200.0 * 90.0)
 
 
 def test_a_map_carries_its_bound_and_its_datum(tmp_path: Path) -> None:

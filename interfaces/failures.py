@@ -1,4 +1,4 @@
-"""Conversion of exceptions in a plug-in's code to one error that names the plug-in."""
+"""Conversion of exceptions: those of a plug-in's code to one that names the plug-in, others to one of a named kind."""
 
 from __future__ import annotations
 
@@ -9,7 +9,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import metadata
 
+from mathnavi.interfaces import errors
+
 _MACHINERY = ("<frozen", __file__, importlib.__file__, metadata.__file__, contextlib.__file__)
+
+_NAMED = tuple(
+    kind
+    for kind in vars(errors).values()
+    if isinstance(kind, type) and issubclass(kind, ValueError) and kind is not errors.ArgumentError
+)  # an inner function's argument is not the script's
 
 
 @contextmanager
@@ -28,6 +36,17 @@ def failures_named(
         if refuses or isinstance(error, (KeyboardInterrupt, *passing)):
             raise
         raise kind(f"{subject} {explained(error)}") from error
+
+
+@contextmanager
+def raising(kind: type[ValueError]) -> Iterator[None]:
+    """Raise a ValueError of no more specific kind within the block as one of ``kind``."""
+    try:
+        yield
+    except ValueError as error:
+        if isinstance(error, _NAMED):
+            raise
+        raise kind(str(error)) from error
 
 
 def explained(error: BaseException) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mathnavi.interfaces.errors import FieldError
-from mathnavi.interfaces.failures import failures_named
+from mathnavi.interfaces.failures import failures_named, raising
 from mathnavi.interfaces.field_table import field_of
 from mathnavi.interfaces.schema import known_fields, unknown_field, validated
 
@@ -64,6 +64,23 @@ def with_fields(config: Any, fields: Mapping[str, Any], where: str = "") -> Any:
         own[first] = with_fields(part, inner, _joined(where, first))
     with _refusing(type(config), where):
         return dataclasses.replace(config, **own)
+
+
+def flat(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Return fields by dotted names, arrays as lists: {"noise": {"position": 5.0}} is {"noise.position": 5.0}."""
+    return {
+        name: value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+        for name, value in flattened(fields).items()
+    }
+
+
+def configured(base: Any, fields: Mapping[str, Any], where: str = "") -> Any:
+    """Return the configuration ``base`` with some fields set; messages name them from ``where`` on.
+
+    Raises FieldError for a field that it does not have, and for a value of another type or out of its range.
+    """
+    with raising(FieldError):
+        return with_fields(base, flat(fields), where)
 
 
 def leaf(config: Any, name: str) -> Any:

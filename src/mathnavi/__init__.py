@@ -59,8 +59,8 @@ if TYPE_CHECKING:
     from mathnavi.scripting.run_result import RunResult
     from mathnavi.scripting.runs import available, make, run, study, sweep
     from mathnavi.scripting.safety_filter import SafetyFilter
-    from mathnavi.scripting.sensor_log import EstimateHistory, SensorLog, estimate
     from mathnavi.sim.plugin.registry import PluginSpec
+    from mathnavi.sim.records.sensor_log import EstimateHistory, SensorLog, estimate
 
     __version__: str
 
@@ -95,9 +95,9 @@ _PLACES = {
     "ellipse": "models.field.curve",
     "wall_through": "scripting.localisation",
     # estimators over one's own log
-    "estimate": "scripting.sensor_log",
-    "SensorLog": "scripting.sensor_log",
-    "EstimateHistory": "scripting.sensor_log",
+    "estimate": "sim.records.sensor_log",
+    "SensorLog": "sim.records.sensor_log",
+    "EstimateHistory": "sim.records.sensor_log",
     "RangingMission": "models.unicycle.mission",
     "RangeQuality": "models.unicycle.quality",
     "OdometryQuality": "models.unicycle.quality",

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from mathnavi.controllers.flight.certificate import Certificate, TrackingBound, pass_time
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.interfaces.errors import MissionError, TerrainError
+from mathnavi.interfaces.failures import raising
 from mathnavi.interfaces.protocols import Planner
 from mathnavi.interfaces.short_tables import Row, html_table, short_table, vector_text
 from mathnavi.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
@@ -30,7 +31,7 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.scripting.requests import plugin, raising
+from mathnavi.scripting.requests import plugin
 from mathnavi.sim.plugin.registry import PluginSpec, checked_controller
 from mathnavi.sim.scenarios.flight_parts import check_above_ground
 

@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.failures import raising
+from mathnavi.interfaces.fields import configured
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.short_tables import Row, html_table, short_table
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
-from mathnavi.scripting.requests import configured, raising
 from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, load
 
 _RESAMPLED = 2048  # points of a polygon

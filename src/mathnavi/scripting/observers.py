@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.failures import raising
+from mathnavi.interfaces.fields import configured
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.short_tables import Row, html_table, short_table
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
@@ -26,7 +28,6 @@ from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.models.manifold.systems import PointSystem
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.system import MechanismSystem
-from mathnavi.scripting.requests import configured, raising
 from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, load
 
 ANY_SPEED = 1e6  # |v|_g from which a reading would be refused as an outlier

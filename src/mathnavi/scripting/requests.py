@@ -2,53 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
-from mathnavi.interfaces import errors
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import FieldError, PluginError
-from mathnavi.interfaces.fields import flattened, with_fields
+from mathnavi.interfaces.failures import raising
+from mathnavi.interfaces.fields import configured, flat
 from mathnavi.sim.plugin.registry import PluginSpec, load, names
 from mathnavi.sim.records.run_spec import Plugin, RunSpec
 
 KINDS = ("controllers", "estimators", "consensus")  # of plug-ins with fields
-_NAMED = tuple(
-    kind
-    for kind in vars(errors).values()
-    if isinstance(kind, type) and issubclass(kind, ValueError) and kind is not errors.ArgumentError
-)  # an inner function's argument is not the script's
-
-
-@contextmanager
-def raising(kind: type[ValueError]) -> Iterator[None]:
-    """Raise a ValueError of no more specific kind within the block as one of ``kind``."""
-    try:
-        yield
-    except ValueError as error:
-        if isinstance(error, _NAMED):
-            raise
-        raise kind(str(error)) from error
-
-
-def flat(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Return fields by dotted names, arrays as lists: {"noise": {"position": 5.0}} is {"noise.position": 5.0}."""
-    return {
-        name: value.tolist() if isinstance(value, np.ndarray | np.generic) else value
-        for name, value in flattened(fields).items()
-    }
-
-
-def configured(base: Any, fields: Mapping[str, Any], where: str = "") -> Any:
-    """Return the configuration ``base`` with some fields set; messages name them from ``where`` on.
-
-    Raises FieldError for a field that it does not have, and for a value of another type or out of its range.
-    """
-    with raising(FieldError):
-        return with_fields(base, flat(fields), where)
 
 
 def plugin(name: str | type[Any], **fields: Any) -> PluginSpec:

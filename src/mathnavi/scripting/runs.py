@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mathnavi.interfaces.errors import FieldError, MissionError
+from mathnavi.interfaces.failures import raising
+from mathnavi.interfaces.fields import configured, flat
 from mathnavi.interfaces.short_tables import Row, counted, html_table, short_table, value_text
 from mathnavi.interfaces.signals import Array
-from mathnavi.scripting.requests import configured, flat, raising, specified
+from mathnavi.scripting.requests import specified
 from mathnavi.scripting.run_result import RunResult
 from mathnavi.sim.engine.compilation import compile_ahead
 from mathnavi.sim.plugin.registry import load as load_plugin

@@ -17,11 +17,11 @@ from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.command_filter import CANDIDATES, CommandFilter
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.interfaces.errors import MissionError
+from mathnavi.interfaces.failures import raising
 from mathnavi.interfaces.signals import Array, Estimate, Status
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.scripting.flight import Terrain, ground_of, point_of
-from mathnavi.scripting.requests import raising
 
 
 class SafetyFilter:

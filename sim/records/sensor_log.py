@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mathnavi.interfaces.errors import FieldError, LogError
+from mathnavi.interfaces.failures import raising
+from mathnavi.interfaces.fields import configured
 from mathnavi.interfaces.protocols import Sensor
-from mathnavi.interfaces.reading.tables import read_columns
+from mathnavi.interfaces.reading.table_format import TableFormat
 from mathnavi.interfaces.short_tables import html_table, short_table, vector_text
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
-from mathnavi.scripting.requests import configured, raising
 from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, checked_sensors, load, of_stranger
+from mathnavi.sim.records.log_columns import read_log_columns
 
 _PERIOD_FACTOR = 2.0  # between the period that an estimator is built for and the steps of a log
 
@@ -40,6 +43,10 @@ class SensorLog:
     readings: Mapping[str, Array]
     inputs: Array | None = None
     source: str = field(default="log")  # named in messages
+    start: Decimal = Decimal(0)
+    """what was subtracted from the times of a file, exactly [s]: since 1970 for dates"""
+    notes: tuple[str, ...] = ()
+    """what was converted and what was left out when a file was read, a sentence each"""
 
     def __post_init__(self) -> None:
         t = _array(self.t, f"{self.source}: t", 1)
@@ -64,21 +71,60 @@ class SensorLog:
 
     @staticmethod
     def from_csv(
-        path: str | Path, *, time: str = "t", readings: Mapping[str, Sequence[str]], inputs: Sequence[str] = ()
+        path: str | Path,
+        *,
+        time: str = "t",
+        readings: Mapping[str, Sequence[str]],
+        inputs: Sequence[str] = (),
+        time_unit: str | None = None,
+        units: Mapping[str, str] | None = None,
+        sep: str = ",",
+        decimal: str = ".",
+        thousands: str | None = None,
+        encoding: str | None = None,
+        comment: str | None = None,
+        skiprows: int = 0,
+        names: Sequence[str] | None = None,
+        na_values: Sequence[str] = (),
     ) -> SensorLog:
-        """Read a log from a CSV file whose first line names its columns.
+        """Read a log from a text file with a table, whose first line names its columns.
 
-        ``time`` names that of t [s], ``readings`` those of each sensor and ``inputs`` those of the input. An empty cell
-        is a value that was not read.
+        ``time`` names that of the times, ``readings`` those of each sensor and ``inputs`` those of the input, by the
+        whole name or by what stands before a unit in brackets. An empty cell is a value that was not read.
 
-        Raises LogError for a missing column and for a cell that is not a number, FileNotFoundError for a missing file.
+        Numbers are converted from ``units``, "deg" by the name of the column, or from the unit in brackets, "q1 [deg]",
+        or in a row of units; without any they are in SI units. ``time_unit`` is "s", "ms", "us" or "ns", or "iso" for
+        dates of ISO 8601. Times since an epoch are counted from the first, which is ``start``.
+
+        ``sep``, ``decimal``, ``thousands``, ``encoding``, ``comment``, ``skiprows``, ``names`` and ``na_values`` are
+        those of ``pandas.read_csv``.
+
+        Raises LogError for a missing column and for a cell that is not a number, with its line and column, FieldError
+        for an argument out of its range, FileNotFoundError for a missing file.
         """
-        columns = [time, *(name for each in readings.values() for name in each), *inputs]
-        values = read_columns(Path(path), columns, LogError)
-        parts, first = {}, 1
+        named = None if names is None else tuple(names)
+        form = TableFormat(
+            sep,
+            decimal,
+            thousands,
+            encoding,
+            comment,
+            skiprows,
+            None if names is None else tuple(names),
+            tuple(na_values),
+        )
+        _check_lists(readings, inputs)
+        wanted = [*(name for each in readings.values() for name in each), *inputs]
+        found = read_log_columns(Path(path), time, wanted, time_unit, units or {}, form)
+        parts, first = {}, 0
         for name, each in readings.items():
-            parts[name], first = values[:, first : first + len(each)], first + len(each)
-        return SensorLog(values[:, 0], parts, values[:, first:] if inputs else None, str(path))
+            parts[name], first = found.values[:, first : first + len(each)], first + len(each)
+        given = found.values[:, first:] if inputs else None
+        if given is not None and (places := np.argwhere(~np.isfinite(given))).size:
+            row, column = places[0]
+            where = f"{path} line {found.lines[row]}, column {found.names[first + column]!r}: {given[row, column]}"
+            raise LogError(f"{where}; allowed: finite inputs")
+        return SensorLog(found.t, parts, given, str(path), found.start, found.notes)
 
     def _rows(self, values: ArrayLike, name: str, count: int) -> Array:
         rows = _array(values, f"{self.source}: {name}", 2)
@@ -90,7 +136,8 @@ class SensorLog:
         read = {name: int((~np.isnan(values).all(axis=1)).sum()) for name, values in self.readings.items()}
         rows = [(name, f"{count} x {self.readings[name].shape[1]}", "") for name, count in read.items()]
         rows += [] if self.inputs is None else [("inputs", f"{len(self.t)} x {self.inputs.shape[1]}", "")]
-        return short_table(f"{self.source}: {len(self.t)} times from {self.t[0]:.6g} to {self.t[-1]:.6g} s", rows)
+        table = short_table(f"{self.source}: {len(self.t)} times from {self.t[0]:.6g} to {self.t[-1]:.6g} s", rows)
+        return "\n".join([table, *(f"  {note}" for note in self.notes)])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -217,6 +264,15 @@ def _check_period(log: SensorLog, period: float, method: str) -> None:
             f"{log.source}: the median step is {step:.6g} s and the period of {method} is {period:.6g} s; allowed: "
             f"within a factor of {_PERIOD_FACTOR:g}: set the mission's period to that of the log"
         )
+
+
+def _check_lists(readings: Mapping[str, Sequence[str]], inputs: Sequence[str]) -> None:
+    """Raise FieldError for a text in place of a list of columns."""
+    for name, columns in ((f"readings[{key!r}]", value) for key, value in readings.items()):
+        if isinstance(columns, str):
+            raise FieldError(f"{name} = {columns!r}; allowed: a list of columns, [{columns!r}]")
+    if isinstance(inputs, str):
+        raise FieldError(f"inputs = {inputs!r}; allowed: a list of columns, [{inputs!r}]")
 
 
 def _array(values: ArrayLike, name: str, dimension: int) -> Array:

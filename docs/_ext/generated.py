@@ -25,7 +25,7 @@ from sphinx.builders.html import StandaloneHTMLBuilder
 
 from mathnavi.commands import cli, opengl
 from mathnavi.commands.flown import CommonOptions
-from mathnavi.commands.known import OPTIONS
+from mathnavi.commands.known import LOG_OPTIONS, OPTIONS
 from mathnavi.interfaces.bounds import declared
 from mathnavi.interfaces.field_table import Field, Form, leaves_of
 from mathnavi.sim.plugin.groups import GROUPS
@@ -46,6 +46,9 @@ def commands() -> str:
             parts.append(f"### mathnavi {name} {action}\n\n{_fence(_printed(name, action, '--help'))}")
         if name in OPTIONS and "--help " not in usage.partition("options")[2]:  # else the help has shown them
             parts.append(table(EntryPoint(name, OPTIONS[name], "").load()))
+        if name == "estimate":
+            parts.append("Over a log of your own:")
+            parts += [table(EntryPoint(name, place, "").load()) for place in LOG_OPTIONS]
     return "\n\n".join(parts)
 
 

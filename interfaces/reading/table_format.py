@@ -49,11 +49,6 @@ class TableFormat:
     def __post_init__(self) -> None:
         if self.sep == _TAB:
             object.__setattr__(self, "sep", "\t")
-        for name in ("names", "na_values"):  # lists too
-            value = getattr(self, name)
-            if isinstance(value, str):
-                raise FieldError(f"{name} = {value!r}; allowed: a list of texts")
-            object.__setattr__(self, name, None if value is None else tuple(str(each) for each in value))
         for name, allowed in (("sep", r"one character, \t or \s+"), ("thousands", "one character")):
             value = getattr(self, name)
             if value is not None and value != BLANKS and (len(value) != 1 or value in '"\n\r'):

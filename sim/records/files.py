@@ -1,8 +1,9 @@
-"""Conversion of values to JSON, and JSON files."""
+"""Conversion of values to JSON and of arrays to .npz, and JSON files."""
 
 from __future__ import annotations
 
 import errno
+import io
 import json
 import math
 import os
@@ -12,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.interfaces.writing import write_text
 
 
@@ -50,3 +52,10 @@ def as_json(value: Any) -> str:
 def write_json(path: Path, value: Any) -> None:
     """Write ``value`` as JSON, whole or not at all."""
     write_text(path, as_json(value))
+
+
+def npz_bytes(arrays: Mapping[str, Array]) -> bytes:
+    """Return the content of a compressed .npz file with these arrays, none of objects."""
+    archive = io.BytesIO()
+    np.savez_compressed(archive, allow_pickle=False, **arrays)
+    return archive.getvalue()

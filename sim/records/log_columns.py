@@ -138,9 +138,8 @@ def _given(path: Path, used: Mapping[str, str], units: Mapping[str, str]) -> dic
     for name, unit in units.items():
         column = used.get(name, name if name in used.values() else None)
         if column is None:
-            raise LogError(
-                f"{path}: units names {name!r}, which is neither time, reading nor input; {allowed_for(name, list(used))}"
-            )
+            allowed = allowed_for(name, list(used))
+            raise LogError(f"{path}: units names {name!r}, which is neither time, reading nor input; {allowed}")
         if symbols.si_factor(unit) is None:
             raise LogError(f"{path}: units = {{{name!r}: {unit!r}}}; allowed: units such as {symbols.KNOWN}")
         found[column] = unit

@@ -14,7 +14,6 @@ All code that needs a recorded run reads it here: ``read_log`` for a single vehi
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -35,7 +34,7 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.records.claimed_folder import claimed
 from mathnavi.sim.records.computing_environment import machine, versions
 from mathnavi.sim.records.documents import ArrayIndexDocument, RunDocument, check_summary
-from mathnavi.sim.records.files import jsonable, write_json
+from mathnavi.sim.records.files import jsonable, npz_bytes, write_json
 from mathnavi.sim.records.log_arrays import COMMAND, TIME, TRUTH, check_arrays
 
 CONFIG, SUMMARY, EVENTS, ARRAYS, ARRAY_INDEX = "config.json", "summary.json", "events.jsonl", "log.npz", "log.json"
@@ -79,9 +78,9 @@ def write_run_files(
 ) -> None:
     """Write the files of a run into an existing folder; OSError names the one that could not be written."""
     arrays = recording.arrays()
-    _write_npz(folder / ARRAYS, arrays)
+    write_bytes(folder / ARRAYS, npz_bytes(arrays))
     if scene is not None:
-        _write_npz(folder / SCENE, scene)
+        write_bytes(folder / SCENE, npz_bytes(scene))
     shapes = {name: {"shape": list(value.shape), "dtype": str(value.dtype)} for name, value in arrays.items()}
     write_json(folder / ARRAY_INDEX, {"arrays": shapes, "states": recording.state_names, "time": "t [s]"})
     events = [{"t": e.t, "agent": e.agent, "kind": e.kind, "message": e.message} for e in recording.events]
@@ -89,12 +88,6 @@ def write_run_files(
     made_by = {"versions": {"mathnavi": version("mathnavi"), **versions()}, "machine": machine()}
     write_json(folder / CONFIG, {**config, **made_by})
     write_json(folder / SUMMARY, {**summary, "version": version("mathnavi")})
-
-
-def _write_npz(path: Path, arrays: Mapping[str, Array]) -> None:
-    archive = io.BytesIO()
-    np.savez_compressed(archive, allow_pickle=False, **arrays)
-    write_bytes(path, archive.getvalue())
 
 
 # ---- reading

@@ -102,18 +102,10 @@ class SensorLog:
         Raises LogError for a missing column and for a cell that is not a number, with its line and column, FieldError
         for an argument out of its range, FileNotFoundError for a missing file.
         """
+        _check_lists(**{f"readings[{name!r}]": each for name, each in readings.items()})
+        _check_lists(inputs=inputs, names=names or (), na_values=na_values)
         named = None if names is None else tuple(names)
-        form = TableFormat(
-            sep,
-            decimal,
-            thousands,
-            encoding,
-            comment,
-            skiprows,
-            None if names is None else tuple(names),
-            tuple(na_values),
-        )
-        _check_lists(readings, inputs)
+        form = TableFormat(sep, decimal, thousands, encoding, comment, skiprows, named, tuple(na_values))
         wanted = [*(name for each in readings.values() for name in each), *inputs]
         found = read_log_columns(Path(path), time, wanted, time_unit, units or {}, form)
         parts, first = {}, 0
@@ -266,13 +258,11 @@ def _check_period(log: SensorLog, period: float, method: str) -> None:
         )
 
 
-def _check_lists(readings: Mapping[str, Sequence[str]], inputs: Sequence[str]) -> None:
+def _check_lists(**lists: Sequence[str]) -> None:
     """Raise FieldError for a text in place of a list of columns."""
-    for name, columns in ((f"readings[{key!r}]", value) for key, value in readings.items()):
-        if isinstance(columns, str):
-            raise FieldError(f"{name} = {columns!r}; allowed: a list of columns, [{columns!r}]")
-    if isinstance(inputs, str):
-        raise FieldError(f"inputs = {inputs!r}; allowed: a list of columns, [{inputs!r}]")
+    for name, given in lists.items():
+        if isinstance(given, str):
+            raise FieldError(f"{name} = {given!r}; allowed: a list, [{given!r}]")
 
 
 def _array(values: ArrayLike, name: str, dimension: int) -> Array:

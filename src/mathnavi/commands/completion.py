@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from importlib.metadata import EntryPoint
 
 from mathnavi.commands.errors import BadInputError
-from mathnavi.commands.known import COMMANDS, FLOWN, OPTIONS
+from mathnavi.commands.known import COMMANDS, FLOWN, LOG_OPTIONS, OPTIONS
 from mathnavi.commands.wrapping import wrapped
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.field_table import negation
@@ -120,7 +120,8 @@ def _flags(command: str, given: Sequence[str]) -> Flags:
     index = Index.read()
     name, flags = given[0] if given else "", Flags()
     own = OPTIONS.get(command) or OPTIONS.get(f"{command} {name}")
-    places = [place for place in (own, COMMON if command in FLOWN else None) if place]
+    more = (COMMON,) if command in FLOWN else LOG_OPTIONS if command == "estimate" else ()
+    places = [place for place in (own, *more) if place]
     for options in index.describe(*((COMMAND, EntryPoint(place, place, "")) for place in places)):
         flags |= flags_of(options)
     if not name or name.startswith("-"):

@@ -1,4 +1,4 @@
-"""``mathnavi estimate``: an estimator over the measurements and inputs of a finished run.
+"""``mathnavi estimate``: an estimator over the measurements and inputs of a finished run, or over a log of one's own.
 
 The scenario is built again with this estimator, which names the sensors that it needs; their readings and the commands
 come from the log. Truth, plans and the events of the other components are kept. ``smoother`` in place of the
@@ -20,6 +20,7 @@ from mathnavi.commands.arguments import FlagGroup, given, parse
 from mathnavi.commands.command_line import CommandLine, prepare
 from mathnavi.commands.deadline import WallDeadline, watched
 from mathnavi.commands.errors import BadInputError, bad_input, bad_plugin
+from mathnavi.commands.estimate_log import estimate_log
 from mathnavi.commands.output import run_folder
 from mathnavi.commands.progress import flight_progress
 from mathnavi.commands.provenance import note_environment
@@ -39,10 +40,13 @@ from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunData
 from mathnavi.sim.scenarios.played_back import SMOOTHER, played_back
 
 USAGE = """usage: mathnavi estimate ESTIMATOR DIR [OPTIONS]
+       mathnavi estimate ESTIMATOR FILE --mission FILE.py:NAME --readings SENSOR=COLUMN,... [OPTIONS]
 
 ESTIMATOR: {}
 
-mathnavi estimate ESTIMATOR DIR --help lists the options."""
+DIR is the folder of a run, FILE a log of your own as a text file with a table.
+
+mathnavi estimate ESTIMATOR DIR --help lists the options of either."""
 LATE = 0.75  # of a run, from which on its last quarter lasts
 
 
@@ -66,6 +70,8 @@ def main(argv: Sequence[str]) -> int:
         return 0
     estimator, folder, words = _places(argv)
     prepare()
+    if folder.is_file() or "--mission" in given(words):
+        return estimate_log(estimator, folder, words)
     with bad_input():
         log = read_log(folder)
     with trusting("--trust" in given(words)):
@@ -91,7 +97,9 @@ def main(argv: Sequence[str]) -> int:
 
 def _places(argv: Sequence[str]) -> tuple[str, Path, Sequence[str]]:
     """Split the arguments into ESTIMATOR, DIR and the flags."""
-    for k, (place, allowed) in enumerate((("ESTIMATOR", ", ".join(_allowed())), ("DIR", "folder of a run"))):
+    for k, (place, allowed) in enumerate(
+        (("ESTIMATOR", ", ".join(_allowed())), ("DIR", "folder of a run, or FILE of a log"))
+    ):
         if len(argv) <= k or not argv[k] or argv[k].startswith("-"):
             raise BadInputError(f"{place} is missing; allowed: {allowed}")
     return argv[0], Path(argv[1]), argv[2:]

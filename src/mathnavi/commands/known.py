@@ -18,7 +18,7 @@ COMMANDS = {
     ),
     "store": ("mathnavi.commands.store", "show or export what a sweep has stored"),
     "study": ("mathnavi.commands.study", "tables and figures of the thesis, and what holds of its claims"),
-    "estimate": ("mathnavi.commands.estimate", "run an estimator over the measurements of a finished run"),
+    "estimate": ("mathnavi.commands.estimate", "run an estimator over a finished run, or over a log of your own"),
     "render": ("mathnavi.commands.render", "a video, a still or a clip of a run"),
     "view": ("mathnavi.commands.view", "a run in MuJoCo's own viewer, or in a browser"),
     "compare": ("mathnavi.commands.compare", "two runs, sweeps or studies side by side"),
@@ -40,3 +40,7 @@ OPTIONS = {  # dataclass of a command's own flags
     "terrain import": "mathnavi.commands.terrain:TerrainImportOptions",
     "terrain show": "mathnavi.commands.terrain:TerrainShowOptions",
 }
+LOG_OPTIONS = (  # of `estimate` over a file
+    "mathnavi.commands.estimate_log:EstimateLogOptions",
+    "mathnavi.interfaces.reading.table_format:TableFormat",
+)

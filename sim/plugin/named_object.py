@@ -1,0 +1,54 @@
+"""Objects that a user names on the command line: "FILE.py:NAME", or "package.module:NAME" of an importable module."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from mathnavi.interfaces.checks import allowed_for
+from mathnavi.interfaces.errors import PluginError
+from mathnavi.interfaces.failures import failures_named
+
+PLACE = "FILE.py:NAME or package.module:NAME"
+
+
+def named_object(place: str) -> Any:
+    """Return the object called NAME, of a file, which may import its neighbours, or of a module.
+
+    A function or a class without arguments is called for the object. The code is that of the user who names it, and
+    runs with the user's rights.
+
+    Raises PluginError for a file or a module that is not there or fails, and for a name that it has not.
+    """
+    origin, colon, name = place.rpartition(":")
+    if not colon or not origin or not name.isidentifier():
+        raise PluginError(f"{place!r} names no object; allowed: {PLACE}")
+    with failures_named(f"{place!r}: {origin} cannot be imported:", PluginError):
+        module = _module_of(Path(origin)) if origin.endswith(".py") else importlib.import_module(origin)
+    if not hasattr(module, name):
+        own = [each for each in vars(module) if not each.startswith("_")]
+        raise PluginError(f"{place!r}: {origin} has no {name}; {allowed_for(name, own)}")
+    found = getattr(module, name)
+    if not callable(found):
+        return found
+    with failures_named(f"{place!r}: {name}() failed:", PluginError):
+        return found()
+
+
+def _module_of(path: Path) -> ModuleType:
+    if not path.is_file():
+        raise PluginError(f"{path} is not there; allowed: {PLACE}")
+    name, folder = str(path.resolve()), str(path.resolve().parent)  # a name that no installed module has
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise PluginError(f"{path} is no Python file; allowed: {PLACE}")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # where dataclasses look up the names of their types
+    if folder not in sys.path:
+        sys.path.append(folder)  # for its neighbours, after all that is installed
+    spec.loader.exec_module(module)
+    return module

@@ -1,0 +1,170 @@
+"""``mathnavi estimate ESTIMATOR FILE``: an estimator over a log of one's own, a text file with a table.
+
+It is ``mathnavi.estimate`` over ``SensorLog.from_csv``: prints the same, and writes the estimates.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from rich.console import Console
+
+from mathnavi.commands.arguments import FlagGroup, parse, with_flag
+from mathnavi.commands.deadline import WallDeadline
+from mathnavi.commands.errors import BadInputError, bad_input, bad_plugin, print_note, worded
+from mathnavi.commands.output import output_folder
+from mathnavi.interfaces.bounds import configuration
+from mathnavi.interfaces.checks import check_spares
+from mathnavi.interfaces.errors import PluginError
+from mathnavi.interfaces.field_table import TOGETHER, ValueName
+from mathnavi.interfaces.reading.table_format import TableFormat
+from mathnavi.interfaces.writing import write_together
+from mathnavi.sim.plugin.named_object import named_object
+from mathnavi.sim.plugin.registry import PluginSpec, load
+from mathnavi.sim.records.files import npz_bytes
+from mathnavi.sim.records.sensor_log import EstimateHistory, SensorLog, estimate
+
+ARRAYS, TABLE = "estimates.npz", "estimates.csv"
+_ARGUMENT = re.compile(
+    r"\b(sep|decimal|thousands|encoding|comment|skiprows|names|time_unit|units)=(\{.*?\}|\[.*?\]|'.*?'|\w+)"
+)
+
+
+@configuration
+class EstimateLogOptions:
+    """Flags of the command for a log."""
+
+    mission: Annotated[str, ValueName("FILE.py:NAME")]
+    """description of the vehicle and its sensors: an object, or a function that returns one, of a Python file, which
+    runs with your rights"""
+    readings: Annotated[tuple[str, ...], TOGETHER, ValueName("SENSOR=COLUMN,...")]
+    """columns of each sensor, by its name"""
+    inputs: Annotated[str, ValueName("COLUMN,...")] = ""
+    """columns of the input; zero if not given"""
+    time: str = "t"
+    """column of the times"""
+    time_unit: str | None = None
+    """unit of the times, s, ms, us, ns, or iso for dates; that in brackets in the column's name, else s, if not given"""
+    units: Annotated[tuple[str, ...], TOGETHER, ValueName("COLUMN=UNIT...")] = ()
+    """units of columns, as deg or mm; those in brackets in their names, else SI units, if not given"""
+    out: Path | None = None
+    """folder of the estimates; FILE-ESTIMATOR next to FILE if not given"""
+    wall_deadline: WallDeadline | None = None
+    """limit of wall-clock time [s], after which the command is ended; none if not given"""
+
+
+def estimate_log(name: str, path: Path, words: Sequence[str]) -> int:
+    """Run the estimator called ``name`` over the log in a file, and return the exit code."""
+    with bad_plugin():
+        plugin = load("estimators", name)
+    groups = (
+        FlagGroup(EstimateLogOptions),
+        FlagGroup(TableFormat, default=TableFormat()),
+        FlagGroup(plugin.Config, "estimator", plugin.Config(), f"Fields of estimator {name}."),
+    )
+    prog = f"mathnavi estimate {name} FILE"
+    options, form, fields = parse(words, prog, (plugin.__doc__ or "").strip().partition("\n")[0], *groups)
+    out = options.out or path.with_name(f"{path.stem}-{name.replace(':', '.')}")
+    files = [out / ARRAYS, out / TABLE]
+    known = [flag for group in groups for flag in group.section.flags]
+    with bad_input():
+        for file in files:
+            check_spares(file, [path], "--out")
+    try:
+        mission = named_object(options.mission)
+    except PluginError as error:
+        raise BadInputError(f"--mission = {error}") from error
+    errors = Console(stderr=True, markup=False)
+    with output_folder(out):
+        try:
+            log = _log(path, options, form)
+            for note in log.notes:
+                print_note(errors, f"{path}: {note}")
+            found = estimate(PluginSpec(plugin, fields), mission, log)
+        except (ValueError, OSError) as error:
+            raise BadInputError(_with_flags(with_flag(worded(error), known))) from error
+        write_together(dict(zip(files, _contents(found, log), strict=True)))
+    print(found)
+    print(f"estimates  {out}")
+    return 0 if found.ok.any() else 1
+
+
+def _log(path: Path, options: EstimateLogOptions, form: TableFormat) -> SensorLog:
+    readings = {sensor: _columns(columns) for sensor, columns in _pairs("--readings", options.readings).items()}
+    return SensorLog.from_csv(
+        path,
+        time=options.time,
+        readings=readings,
+        inputs=_columns(options.inputs),
+        time_unit=options.time_unit,
+        units=_pairs("--units", options.units),
+        **{name: getattr(form, name) for name in form.__dataclass_fields__},
+    )
+
+
+def _pairs(flag: str, words: Sequence[str]) -> dict[str, str]:
+    """Return the values of words NAME=VALUE by their names."""
+    pairs: dict[str, str] = {}
+    for word in words:
+        name, equals, value = word.rpartition("=") if flag == "--units" else word.partition("=")
+        if not (name and equals and value):
+            raise BadInputError(f"{flag} = {word}; allowed: NAME=VALUE")
+        if name in pairs:
+            raise BadInputError(f"{flag} = {word}: {name} is given twice; allowed: once")
+        pairs[name] = value
+    return pairs
+
+
+def _columns(word: str) -> list[str]:
+    """Return names with commas between them; one that has a comma itself stands in double quotes."""
+    return [name.strip() for name in next(csv.reader([word], skipinitialspace=True), [])]
+
+
+def _with_flags(message: str) -> str:
+    """Return a message with flags in place of the arguments that it advises: --sep ';' for sep=';'."""
+    return _ARGUMENT.sub(lambda found: f"--{found[1].replace('_', '-')} {_as_words(found[2])}", message)
+
+
+def _as_words(value: str) -> str:
+    """Return the words that give what Python's notation of a text, a list or a mapping expresses."""
+    if value.startswith("{"):
+        name, _, unit = value[1:-1].partition(": ")
+        return f"{shlex.quote(name.strip(chr(39)))}={unit.strip(chr(39))}"
+    if value.startswith("["):
+        return value[1:-1]
+    return shlex.quote(value.strip("'"))
+
+
+def _contents(found: EstimateHistory, log: SensorLog) -> tuple[bytes, bytes]:
+    """Return the content of the arrays' file and that of the table."""
+    arrays: dict[str, Any] = {
+        "estimate.t": found.t,
+        "estimate.x": found.x,
+        "estimate.covariance": found.covariance,
+        "estimate.status": np.array([status.name for status in found.status]),
+        "start": np.array(f"{log.start:f}"),
+        **{f"estimate.{name}": values for name, values in found.extra.items()},
+    }
+    return npz_bytes(arrays), _table(found).encode()
+
+
+def _table(found: EstimateHistory) -> str:
+    count = found.x.shape[1]
+    columns: Mapping[str, Any] = {
+        "t [s]": found.t.tolist(),
+        **{f"x_{k + 1}": found.x[:, k].tolist() for k in range(count)},
+        **{f"deviation_{k + 1}": found.deviation[:, k].tolist() for k in range(count)},
+        "status": [status.name for status in found.status],
+    }
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(columns)
+    rows.writerows(zip(*columns.values(), strict=True))
+    return text.getvalue()
